@@ -1,0 +1,12 @@
+"""The mechanics: one file a block, declarations and pure kernels.
+
+Importing this package registers the built-in types.
+"""
+
+from blockmech.blocks.contract import REGISTRY, AssurGroup, Block, DrivingLink
+from blockmech.blocks.crank import Crank
+from blockmech.blocks.frame import Frame
+from blockmech.blocks.rrr import RRR
+from blockmech.blocks.slide_drive import SlideDrive
+
+__all__ = ["REGISTRY", "RRR", "AssurGroup", "Block", "Crank", "DrivingLink", "Frame", "SlideDrive"]

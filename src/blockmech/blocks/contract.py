@@ -1,0 +1,390 @@
+"""What a block is: the contract that every block keeps, and the registry.
+
+A block declares its joints, links and markers and brings four kernels; wiring
+checks, schedules, drawings, schemas and documents are derived from that. The
+rules are numbered, and `blockmech.testing.conformance` tests them by number:
+
+ 1. Inputs are declared: a kernel gets what its outer joints read, in the order
+    of declaration, and the block's parameters ``p``. Nothing else.
+ 2. Outputs depend on inputs and parameters only.
+ 3. ``position`` returns a named tuple with a `LinkPosition` per link, named like
+    the link; a group adds ``margin``: at most 1, 0 at dead centre, negative where
+    the group cannot close.
+ 4. ``velocity`` is linear in the velocities it gets. It returns a `LinkVelocity`
+    per link and, named like the joint, the sliding rate of each prismatic pair.
+ 5. ``acceleration`` is affine in the accelerations it gets. It returns a
+    `LinkAcceleration` per link.
+ 6. ``reactions`` is linear in the loads (`Load` per link about the link's own
+    origin). It returns, named like the joint, a force for a revolute pair and a
+    `Slide` for a prismatic pair (outer: on the group; inner: of link i on link j),
+    and ``tau`` for a drive joint. A slide's couple is about the origin of the later
+    link; the core moves it to the slider's point.
+ 7. Kernels are batch-transparent: any batch shape, no loop over samples.
+ 8. NaN in, NaN out.
+ 9. Impossible samples are NaN, never an exception.
+10. Reactions balance every link, and each wire's power balances: what flows in
+    through the outer joints is what the loads take out.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import math
+from collections import namedtuple
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal
+
+from pydantic import model_validator
+from pydantic_core import PydanticCustomError
+
+from blockmech.errors import GraphError, Problem, close_match, listed
+from blockmech.friction.laws import Coulomb
+from blockmech.values import Link, Marker, Pair, Strictly
+
+PairKind = Literal["R", "P"]
+
+
+@dataclass(frozen=True)
+class Line:
+    """Where a guide line lies on a link, by names of parameters ("" is zero).
+
+    The line is parallel to the link's x axis, turned by ``turn`` [rad], at
+    ``offset`` [m] along its own normal; a slider's point on it is at ``along`` [m].
+    """
+
+    along: str = ""
+    offset: str = ""
+    turn: str = ""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One kinematic pair of a block, declared in the class body.
+
+    Attributes
+    ----------
+    kind : "R" or "P"; a drive joint carries the pair it drives
+    link : the block's own link at an outer joint (the later link)
+    links : the two own links of an inner joint, (i, j); the reaction is of i on j
+    reads : what an outer joint gives to the kernels: the "point" of the wired
+        marker, or its "guide" (place, direction and the rate of its link)
+    lines : of a prismatic pair, its guide line on own links: link name -> `Line`
+    name : filled in from the class body
+    """
+
+    kind: PairKind
+    link: str = ""
+    links: tuple[str, str] = ("", "")
+    reads: Literal["point", "guide"] = "point"
+    lines: Mapping[str, Line] = field(default_factory=dict)
+    name: str = ""
+
+    @property
+    def outer(self) -> bool:
+        """Whether an earlier link feeds the joint."""
+        return bool(self.link)
+
+    @property
+    def later(self) -> str:
+        """The own link on which the reported reaction acts."""
+        return self.link or self.links[1]
+
+
+def outer_joint(
+    kind: PairKind,
+    link: str,
+    reads: Literal["point", "guide"] | None = None,
+    line: Line | None = None,
+) -> Joint:
+    """Declare a joint fed by a marker of an earlier link; ``link`` is the own one."""
+    what = reads or ("guide" if kind == "P" else "point")
+    return Joint(kind, link=link, reads=what, lines={link: line} if line else {})
+
+
+def inner_joint(
+    kind: PairKind, links: tuple[str, str], lines: Mapping[str, Line] | None = None
+) -> Joint:
+    """Declare a joint between two own links; its reaction is of the first on the second."""
+    return Joint(kind, links=links, lines=lines or {})
+
+
+@dataclass(frozen=True)
+class BuiltIn:
+    """A marker that a block brings: on ``link``, at parameter ``along`` of its x axis."""
+
+    link: str
+    along: str = ""  # "" is the link's origin
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """The mechanics of a block as pure functions; see the numbered rules.
+
+    ``transmission(pose, p)`` gives two non-negative numbers in the ratio of sine to
+    cosine of the transmission angle. ``size(pose, p)`` is the block's largest length
+    [m] where no parameter says it.
+    """
+
+    position: Callable[..., Any]
+    velocity: Callable[..., Any]
+    acceleration: Callable[..., Any]
+    reactions: Callable[..., Any]
+    transmission: Callable[..., Any] | None = None
+    size: Callable[..., Any] | None = None
+
+
+class Block(Strictly):
+    """Anything that stands in a graph. Concrete classes register under their ``type``."""
+
+    model_config = {"ignored_types": (Joint, Kernels)}
+
+    type_name: ClassVar[str] = ""
+    joints: ClassVar[Mapping[str, Joint]] = {}
+    link_names: ClassVar[tuple[str, ...]] = ()
+    built_in: ClassVar[Mapping[str, BuiltIn]] = {}
+
+    def __init_subclass__(cls, type: str = "", **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, type: str = "", **kwargs: Any) -> None:
+        if not type:
+            return
+        _declare(cls)
+        REGISTRY.register(type, cls)
+
+    def links_or_default(self) -> dict[str, Link]:
+        """Every link of the block with its mass properties and markers."""
+        given: dict[str, Link] = getattr(self, "links", {})
+        return {name: given.get(name, NO_LINK) for name in self.link_names}
+
+    def markers_of(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
+        """All markers: name -> (link, marker). Built-in ones first, a link's name is one."""
+        found: dict[str, tuple[str, Marker | BuiltIn]] = {
+            name: (m.link, m) for name, m in self.built_in.items()
+        }
+        for link in self.link_names:
+            found.setdefault(link, (link, BuiltIn(link)))
+        for link, properties in self.links_or_default().items():
+            for name, marker in properties.markers.items():
+                found[name] = (link, marker)
+        return found
+
+    @classmethod
+    def parameter_names(cls) -> tuple[str, ...]:
+        """The block's own numbers, in the order of declaration."""
+        return tuple(n for n in cls.model_fields if n not in SHARED_FIELDS)
+
+    def parameters(self) -> Any:
+        """The block's numbers as the named tuple that kernels read as ``p``."""
+        values = {n: _number(getattr(self, n)) for n in self.parameter_names()}
+        numbers = {n: x for n, x in values.items() if x is not None}
+        return _record(type(self).__name__ + "Numbers", tuple(numbers))(*numbers.values())
+
+
+NO_LINK = Link()
+SHARED_FIELDS = frozenset({"links", "markers", "friction", "slider", "useful"})
+
+
+def _number(value: object) -> float | complex | None:
+    if isinstance(value, Pair):
+        return value.z
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    return None
+
+
+@functools.cache
+def _record(name: str, fields: tuple[str, ...]) -> Any:
+    return namedtuple(name, fields)  # the fields are known at run time only
+
+
+class Moving(Block):
+    """A block with links and joints: a driving link or an Assur group."""
+
+    kernels: ClassVar[Kernels]
+    mobility: ClassVar[int] = 0
+    group_class: ClassVar[str] = ""
+    kind: ClassVar[str] = ""
+    lengths: ClassVar[tuple[str, ...]] = ()
+
+    links: dict[str, Link] = {}
+    friction: dict[str, Coulomb] = {}
+
+    @model_validator(mode="after")
+    def _names_exist(self) -> Moving:
+        for what, names, valid in (
+            ("link", self.links, self.link_names),
+            ("joint", self.friction, tuple(self.joints)),
+        ):
+            for name in names:
+                if name not in valid:
+                    refuse(f'unknown {what} "{name}"', name, valid)
+        taken = set(self.built_in) | set(self.link_names)
+        for link, properties in self.links.items():
+            for marker in properties.markers:
+                if "." in marker or "/" in marker or not marker:
+                    refuse(f'marker "{marker}" on link {link}: "." and "/" are reserved', "", ())
+                if marker in taken:
+                    refuse(f'marker "{marker}" on link {link}: the name is taken', "", ())
+                taken.add(marker)
+        for name, law in self.friction.items():
+            law.check_for(self.joints[name].kind, name)
+        return self
+
+    def slider_place(self, joint: str, link: str) -> complex:
+        """Place [m] of a slider's point on one of its links, in the link's frame."""
+        line = self.joints[joint].lines.get(link, Line())
+        along, offset, turn = (
+            float(getattr(self, name)) if name else 0.0
+            for name in (line.along, line.offset, line.turn)
+        )
+        at = complex(along, offset)
+        return at * complex(math.cos(turn), math.sin(turn)) if turn else at
+
+    def largest_length(self) -> float:
+        """The largest length [m] that the block's parameters and markers know."""
+        sizes = [abs(getattr(self, n) or 0.0) for n in self.lengths]
+        sizes += [abs(m.at.z) for k in self.links.values() for m in k.markers.values()]
+        return max(sizes, default=0.0)
+
+    def slider_owner(self, joint: str) -> Literal["later", "earlier"]:
+        """Which link owns the slider's point of a prismatic pair (inner: j is later)."""
+        said: Any = getattr(self, "slider", None)
+        if isinstance(said, dict):
+            said = said.get(joint)
+        return "earlier" if said in ("earlier", "i") else "later"
+
+
+class DrivingLink(Moving):
+    """A class I module: one link, one pair, one driver coordinate; mobility 1."""
+
+    mobility: ClassVar[int] = 1
+    group_class: ClassVar[str] = "I"
+    rotary: ClassVar[bool] = True
+    drive: ClassVar[str] = ""
+
+    @classmethod
+    def coordinate_unit(cls) -> str:
+        """Unit of the driver coordinate."""
+        return "rad" if cls.rotary else "m"
+
+    @classmethod
+    def effort_unit(cls) -> str:
+        """Unit of the driving effort."""
+        return "N m" if cls.rotary else "N"
+
+
+class AssurGroup(Moving):
+    """A group of mobility 0: kinematically and statically determinate by itself."""
+
+
+def refuse(message: str, word: str, valid: tuple[str, ...]) -> None:
+    """Refuse a name, with the valid ones and the nearest of them."""
+    hint = f"; valid: {listed(valid)}" if valid else ""
+    match = close_match(word, valid)
+    raise PydanticCustomError("name", message + hint + (f"; {match}" if match else ""))  # type: ignore[arg-type]
+
+
+def _declare(cls: type[Block]) -> None:
+    """Collect the joints of a class and hold its kernels against the contract."""
+    cls.joints = {
+        name: replace(joint, name=name)
+        for name, joint in vars(cls).items()
+        if isinstance(joint, Joint)
+    }
+    for joint in cls.joints.values():
+        for link in filter(None, (joint.link, *joint.links)):
+            if link not in cls.link_names:
+                raise TypeError(f"{cls.__name__}.{joint.name}: no link {link!r} is declared")
+    if not issubclass(cls, Moving):
+        return
+    outer = [j.name for j in cls.joints.values() if j.outer]
+    drive = [cls.drive] if issubclass(cls, DrivingLink) else []
+    expected = {
+        "position": [*outer, *drive, "p"],
+        "velocity": ["pose", *outer, *drive, "p"],
+        "acceleration": ["pose", "vel", *outer, *drive, "p"],
+        "reactions": ["pose", *(f"load_{n}" for n in cls.link_names), "p"],
+    }
+    for name, wanted in expected.items():
+        found = list(inspect.signature(getattr(cls.kernels, name)).parameters)
+        if len(found) != len(wanted):
+            raise TypeError(
+                f"{cls.__name__}: kernel {name} must take ({', '.join(wanted)}), "
+                f"it takes ({', '.join(found)})"
+            )
+
+
+class Registry:
+    """Block types by name: built-in ones, and those of installed packages."""
+
+    def __init__(self) -> None:
+        self._types: dict[str, type[Block]] = {}
+        self._outside_loaded = False
+
+    def register(self, name: str, cls: type[Block]) -> None:
+        """Add a class. A notebook cell may define its class again; two modules may not."""
+        known = self._types.get(name)
+        if known is not None and known.__module__ != cls.__module__:
+            raise TypeError(
+                f"block type {name!r} is defined twice: in {known.__module__} "
+                f"and in {cls.__module__}"
+            )
+        cls.type_name = name
+        self._types[name] = cls
+
+    def __getitem__(self, name: str) -> type[Block]:
+        if name not in self._types:
+            self._load_outside()
+        return self._types[name]
+
+    def get(self, name: str) -> type[Block] | None:
+        """The class of a type, or None."""
+        try:
+            return self[name]
+        except KeyError:
+            return None
+
+    def __contains__(self, name: str) -> bool:
+        return self.get(name) is not None
+
+    def __iter__(self) -> Iterator[str]:
+        self._load_outside()
+        return iter(sorted(self._types))
+
+    def unknown(self, name: str, where: str) -> Problem:
+        """The problem that names an unknown type and its nearest relatives."""
+        return Problem(
+            "unknown-block",
+            where,
+            f'no block type "{name}"',
+            f"known types: {listed(self, 30)}",
+            close_match(name, self) or "install the package that defines it",
+        )
+
+    def _load_outside(self) -> None:
+        if self._outside_loaded:
+            return
+        self._outside_loaded = True
+        from importlib.metadata import entry_points
+
+        for point in entry_points(group="blockmech.blocks"):
+            try:
+                point.load()
+            except Exception as error:
+                raise GraphError(
+                    Problem(
+                        "broken-plugin",
+                        point.name,
+                        f"the block package {point.value} failed to load: {error}",
+                        "",
+                        "repair or uninstall it",
+                    )
+                ) from error
+
+
+REGISTRY = Registry()
+"""The one global: every block type that this process knows."""

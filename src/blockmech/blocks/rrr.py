@@ -1,0 +1,179 @@
+r"""RRR dyad: two links joined by three revolute joints (class II, first type).
+
+          C              links    i = BC,  j = DC
+       i / \ j           joints   B, D   outer, fed by earlier links
+        /   \                     C      inner
+       B     D           branch   +1: C left of the ray B -> D, -1: right
+
+Points, velocities and forces are complex numbers x + iy (SI, radians) of any
+batch shape (...). Impossible samples come out as NaN, with margin < 0.
+
+Sources: [R10] Ruiz, Durango & Calle 2010; [D14] Durango et al. 2014.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, NamedTuple
+
+from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, inner_joint, outer_joint
+from blockmech.errors import GraphError, Problem
+from blockmech.plane import cross, dot, hyp, imul, mul, sqrt
+from blockmech.typing import (
+    Complex,
+    LinkAcceleration,
+    LinkPosition,
+    LinkVelocity,
+    Load,
+    Real,
+)
+from blockmech.values import Branch, Length
+
+
+class RRRPose(NamedTuple):
+    """Places of both links, link vectors, determinant and distance to dead centre."""
+
+    i: LinkPosition
+    j: LinkPosition
+    u: Complex  # (...) [m]  C - B
+    w: Complex  # (...) [m]  C - D
+    det: Real  # (...) [m2]  cross(u, w), from the factored form
+    margin: Real  # (...) [-]  sin^2 of the angle at C
+
+
+class RRRVelocity(NamedTuple):
+    """Velocities of both links."""
+
+    i: LinkVelocity
+    j: LinkVelocity
+
+
+class RRRAcceleration(NamedTuple):
+    """Accelerations of both links."""
+
+    i: LinkAcceleration
+    j: LinkAcceleration
+
+
+class RRRReactions(NamedTuple):
+    """Forces [N] on the dyad at B and D, and of link i on link j at C."""
+
+    B: Complex
+    C: Complex
+    D: Complex
+
+
+def position(B: Complex, D: Complex, p: RRR) -> RRRPose:
+    """Intersect the circles (B, l_i) and (D, l_j).
+
+    The height of the triangle comes from factored differences, so no digits
+    cancel near dead centre.
+    """
+    d = D - B
+    r = hyp(d)
+    outer, inner = p.l_i + p.l_j, p.l_i - p.l_j
+    k = 1 / r
+    area2 = (outer - r) * (outer + r) * ((r - abs(inner)) * (r + abs(inner)))
+    det = p.branch * sqrt(area2) / 2
+    e = mul(d, k)
+    u = mul(e, (inner * outer * k + r) / 2) + imul(e, det * k)
+    w = u - d
+    margin = area2 * (1 / (2 * p.l_i * p.l_j) ** 2) * (r * k)  # r k: NaN where B = D
+    return RRRPose(
+        LinkPosition(B, mul(u, 1 / p.l_i)), LinkPosition(D, mul(w, 1 / p.l_j)), u, w, det, margin
+    )
+
+
+def rates(pose: RRRPose, rhs: Complex) -> tuple[Real, Real]:
+    """Solve ``i x_i u - i x_j w = rhs``; singular at margin = 0."""
+    k = 1 / pose.det
+    return dot(rhs, pose.w) * k, dot(rhs, pose.u) * k
+
+
+def velocity(pose: RRRPose, v_B: Complex, v_D: Complex, p: RRR) -> RRRVelocity:
+    """Velocities [m/s] of the links' origins and their rates [rad/s]."""
+    om_i, om_j = rates(pose, v_D - v_B)
+    return RRRVelocity(LinkVelocity(v_B, om_i), LinkVelocity(v_D, om_j))
+
+
+def acceleration(
+    pose: RRRPose, vel: RRRVelocity, a_B: Complex, a_D: Complex, p: RRR
+) -> RRRAcceleration:
+    """Accelerations [m/s2] of the links' origins, angular accelerations [rad/s2]."""
+    om_i, om_j = vel.i.om, vel.j.om
+    al_i, al_j = rates(pose, a_D - a_B + mul(pose.u, om_i * om_i) - mul(pose.w, om_j * om_j))
+    return RRRAcceleration(LinkAcceleration(a_B, al_i), LinkAcceleration(a_D, al_j))
+
+
+def reactions(pose: RRRPose, load_i: Load, load_j: Load, p: RRR) -> RRRReactions:
+    """Solve the moment equations of links i and j about C ([R10] Eqs. 2-7)."""
+    (F_i, M_i), (F_j, M_j) = load_i, load_j
+    m = M_i - cross(pose.u, F_i)
+    k = cross(pose.w, F_j) - M_j - cross(pose.w, F_i + F_j)
+    R_B = mul(mul(pose.w, m) - mul(pose.u, k), 1 / pose.det)
+    R_C = F_i + R_B
+    return RRRReactions(R_B, R_C, -(F_j + R_C))
+
+
+def transmission(pose: RRRPose, p: RRR) -> tuple[Real, Real]:
+    """Sine and cosine, up to one factor, of the angle at C."""
+    return abs(pose.det), abs(dot(pose.u, pose.w))
+
+
+class RRR(AssurGroup, type="dyad.rrr"):
+    """Two links joined at C, closing the loop between joints B and D.
+
+    Parameters
+    ----------
+    l_i, l_j : float > 0 [m]
+        Lengths BC and DC.
+    branch : +1 | -1
+        Assembly mode, the sign of cross(D - B, C - B).
+
+    >>> RRR.from_points(B=(2, 0), C=(5, 4), D=(5, 0))
+    RRR(links={}, friction={}, l_i=5.0, l_j=4.0, branch=1)
+    """
+
+    kind = "RRR"
+    group_class = "II"
+    link_names = ("i", "j")
+    B = outer_joint("R", "i")
+    C = inner_joint("R", ("i", "j"))
+    D = outer_joint("R", "j")
+    built_in = {
+        "B": BuiltIn("i"),
+        "C": BuiltIn("i", "l_i"),
+        "D": BuiltIn("j"),
+        "Cj": BuiltIn("j", "l_j"),
+    }
+    lengths = ("l_i", "l_j")
+    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions, transmission)
+
+    l_i: Length
+    l_j: Length
+    branch: Branch = 1
+
+    @classmethod
+    def from_points(
+        cls,
+        B: complex | tuple[float, float],
+        C: complex | tuple[float, float],
+        D: complex | tuple[float, float],
+        **more: object,
+    ) -> RRR:
+        """Make the dyad from one pose of its joints [m]; lengths and branch follow.
+
+        Raises `GraphError` where C lies on the line BD: the branch is not defined there.
+        """
+        b, c, d = (z if isinstance(z, complex) else complex(*z) for z in (B, C, D))
+        side = cross(d - b, c - b)
+        if side == 0:
+            raise GraphError(
+                Problem(
+                    "dead-centre",
+                    "RRR.from_points",
+                    "B, C and D lie on one line, so the branch is not defined",
+                    "",
+                    "give a pose in which the dyad is bent, or l_i, l_j and branch",
+                )
+            )
+        return cls(l_i=abs(c - b), l_j=abs(d - c), branch=1 if side > 0 else -1, **more)  # type: ignore[arg-type]

@@ -1,0 +1,112 @@
+"""Slide drive: a driving link that slides along a guide (class I).
+
+     ---[S]---->  u      link     slider, origin S, x axis along the guide
+         |->             joint    S  prismatic, driven; fed by a guide of any link
+         q               driver   q  [m] from the marker's place along its direction
+
+Sources: [R10] Ruiz, Durango & Calle 2010 (class I, prismatic, by analogy with
+Eqs. 14-16).
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal, NamedTuple
+
+from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, Line, outer_joint
+from blockmech.plane import dot, imul, mul
+from blockmech.typing import (
+    Complex,
+    Guide,
+    GuideAcceleration,
+    GuideVelocity,
+    LinkAcceleration,
+    LinkPosition,
+    LinkVelocity,
+    Load,
+    Real,
+    Slide,
+)
+from blockmech.values import Distance
+
+
+class SlidePose(NamedTuple):
+    """Place of the slider and its arm from the marker."""
+
+    slider: LinkPosition
+    arm: Complex  # (...) [m] from the marker's place to the slider's origin
+
+
+class SlideVelocity(NamedTuple):
+    """Velocity of the slider and its sliding rate."""
+
+    slider: LinkVelocity
+    S: Real  # (...) [m/s] q'
+
+
+class SlideAcceleration(NamedTuple):
+    """Acceleration of the slider."""
+
+    slider: LinkAcceleration
+
+
+class SlideReactions(NamedTuple):
+    """Normal force and guide couple on the slider, driving force [N] without friction."""
+
+    S: Slide
+    tau: Real
+
+
+def position(S: Guide, q: Real, p: SlideDrive) -> SlidePose:
+    """Move by q + offset [m] along the guide."""
+    arm = mul(S.u, q + p.offset)
+    return SlidePose(LinkPosition(S.p + arm, S.u), arm)
+
+
+def velocity(pose: SlidePose, S: GuideVelocity, qd: Real, p: SlideDrive) -> SlideVelocity:
+    """Velocity of the guide's link at the slider plus the sliding rate [m/s]."""
+    v = S.v + imul(pose.arm, S.om) + mul(pose.slider.e, qd)
+    return SlideVelocity(LinkVelocity(v, S.om), qd)
+
+
+def acceleration(
+    pose: SlidePose, vel: SlideVelocity, S: GuideAcceleration, qdd: Real, p: SlideDrive
+) -> SlideAcceleration:
+    """Guide's acceleration at the slider, Coriolis and relative acceleration [m/s2]."""
+    om = vel.slider.om
+    carried = S.a + imul(pose.arm, S.al) - mul(pose.arm, om * om)
+    relative = imul(pose.slider.e, 2 * om * vel.S) + mul(pose.slider.e, qdd)
+    return SlideAcceleration(LinkAcceleration(carried + relative, S.al))
+
+
+def reactions(pose: SlidePose, load_slider: Load, p: SlideDrive) -> SlideReactions:
+    """Balance of the slider along n, about S and along u."""
+    u = pose.slider.e
+    N = -dot(imul(u, 1.0), load_slider.F)
+    return SlideReactions(Slide(N, -load_slider.M), -dot(u, load_slider.F))
+
+
+class SlideDrive(DrivingLink, type="driver.slide"):
+    """Driving link with a prismatic pair at S.
+
+    Parameters
+    ----------
+    offset : float [m]
+        Place of the slider along the guide at q = 0.
+    slider : "later" | "earlier"
+        Whether the slider's point, where the normal force acts, moves with the
+        slider (its origin) or stays at the marker.
+
+    >>> SlideDrive(offset=0.1).parameters()
+    SlideDriveNumbers(offset=0.1)
+    """
+
+    kind = "slide"
+    rotary: ClassVar[bool] = False
+    link_names = ("slider",)
+    drive = "S"
+    S = outer_joint("P", "slider", line=Line())
+    built_in = {"S": BuiltIn("slider")}
+    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions)
+
+    offset: Distance = 0.0
+    slider: Literal["later", "earlier"] = "later"

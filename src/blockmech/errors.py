@@ -1,0 +1,133 @@
+"""Every exception of blockmech, and the problem as data that it renders.
+
+A `Problem` says where, what was found, what is valid there and what to do.
+Exceptions carry problems; their text is rendered from them, so the command
+line, ``--json``, a canvas and the tests all read the same source.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong, as data.
+
+    Attributes
+    ----------
+    code : short stable name, e.g. ``"unwired-joint"``
+    where : address, e.g. ``"dyad.B"`` or ``"blocks.dyad.l_i"``
+    found : what was found there
+    valid : what is valid there (may be empty)
+    remedy : one thing to do (may be empty)
+    file : the file it came from, if any
+    """
+
+    code: str
+    where: str
+    found: str
+    valid: str = ""
+    remedy: str = ""
+    file: str = ""
+
+    def __str__(self) -> str:
+        place = f"{self.file}: " if self.file else ""
+        sentences = [f"[{self.code}] {place}{self.where}: {self.found}".rstrip(": ")]
+        sentences += [part for part in (self.valid, self.remedy) if part]
+        return " ".join(s if s.endswith((".", "!", "?")) else s + "." for s in sentences)
+
+    def to_dict(self) -> dict[str, str]:
+        """The problem as a JSON object."""
+        return {k: v for k, v in asdict(self).items() if v}
+
+
+class BlockmechError(Exception):
+    """Root of all errors that blockmech raises on purpose."""
+
+    def __init__(self, problems: Problem | Iterable[Problem]) -> None:
+        if isinstance(problems, Problem):
+            problems = [problems]
+        self.problems: tuple[Problem, ...] = tuple(problems)
+        super().__init__()
+
+    def __str__(self) -> str:
+        return "\n".join(str(p) for p in self.problems)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.problems,), self.__dict__
+
+
+class GraphError(BlockmechError):
+    """The wiring is wrong: all problems found, as data."""
+
+
+class FormatError(BlockmechError):
+    """A file is not what it should be: line and column, or the JSON path."""
+
+
+class RequestError(BlockmechError):
+    """A call asks for something that does not exist or does not fit together."""
+
+
+class MissingEngineError(BlockmechError):
+    """An optional package is needed; the remedy names the extra to install."""
+
+
+@dataclass
+class SampleFailure:
+    """Samples without an answer: which, where, and how far off.
+
+    Attributes
+    ----------
+    block : the block that fails
+    samples : indices of the failing samples
+    drivers : driver values at the first failing sample [rad or m]
+    margin : the block's margin there [-], NaN if it has none
+    detail : further facts by name
+    """
+
+    block: str
+    samples: Sequence[int]
+    drivers: dict[str, float]
+    margin: float = float("nan")
+    detail: dict[str, Any] = field(default_factory=dict)
+
+
+class SampleError(BlockmechError):
+    """Some wanted samples have no answer. ``failure`` carries the numbers."""
+
+    def __init__(self, problems: Problem | Iterable[Problem], failure: SampleFailure) -> None:
+        super().__init__(problems)
+        self.failure = failure
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.problems, self.failure)
+
+
+class AssemblyError(SampleError):
+    """A group cannot close at some samples."""
+
+
+class SingularError(SampleError):
+    """A group stands at a dead centre: it closes, but rates and reactions do not exist."""
+
+
+class FrictionError(SampleError):
+    """The friction equations have no solution there, or were not solved."""
+
+
+def close_match(word: str, valid: Iterable[str]) -> str:
+    """A remedy that names the nearest valid word, or an empty string."""
+    match = difflib.get_close_matches(word, list(valid), n=1, cutoff=0.6)
+    return f'did you mean "{match[0]}"?' if match else ""
+
+
+def listed(words: Iterable[str], most: int = 12) -> str:
+    """Words as a readable list, cut when it is long."""
+    words = list(words)
+    cut = ", ".join(words[:most])
+    return cut + (f", ... ({len(words)} in all)" if len(words) > most else "")

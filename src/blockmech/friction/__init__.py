@@ -1,0 +1,1 @@
+"""Friction of joints: the laws, and the solvers of a group's friction equations."""

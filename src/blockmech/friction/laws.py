@@ -1,0 +1,53 @@
+"""Friction of joints: from the load on a pair to the couple or force it resists with.
+
+Sources: [R10] Ruiz, Durango & Calle 2010, Eqs. 8-11, 16; prismatic pairs are the
+future work of that paper.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic_core import PydanticCustomError
+
+from blockmech.values import NotNegative, Positive, Strictly
+
+
+class Coulomb(Strictly):
+    """Coulomb friction of one pair.
+
+    Revolute pair: couple = coefficient * radius * |R|  ([R10] Eq. 8), radius [m]
+    of the pin. Prismatic pair: force = coefficient * |N|, or with the length [m]
+    of the guide, whose two edges carry the couple C,
+    coefficient * max(|N|, 2 |C| / guide_length).
+
+    >>> Coulomb.from_material_coefficient(0.3, radius=0.0075).coefficient
+    0.4
+    """
+
+    law: Literal["coulomb"] = "coulomb"
+    coefficient: NotNegative
+    radius: Positive | None = None
+    guide_length: Positive | None = None
+
+    @classmethod
+    def from_material_coefficient(cls, coefficient: float, radius: float) -> Coulomb:
+        """Friction of a worn-in pin, 4/3 of the materials' coefficient (Baranov, in [R10])."""
+        return cls(coefficient=4.0 * coefficient / 3.0, radius=radius)
+
+    def check_for(self, kind: str, joint: str) -> None:
+        """Refuse what does not fit the kind of pair."""
+        if kind == "R" and self.radius is None:
+            message = f'friction of joint {joint}: a revolute pair needs "radius" [m] of its pin'
+        elif kind == "R" and self.guide_length is not None:
+            message = f'friction of joint {joint}: "guide_length" is for prismatic pairs'
+        elif kind == "P" and self.radius is not None:
+            message = f'friction of joint {joint}: "radius" is for revolute pairs'
+        else:
+            return
+        raise PydanticCustomError("friction", message)  # type: ignore[arg-type]
+
+    @property
+    def factor(self) -> float:
+        """Couple [N m] or force [N] per newton on the pair: f' r [m], or mu [-]."""
+        return self.coefficient * (self.radius if self.radius is not None else 1.0)

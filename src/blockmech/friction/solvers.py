@@ -1,0 +1,255 @@
+"""Solvers of a group's friction equations, batch-transparent like kernels.
+
+Every reaction is affine in the friction couples and forces t, so a group's
+equations are, for its pairs j with signed Coulomb factors k_j,
+
+    t_j = k_j g_j(F_j),      F_j = f_j + sum_m R_jm t_m,
+
+with g the norm of the pair's load: the length of the reaction for a revolute
+pair, the larger of N and 2 C / L for a prismatic one (``edges``).
+
+Each sample stops by itself and is then left alone, so an answer never depends on
+the batch it came in. **Certificate**: if the spectral radius P of the matrix
+|k_j| |R_jm| is below 1 the map is a contraction and exactly one solution exists.
+Where that is not proved, continuation from zero friction decides
+(`blockmech.friction.continuation`).
+
+Sources: [R10] section "Kinetostatics ...", steps 1-5; Newton and the certificate
+are blockmech's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from blockmech.friction.continuation import Outcome, continue_from_zero
+from blockmech.plane import NAN, hyp, maximum, mul, repair, some, sqrt, where
+from blockmech.typing import Complex, Real
+
+CAP = 100  # iterations of `successive` before it counts as not converged
+NEWTON_CAP = 12
+EPS = 2.220446049250313e-16
+
+
+class Solution(NamedTuple):
+    """Solved friction of a group, and how it went."""
+
+    t: tuple[Real, ...]  # [N m] or [N] on the later links
+    g: tuple[Real, ...]  # [N] loads on the pairs
+    iterations: Real  # [-]
+    residual: Real  # [-] of t = k g, relative to the largest friction
+    contraction: Real  # [-] bound P, or the observed ratio of changes
+    outcome: Real  # see `Outcome`
+    limit: Real  # [-] scale of the friction factors up to which a solution exists
+
+
+def load_norm(F: Complex, edge: bool) -> Real:
+    """Load on a pair [N]: length of a reaction, or larger component at a guide."""
+    return maximum(abs(F.real), abs(F.imag)) if edge else hyp(F)
+
+
+def loads(t: Any, base: Any, rows: Any) -> tuple[Complex, ...]:
+    """Loads on all pairs with friction t."""
+    found = []
+    for f, row in zip(base, rows, strict=True):
+        for x, influence in zip(t, row, strict=True):
+            f = f + mul(influence, x)
+        found.append(f)
+    return tuple(found)
+
+
+def norms(F: Any, edges: Any) -> tuple[Real, ...]:
+    """Norms of several loads."""
+    return tuple(load_norm(f, e) for f, e in zip(F, edges, strict=True))
+
+
+def contraction_bound(k: Any, edges: Any, rows: Any) -> Real:
+    """Upper bound of P: the fourth root of the largest row sum of |k R|^4."""
+    A = [
+        [abs(kj) * load_norm(x, e) for x in row] for kj, e, row in zip(k, edges, rows, strict=True)
+    ]
+    if len(A) == 1:
+        return A[0][0]
+    for _ in range(2):
+        A = [[_inner(row, col) for col in zip(*A, strict=True)] for row in A]
+    top = sum(A[0])
+    for row in A[1:]:
+        top = maximum(top, sum(row))
+    return sqrt(sqrt(top))
+
+
+def _inner(row: Any, col: Any) -> Real:
+    total = row[0] * col[0]
+    for a, b in zip(row[1:], col[1:], strict=True):
+        total = total + a * b
+    return total
+
+
+def _top(values: Any) -> Real:
+    top = abs(values[0])
+    for x in values[1:]:
+        top = maximum(top, abs(x))
+    return top
+
+
+def direct(k: Any, edges: Any, base: Any) -> Solution:
+    """Friction of a driving link's own pair: its load does not depend on it."""
+    g = norms(base, edges)
+    t = tuple(kj * gj for kj, gj in zip(k, g, strict=True))
+    zero = 0.0 * t[0]
+    return Solution(t, g, zero, zero, zero, zero, zero + 1.0)
+
+
+def single(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
+    """One correction: friction from the frictionless loads ([R10], rough calculation)."""
+    return _successive(k, edges, base, rows, 0.0, 1)
+
+
+def successive(
+    k: Any, edges: Any, base: Any, rows: Any, tolerance: float, iterations: int | None
+) -> Solution:
+    """Successive approximations ([R10] steps 1-5), stopped by change or by count."""
+    return _successive(k, edges, base, rows, tolerance, iterations)
+
+
+def _successive(
+    k: Any, edges: Any, base: Any, rows: Any, tolerance: float, iterations: int | None
+) -> Solution:
+    g = norms(base, edges)
+    t = tuple(0.0 * x for x in g)
+    count = 0.0 * g[0]
+    before, ratio, residual = count, count, count
+    going = count <= 1.0  # false for NaN: an impossible sample is left alone
+    for n in range(iterations if iterations is not None else CAP):
+        next_t = tuple(kj * gj for kj, gj in zip(k, g, strict=True))
+        next_g = norms(loads(next_t, base, rows), edges)
+        steps = tuple(b - a for a, b in zip(g, next_g, strict=True))
+        change = _top(steps)
+        misfit = _top([kj * s for kj, s in zip(k, steps, strict=True)])
+        scale = _top([kj * gj for kj, gj in zip(k, next_g, strict=True)])
+        t = tuple(where(going, new, old) for new, old in zip(next_t, t, strict=True))
+        g = tuple(where(going, new, old) for new, old in zip(next_g, g, strict=True))
+        residual = where(going, misfit / where(scale > 0.0, scale, 1.0), residual)
+        count = where(going, count + 1.0, count)
+        if n:
+            ratio = where(going, change / where(before > 0.0, before, 1.0), ratio)
+        before = where(going, change, before)
+        if iterations is None:
+            going = going & (change > tolerance)
+            if not some(going):
+                break
+    P = contraction_bound(k, edges, rows)
+    late = going if iterations is None else (P < 0.0)
+    outcome = where(late, Outcome.NOT_CONVERGED + count * 0.0, count * 0.0)
+    t = tuple(where(late, NAN, x) for x in t)
+    solution = Solution(t, g, count, residual, where(count > 1.0, ratio, P), outcome, P * 0.0 + 1.0)
+    if iterations is not None:
+        return solution
+    return repair(P >= 1.0, _judge(tolerance), solution, k, edges, base, rows)
+
+
+def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
+    """Newton from the second successive iterate, certified sample by sample."""
+    n = len(k)
+    g = norms(base, edges)
+    t = tuple(kj * gj for kj, gj in zip(k, g, strict=True))
+    t = tuple(kj * gj for kj, gj in zip(k, norms(loads(t, base, rows), edges), strict=True))
+    P = contraction_bound(k, edges, rows)
+    count = 0.0 * P
+    going = P < 1.0
+    best = count
+    for _ in range(NEWTON_CAP):
+        F = loads(t, base, rows)
+        g = norms(F, edges)
+        r = [tj - kj * gj for tj, kj, gj in zip(t, k, g, strict=True)]
+        slope = [[_slope(F[j], g[j], rows[j][m], edges[j]) for m in range(n)] for j in range(n)]
+        step = eliminate(
+            [[(1.0 if j == m else 0.0) - k[j] * slope[j][m] for m in range(n)] for j in range(n)],
+            r,
+        )
+        t = tuple(where(going, tj - dj, tj) for tj, dj in zip(t, step, strict=True))
+        count = where(going, count + 1.0, count)
+        best = _top([kj * gj for kj, gj in zip(k, g, strict=True)])
+        going = going & (_top(step) > 4.0 * EPS * best)
+        if not some(going):
+            break
+    g = norms(loads(t, base, rows), edges)
+    misfit = _top([tj - kj * gj for tj, kj, gj in zip(t, k, g, strict=True)])
+    residual = misfit / where(best > 0.0, best, 1.0)
+    solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
+    return repair(P >= 1.0, _take, solution, k, edges, base, rows)
+
+
+def _slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:
+    """Derivative of a load's norm in the direction of an influence."""
+    if edge:
+        along_N = where(F.real < 0.0, -influence.real, influence.real)
+        along_C = where(F.imag < 0.0, -influence.imag, influence.imag)
+        return where(abs(F.real) >= abs(F.imag), along_N, along_C)
+    return (F.real * influence.real + F.imag * influence.imag) / maximum(g, 1e-300)
+
+
+def eliminate(A: list[list[Real]], b: list[Real]) -> list[Real]:
+    """Solve A x = b without pivoting: A is an H-matrix wherever P < 1."""
+    n = len(b)
+    A, b = [list(row) for row in A], list(b)
+    for p in range(n):
+        pivot = 1 / A[p][p]
+        for q in range(p + 1, n):
+            factor = A[q][p] * pivot
+            for m in range(p + 1, n):
+                A[q][m] = A[q][m] - factor * A[p][m]
+            b[q] = b[q] - factor * b[p]
+    for p in reversed(range(n)):
+        for m in range(p + 1, n):
+            b[p] = b[p] - A[p][m] * b[m]
+        b[p] = b[p] / A[p][p]
+    return b
+
+
+def _take(given: Solution, k: Any, edges: Any, base: Any, rows: Any) -> Solution:
+    """One uncertified sample: continuation's answer."""
+    found = continue_from_zero(k, edges, base, rows)
+    g = norms(loads(found.t, base, rows), edges)
+    return given._replace(
+        t=found.t,
+        g=g,
+        iterations=float(found.steps),
+        residual=found.residual,
+        outcome=float(found.outcome),
+        limit=found.limit,
+    )
+
+
+def _judge(tolerance: float) -> Callable[..., Solution]:
+    """One uncertified sample of ``successive``: its answer stands if continuation agrees."""
+
+    def judge(given: Solution, k: Any, edges: Any, base: Any, rows: Any) -> Solution:
+        found = continue_from_zero(k, edges, base, rows)
+        outcome = float(found.outcome)
+        if found.outcome == Outcome.BY_CONTINUATION:
+            g = norms(loads(found.t, base, rows), edges)
+            off = max(abs(a - b) for a, b in zip(g, given.g, strict=True))
+            slow = given.contraction / max(1.0 - given.contraction, EPS)
+            if given.outcome or off > max(1.0, slow) * 10.0 * max(tolerance, EPS * max(g)):
+                outcome = float(Outcome.NOT_CONVERGED)
+        t = given.t if outcome == Outcome.BY_CONTINUATION else (NAN,) * len(given.t)
+        return given._replace(t=t, outcome=outcome, limit=found.limit)
+
+    return judge
+
+
+SOLVERS: dict[str, tuple[Callable[..., Solution], tuple[str, ...]]] = {
+    "single": (single, ()),
+    "successive": (successive, ("tolerance", "iterations")),
+    "newton": (newton, ()),
+}
+"""Method -> its solver and the options of the request that it takes."""
+
+METHODS = ("none", *SOLVERS)
+
+
+def solver(method: str) -> tuple[Callable[..., Solution], tuple[str, ...]]:
+    """The solver of a method and the names of its options."""
+    return SOLVERS[method]

@@ -1,0 +1,44 @@
+"""A constant force at a marker.
+
+Sources: [R10] Ruiz, Durango & Calle 2010, Fig. 5 (external forces F_i, F_j).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
+
+from blockmech.loads.contract import Element, Terminal
+from blockmech.typing import Complex
+from blockmech.values import Vector
+
+
+def ground_force(p: Force) -> tuple[Complex]:
+    """The force [N] as given, in ground axes."""
+    return (p.force,)
+
+
+def link_force(e: Complex, p: Force) -> tuple[Complex]:
+    """The force [N] turned with the link, e its unit x axis."""
+    return (e * p.force,)
+
+
+class Force(Element, type="load.force"):
+    """A constant force [N] at marker ``at``, in ground axes or turning with the link.
+
+    >>> Force(force=(0.0, -1000.0)).axes
+    'ground'
+    """
+
+    terminals = {"at": Terminal("point")}
+
+    force: Vector
+    axes: Literal["ground", "link"] = "ground"
+
+    def reads(self) -> Mapping[str, tuple[str, ...]]:
+        """The link's direction where the force turns with the link."""
+        return {"at": ("e",) if self.axes == "link" else ()}
+
+    def kernel(self) -> Callable[..., Any]:
+        """The force in the axes that the user chose."""
+        return link_force if self.axes == "link" else ground_force

@@ -1,0 +1,79 @@
+"""A linear spring, with or without damping, between two markers.
+
+The force acts along the line from a to b: ``k (L - L0) + c L'`` pulls a towards b
+and b towards a.
+
+Sources: [D14] Durango et al. 2014, section 2 (loads as functions of position and
+velocity).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from blockmech.loads.contract import Element, Terminal
+from blockmech.plane import dot, hyp, mul
+from blockmech.typing import Complex, Real
+from blockmech.values import NotNegative, Number
+
+
+def pull(p_a: Complex, p_b: Complex, p: Spring) -> tuple[Complex, Complex]:
+    """Forces [N] on a and on b; NaN where the ends meet and L0 > 0."""
+    d = p_b - p_a
+    F = mul(d, p.stiffness * (1 - p.free_length / hyp(d)))
+    return F, -F
+
+
+def pull_without_free_length(p_a: Complex, p_b: Complex, p: Spring) -> tuple[Complex, Complex]:
+    """The same with L0 = 0, defined also where the ends meet."""
+    F = mul(p_b - p_a, p.stiffness)
+    return F, -F
+
+
+def pull_and_damp(
+    p_a: Complex, v_a: Complex, p_b: Complex, v_b: Complex, p: Spring
+) -> tuple[Complex, Complex]:
+    """Forces [N] on a and on b, with damping c L' along the line."""
+    d = p_b - p_a
+    k = 1 / hyp(d)
+    rate = dot(v_b - v_a, d) * k
+    F = mul(d, p.stiffness * (1 - p.free_length * k) + p.damping * rate * k)
+    return F, -F
+
+
+def stored(p_a: Complex, p_b: Complex, p: Spring) -> Real:
+    """Energy [J] of the spring, k (L - L0)^2 / 2."""
+    stretch = hyp(p_b - p_a) - p.free_length
+    return p.stiffness * stretch * stretch / 2
+
+
+class Spring(Element, type="load.spring"):
+    """A linear spring between markers a and b.
+
+    stiffness [N/m], free_length [m], damping [N s/m] along the line.
+
+    >>> Spring(stiffness=100.0, free_length=0.2).reads()
+    {'a': ('p',), 'b': ('p',)}
+    """
+
+    terminals = {"a": Terminal("point"), "b": Terminal("point")}
+
+    stiffness: Number
+    free_length: NotNegative = 0.0
+    damping: NotNegative = 0.0
+
+    def reads(self) -> Mapping[str, tuple[str, ...]]:
+        """Places, and velocities only where there is damping."""
+        what = ("p", "v") if self.damping else ("p",)
+        return {"a": what, "b": what}
+
+    def kernel(self) -> Callable[..., Any]:
+        """The cheapest form that says the same."""
+        if self.damping:
+            return pull_and_damp
+        return pull if self.free_length else pull_without_free_length
+
+    def energy(self) -> Callable[..., Any]:
+        """The stored energy."""
+        return stored

@@ -1,0 +1,228 @@
+"""A compiled mechanism: asks for outputs, gets results.
+
+Compiling froze the structure; a request makes (or finds) its plan, chooses an
+engine and wraps the arrays in a labelled result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any, Literal
+
+from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
+from blockmech.errors import Problem, RequestError, listed
+from blockmech.friction.solvers import METHODS
+from blockmech.model.scene import Scene
+from blockmech.model.structure import Structure
+from blockmech.outputs import Catalogue
+from blockmech.plan import Friction, Plan
+from blockmech.result import Result
+from blockmech.samples import Samples, make_samples
+
+SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
+EVERYTHING = ("*",)
+
+
+class Mechanism:
+    """A valid mechanism, compiled. Made by `Graph.compile`.
+
+    >>> import blockmech as bm
+    >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
+    >>> mech.run(at=[0.0, 1.0], want=["crank.drive"])  # doctest: +SKIP
+    """
+
+    def __init__(self, structure: Structure, scene: Scene, name: str = "mechanism") -> None:
+        self.structure = structure
+        self.scene = scene
+        self.name = name
+        self._plans: dict[Any, Plan] = {}
+        self._engines: dict[Any, Any] = {}
+
+    @cached_property
+    def outputs(self) -> Catalogue:
+        """Every output that can be wanted, by name."""
+        return Catalogue(self.structure)
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Driving links in formation order."""
+        return self.structure.drivers
+
+    def plan(
+        self,
+        want: Iterable[str] | str = EVERYTHING,
+        *,
+        friction: str = "newton",
+        tolerance: float | None = None,
+        iterations: int | None = None,
+        static: bool = False,
+    ) -> Plan:
+        """The plan for some outputs; kept, so asking again costs nothing.
+
+        Parameters
+        ----------
+        want : names or patterns of outputs
+        friction : "none" | "single" | "successive" | "newton"
+        tolerance : float [N], stop of ``successive``; default 1e-3
+        iterations : int, fixed number of iterations of ``successive``
+        static : without inertia
+
+        Raises `RequestError` for unknown names or settings that do not fit.
+        """
+        names = (want,) if isinstance(want, str) else tuple(want)
+        key = (names, friction, tolerance, iterations, static)
+        if key not in self._plans:
+            how = _friction(friction, tolerance, iterations)
+            self._plans[key] = self.outputs.plan(self.scene, names, how, static)
+        return self._plans[key]
+
+    def explain(self, want: Iterable[str] | str = EVERYTHING, **settings: Any) -> str:
+        """The schedule for some outputs as text, with the number of kernel calls."""
+        return self.plan(want, **settings).explain()
+
+    def run(
+        self,
+        at: Any = None,
+        *,
+        samples: int | None = None,
+        times: Any = None,
+        rates: Any = None,
+        accelerations: Any = None,
+        want: Iterable[str] | str = EVERYTHING,
+        friction: str = "newton",
+        tolerance: float | None = None,
+        iterations: int | None = None,
+        static: bool = False,
+        engine: Literal["auto", "scalar", "numpy"] = "auto",
+        precision: str = "complex128",
+        chunk: int | None = None,
+        on_gap: Literal["raise", "mark", "stop"] = "raise",
+    ) -> Result:
+        """Compute the wanted outputs at given driver coordinates or times.
+
+        Parameters
+        ----------
+        at : float or (n,) [rad or m], or a mapping driver -> (n,)
+            Driver coordinates; rates follow from the scene's law of motion.
+        samples : int
+            That many equally spaced samples of the law's range; default 361.
+        times : (n,) [s]
+            Samples of the laws of motion by time.
+        rates, accelerations : like ``at``
+            Driver rates and accelerations, in place of the law's.
+        want, friction, tolerance, iterations, static : see `plan`
+        engine : "scalar" for few samples, "numpy" for batches, "auto" by size
+        precision : "complex64" | "complex128" | "clongdouble" (NumPy engine)
+        chunk : samples per batch of the NumPy engine
+        on_gap : what to do at samples without an answer: raise, mark them as NaN,
+            or stop before the first
+
+        Returns
+        -------
+        Result, labelled, with units and quality
+
+        Raises
+        ------
+        RequestError for unknown names or settings that do not fit
+        AssemblyError, SingularError, FrictionError at gaps, unless marked
+        """
+        plan = self.plan(
+            want, friction=friction, tolerance=tolerance, iterations=iterations, static=static
+        )
+        taken = make_samples(self.structure, self.scene, at, samples, times, rates, accelerations)
+        values, name = self._evaluate(plan, taken, engine, precision, chunk)
+        settings = {
+            "friction": friction,
+            "tolerance": tolerance,
+            "iterations": iterations,
+            "static": static,
+        }
+        result = Result(self, plan, taken, values, name, settings)
+        return result if on_gap == "mark" else result.without_gaps(on_gap)
+
+    def _evaluate(
+        self, plan: Plan, taken: Samples, engine: str, precision: str, chunk: int | None
+    ) -> tuple[tuple[Any, ...], str]:
+        if engine == "auto":
+            few = taken.n <= SCALAR_UP_TO and precision == "complex128"
+            engine = "scalar" if few else "numpy"
+        if engine == "scalar":
+            scalar = self._engine(plan, "scalar", "")
+            return scalar.run(taken.inputs, taken.n), "scalar"
+        if engine != "numpy" or precision not in PRECISIONS:
+            raise RequestError(_unknown_engine(engine, precision))
+        batch = self._engine(plan, "numpy", precision)
+        more = {} if chunk is None else {"chunk": chunk}
+        return batch.run(taken.inputs, taken.n, **more), "numpy"
+
+    def _engine(self, plan: Plan, name: str, precision: str) -> Any:
+        key = (id(plan), name, precision)
+        if key not in self._engines:
+            self._engines[key] = (
+                ScalarEngine(plan.program)
+                if name == "scalar"
+                else NumpyEngine(plan.program, precision)
+            )
+        return self._engines[key]
+
+    def verify(self, **request: Any) -> Any:
+        """Check the mechanism against itself; see `blockmech.judge.verify`."""
+        from blockmech.judge.verify import verify
+
+        return verify(self, **request)
+
+    def __repr__(self) -> str:
+        s = self.structure
+        return (
+            f"<Mechanism {self.name}: {len(s.links) - 1} moving links, {s.pairs} pairs, "
+            f"mobility {s.mobility}; {s.formula}>"
+        )
+
+
+def _friction(method: str, tolerance: float | None, iterations: int | None) -> Friction:
+    problems = []
+    if method not in METHODS:
+        problems.append(
+            Problem(
+                "unknown-method",
+                "friction",
+                f'no friction method "{method}"',
+                f"methods: {listed(METHODS)}",
+                "",
+            )
+        )
+    given = [n for n, x in (("tolerance", tolerance), ("iterations", iterations)) if x is not None]
+    if given and method != "successive":
+        problems.append(
+            Problem(
+                "useless-setting",
+                listed(given),
+                f'has no meaning for friction="{method}"',
+                "",
+                'use friction="successive" with it',
+            )
+        )
+    if tolerance is not None and not tolerance >= 0:
+        problems.append(
+            Problem("bad-value", "tolerance", f"must be >= 0 N, got {tolerance}", "", "")
+        )
+    if iterations is not None and iterations < 1:
+        problems.append(
+            Problem("bad-value", "iterations", f"must be at least 1, got {iterations}", "", "")
+        )
+    if problems:
+        raise RequestError(problems)
+    if tolerance is None:
+        tolerance = 0.0 if iterations is not None else 1e-3
+    return Friction(method, tolerance, iterations)
+
+
+def _unknown_engine(engine: str, precision: str) -> Problem:
+    return Problem(
+        "unknown-engine",
+        "engine",
+        f'no engine "{engine}" with precision "{precision}"',
+        f"engines: auto, scalar, numpy; precisions of numpy: {listed(PRECISIONS)}",
+        "",
+    )

@@ -1,0 +1,202 @@
+"""Laws of motion of a driver: coordinate, rate and acceleration.
+
+Two laws give rate and acceleration as functions of the coordinate, so samples are
+named by it; all laws can be sampled by time.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from blockmech.values import Number, Positive, Strictly
+
+Array = NDArray[np.float64]
+Motion = tuple[Array, Array, Array]
+
+
+class LawOfMotion(Strictly):
+    """Coordinate of a driver as a given function; [rad] for a crank, [m] for a slide."""
+
+    model_config = ConfigDict(populate_by_name=True)
+    by_coordinate: ClassVar[bool] = False
+
+    @abstractmethod
+    def at_times(self, t: Array) -> Motion:
+        """Coordinate, rate and acceleration (n,) at times (n,) [s]."""
+
+    @abstractmethod
+    def duration(self) -> float:
+        """Time [s] from the start to the end of the law's range."""
+
+
+class _Range(LawOfMotion):
+    by_coordinate: ClassVar[bool] = True
+    start: Number = Field(0.0, alias="from")
+    end: Number = Field(2 * math.pi, alias="to")
+
+    def coordinates(self, n: int) -> Array:
+        """n equally spaced coordinates over the range; one if the range is a point."""
+        if self.start == self.end:
+            return np.array([self.start])
+        return np.linspace(self.start, self.end, n)
+
+    @abstractmethod
+    def at_coordinates(self, q: Array) -> Motion:
+        """Coordinate, rate and acceleration (n,) at coordinates (n,)."""
+
+    @abstractmethod
+    def times(self, q: Array) -> Array:
+        """Time [s] since ``from`` at which the coordinate is q."""
+
+
+class ConstantRate(_Range):
+    """Constant rate [rad/s or m/s] over a range of the coordinate."""
+
+    law: Literal["constant_rate"] = "constant_rate"
+    rate: Number
+
+    def at_coordinates(self, q: Array) -> Motion:
+        """The given rate, no acceleration."""
+        return q, np.full(q.shape, self.rate), np.zeros(q.shape)
+
+    def at_times(self, t: Array) -> Motion:
+        """q = from + rate t."""
+        return self.at_coordinates(self.start + self.rate * t)
+
+    def times(self, q: Array) -> Array:
+        """t = (q - from) / rate; NaN for a mechanism at rest."""
+        return (q - self.start) / self.rate if self.rate else np.full(q.shape, np.nan)
+
+    def duration(self) -> float:
+        """Time over the range, infinite at rest."""
+        return abs((self.end - self.start) / self.rate) if self.rate else math.inf
+
+
+class RateAcceleration(_Range):
+    """Constant acceleration; ``rate`` is the one at ``from``."""
+
+    law: Literal["rate_acceleration"] = "rate_acceleration"
+    rate: Number = 0.0
+    acceleration: Number
+
+    @property
+    def _direction(self) -> float:
+        towards = self.rate or self.acceleration or (self.end - self.start)
+        return math.copysign(1.0, towards)
+
+    def at_coordinates(self, q: Array) -> Motion:
+        """rate^2 = rate_from^2 + 2 acceleration (q - from); NaN where it never gets."""
+        square = self.rate**2 + 2 * self.acceleration * (q - self.start)
+        with np.errstate(invalid="ignore"):
+            rate = self._direction * np.sqrt(square)
+        return q, rate, np.full(q.shape, self.acceleration)
+
+    def at_times(self, t: Array) -> Motion:
+        """q = from + rate t + acceleration t^2 / 2."""
+        q = self.start + self.rate * t + self.acceleration * t * t / 2
+        return q, self.rate + self.acceleration * t, np.full(t.shape, self.acceleration)
+
+    def times(self, q: Array) -> Array:
+        """First time at which q is passed."""
+        if self.acceleration == 0:
+            return (q - self.start) / self.rate if self.rate else np.full(q.shape, np.nan)
+        _, rate, _ = self.at_coordinates(q)
+        return (rate - self.rate) / self.acceleration
+
+    def duration(self) -> float:
+        """Time over the range; infinite where its end is never reached."""
+        t = float(self.times(np.array([self.end]))[0])
+        return t if math.isfinite(t) else math.inf
+
+
+class Harmonic(LawOfMotion):
+    """q = mean + amplitude sin(2 pi frequency t + phase); frequency [Hz], phase [rad]."""
+
+    law: Literal["harmonic"] = "harmonic"
+    mean: Number = 0.0
+    amplitude: Number
+    frequency: Positive
+    phase: Number = 0.0
+
+    def at_times(self, t: Array) -> Motion:
+        """The harmonic and its derivatives."""
+        w = 2 * math.pi * self.frequency
+        s, c = np.sin(w * t + self.phase), np.cos(w * t + self.phase)
+        return (
+            self.mean + self.amplitude * s,
+            self.amplitude * w * c,
+            -self.amplitude * w * w * s,
+        )
+
+    def duration(self) -> float:
+        """One period [s]."""
+        return 1 / self.frequency
+
+
+class Cycloidal(LawOfMotion):
+    """A rise from ``from`` to ``to`` without jerk at its ends, then a dwell."""
+
+    law: Literal["cycloidal"] = "cycloidal"
+    start: Number = Field(alias="from")
+    end: Number = Field(alias="to")
+    time: Positive = Field(alias="duration")
+
+    def at_times(self, t: Array) -> Motion:
+        """q = from + rise (s - sin(2 pi s) / 2 pi), s = t / duration."""
+        s = np.clip(t / self.time, 0.0, 1.0)
+        rise, w = self.end - self.start, 2 * math.pi
+        inside = (t >= 0) & (t <= self.time)
+        q = self.start + rise * (s - np.sin(w * s) / w)
+        rate = np.where(inside, rise / self.time * (1 - np.cos(w * s)), 0.0)
+        return q, rate, np.where(inside, rise * w / self.time**2 * np.sin(w * s), 0.0)
+
+    def duration(self) -> float:
+        """Time [s] of the rise."""
+        return self.time
+
+
+class Table(LawOfMotion):
+    """Values at times, joined by a cubic spline (not-a-knot) or by straight lines."""
+
+    law: Literal["table"] = "table"
+    times: list[Number] = Field(min_length=2)
+    values: list[Number] = Field(min_length=2)
+    interpolation: Literal["cubic", "linear"] = "cubic"
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Table:
+        if len(self.times) != len(self.values):
+            raise PydanticCustomError("table", '"times" and "values" must have the same length')
+        if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
+            raise PydanticCustomError("table", '"times" must increase')
+        return self
+
+    def at_times(self, t: Array) -> Motion:
+        """The interpolant and its derivatives; NaN outside the table."""
+        x, y = np.asarray(self.times), np.asarray(self.values)
+        if self.interpolation == "cubic":
+            from scipy.interpolate import CubicSpline
+
+            spline = CubicSpline(x, y, extrapolate=False)
+            return spline(t), spline(t, 1), spline(t, 2)
+        k = np.clip(np.searchsorted(x, t, side="right") - 1, 0, len(x) - 2)
+        slope = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
+        outside = (t < x[0]) | (t > x[-1])
+        q = np.where(outside, np.nan, y[k] + slope * (t - x[k]))
+        return q, np.where(outside, np.nan, slope), np.where(outside, np.nan, 0.0)
+
+    def duration(self) -> float:
+        """Time [s] that the table covers."""
+        return self.times[-1] - self.times[0]
+
+
+AnyLaw = Annotated[
+    ConstantRate | RateAcceleration | Harmonic | Cycloidal | Table, Field(discriminator="law")
+]

@@ -1,0 +1,200 @@
+"""Structure: the formation sequence of a checked graph, frozen.
+
+Sources: [R10] Eq. 17 and [D14] Eq. 7 (structural formula); Chebyshev-Gruebler
+mobility 3n - 2p.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import networkx as nx
+
+from blockmech.blocks.contract import Block, BuiltIn, DrivingLink, Joint, Moving
+from blockmech.loads.contract import Element
+from blockmech.values import Link, Marker
+
+
+class LinkRef(NamedTuple):
+    """A link by the block it belongs to."""
+
+    block: str
+    link: str
+
+    def __str__(self) -> str:
+        return f"{self.block}.{self.link}"
+
+
+class MarkerRef(NamedTuple):
+    """A marker and the link it is on."""
+
+    block: str
+    link: str
+    name: str
+
+    @property
+    def on(self) -> LinkRef:
+        """The link that carries the marker."""
+        return LinkRef(self.block, self.link)
+
+    def __str__(self) -> str:
+        return f"{self.block}.{self.name}"
+
+
+class JointRef(NamedTuple):
+    """A joint of a moving block, or a terminal of an element."""
+
+    block: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.block}.{self.name}"
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A valid mechanism: who moves whom, in formation order, ties by name.
+
+    Attributes
+    ----------
+    frame : name of the frame block
+    blocks : the moving blocks in formation order
+    elements : the loads in name order
+    feeds : joint of a moving block -> the marker wired to it
+    holds : terminal of an element -> the marker wired to it
+    """
+
+    frame: str
+    blocks: Mapping[str, Moving]
+    elements: Mapping[str, Element]
+    fixed: Block
+    feeds: Mapping[JointRef, MarkerRef]
+    holds: Mapping[JointRef, MarkerRef]
+
+    @cached_property
+    def drivers(self) -> tuple[str, ...]:
+        """Driving links in formation order."""
+        return tuple(n for n, b in self.blocks.items() if isinstance(b, DrivingLink))
+
+    @cached_property
+    def frame_link(self) -> LinkRef:
+        """The fixed link."""
+        return LinkRef(self.frame, self.fixed.link_names[0])
+
+    @cached_property
+    def links(self) -> Mapping[LinkRef, int]:
+        """All links with their numbers: 0 the frame, then in formation order."""
+        numbers = {self.frame_link: 0}
+        for name, block in self.blocks.items():
+            for link in block.link_names:
+                numbers[LinkRef(name, link)] = len(numbers)
+        return numbers
+
+    @cached_property
+    def upstream(self) -> Mapping[str, frozenset[str]]:
+        """Drivers on which each block's motion depends."""
+        found: dict[str, frozenset[str]] = {self.frame: frozenset()}
+        for name in self.blocks:
+            own = frozenset([name]) if name in self.drivers else frozenset()
+            found[name] = own.union(*(found[s] for s in self.supports(name)))
+        return found
+
+    @cached_property
+    def carried(self) -> Mapping[LinkRef, tuple[JointRef, ...]]:
+        """Joints of later blocks that each link carries, in name order."""
+        found: dict[LinkRef, list[JointRef]] = {link: [] for link in self.links}
+        for joint, marker in sorted(self.feeds.items()):
+            found[marker.on].append(joint)
+        return {link: tuple(joints) for link, joints in found.items()}
+
+    @cached_property
+    def loaded(self) -> Mapping[LinkRef, tuple[JointRef, ...]]:
+        """Terminals of elements on each link, in name order."""
+        found: dict[LinkRef, list[JointRef]] = {link: [] for link in self.links}
+        for terminal, marker in sorted(self.holds.items()):
+            found[marker.on].append(terminal)
+        return {link: tuple(terminals) for link, terminals in found.items()}
+
+    @property
+    def pairs(self) -> int:
+        """Number of kinematic pairs; a pin of m links is m - 1 of them."""
+        return sum(len(b.joints) for b in self.blocks.values())
+
+    @property
+    def mobility(self) -> int:
+        """Chebyshev-Gruebler mobility 3n - 2p of the moving links."""
+        return 3 * (len(self.links) - 1) - 2 * self.pairs
+
+    def supports(self, block: str) -> tuple[str, ...]:
+        """Blocks that feed a block, in the order of its joints."""
+        return tuple(
+            self.feeds[JointRef(block, j.name)].block
+            for j in self.blocks[block].joints.values()
+            if j.outer
+        )
+
+    def ancestors(self, block: str) -> frozenset[str]:
+        """All moving blocks on which a block depends, itself included."""
+        return self._ancestors[block]
+
+    @cached_property
+    def _ancestors(self) -> Mapping[str, frozenset[str]]:
+        found: dict[str, frozenset[str]] = {self.frame: frozenset()}
+        for name in self.blocks:
+            found[name] = frozenset([name]).union(*(found[s] for s in self.supports(name)))
+        return found
+
+    def joint(self, ref: JointRef) -> Joint:
+        """Declaration of a joint."""
+        return self.blocks[ref.block].joints[ref.name]
+
+    def block(self, name: str) -> Block:
+        """A block by name, the frame included."""
+        return self.fixed if name == self.frame else self.blocks[name]
+
+    def marker(self, ref: MarkerRef) -> Marker | BuiltIn:
+        """Declaration of a marker."""
+        return self.block(ref.block).markers_of()[ref.name][1]
+
+    def markers(self, block: str) -> tuple[MarkerRef, ...]:
+        """All markers of a block."""
+        found = self.block(block).markers_of().items()
+        return tuple(MarkerRef(block, link, name) for name, (link, _) in found)
+
+    def properties(self, link: LinkRef) -> Link:
+        """Mass properties of a link."""
+        return self.block(link.block).links_or_default()[link.link]
+
+    def earlier_link(self, ref: JointRef) -> LinkRef:
+        """The earlier link of a pair: the support, or link i of an inner pair."""
+        joint = self.joint(ref)
+        return self.feeds[ref].on if joint.outer else LinkRef(ref.block, joint.links[0])
+
+    def later_link(self, ref: JointRef) -> LinkRef:
+        """The later link of a pair, the one on which its reaction is reported."""
+        return LinkRef(ref.block, self.joint(ref).later)
+
+    @property
+    def formula(self) -> str:
+        """Structural formula in the papers' manner, e.g. ``I(crank: 0,1) -> II RRR(dyad: 2,3)``."""
+        return " -> ".join(self._term(name) for name in self.blocks)
+
+    def _term(self, name: str) -> str:
+        block = self.blocks[name]
+        own = [self.links[LinkRef(name, link)] for link in block.link_names]
+        if isinstance(block, DrivingLink):
+            joint = next(JointRef(name, j.name) for j in block.joints.values() if j.outer)
+            own.insert(0, self.links[self.feeds[joint].on])
+            head = block.group_class
+        else:
+            head = f"{block.group_class} {block.kind}"
+        return f"{head}({name}: {','.join(map(str, own))})"
+
+
+def formation_order(blocks: Mapping[str, Block], graph: nx.DiGraph) -> list[str]:
+    """Moving blocks in topological order, ties by name."""
+    order = nx.lexicographical_topological_sort(graph, key=str)
+    return [n for n in order if isinstance(blocks[n], Moving)]

@@ -1,0 +1,403 @@
+"""The catalogue of outputs: every name that can be wanted, its unit and its rule.
+
+Names are those of the graph, so the catalogue of a mechanism is derived from its
+blocks, joints and markers. An output asks rules for the values that it needs and
+says how to read them; nothing is computed for outputs that nobody wants.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from blockmech.blocks.contract import DrivingLink, Joint
+from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.model.scene import Scene
+from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.passes import energy, forces, forward, reduction
+from blockmech.plan import STAGES as STAGE_ORDER
+from blockmech.plan import Friction, Plan, Schedule
+
+Reader = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Output:
+    """One thing that can be wanted.
+
+    Attributes
+    ----------
+    name : e.g. ``"dyad.B.reaction"``
+    unit : SI, ``""`` where dimensionless
+    kind : "real", "vector" (complex x + iy), "matrix" (square over the drivers) or
+        "number" (one per run)
+    ask : the rule's answer in a schedule: names of program values
+    read : arrays of those values -> the output's array
+    by, on : for what one link exerts on another, the two links
+    """
+
+    name: str
+    unit: str
+    kind: Literal["real", "vector", "matrix", "number"]
+    ask: Callable[[Schedule], Iterable[str]]
+    read: Reader
+    by: str = ""
+    on: str = ""
+
+
+def _same(x: Any) -> Any:
+    return x
+
+
+def _angle(e: Any) -> Any:
+    return np.arctan2(e.imag, e.real)
+
+
+def _ratio_angle(sine: Any, cosine: Any) -> Any:
+    return np.arctan2(sine, cosine)
+
+
+class Catalogue(Mapping[str, Output]):
+    """All outputs of a mechanism by name, made once and on first use."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        self._outputs = {o.name: o for o in _outputs(structure)}
+
+    def __getitem__(self, name: str) -> Output:
+        return self._outputs[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._outputs)
+
+    def __len__(self) -> int:
+        return len(self._outputs)
+
+    def match(self, want: Iterable[str]) -> tuple[str, ...]:
+        """Names that the patterns ask for, in the catalogue's order.
+
+        Raises `RequestError` for a pattern that matches nothing, all at once.
+        """
+        found: dict[str, None] = {}
+        problems = []
+        for pattern in want:
+            if pattern in self._outputs:
+                found[pattern] = None
+                continue
+            names = fnmatch.filter(self._outputs, pattern)
+            if not names:
+                problems.append(
+                    Problem(
+                        "unknown-output",
+                        pattern,
+                        "no output has that name",
+                        f"outputs there: {listed(self._near(pattern), 16)}",
+                        close_match(pattern, self._outputs),
+                    )
+                )
+            found.update(dict.fromkeys(names))
+        if problems:
+            raise RequestError(problems)
+        order = {n: i for i, n in enumerate(self._outputs)}
+        return tuple(sorted(found, key=order.__getitem__))
+
+    def _near(self, pattern: str) -> list[str]:
+        head = pattern.split(".")[0] + "."
+        return [n for n in self._outputs if n.startswith(head)] or list(self._outputs)
+
+    def plan(
+        self,
+        scene: Scene,
+        want: Iterable[str],
+        friction: Friction,
+        static: bool = False,
+        quality: bool = True,
+    ) -> Plan:
+        """The plan for some outputs: rules are asked in name order, once each."""
+        names = self.match(want)
+        schedule = Schedule(self.structure, scene, friction, static)
+        values: list[str] = []
+        layout: dict[str, tuple[int, ...]] = {}
+
+        def place(name: str, asked: Iterable[str]) -> None:
+            start = len(values)
+            values.extend(asked)
+            layout[name] = tuple(range(start, len(values)))
+
+        for name in sorted(names):
+            place(name, self._outputs[name].ask(schedule))
+        if quality:
+            for name, asked in _quality(schedule):
+                place(name, asked)
+        order = {b: i for i, b in enumerate(self.structure.blocks)}
+        entries = sorted(
+            schedule.entries, key=lambda e: (STAGE_ORDER.index(e.stage), order[e.block], e.driver)
+        )
+        return Plan(names, tuple(entries), schedule.program(values), layout)
+
+
+def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Margins and friction reports of what the plan computes anyway."""
+    for entry in list(s.entries):
+        block = s.structure.blocks[entry.block]
+        if entry.stage == "position" and not isinstance(block, DrivingLink):
+            yield f"margin:{entry.block}", (f"{s.ask(forward.position, entry.block)}.margin",)
+        if entry.stage == "force":
+            solved = s.ask(forces.solution, entry.block)
+            if solved is None:
+                continue
+            what = ("iterations", "residual", "contraction", "outcome", "limit")
+            yield f"friction:{entry.block}", tuple(f"{solved}.{x}" for x in what)
+            for i, ref in enumerate(s.ask(forces.friction_joints, entry.block)):
+                yield (
+                    f"rest:{ref}",
+                    (s.ask(forces.rest, ref), f"{solved}.g[{i}]", s.ask(forces.factor_slot, ref)),
+                )
+
+
+# -- the catalogue, block by block ------------------------------------------------
+
+
+def _outputs(structure: Structure) -> Iterator[Output]:
+    for name, block in structure.blocks.items():
+        if isinstance(block, DrivingLink):
+            yield from _driver_outputs(structure, name, block)
+        for link in block.link_names:
+            yield from _link_outputs(LinkRef(name, link))
+        for marker in structure.markers(name):
+            yield from _marker_outputs(marker)
+        for joint in block.joints.values():
+            yield from _joint_outputs(structure, JointRef(name, joint.name), joint)
+        if not isinstance(block, DrivingLink):
+            yield from _group_outputs(structure, name)
+    for marker in structure.markers(structure.frame):
+        yield from _marker_outputs(marker)
+    yield from _mechanism_outputs(structure)
+
+
+def _driver_outputs(structure: Structure, name: str, block: DrivingLink) -> Iterator[Output]:
+    q, effort = block.coordinate_unit(), block.effort_unit()
+    inertia = "kg m2" if block.rotary else "kg"
+
+    def one(rule: Callable[..., str], *key: str) -> Callable[[Schedule], tuple[str]]:
+        return lambda s: (s.ask(rule, *key),)
+
+    def given(quantity: str) -> Callable[[Schedule], tuple[str]]:
+        return lambda s: (s.input(quantity, name),)
+
+    yield Output(f"{name}.q", q, "real", given("q"), _same)
+    yield Output(f"{name}.rate", f"{q}/s", "real", given("qd"), _same)
+    yield Output(f"{name}.acceleration", f"{q}/s2", "real", given("qdd"), _same)
+    yield Output(
+        f"{name}.drive",
+        effort,
+        "real",
+        one(forces.drive, name),
+        _same,
+        by=str(structure.earlier_link(JointRef(name, block.drive))),
+        on=f"{name}.{block.link_names[0]}",
+    )
+    yield Output(
+        f"{name}.drive_by_reduction", effort, "real", one(reduction.drive_by_reduction, name), _same
+    )
+    yield Output(
+        f"{name}.power",
+        "W",
+        "real",
+        lambda s: (s.ask(forces.drive, name), s.input("qd", name)),
+        lambda a, b: a * b,
+    )
+    yield Output(f"{name}.J_red", inertia, "real", one(reduction.inertia, name, name), _same)
+    yield Output(f"{name}.tau_red", effort, "real", one(reduction.reduced_load, name), _same)
+    if len(structure.drivers) == 1:
+        yield Output(
+            f"{name}.dJ_red", f"{inertia}/{q}", "real", one(reduction.inertia_slope, name), _same
+        )
+
+
+def _link_outputs(link: LinkRef) -> Iterator[Output]:
+    yield Output(
+        f"{link}.angle",
+        "rad",
+        "real",
+        lambda s: (s.ask(forward.link_position, link).scalar,),
+        _angle,
+    )
+    yield Output(
+        f"{link}.omega",
+        "rad/s",
+        "real",
+        lambda s: (s.ask(forward.link_velocity, link).scalar,),
+        _same,
+    )
+    yield Output(
+        f"{link}.alpha",
+        "rad/s2",
+        "real",
+        lambda s: (s.ask(forward.link_acceleration, link).scalar,),
+        _same,
+    )
+
+
+def _marker_outputs(marker: MarkerRef) -> Iterator[Output]:
+    rules = (
+        ("p", "m", forward.marker_place),
+        ("v", "m/s", forward.marker_velocity),
+        ("a", "m/s2", forward.marker_acceleration),
+    )
+    for what, unit, rule in rules:
+        yield Output(
+            f"{marker}.{what}", unit, "vector", lambda s, r=rule: (s.ask(r, marker),), _same
+        )
+
+
+def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterator[Output]:
+    by, on = str(structure.earlier_link(ref)), str(structure.later_link(ref))
+    revolute = joint.kind == "R"
+
+    def pair(s: Schedule, what: str) -> str:
+        found = s.ask(forces.reaction, ref)
+        return "0.0" if found is None else str(getattr(found, what))
+
+    def vector(s: Schedule) -> tuple[str, ...]:
+        found = s.ask(forces.reaction, ref)
+        if found is None:
+            return (forward.ZERO,)
+        if revolute:
+            return (found.force,)
+        u = s.ask(forward.guide_direction, ref)
+        return (s.emit(forces.normal_force, found.N, u, name=f"{ref}_N_vector"),)
+
+    yield Output(f"{ref}.reaction", "N", "vector", vector, _same, by, on)
+    if not revolute:
+        yield Output(f"{ref}.N", "N", "real", lambda s: (pair(s, "N"),), _same, by, on)
+        yield Output(f"{ref}.C", "N m", "real", lambda s: (pair(s, "C"),), _same, by, on)
+    if joint.outer:
+        back = (on, by)
+        yield Output(
+            f"{ref}.wrench_F",
+            "N",
+            "vector",
+            lambda s: (s.ask(forces.wrench, ref)[0],),
+            _same,
+            *back,
+        )
+        yield Output(
+            f"{ref}.wrench_M",
+            "N m",
+            "real",
+            lambda s: (s.ask(forces.wrench, ref)[1],),
+            _same,
+            *back,
+        )
+    yield Output(
+        f"{ref}.friction",
+        "N m" if revolute else "N",
+        "real",
+        lambda s: (s.ask(forces.friction, ref),),
+        _same,
+        by,
+        on,
+    )
+    yield Output(
+        f"{ref}.slip",
+        "rad/s" if revolute else "m/s",
+        "real",
+        lambda s: (s.ask(forward.slip, ref),),
+        _same,
+    )
+    yield Output(
+        f"{ref}.friction_power",
+        "W",
+        "real",
+        lambda s: (s.ask(energy.friction_power, ref),),
+        _same,
+    )
+
+
+def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
+    block = structure.blocks[name]
+    yield Output(
+        f"{name}.margin", "", "real", lambda s: (f"{s.ask(forward.position, name)}.margin",), _same
+    )
+    if block.kernels.transmission is not None:
+        yield Output(
+            f"{name}.transmission_angle",
+            "rad",
+            "real",
+            lambda s: energy.transmission(s, name),
+            _ratio_angle,
+        )
+    if len(structure.drivers) != 1:
+        return
+    driver = structure.drivers[0]
+    head = structure.blocks[driver]
+    assert isinstance(head, DrivingLink)
+    yield Output(
+        f"{name}.J_red",
+        "kg m2" if head.rotary else "kg",
+        "real",
+        lambda s: (s.ask(reduction.share_of_inertia, name, driver, driver),),
+        _same,
+    )
+    yield Output(
+        f"{name}.tau_red",
+        head.effort_unit(),
+        "real",
+        lambda s: (s.ask(reduction.share_of_load, name, driver),),
+        _same,
+    )
+
+
+def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
+    def one(rule: Callable[..., str]) -> Callable[[Schedule], tuple[str]]:
+        return lambda s: (s.ask(rule),)
+
+    for what, unit, rule in (
+        ("kinetic_energy", "J", energy.kinetic),
+        ("potential_energy", "J", energy.potential),
+        ("friction_power", "W", energy.total_friction_power),
+        ("drive_power", "W", energy.drive_power),
+        ("useful_power", "W", energy.useful_power),
+        ("shaking_moment", "N m", energy.shaking_moment),
+    ):
+        yield Output(f"mechanism.{what}", unit, "real", one(rule), _same)
+    yield Output("mechanism.shaking_force", "N", "vector", one(energy.shaking_force), _same)
+    if structure.drivers:
+        yield Output(
+            "mechanism.mechanical_advantage",
+            "",
+            "real",
+            energy.advantage,
+            energy.read_advantage,
+        )
+        yield Output(
+            "mechanism.efficiency", "", "number", energy.efficiency, energy.read_efficiency
+        )
+        yield Output(
+            "mechanism.friction_efficiency",
+            "",
+            "number",
+            energy.friction_efficiency,
+            energy.read_friction_efficiency,
+        )
+    drivers = structure.drivers
+    if len(drivers) > 1:
+        yield Output(
+            "mechanism.M",
+            "SI",
+            "matrix",
+            lambda s: [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers],
+            _same,
+        )
+        yield Output(
+            "mechanism.Q",
+            "SI",
+            "matrix",
+            lambda s: [s.ask(reduction.reduced_load, k) for k in drivers],
+            _same,
+        )

@@ -1,0 +1,1 @@
+"""The passes, as rules that ask each other: forward, loads, forces, reduction."""

@@ -1,0 +1,184 @@
+"""Loads of links: weight, elements and inertia, each declared once.
+
+The force pass and the reduction pass both read `applied`; only the force pass
+adds `inertial`. A resultant is about the link's own origin.
+
+Sources: [R10] Figs. 5 and 8, [D14] section 3.1.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from blockmech.loads.contract import Element
+from blockmech.model.structure import JointRef, LinkRef
+from blockmech.passes.forward import (
+    ACTUAL,
+    ZERO,
+    arm_of,
+    link_acceleration,
+    link_position,
+    link_velocity,
+    marker_arm,
+    marker_place,
+    marker_velocity,
+    point_acceleration,
+    point_velocity,
+)
+from blockmech.plan import Schedule
+from blockmech.plane import cross, mul
+from blockmech.typing import Complex, Real
+
+
+class Resultant(NamedTuple):
+    """Names of the terms of a link's load: forces and moments about the origin."""
+
+    forces: tuple[str, ...]
+    moments: tuple[str, ...]
+
+    def __add__(self, other: object) -> Resultant:  # joins two resultants term by term
+        assert isinstance(other, Resultant)
+        return Resultant(self.forces + other.forces, self.moments + other.moments)
+
+    def __bool__(self) -> bool:
+        return bool(self.forces or self.moments)
+
+
+NOTHING = Resultant((), ())
+
+
+def weight(m: Real, g: Complex) -> Complex:
+    """Weight [N]: m g."""
+    return mul(g, m)
+
+
+def inertia_force(a: Complex, m: Real) -> Complex:
+    """D'Alembert force [N] at the centre of mass: -m a."""
+    return mul(a, -m)
+
+
+def inertia_couple(al: Real, J: Real) -> Real:
+    """D'Alembert couple [N m]: -J al."""
+    return -J * al
+
+
+def mass_of(s: Schedule, link: LinkRef) -> str:
+    """Slot of a link's mass [kg]."""
+    return s.parameter(("mass", link), s.structure.properties(link).mass, f"m_{link}")
+
+
+def inertia_of(s: Schedule, link: LinkRef) -> str:
+    """Slot of a link's moment of inertia [kg m2] about its centre of mass."""
+    return s.parameter(("inertia", link), s.structure.properties(link).inertia, f"J_{link}")
+
+
+def cm_arm(s: Schedule, link: LinkRef) -> str | None:
+    """Arm of a link's centre of mass from its origin; None at the origin."""
+    return s.ask(arm_of, link, s.structure.properties(link).cm.z, f"{link}_cm")
+
+
+def cm_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> str:
+    """Velocity [m/s] of a link's centre of mass."""
+    v, om = s.ask(link_velocity, link, mode)
+    arm = s.ask(cm_arm, link)
+    if v == ZERO or arm is None:
+        return v
+    return s.emit(point_velocity, v, om, arm, name=f"{link}_cm_v")
+
+
+def cm_acceleration(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> str:
+    """Acceleration [m/s2] of a link's centre of mass."""
+    a, al = s.ask(link_acceleration, link, mode)
+    arm = s.ask(cm_arm, link)
+    if a == ZERO or arm is None:
+        return a
+    om = s.ask(link_velocity, link, mode).scalar
+    return s.emit(point_acceleration, a, al, om, arm, name=f"{link}_cm_a")
+
+
+def at_arm(s: Schedule, force: str, arm: str | None, name: str) -> Resultant:
+    """A force at an arm as a term of the link's load."""
+    if arm is None:
+        return Resultant((force,), ())
+    return Resultant((force,), (s.emit(cross, arm, force, name=f"{name}_M"),))
+
+
+def element_terms(s: Schedule, name: str) -> str:
+    """The call of an element's kernel: one force or couple per terminal."""
+    element = s.structure.elements[name]
+    args = [
+        s.ask(terminal_reading, JointRef(name, terminal), what)
+        for terminal, reads in element.reads().items()
+        for what in reads
+    ]
+    args.append(s.ask(element_parameters, name))
+    return s.emit(element.kernel(), *args, name=f"{name}_load")
+
+
+def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> str:
+    """What an element reads at a terminal: p, v, e or om."""
+    marker = s.structure.holds[terminal]
+    if what == "p":
+        return s.ask(marker_place, marker)
+    if what == "v":
+        return s.ask(marker_velocity, marker, ACTUAL)
+    if what == "e":
+        return s.ask(link_position, marker.on).scalar
+    return s.ask(link_velocity, marker.on, ACTUAL).scalar
+
+
+def element_parameters(s: Schedule, name: str) -> str:
+    """The slot of an element's numbers."""
+    return s.parameter(("numbers", name), s.structure.elements[name].parameters(), f"P_{name}")
+
+
+def terminal_term(s: Schedule, terminal: JointRef) -> str:
+    """Force or couple of an element at one terminal."""
+    element: Element = s.structure.elements[terminal.block]
+    index = list(element.terminals).index(terminal.name)
+    return f"{s.ask(element_terms, terminal.block)}[{index}]"
+
+
+def elements_on(s: Schedule, link: LinkRef) -> Resultant:
+    """Loads of all elements on a link, in name order."""
+    total = NOTHING
+    for terminal in s.structure.loaded[link]:
+        element = s.structure.elements[terminal.block]
+        term = s.ask(terminal_term, terminal)
+        if element.terminals[terminal.name].kind == "link":
+            total += Resultant((), (term,))
+        else:
+            arm = s.ask(marker_arm, s.structure.holds[terminal])
+            total += at_arm(s, term, arm, f"{terminal}")
+    return total
+
+
+def weight_on(s: Schedule, link: LinkRef) -> Resultant:
+    """Weight of a link; nothing without gravity or mass."""
+    if s.scene.gravity.z == 0 or s.structure.properties(link).mass == 0:
+        return NOTHING
+    g = s.parameter(("gravity",), s.scene.gravity.z, "gravity")
+    force = s.emit(weight, s.ask(mass_of, link), g, name=f"{link}_weight")
+    return at_arm(s, force, s.ask(cm_arm, link), f"{link}_weight")
+
+
+def applied(s: Schedule, link: LinkRef) -> Resultant:
+    """Weight and elements: what the reduction pass reduces."""
+    return s.ask(weight_on, link) + s.ask(elements_on, link)
+
+
+def inertial(s: Schedule, link: LinkRef) -> Resultant:
+    """D'Alembert terms of a link; nothing in a static request."""
+    properties = s.structure.properties(link)
+    a, al = (ZERO, "0.0")
+    if properties.massive and not s.static:
+        a, al = s.ask(link_acceleration, link, ACTUAL)
+    total = NOTHING
+    if properties.mass and a != ZERO:
+        at_cm = s.ask(cm_acceleration, link, ACTUAL)
+        force = s.emit(inertia_force, at_cm, s.ask(mass_of, link), name=f"{link}_inertia_F")
+        total += at_arm(s, force, s.ask(cm_arm, link), f"{link}_inertia")
+    if properties.inertia and al != "0.0":
+        couple = s.emit(inertia_couple, al, s.ask(inertia_of, link), name=f"{link}_inertia_M")
+        total += Resultant((), (couple,))
+    return total

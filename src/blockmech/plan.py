@@ -1,0 +1,246 @@
+"""The plan: wanted outputs become one short straight-line program.
+
+A pass is a set of *rules*. A rule answers one question ("velocity of this
+block", "load on that link") by asking other rules and emitting calls. Every
+question is answered at most once, so what nobody asks for costs nothing: the
+pruning is the asking. The answers are names of values in the program.
+
+    want ──> rules ask rules ──> Schedule: lines + kernel entries ──> Program
+                                                                   (bound by an engine)
+
+The program is readable Python; ``print(plan.program.source)`` shows what runs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, TypeVar
+
+from blockmech.blocks.contract import DrivingLink
+from blockmech.model.scene import Scene
+from blockmech.model.structure import Structure
+
+STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
+
+T = TypeVar("T")
+
+
+class Entry(NamedTuple):
+    """One kernel call of the plan."""
+
+    block: str
+    stage: str  # one of STAGES
+    driver: str = ""  # of the unit-rate stages: which driver moves
+
+
+class Line(NamedTuple):
+    """One line of the program: a call and the name of its value."""
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Friction:
+    """How the friction equations are solved: the user's trade of speed for accuracy.
+
+    method : "none" | "single" | "successive" | "newton"
+    tolerance [N] : largest change of a reaction at which ``successive`` stops
+    iterations : fixed number of iterations of ``successive``, or None
+    """
+
+    method: str = "newton"
+    tolerance: float = 1e-3
+    iterations: int | None = None
+
+
+@dataclass(frozen=True)
+class Program:
+    """A straight-line program: what an engine binds and runs.
+
+    Attributes
+    ----------
+    source : text of ``program(inputs, P)``; returns the tuple ``outputs``
+    inputs : names of the inputs, e.g. ``q_0``, ``qd_0``, ``qdd_0`` of the first driver
+    angles : those inputs that are angles [rad] and keep double precision
+    functions : name in the text -> the kernel (to be bound by the engine)
+    parameters : name in the text -> the parameter, in the order of ``P``
+    outputs : expressions returned, in this order
+    """
+
+    source: str
+    inputs: tuple[str, ...]
+    angles: frozenset[str]
+    functions: Mapping[str, Callable[..., Any]]
+    parameters: Mapping[str, Any]
+    outputs: tuple[str, ...]
+
+
+class Schedule:
+    """A program under construction: asks, remembers, emits."""
+
+    def __init__(
+        self, structure: Structure, scene: Scene, friction: Friction, static: bool = False
+    ) -> None:
+        self.structure = structure
+        self.scene = scene
+        self.friction = friction
+        self.static = static
+        self.entries: list[Entry] = []
+        self.lines: list[Line] = []
+        self.functions: dict[str, Callable[..., Any]] = {}
+        self.parameters: dict[str, Any] = {}
+        self.inputs: set[str] = set()
+        self.angles: set[str] = set()
+        self._answers: dict[Hashable, Any] = {}
+        self._names: dict[str, int] = {}
+        self._slots: dict[Hashable, str] = {}
+        self._order = {name: i for i, name in enumerate(structure.blocks)}
+
+    def ask(self, rule: Callable[..., T], *key: Hashable) -> T:
+        """The answer of a rule; worked out once."""
+        question = (rule, *key)
+        if question not in self._answers:
+            self._answers[question] = rule(self, *key)
+        answer: T = self._answers[question]
+        return answer
+
+    def ask_first(
+        self,
+        rule: Callable[..., Any],
+        block: str,
+        neighbours: Callable[[str], Iterable[str]],
+        *more: Hashable,
+    ) -> None:
+        """Ask the same of everything a block waits for, nearest to the answered ones first.
+
+        Rules call each other along the wires; this keeps that recursion one block
+        deep, so a chain of a thousand groups needs no deep stack.
+        """
+        order = self._order
+        waiting, stack = {block}, [block]
+        while stack:
+            for other in neighbours(stack.pop()):
+                if other in order and other not in waiting:
+                    if (rule, other, *more) in self._answers:
+                        continue
+                    waiting.add(other)
+                    stack.append(other)
+        waiting.discard(block)
+        upstream = sorted(waiting, key=lambda b: order[b])
+        down = bool(upstream) and order[upstream[0]] > order[block]
+        for other in reversed(upstream) if down else upstream:
+            self.ask(rule, other, *more)
+
+    def emit(self, function: Callable[..., Any], *args: str, name: str) -> str:
+        """Emit a call of a pure function; the same call twice is one line."""
+        called = self._function(function)
+        text = f"{called}({', '.join(args)})"
+        key = ("line", text)
+        if key not in self._answers:
+            value = self._fresh(name)
+            self.lines.append(Line(value, text))
+            self._answers[key] = value
+        answer: str = self._answers[key]
+        return answer
+
+    def sum(self, terms: Sequence[str], name: str) -> str:
+        """Emit a sum in the order given; a single term is itself."""
+        if len(terms) == 1:
+            return terms[0]
+        text = " + ".join(terms)
+        value = self._fresh(name)
+        self.lines.append(Line(value, text))
+        return value
+
+    def kernel(self, entry: Entry, function: Callable[..., Any], *args: str, name: str) -> str:
+        """Emit the call that an entry of the plan stands for."""
+        self.entries.append(entry)
+        return self.emit(function, *args, name=name)
+
+    def parameter(self, key: Hashable, value: Any, name: str) -> str:
+        """Name of a parameter slot; ``value`` is a number or a named tuple of numbers."""
+        if key not in self._slots:
+            self._slots[key] = self._fresh(name)
+            self.parameters[self._slots[key]] = value
+        return self._slots[key]
+
+    def input(self, quantity: str, driver: str) -> str:
+        """Name of an input: "q", "qd" or "qdd" of a driver."""
+        name = f"{quantity}_{self.structure.drivers.index(driver)}"
+        self.inputs.add(name)
+        block = self.structure.blocks[driver]
+        if quantity == "q" and isinstance(block, DrivingLink) and block.rotary:
+            self.angles.add(name)
+        return name
+
+    def program(self, outputs: Iterable[str]) -> Program:
+        """The finished program that returns these values."""
+        wanted = tuple(outputs)
+        inputs = tuple(sorted(self.inputs))
+        body = [f"    {line.name} = {line.text}" for line in self.lines]
+        head = [f"def program({', '.join((*inputs, 'P'))}):"]
+        if self.parameters:
+            head.append(f"    {', '.join(self.parameters)}, = P")
+        result = f"    return ({', '.join(wanted)}{',' if wanted else ''})"
+        source = "\n".join([*head, *body, result]) + "\n"
+        angles = frozenset(self.angles)
+        return Program(source, inputs, angles, dict(self.functions), dict(self.parameters), wanted)
+
+    def _function(self, function: Callable[..., Any]) -> str:
+        name = _identifier(f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}")
+        while self.functions.setdefault(name, function) is not function:
+            name += "_"
+        return name
+
+    def _fresh(self, name: str) -> str:
+        base = _identifier(name)
+        count = self._names[base] = self._names.get(base, 0) + 1
+        return base if count == 1 else f"{base}_{count}"
+
+
+def _identifier(name: str) -> str:
+    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"{word}_" if not word or word[0].isdigit() else word
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is computed for a request, and the program that does it.
+
+    Attributes
+    ----------
+    want : names of the wanted outputs
+    entries : the kernel calls, by stage and formation order
+    program : the straight-line program
+    layout : wanted output -> indices of the program's values
+    """
+
+    want: tuple[str, ...]
+    entries: tuple[Entry, ...]
+    program: Program
+    layout: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+
+    @property
+    def calls(self) -> int:
+        """Number of kernel calls per sample."""
+        return len(self.entries)
+
+    def count(self, stage: str) -> int:
+        """Number of kernel calls of one stage."""
+        return sum(e.stage == stage for e in self.entries)
+
+    def explain(self) -> str:
+        """The schedule as text: per stage the blocks in order, and the kernel calls."""
+        rows = [f"{self.calls} kernel calls for {len(self.want)} outputs"]
+        for stage in STAGES:
+            blocks = [
+                e.block + (f" (unit rate of {e.driver})" if e.driver else "")
+                for e in self.entries
+                if e.stage == stage
+            ]
+            if blocks:
+                rows.append(f"  {stage:<18}{len(blocks):>4}  {', '.join(blocks)}")
+        return "\n".join(rows)

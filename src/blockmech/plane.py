@@ -1,0 +1,111 @@
+"""The primitives of the plane: the only functions a kernel may call.
+
+A kernel is written once with these names and runs on every engine: an engine
+re-binds them to its own number type (`blockmech.engines`). The definitions here
+are those of the scalar engine, Python ``complex`` and ``float``, so a kernel
+can be called and tested just as it is written.
+
+Only ``+ - *``, division by reals and these names occur in kernels. Nothing here
+fuses or re-associates a multiplication, so one pose and a batch of poses agree
+to the last bit wherever sine and cosine do.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from blockmech.typing import Complex, Real
+
+NAN = math.nan
+
+
+def cross(a: Complex, b: Complex) -> Real:
+    """Component of ``a x b`` out of the plane."""
+    return a.real * b.imag - a.imag * b.real
+
+
+def dot(a: Complex, b: Complex) -> Real:
+    """Scalar product of two planar vectors."""
+    return a.real * b.real + a.imag * b.imag
+
+
+def mul(z: Complex, x: Real) -> Complex:
+    """Vector times real number."""
+    return complex(z.real * x, z.imag * x)
+
+
+def imul(z: Complex, x: Real) -> Complex:
+    """Vector turned by +90 degrees, times real number: ``i z x``."""
+    return complex(-z.imag * x, z.real * x)
+
+
+def expi(t: Real) -> Complex:
+    """Unit vector at angle ``t`` [rad]; exact to an ulp at any size of ``t``."""
+    return complex(math.cos(t), math.sin(t))
+
+
+def hyp(z: Complex) -> Real:
+    """Length of a vector, |z|."""
+    return math.sqrt(z.real * z.real + z.imag * z.imag)
+
+
+def sqrt(x: Real) -> Real:
+    """Square root; NaN below zero, because kernels never raise."""
+    return math.sqrt(x) if x >= 0.0 else NAN
+
+
+def sign(x: Real) -> Real:
+    """-1, 0 or +1; NaN for NaN."""
+    return (x > 0.0) - (x < 0.0) if x == x else NAN
+
+
+def where(condition: Real, a: Real, b: Real) -> Real:
+    """``a`` where the condition holds, else ``b``."""
+    return a if condition else b
+
+
+def minimum(a: Real, b: Real) -> Real:
+    """The smaller of two numbers; NaN if either is NaN."""
+    return a if a < b or a != a else b
+
+
+def maximum(a: Real, b: Real) -> Real:
+    """The larger of two numbers; NaN if either is NaN."""
+    return a if a > b or a != a else b
+
+
+def some(condition: Real) -> bool:
+    """Whether the condition holds for any sample of the batch."""
+    return bool(condition)
+
+
+def repair(condition: Real, one: Any, given: Any, *data: Any) -> Any:
+    """``one(given, *data)`` for each sample where the condition holds, ``given`` elsewhere.
+
+    ``given`` and ``data`` are (nested) tuples of batches; ``one`` gets those of one
+    sample as Python numbers and returns the like of ``given``. For the rare sample
+    that needs an algorithm of its own.
+    """
+    return one(given, *data) if condition else given
+
+
+SCALAR_PRIMITIVES = {
+    f.__name__: f
+    for f in (
+        cross,
+        dot,
+        mul,
+        imul,
+        expi,
+        hyp,
+        sqrt,
+        sign,
+        where,
+        minimum,
+        maximum,
+        some,
+        repair,
+    )
+}
+"""Name of each primitive and its meaning on Python numbers."""

@@ -1,0 +1,154 @@
+"""Quality of a result: which samples have an answer, how good it is, and why not.
+
+Everything is worked out from the plan's own reports (margins, friction) and from
+the values themselves, so no sample without a reason is handed out as an answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.friction.continuation import Outcome
+
+OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
+    "ok",
+    "no-assembly",
+    "not-converged",
+    "self-locked",
+    "jammed",
+)
+NEAR = 1e-6  # margin below which a surviving doubt is flagged
+DETAIL = {
+    Outcome.BY_CONTINUATION: "by-continuation",
+    Outcome.NOT_CONVERGED: "slow",
+    Outcome.FOLD: "fold",
+    Outcome.ASYMPTOTE: "asymptote",
+}
+
+
+@dataclass(frozen=True)
+class Flag:
+    """One remark on one sample: code, the block or joint, and its numbers."""
+
+    sample: int
+    code: str
+    where: str
+    interval: tuple[float, float] | None = None
+    value: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The flag as a JSON object."""
+        found: dict[str, Any] = {"sample": self.sample, "code": self.code, "where": self.where}
+        if self.interval is not None:
+            found["interval"] = list(self.interval)
+        if self.value is not None:
+            found["value"] = self.value
+        return found
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Quality of n samples.
+
+    Attributes
+    ----------
+    status : n words: "ok", "no-assembly", "not-converged", "self-locked", "jammed"
+    blame : sample without an answer -> the block that has none
+    margin, iterations, residual, contraction : block -> (n,) [-]
+    flags : remarks, by sample
+    """
+
+    status: tuple[str, ...]
+    blame: Mapping[int, str]
+    margin: Mapping[str, NDArray[Any]]
+    iterations: Mapping[str, NDArray[Any]]
+    residual: Mapping[str, NDArray[Any]]
+    contraction: Mapping[str, NDArray[Any]]
+    flags: tuple[Flag, ...] = field(default=())
+
+    @property
+    def gaps(self) -> tuple[int, ...]:
+        """Samples without an answer."""
+        return tuple(sorted(self.blame))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The ``quality`` section of a result."""
+        return {
+            "status": list(self.status),
+            "margin": _columns(self.margin),
+            "iterations": {k: [int(x) for x in v] for k, v in self.iterations.items()},
+            "residual": _columns(self.residual),
+            "contraction": _columns(self.contraction),
+            "flags": [f.to_dict() for f in self.flags],
+        }
+
+
+def assess(
+    n: int,
+    values: Mapping[str, tuple[NDArray[Any], ...]],
+    wanted_bad: NDArray[np.bool_],
+    prismatic: frozenset[str],
+) -> Quality:
+    """Work out the quality of a run.
+
+    Parameters
+    ----------
+    n : number of samples
+    values : report name (``margin:block``, ``friction:block``, ``rest:joint``) -> its arrays
+    wanted_bad : (n,) whether a wanted value is not finite
+    prismatic : blocks with friction in a prismatic pair
+    """
+    margin = {k[7:]: v[0] for k, v in values.items() if k.startswith("margin:")}
+    friction = {k[9:]: v for k, v in values.items() if k.startswith("friction:")}
+    rest = {k[5:]: v for k, v in values.items() if k.startswith("rest:")}
+    status = [OK] * n
+    blame: dict[int, str] = {}
+    flags: list[Flag] = []
+    for block, m in margin.items():
+        for i in np.flatnonzero(~(m > 0)):
+            if not (m[i] == 0 and not wanted_bad[i]) and i not in blame:
+                status[i], blame[int(i)] = NO_ASSEMBLY, block
+            if m[i] == 0:
+                flags.append(Flag(int(i), "dead-centre", block, value=0.0))
+        for i in np.flatnonzero((m > 0) & (m < NEAR)):
+            flags.append(Flag(int(i), "near-dead-centre", block, value=float(m[i])))
+    for block, (_, _, _, outcome, limit) in friction.items():
+        for i in np.flatnonzero(outcome > 0):
+            how = Outcome(int(outcome[i]))
+            flags.append(Flag(int(i), DETAIL[how], block, value=_finite(limit[i])))
+            if how != Outcome.BY_CONTINUATION and i not in blame:
+                locked = JAMMED if block in prismatic else SELF_LOCKED
+                word = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
+                status[i], blame[int(i)] = word, block
+    for joint, (resting, load, factor) in rest.items():
+        for i in np.flatnonzero(resting > 0):
+            reach = float(factor[i] * load[i])
+            if np.isfinite(reach):
+                flags.append(Flag(int(i), "zero-relative-speed", joint, interval=(-reach, reach)))
+    for i in np.flatnonzero(wanted_bad):
+        if i not in blame:
+            status[i], blame[int(i)] = NO_ASSEMBLY, ""
+            flags.append(Flag(int(i), "undefined", "mechanism"))
+    flags.sort(key=lambda f: (f.sample, f.code, f.where))
+    return Quality(
+        tuple(status),
+        blame,
+        margin,
+        {k: np.nan_to_num(v[0]) for k, v in friction.items()},
+        {k: v[1] for k, v in friction.items()},
+        {k: v[2] for k, v in friction.items()},
+        tuple(flags),
+    )
+
+
+def _finite(x: Any) -> float | None:
+    return float(x) if np.isfinite(x) else None
+
+
+def _columns(columns: Mapping[str, NDArray[Any]]) -> dict[str, list[float | None]]:
+    return {k: [_finite(x) for x in v] for k, v in columns.items()}

@@ -1,0 +1,335 @@
+"""The result: labelled arrays with units and quality."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.engines.numpy import Planar
+from blockmech.errors import (
+    AssemblyError,
+    FrictionError,
+    Problem,
+    RequestError,
+    SampleError,
+    SampleFailure,
+    SingularError,
+    close_match,
+    listed,
+)
+from blockmech.plan import Plan
+from blockmech.quality import NO_ASSEMBLY, Quality, assess
+from blockmech.samples import Samples
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+    from blockmech.outputs import Output
+
+
+class Result(Mapping[str, NDArray[Any]]):
+    """Outputs of a run by name.
+
+    ``result["dyad.B.reaction"]`` is an array (n,): complex x + iy for vectors,
+    float else, (n, drivers, drivers) for matrices, a float for one number a run.
+    Samples without an answer are NaN; ``result.quality`` says why.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        plan: Plan,
+        samples: Samples,
+        values: tuple[Any, ...],
+        engine: str,
+        settings: Mapping[str, Any],
+    ) -> None:
+        self.mechanism = mechanism
+        self.plan = plan
+        self.samples = samples
+        self.engine = engine
+        self.settings = dict(settings)
+        self._values = values
+        self._read: dict[str, Any] = {}
+
+    # -- reading ----------------------------------------------------------------
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._read:
+            self._read[name] = self._make(name)
+        return self._read[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.plan.want)
+
+    def __len__(self) -> int:
+        return len(self.plan.want)
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return self.samples.n
+
+    @property
+    def time(self) -> NDArray[np.float64] | None:
+        """Times (n,) [s] of the samples, where the request says them."""
+        return self.samples.time
+
+    @property
+    def drivers(self) -> dict[str, NDArray[np.float64]]:
+        """Driver coordinates: ``"crank.q"`` -> (n,) [rad or m]."""
+        names = self.mechanism.drivers
+        return {f"{d}.q": self.samples.coordinate(i) for i, d in enumerate(names)}
+
+    def output(self, name: str) -> Output:
+        """Declaration of an output: unit, kind, and who acts on whom."""
+        return self.mechanism.outputs[name]
+
+    def unit(self, name: str) -> str:
+        """Unit of an output; empty where dimensionless."""
+        return self.output(name).unit
+
+    def _make(self, name: str) -> Any:
+        if name not in self.plan.layout or name not in self.plan.want:
+            raise RequestError(
+                Problem(
+                    "not-wanted",
+                    name,
+                    "the run did not compute it",
+                    f"computed: {listed(self.plan.want)}",
+                    close_match(name, self.plan.want) or "name it in want=",
+                )
+            )
+        output = self.output(name)
+        columns = [self._column(i) for i in self.plan.layout[name]]
+        if output.kind == "number":
+            return output.read(*columns, self.samples.weights(len(self.mechanism.drivers)))
+        if output.kind == "matrix":
+            m = len(self.mechanism.drivers)
+            table = np.stack(columns, axis=-1)
+            return table.reshape(self.n, m, m) if len(columns) == m * m else table
+        made = output.read(*columns)
+        if isinstance(made, Planar):
+            return _as_complex(made)
+        made = np.asarray(made)
+        return made if np.isfinite(made).all() else np.where(np.isfinite(made), made, np.nan)
+
+    def _column(self, index: int) -> Any:
+        value = self._values[index]
+        if not isinstance(value, list):
+            return value
+        first = value[0]
+        if any(isinstance(x, complex) for x in value) or isinstance(first, complex):
+            z = np.array([complex(x) for x in value])
+            return Planar(z.real, z.imag)
+        return np.array([float(x) for x in value])
+
+    # -- quality ----------------------------------------------------------------
+
+    @cached_property
+    def quality(self) -> Quality:
+        """Status of each sample, margins, friction reports and flags."""
+        reports = {
+            name: tuple(np.atleast_1d(_real(self._column(i))) for i in where)
+            for name, where in self.plan.layout.items()
+            if ":" in name
+        }
+        blocks = self.mechanism.structure.blocks
+        prismatic = frozenset(
+            name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
+        )
+        return assess(self.n, reports, self._not_finite(), prismatic)
+
+    def _not_finite(self) -> NDArray[np.bool_]:
+        """(n,) whether a wanted value is not finite."""
+        bad = np.zeros(self.n, dtype=bool)
+        for name in self.plan.want:
+            if self.output(name).kind == "number" or name.endswith("mechanical_advantage"):
+                continue
+            for i in self.plan.layout[name]:
+                column = self._column(i)
+                parts = (column.real, column.imag) if isinstance(column, Planar) else (column,)
+                for part in parts:
+                    good = np.isfinite(part)
+                    if not good.all():
+                        bad |= ~good
+        return bad
+
+    def without_gaps(self, on_gap: str) -> Result:
+        """This result; raises at gaps (``"raise"``) or stops before the first (``"stop"``)."""
+        if on_gap not in ("raise", "stop"):
+            raise RequestError(
+                Problem("bad-value", "on_gap", f"got {on_gap!r}", "valid: raise, mark, stop", "")
+            )
+        if self._surely_whole():
+            return self
+        gaps = self.quality.gaps
+        if not gaps:
+            return self
+        if on_gap == "raise":
+            raise self._failure()
+        return self._first(gaps[0])
+
+    def _surely_whole(self) -> bool:
+        """A cheap sufficient test for one sample, so that it needs no report."""
+        if self.n > 1:
+            return False
+        for value in self._values:
+            x = value[0] if isinstance(value, list) else value
+            total = x.real + x.imag
+            if total - total != 0:  # infinite or NaN
+                return False
+        for name, where in self.plan.layout.items():
+            if name.startswith("margin:") and not self._values[where[0]][0] > 0:
+                return False
+            if name.startswith("friction:") and self._values[where[3]][0] > 0:
+                return False
+        return True
+
+    def _failure(self) -> SampleError:
+        quality = self.quality
+        first = quality.gaps[0]
+        block = quality.blame[first]
+        status = quality.status[first]
+        same = [i for i in quality.gaps if quality.blame[i] == block]
+        drivers = {name: float(q[first]) for name, q in self.drivers.items()}
+        margin = float(quality.margin[block][first]) if block in quality.margin else float("nan")
+        failure = SampleFailure(block, same, drivers, margin)
+        place = ", ".join(
+            f"{name} = {q:.9g} {self.unit_of_driver(name)}" for name, q in drivers.items()
+        )
+        where = f"{block or 'mechanism'} at {place} (sample {first} of {self.n})"
+        what: tuple[type[SampleError], str, str]
+        if status != NO_ASSEMBLY:
+            limit = next(
+                (f.value for f in quality.flags if f.sample == first and f.where == block), None
+            )
+            reach = f" (solvable up to {limit:.4g} times the friction)" if limit else ""
+            what = (FrictionError, status, f"the friction equations have no solution{reach}")
+            if status == "not-converged":
+                what = (FrictionError, status, "successive approximations did not converge")
+        elif margin == 0:
+            what = (SingularError, "dead-centre", "rates and reactions do not exist there")
+        elif not block:
+            what = (SingularError, "undefined", "a wanted value is not defined there")
+        else:
+            what = (AssemblyError, status, f"the group cannot close, margin {margin:.4g}")
+        error, code, found = what
+        count = f"{len(same)} of {self.n} samples" if len(same) > 1 else "one sample"
+        return error(
+            Problem(
+                code,
+                where,
+                f"{found}; {count} affected",
+                "",
+                'choose other samples, or pass on_gap="mark" to keep the rest',
+            ),
+            failure,
+        )
+
+    def unit_of_driver(self, name: str) -> str:
+        """Unit of a driver coordinate ``"crank.q"``."""
+        return self.mechanism.outputs[name].unit
+
+    def _first(self, n: int) -> Result:
+        inputs = {k: v[:n] for k, v in self.samples.inputs.items()}
+        time = None if self.samples.time is None else self.samples.time[:n]
+        values = tuple(_cut(v, n) for v in self._values)
+        return Result(
+            self.mechanism, self.plan, Samples(n, inputs, time), values, self.engine, self.settings
+        )
+
+    # -- more of the same run -----------------------------------------------------
+
+    def rerun(self, *want: str) -> Result:
+        """Other outputs at the same samples with the same settings; gaps are marked."""
+        plan = self.mechanism.plan(want, **self.settings)
+        values, engine = self.mechanism._evaluate(
+            plan, self.samples, self.engine, "complex128", None
+        )
+        return Result(self.mechanism, plan, self.samples, values, engine, self.settings)
+
+    def wire(self, source: str, target: str) -> dict[str, Any]:
+        """What travels along a wire: forward motion, backward wrench; see `blockmech.wires`."""
+        from blockmech.wires import travelling
+
+        return travelling(self, source, target)
+
+    def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
+        """Largest difference of each common output, relative to its largest size."""
+        found = {}
+        for name in self:
+            if name in other:
+                mine, theirs = np.asarray(self[name]), np.asarray(other[name])
+                scale = float(np.nanmax(np.abs(mine), initial=0.0)) or 1.0
+                found[name] = float(np.nanmax(np.abs(mine - theirs), initial=0.0)) / scale
+        return found
+
+    # -- leaving ---------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """The whole result as JSON data; see `blockmech.export`."""
+        from blockmech.export import to_dict
+
+        return to_dict(self)
+
+    def to_csv(self, path: str | os.PathLike[str] | None = None, separator: str = ",") -> str:
+        """CSV text, one column per component, units in the head; written if a path is given."""
+        from blockmech.export import to_csv
+
+        return to_csv(self, path, separator)
+
+    def to_npz(self, path: str | os.PathLike[str]) -> None:
+        """Write all arrays to one NumPy file."""
+        from blockmech.export import to_npz
+
+        to_npz(self, path)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame; raises `MissingEngineError` without pandas."""
+        from blockmech.export import to_dataframe
+
+        return to_dataframe(self)
+
+    def __repr__(self) -> str:
+        gaps = len(self.quality.gaps)
+        holes = f", {gaps} without an answer" if gaps else ""
+        return (
+            f"<Result of {self.mechanism.name}: {self.n} samples{holes}, {len(self)} outputs, "
+            f"{self.plan.calls} kernel calls a sample, {self.engine} engine>"
+        )
+
+    def __str__(self) -> str:
+        from blockmech.export import table
+
+        return table(self)
+
+    def _repr_html_(self) -> str:
+        from blockmech.export import html_table
+
+        return html_table(self)
+
+
+def _as_complex(z: Planar) -> NDArray[Any]:
+    """Complex array of a batch of vectors; infinite becomes NaN."""
+    x, y = np.asarray(z.real), np.asarray(z.imag)
+    made = np.empty(np.broadcast_shapes(x.shape, y.shape), np.result_type(x.dtype, np.complex64))
+    made.real, made.imag = x, y
+    good = np.isfinite(x) & np.isfinite(y)
+    if not good.all():
+        made[~good] = complex("nan+nanj")
+    return made
+
+
+def _real(column: Any) -> Any:
+    return column.real if isinstance(column, Planar) else column
+
+
+def _cut(value: Any, n: int) -> Any:
+    if isinstance(value, Planar):
+        return Planar(value.real[:n], value.imag[:n])
+    return value[:n]

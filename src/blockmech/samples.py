@@ -1,0 +1,217 @@
+"""Samples of a request: driver coordinates, rates and accelerations, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.errors import Problem, RequestError, listed
+from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
+from blockmech.model.scene import Scene
+from blockmech.model.structure import Structure
+
+Array = NDArray[np.float64]
+DEFAULT_SAMPLES = 361
+
+
+@dataclass(frozen=True)
+class Samples:
+    """n samples of all drivers.
+
+    Attributes
+    ----------
+    n : number of samples
+    inputs : program input -> (n,), see `Schedule.input`
+    time : (n,) [s], or None where the request does not say
+    """
+
+    n: int
+    inputs: Mapping[str, Any]
+    time: Array | None
+
+    def coordinate(self, i: int) -> Array:
+        """Coordinates (n,) of the driver number i [rad or m]."""
+        return np.asarray(self.inputs[f"q_{i}"], dtype=float)
+
+    def weights(self, drivers: int) -> Array:
+        """Trapezoidal weights (n,) [s] for integrals over time; NaN where time is unknown."""
+        if self.n < 2:
+            return np.full(self.n, np.nan)
+        if self.time is not None and np.isfinite(self.time).all():
+            steps = np.diff(self.time)
+            return np.append(steps, 0) / 2 + np.append(0, steps) / 2
+        if drivers == 1:
+            steps = np.diff(self.coordinate(0))
+            rate = np.asarray(self.inputs["qd_0"], dtype=float)
+            with np.errstate(all="ignore"):
+                return (np.append(steps, 0) / 2 + np.append(0, steps) / 2) / rate
+        return np.full(self.n, np.nan)
+
+
+def make_samples(
+    structure: Structure,
+    scene: Scene,
+    at: Any = None,
+    samples: int | None = None,
+    times: Any = None,
+    rates: Any = None,
+    accelerations: Any = None,
+) -> Samples:
+    """The samples that a request names; see `Mechanism.run`.
+
+    Raises `RequestError` where drivers are unknown or missing, lengths differ,
+    numbers are not finite, or the law of motion does not fit the way of asking.
+    """
+    given = [n for n, x in (("at", at), ("samples", samples), ("times", times)) if x is not None]
+    if len(given) > 1:
+        raise _error(listed(given), "name the samples in one way only", "at, samples or times")
+    if at is not None:
+        return _by_coordinate(structure, scene, at, rates, accelerations)
+    if rates is not None or accelerations is not None:
+        raise _error("rates", "rates need coordinates", "give at= as well")
+    laws = _laws(structure, scene)
+    if times is not None:
+        return _by_time(structure, laws, _column("times", times))
+    n = DEFAULT_SAMPLES if samples is None else samples
+    if not isinstance(n, int | np.integer) or n < 1:
+        raise _error("samples", f"must be a positive whole number, got {n!r}", "")
+    return _by_range(structure, laws, int(n))
+
+
+def _by_coordinate(
+    structure: Structure, scene: Scene, at: Any, rates: Any, accelerations: Any
+) -> Samples:
+    q = _per_driver(structure, "at", at)
+    qd = _per_driver(structure, "rates", rates) if rates is not None else {}
+    qdd = (
+        _per_driver(structure, "accelerations", accelerations) if accelerations is not None else {}
+    )
+    n = max((len(x) for part in (q, qd, qdd) for x in part.values()), default=1)
+    inputs: dict[str, Any] = {}
+    time = None
+    for i, driver in enumerate(structure.drivers):
+        column = _stretched(driver, q[driver], n)
+        law = scene.drive.get(driver)
+        rate = acceleration = np.zeros(n)
+        if isinstance(law, ConstantRate | RateAcceleration):
+            _, rate, acceleration = law.at_coordinates(column)
+            if driver not in qd and len(structure.drivers) == 1:
+                time = law.times(column)
+        elif law is not None and driver not in qd:
+            raise _error(
+                f"scene.drive.{driver}",
+                f'the law "{law.law}" is sampled by time, not by coordinate',
+                "use times=, or give rates= and accelerations=",
+            )
+        inputs[f"q_{i}"] = column
+        inputs[f"qd_{i}"] = _stretched(driver, qd[driver], n) if driver in qd else rate
+        given = driver in qdd
+        inputs[f"qdd_{i}"] = _stretched(driver, qdd[driver], n) if given else acceleration
+    _finite(structure, inputs)
+    return Samples(n, inputs, time)
+
+
+def _by_time(structure: Structure, laws: Mapping[str, LawOfMotion], t: Array) -> Samples:
+    inputs: dict[str, Any] = {}
+    for i, driver in enumerate(structure.drivers):
+        motion = laws[driver].at_times(t)
+        for name, column in zip(("q", "qd", "qdd"), motion, strict=True):
+            inputs[f"{name}_{i}"] = column
+    _finite(structure, inputs)
+    return Samples(len(t), inputs, t)
+
+
+def _by_range(structure: Structure, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
+    ranged = {d: x for d, x in laws.items() if isinstance(x, ConstantRate | RateAcceleration)}
+    if len(ranged) < len(laws):
+        duration = max(x.duration() for x in laws.values() if np.isfinite(x.duration()))
+        return _by_time(structure, laws, np.linspace(0.0, duration, n))
+    if all(x.start == x.end for x in ranged.values()):
+        n = 1
+    inputs: dict[str, Any] = {}
+    time = None
+    for i, driver in enumerate(structure.drivers):
+        law = ranged[driver]
+        q = np.linspace(law.start, law.end, n) if n > 1 else np.array([law.start])
+        for name, column in zip(("q", "qd", "qdd"), law.at_coordinates(q), strict=True):
+            inputs[f"{name}_{i}"] = column
+        time = law.times(q) if len(ranged) == 1 else None
+    _finite(structure, inputs)
+    return Samples(n, inputs, time)
+
+
+def _laws(structure: Structure, scene: Scene) -> dict[str, LawOfMotion]:
+    missing = [d for d in structure.drivers if d not in scene.drive]
+    if missing:
+        raise RequestError(
+            Problem(
+                "no-law",
+                f"scene.drive.{d}",
+                "the driver has no law of motion",
+                "",
+                "give the scene one, or name the samples with at=",
+            )
+            for d in missing
+        )
+    return {d: scene.drive[d] for d in structure.drivers}
+
+
+def _per_driver(structure: Structure, what: str, raw: Any) -> dict[str, Array]:
+    drivers = structure.drivers
+    if not isinstance(raw, Mapping):
+        if len(drivers) != 1:
+            raise _error(
+                what,
+                f"the mechanism has {len(drivers)} drivers",
+                f"give a mapping driver -> values for: {listed(drivers)}",
+            )
+        raw = {drivers[0]: raw}
+    unknown = [d for d in raw if d not in drivers]
+    missing = [d for d in drivers if d not in raw] if what == "at" else []
+    if unknown or missing:
+        found = [f"unknown: {listed(unknown)}"] if unknown else []
+        found += [f"missing: {listed(missing)}"] if missing else []
+        raise _error(what, "; ".join(found), f"drivers: {listed(drivers)}")
+    return {d: _column(f"{what}[{d}]", x) for d, x in raw.items()}
+
+
+def _column(where: str, raw: Any) -> Array:
+    try:
+        column = np.atleast_1d(np.asarray(raw, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise _error(where, "not a row of numbers", "give a number or a sequence") from None
+    if column.ndim != 1 or len(column) == 0:
+        raise _error(where, f"has shape {column.shape}", "give one row of numbers")
+    bad = np.flatnonzero(~np.isfinite(column))
+    if len(bad):
+        raise _error(f"{where}[{bad[0]}]", f"not a finite number: {column[bad[0]]}", "")
+    return np.ascontiguousarray(column)
+
+
+def _stretched(driver: str, column: Array, n: int) -> Array:
+    if len(column) == n:
+        return column
+    if len(column) == 1:
+        return np.full(n, column[0])
+    raise _error(driver, f"has {len(column)} samples, another driver has {n}", "give equal numbers")
+
+
+def _finite(structure: Structure, inputs: Mapping[str, Array]) -> None:
+    for i, driver in enumerate(structure.drivers):
+        for name in ("q", "qd", "qdd"):
+            column = inputs[f"{name}_{i}"]
+            bad = np.flatnonzero(~np.isfinite(column))
+            if len(bad):
+                raise _error(
+                    f"scene.drive.{driver}",
+                    f"the law of motion never gets to sample {bad[0]}",
+                    "give samples inside its range",
+                )
+
+
+def _error(where: str, found: str, remedy: str) -> RequestError:
+    return RequestError(Problem("bad-request", where, found, "", remedy))

@@ -1,0 +1,72 @@
+"""Names of types that appear in signatures everywhere.
+
+Kernels are written once and run on Python numbers, on NumPy batches and in
+several precisions, so their arguments have no single Python type. The aliases
+say what a value *means*; its batch shape (...) is written beside it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, TypeAlias
+
+Real: TypeAlias = Any
+"""A real number or a batch of them: float, or float array (...)."""
+
+Complex: TypeAlias = Any
+"""A planar vector x + iy or a batch of them: complex, or `Planar` (...)."""
+
+
+class Guide(NamedTuple):
+    """What a joint that reads a *guide* gets at the position stage."""
+
+    p: Complex  # (...) [m] the marker's place
+    u: Complex  # (...) [-] the marker's unit direction
+
+
+class GuideVelocity(NamedTuple):
+    """The same at the velocity stage."""
+
+    v: Complex  # (...) [m/s] velocity of the marker's place
+    om: Real  # (...) [rad/s] rate of the marker's link
+
+
+class GuideAcceleration(NamedTuple):
+    """The same at the acceleration stage."""
+
+    a: Complex  # (...) [m/s2] acceleration of the marker's place
+    al: Real  # (...) [rad/s2] angular acceleration of the marker's link
+
+
+class LinkPosition(NamedTuple):
+    """Origin and unit x axis of a link."""
+
+    o: Complex  # (...) [m]
+    e: Complex  # (...) [-]
+
+
+class LinkVelocity(NamedTuple):
+    """Velocity of a link's origin and the link's rate."""
+
+    v: Complex  # (...) [m/s]
+    om: Real  # (...) [rad/s]
+
+
+class LinkAcceleration(NamedTuple):
+    """Acceleration of a link's origin and the link's angular acceleration."""
+
+    a: Complex  # (...) [m/s2]
+    al: Real  # (...) [rad/s2]
+
+
+class Load(NamedTuple):
+    """Resultant of loads on a link, moment about the link's own origin."""
+
+    F: Complex  # (...) [N]
+    M: Real  # (...) [N m]
+
+
+class Slide(NamedTuple):
+    """What a prismatic pair transmits, on the later link (inner: on link j)."""
+
+    N: Real  # (...) [N] normal force along n = i u, u the guide's direction
+    C: Real  # (...) [N m] guide couple about the origin of the later link

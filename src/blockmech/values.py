@@ -1,0 +1,190 @@
+"""Numbers and places as users write them, validated once at the border."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AllowInfNan,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Strict,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError, core_schema
+
+Number = Annotated[float, Strict(), AllowInfNan(False)]
+"""A finite number; text and booleans are refused."""
+
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Length = Annotated[Number, Field(gt=0, json_schema_extra={"unit": "m"})]
+Distance = Annotated[Number, Field(json_schema_extra={"unit": "m"})]
+Angle = Annotated[Number, Field(json_schema_extra={"unit": "rad"})]
+Branch = Annotated[Literal[-1, 1], Field(description="assembly mode")]
+
+
+def is_number(x: object) -> bool:
+    """Whether ``x`` is a finite real number and not a boolean."""
+    return isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
+
+
+class Pair:
+    """Two numbers [x, y] with the author's spelling kept; the base of `Place` and `Vector`.
+
+    ``z`` is the value as a complex number, ``written`` what the file says.
+    """
+
+    __slots__ = ("written", "z")
+    what = "a vector"
+    polar = False
+
+    def __init__(self, z: complex, written: Any = None) -> None:
+        self.z = z
+        self.written = [z.real, z.imag] if written is None else written
+
+    @classmethod
+    def parse(cls, raw: Any) -> Pair:
+        """Read ``[x, y]``, a complex number or ``{"polar": [r, angle]}``."""
+        if isinstance(raw, cls):
+            return raw
+        if isinstance(raw, complex) and cmath.isfinite(raw):
+            return cls(raw)
+        if is_number(raw) and not isinstance(raw, str):
+            return cls(complex(raw))
+        if isinstance(raw, list | tuple) and len(raw) == 2 and all(map(is_number, raw)):
+            return cls(complex(*raw), list(raw))
+        if cls.polar and isinstance(raw, dict) and set(raw) == {"polar"}:
+            r = raw["polar"]
+            if isinstance(r, list | tuple) and len(r) == 2 and all(map(is_number, r)):
+                z = complex(r[0] * math.cos(r[1]), r[0] * math.sin(r[1]))
+                return cls(z, {"polar": list(r)})
+        spelling = ' or {"polar": [r, angle]}' if cls.polar else ""
+        raise PydanticCustomError(
+            "place",
+            "must be {what} [x, y]{spelling} of finite numbers, got {got}",
+            {"what": cls.what, "spelling": spelling, "got": shown(raw)},
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Pair) and self.z == other.z
+
+    def __hash__(self) -> int:
+        return hash(self.z)
+
+    def __repr__(self) -> str:
+        return f"{self.z.real:g}{self.z.imag:+g}j"
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            cls.parse,
+            serialization=core_schema.plain_serializer_function_ser_schema(lambda p: p.written),
+        )
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        two = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        if not cls.polar:
+            return two
+        polar = {
+            "type": "object",
+            "properties": {"polar": two},
+            "required": ["polar"],
+            "additionalProperties": False,
+        }
+        return {"anyOf": [two, polar]}
+
+
+class Place(Pair):
+    """A place on a link [m], in the link's frame."""
+
+    __slots__ = ()
+    what = "a place in m,"
+    polar = True
+
+
+class Vector(Pair):
+    """A vector in the plane, e.g. a force [N]."""
+
+    __slots__ = ()
+    what = "a vector"
+
+
+def shown(raw: Any, most: int = 60) -> str:
+    """A value as it stands in the file, cut when it is long."""
+    text = repr(raw)
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
+class Strictly(BaseModel):
+    """Base of all models: frozen, unknown keys refused, finite numbers only."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True
+    )
+
+
+class Marker(Strictly):
+    """A named place and direction on a link.
+
+    ``at`` is in the link's frame; a guide adds ``angle`` [rad] or, exact for
+    vertical guides, ``dir`` [dx, dy]. The default direction is the link's x axis.
+    """
+
+    at: Place
+    angle: Angle | None = None
+    dir: Vector | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_place(cls, raw: Any) -> Any:
+        # In Python a bare (x, y) or complex number is a marker without direction.
+        return {"at": raw} if isinstance(raw, tuple | complex) else raw
+
+    @model_validator(mode="after")
+    def _one_direction(self) -> Marker:
+        if self.angle is not None and self.dir is not None:
+            raise PydanticCustomError(
+                "direction", 'give the direction once: "angle" or "dir", not both'
+            )
+        if self.dir is not None and self.dir.z == 0:
+            raise PydanticCustomError("direction", '"dir" must not be [0, 0]')
+        return self
+
+    @property
+    def direction(self) -> complex:
+        """Unit direction in the link's frame [-]."""
+        if self.dir is not None:
+            x, y = self.dir.z.real, self.dir.z.imag
+            r = math.hypot(x, y)
+            return complex(x / r, y / r)
+        if self.angle is not None:
+            return complex(math.cos(self.angle), math.sin(self.angle))
+        return 1 + 0j
+
+
+class Link(Strictly):
+    """What a user says of a link: mass properties and further markers.
+
+    mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame.
+    """
+
+    mass: NotNegative = 0.0
+    inertia: NotNegative = 0.0
+    cm: Place = Place(0j)
+    markers: dict[str, Marker] = {}
+
+    @property
+    def massive(self) -> bool:
+        """Whether the link has mass or inertia."""
+        return self.mass > 0 or self.inertia > 0
