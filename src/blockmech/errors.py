@@ -73,6 +73,10 @@ class RequestError(BlockmechError):
     """A call asks for something that does not exist or does not fit together."""
 
 
+class NotComputedError(RequestError, KeyError):
+    """A result does not hold the output that is read from it."""
+
+
 class MissingEngineError(BlockmechError):
     """An optional package is needed; the remedy names the extra to install."""
 

@@ -18,7 +18,7 @@ from blockmech.blocks.contract import DrivingLink, Joint
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
-from blockmech.passes import energy, forces, forward, reduction
+from blockmech.passes import energy, forces, forward, loads, reduction
 from blockmech.plan import STAGES as STAGE_ORDER
 from blockmech.plan import Friction, Plan, Schedule
 
@@ -120,13 +120,11 @@ class Catalogue(Mapping[str, Output]):
         """The plan for some outputs: rules are asked in name order, once each."""
         names = self.match(want)
         schedule = Schedule(self.structure, scene, friction, static)
-        values: list[str] = []
+        values: dict[str, int] = {}  # the same value under two names is returned once
         layout: dict[str, tuple[int, ...]] = {}
 
         def place(name: str, asked: Iterable[str]) -> None:
-            start = len(values)
-            values.extend(asked)
-            layout[name] = tuple(range(start, len(values)))
+            layout[name] = tuple(values.setdefault(v, len(values)) for v in asked)
 
         for name in sorted(names):
             place(name, self._outputs[name].ask(schedule))
@@ -176,7 +174,28 @@ def _outputs(structure: Structure) -> Iterator[Output]:
             yield from _group_outputs(structure, name)
     for marker in structure.markers(structure.frame):
         yield from _marker_outputs(marker)
+    for name in structure.elements:
+        yield from _element_outputs(structure, name)
     yield from _mechanism_outputs(structure)
+
+
+def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
+    """What an element gives at each terminal, and its power."""
+    for terminal, declared in structure.elements[name].terminals.items():
+        ref = JointRef(name, terminal)
+        at_point = declared.kind == "point"
+        yield Output(
+            f"{ref}.force" if at_point else f"{ref}.couple",
+            declared.unit,
+            "vector" if at_point else "real",
+            lambda s, r=ref: (s.ask(loads.terminal_term, r),),
+            _same,
+            by=name,
+            on=str(structure.holds[ref].on),
+        )
+    yield Output(
+        f"{name}.power", "W", "real", lambda s: (s.ask(energy.element_power, name),), _same
+    )
 
 
 def _driver_outputs(structure: Structure, name: str, block: DrivingLink) -> Iterator[Output]:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 from blockmech.blocks.contract import DrivingLink
@@ -222,6 +223,13 @@ class Plan:
     entries: tuple[Entry, ...]
     program: Program
     layout: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+
+    @cached_property
+    def verdicts(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Indices of the values that judge a sample: margins, outcomes of friction."""
+        margins = [i[0] for name, i in self.layout.items() if name.startswith("margin:")]
+        outcomes = [i[3] for name, i in self.layout.items() if name.startswith("friction:")]
+        return tuple(margins), tuple(outcomes)
 
     @property
     def calls(self) -> int:

@@ -14,6 +14,7 @@ from blockmech.engines.numpy import Planar
 from blockmech.errors import (
     AssemblyError,
     FrictionError,
+    NotComputedError,
     Problem,
     RequestError,
     SampleError,
@@ -63,6 +64,9 @@ class Result(Mapping[str, NDArray[Any]]):
             self._read[name] = self._make(name)
         return self._read[name]
 
+    def __contains__(self, name: object) -> bool:
+        return name in self.plan.layout and name in self.plan.want
+
     def __iter__(self) -> Iterator[str]:
         return iter(self.plan.want)
 
@@ -95,7 +99,7 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def _make(self, name: str) -> Any:
         if name not in self.plan.layout or name not in self.plan.want:
-            raise RequestError(
+            raise NotComputedError(
                 Problem(
                     "not-wanted",
                     name,
@@ -113,20 +117,21 @@ class Result(Mapping[str, NDArray[Any]]):
             table = np.stack(columns, axis=-1)
             return table.reshape(self.n, m, m) if len(columns) == m * m else table
         made = output.read(*columns)
-        if isinstance(made, Planar):
+        if output.kind == "vector":
             return _as_complex(made)
         made = np.asarray(made)
         return made if np.isfinite(made).all() else np.where(np.isfinite(made), made, np.nan)
 
     def _column(self, index: int) -> Any:
+        """One value of the program as a batch, whatever engine made it."""
         value = self._values[index]
-        if not isinstance(value, list):
+        if isinstance(value, Planar | np.ndarray):
             return value
-        first = value[0]
-        if any(isinstance(x, complex) for x in value) or isinstance(first, complex):
-            z = np.array([complex(x) for x in value])
+        column = value if isinstance(value, list) else [value]
+        if any(isinstance(x, complex) for x in column):
+            z = np.array([complex(x) for x in column])
             return Planar(z.real, z.imag)
-        return np.array([float(x) for x in value])
+        return np.array([float(x) for x in column])
 
     # -- quality ----------------------------------------------------------------
 
@@ -175,20 +180,17 @@ class Result(Mapping[str, NDArray[Any]]):
         return self._first(gaps[0])
 
     def _surely_whole(self) -> bool:
-        """A cheap sufficient test for one sample, so that it needs no report."""
-        if self.n > 1:
+        """A cheap sufficient test for one pose, so that it needs no report."""
+        if self.n > 1 or self.engine != "scalar":
             return False
-        for value in self._values:
-            x = value[0] if isinstance(value, list) else value
-            total = x.real + x.imag
-            if total - total != 0:  # infinite or NaN
+        values = self._values
+        try:
+            if not all(x - x == 0 for x in values):  # infinite or NaN
                 return False
-        for name, where in self.plan.layout.items():
-            if name.startswith("margin:") and not self._values[where[0]][0] > 0:
-                return False
-            if name.startswith("friction:") and self._values[where[3]][0] > 0:
-                return False
-        return True
+            margins, outcomes = self.plan.verdicts
+            return all(values[i] > 0 for i in margins) and not any(values[i] for i in outcomes)
+        except TypeError:  # the guarded program's answer to a division by zero
+            return False
 
     def _failure(self) -> SampleError:
         quality = self.quality
@@ -236,12 +238,9 @@ class Result(Mapping[str, NDArray[Any]]):
         return self.mechanism.outputs[name].unit
 
     def _first(self, n: int) -> Result:
-        inputs = {k: v[:n] for k, v in self.samples.inputs.items()}
-        time = None if self.samples.time is None else self.samples.time[:n]
-        values = tuple(_cut(v, n) for v in self._values)
-        return Result(
-            self.mechanism, self.plan, Samples(n, inputs, time), values, self.engine, self.settings
-        )
+        values = tuple(_cut(self._column(i), n) for i in range(len(self._values)))
+        taken = self.samples.first(n)
+        return Result(self.mechanism, self.plan, taken, values, self.engine, self.settings)
 
     # -- more of the same run -----------------------------------------------------
 
@@ -314,7 +313,7 @@ class Result(Mapping[str, NDArray[Any]]):
         return html_table(self)
 
 
-def _as_complex(z: Planar) -> NDArray[Any]:
+def _as_complex(z: Any) -> NDArray[Any]:
     """Complex array of a batch of vectors; infinite becomes NaN."""
     x, y = np.asarray(z.real), np.asarray(z.imag)
     made = np.empty(np.broadcast_shapes(x.shape, y.shape), np.result_type(x.dtype, np.complex64))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -26,12 +27,26 @@ class Samples:
     ----------
     n : number of samples
     inputs : program input -> (n,), see `Schedule.input`
-    time : (n,) [s], or None where the request does not say
+    times : (n,) [s] where the request is by time
+    clock : the only driver's law, which tells the time of a coordinate
     """
 
     n: int
     inputs: Mapping[str, Any]
-    time: Array | None
+    times: Array | None = None
+    clock: ConstantRate | RateAcceleration | None = None
+
+    @property
+    def time(self) -> Array | None:
+        """Times (n,) [s], or None where the request does not say."""
+        if self.times is None and self.clock is not None:
+            return self.clock.times(self.coordinate(0))
+        return self.times
+
+    def first(self, n: int) -> Samples:
+        """The first n samples."""
+        inputs = {k: v[:n] for k, v in self.inputs.items()}
+        return Samples(n, inputs, None if self.times is None else self.times[:n], self.clock)
 
     def coordinate(self, i: int) -> Array:
         """Coordinates (n,) of the driver number i [rad or m]."""
@@ -41,14 +56,16 @@ class Samples:
         """Trapezoidal weights (n,) [s] for integrals over time; NaN where time is unknown."""
         if self.n < 2:
             return np.full(self.n, np.nan)
-        if self.time is not None and np.isfinite(self.time).all():
-            steps = np.diff(self.time)
+        time = self.time
+        if time is not None and np.isfinite(time).all():
+            steps = np.diff(time)
             return np.append(steps, 0) / 2 + np.append(0, steps) / 2
         if drivers == 1:
             steps = np.diff(self.coordinate(0))
             rate = np.asarray(self.inputs["qd_0"], dtype=float)
             with np.errstate(all="ignore"):
-                return (np.append(steps, 0) / 2 + np.append(0, steps) / 2) / rate
+                found: Array = (np.append(steps, 0) / 2 + np.append(0, steps) / 2) / rate
+            return found
         return np.full(self.n, np.nan)
 
 
@@ -69,6 +86,10 @@ def make_samples(
     given = [n for n, x in (("at", at), ("samples", samples), ("times", times)) if x is not None]
     if len(given) > 1:
         raise _error(listed(given), "name the samples in one way only", "at, samples or times")
+    if isinstance(at, float | int) and rates is None and accelerations is None:
+        one = _one_pose(structure, scene, at)
+        if one is not None:
+            return one
     if at is not None:
         return _by_coordinate(structure, scene, at, rates, accelerations)
     if rates is not None or accelerations is not None:
@@ -82,6 +103,16 @@ def make_samples(
     return _by_range(structure, laws, int(n))
 
 
+def _one_pose(structure: Structure, scene: Scene, q: float) -> Samples | None:
+    """The commonest request without arrays: one coordinate of one driver at constant rate."""
+    if len(structure.drivers) != 1 or not math.isfinite(q):
+        return None
+    law = scene.drive.get(structure.drivers[0])
+    if type(law) is ConstantRate:
+        return Samples(1, {"q_0": [float(q)], "qd_0": [law.rate], "qdd_0": [0.0]}, clock=law)
+    return Samples(1, {"q_0": [float(q)], "qd_0": [0.0], "qdd_0": [0.0]}) if law is None else None
+
+
 def _by_coordinate(
     structure: Structure, scene: Scene, at: Any, rates: Any, accelerations: Any
 ) -> Samples:
@@ -92,7 +123,7 @@ def _by_coordinate(
     )
     n = max((len(x) for part in (q, qd, qdd) for x in part.values()), default=1)
     inputs: dict[str, Any] = {}
-    time = None
+    clock = None
     for i, driver in enumerate(structure.drivers):
         column = _stretched(driver, q[driver], n)
         law = scene.drive.get(driver)
@@ -100,7 +131,7 @@ def _by_coordinate(
         if isinstance(law, ConstantRate | RateAcceleration):
             _, rate, acceleration = law.at_coordinates(column)
             if driver not in qd and len(structure.drivers) == 1:
-                time = law.times(column)
+                clock = law
         elif law is not None and driver not in qd:
             raise _error(
                 f"scene.drive.{driver}",
@@ -112,7 +143,7 @@ def _by_coordinate(
         given = driver in qdd
         inputs[f"qdd_{i}"] = _stretched(driver, qdd[driver], n) if given else acceleration
     _finite(structure, inputs)
-    return Samples(n, inputs, time)
+    return Samples(n, inputs, clock=clock)
 
 
 def _by_time(structure: Structure, laws: Mapping[str, LawOfMotion], t: Array) -> Samples:
@@ -133,15 +164,15 @@ def _by_range(structure: Structure, laws: Mapping[str, LawOfMotion], n: int) -> 
     if all(x.start == x.end for x in ranged.values()):
         n = 1
     inputs: dict[str, Any] = {}
-    time = None
+    clock = None
     for i, driver in enumerate(structure.drivers):
         law = ranged[driver]
         q = np.linspace(law.start, law.end, n) if n > 1 else np.array([law.start])
         for name, column in zip(("q", "qd", "qdd"), law.at_coordinates(q), strict=True):
             inputs[f"{name}_{i}"] = column
-        time = law.times(q) if len(ranged) == 1 else None
+        clock = law if len(ranged) == 1 else None
     _finite(structure, inputs)
-    return Samples(n, inputs, time)
+    return Samples(n, inputs, clock=clock)
 
 
 def _laws(structure: Structure, scene: Scene) -> dict[str, LawOfMotion]:

@@ -23,7 +23,7 @@ PRECISIONS: dict[str, Any] = {
     "complex128": np.float64,
     "clongdouble": np.longdouble,
 }
-CHUNK = 16384  # samples that stay in cache together
+CHUNK = 8192  # samples that stay in cache together
 
 
 class Planar:
@@ -200,15 +200,17 @@ class NumpyEngine:
 
     def _room(self, value: Any, n: int) -> Any:
         if isinstance(value, Planar):
-            return Planar(np.empty(n, self.dtype), np.empty(n, self.dtype))
+            return Planar(self._room(value.real, n), self._room(value.imag, n))
+        if np.ndim(value) == 0:  # the same for all samples
+            return np.broadcast_to(value, (n,))
         return np.empty(n, self.dtype)
 
 
 def _fill(room: Any, part: slice, value: Any) -> None:
     if isinstance(room, Planar):
-        room.real[part] = value.real
-        room.imag[part] = value.imag
-    else:
+        _fill(room.real, part, value.real)
+        _fill(room.imag, part, value.imag)
+    elif room.flags.writeable:
         room[part] = value
 
 

@@ -7,7 +7,6 @@ same program run again with a guard around every call.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -38,8 +37,10 @@ class ScalarEngine:
             return self._with_guards()(*inputs, self.parameters)
 
     def run(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
-        """Values of n samples as lists of Python numbers."""
+        """Values of n samples: Python numbers for one, lists of them for more."""
         columns = [inputs[name] for name in self.program.inputs]
+        if n == 1:
+            return self.one([float(c[0]) for c in columns])
         rows = [self.one([float(c[i]) for c in columns]) for i in range(n)]
         return tuple([row[k] for row in rows] for k in range(len(self.program.outputs)))
 
@@ -101,8 +102,3 @@ def _spoilt(value: Any) -> bool:
     if value is NOTHING:
         return True
     return isinstance(value, tuple) and any(_spoilt(x) for x in value)
-
-
-def plain(value: Any) -> Any:
-    """A value of the guarded program as a number."""
-    return math.nan if value is NOTHING else value

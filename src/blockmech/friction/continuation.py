@@ -42,6 +42,7 @@ class Path(NamedTuple):
     """End of a path."""
 
     t: tuple[float, ...]  # friction; NaN without a solution
+    g: tuple[float, ...]  # [N] loads on the pairs; NaN without a solution
     outcome: Outcome
     limit: float  # scale of the friction factors up to which a solution exists
     residual: float  # relative
@@ -206,8 +207,48 @@ def _polish(eq: _Equations, v: Array, new: Array, count: int) -> Path:
     if residual > 1e-12 or np.abs(n - near).max() > 0.5 * max(1.0, np.abs(near).max()):
         return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
     t = n * eq.factor * eq.load
-    return Path(tuple(map(float, t)), Outcome.BY_CONTINUATION, 1.0, residual, count)
+    return Path(
+        tuple(map(float, t)),
+        tuple(map(float, g * eq.load)),
+        Outcome.BY_CONTINUATION,
+        1.0,
+        residual,
+        count,
+    )
 
 
 def _ended(eq: _Equations, outcome: Outcome, limit: Any, count: int) -> Path:
-    return Path((float("nan"),) * eq.m, outcome, float(limit), float("nan"), count)
+    nothing = (float("nan"),) * eq.m
+    return Path(nothing, nothing, outcome, float(limit), float("nan"), count)
+
+
+def replaced(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
+    """One uncertified sample of Newton's method: continuation's answer in its place."""
+    found = continue_from_zero(k, edges, base, rows)
+    return given._replace(
+        t=found.t,
+        g=found.g,
+        iterations=float(found.steps),
+        residual=found.residual,
+        outcome=float(found.outcome),
+        limit=found.limit,
+    )
+
+
+def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, tolerance: float) -> Any:
+    """One uncertified sample of successive approximations: it stands if continuation agrees.
+
+    Near a contraction rho of 1 the remaining error is rho / (1 - rho) times the last
+    change, and beyond it the iteration may settle on another solution.
+    """
+    found = continue_from_zero(k, edges, base, rows)
+    outcome = found.outcome
+    if outcome == Outcome.BY_CONTINUATION:
+        rho = min(max(given.contraction, 0.0), 1.0 - 1e-12)
+        reach = max(tolerance, 1e-12 * max(found.g)) * max(1.0, rho / (1.0 - rho))
+        off = max(abs(a - b) for a, b in zip(found.g, given.g, strict=True))
+        if given.outcome or not off <= 10.0 * reach:
+            outcome = Outcome.NOT_CONVERGED
+    spoilt = outcome != Outcome.BY_CONTINUATION
+    t = (float("nan"),) * len(given.t) if spoilt else given.t
+    return given._replace(t=t, outcome=float(outcome), limit=found.limit)

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from blockmech.friction.continuation import Outcome, continue_from_zero
+from blockmech.friction.continuation import Outcome, confirmed, replaced
 from blockmech.plane import NAN, hyp, maximum, mul, repair, some, sqrt, where
 from blockmech.typing import Complex, Real
 
@@ -146,7 +146,8 @@ def _successive(
     solution = Solution(t, g, count, residual, where(count > 1.0, ratio, P), outcome, P * 0.0 + 1.0)
     if iterations is not None:
         return solution
-    return repair(P >= 1.0, _judge(tolerance), solution, k, edges, base, rows)
+    judged: Solution = repair(P >= 1.0, confirmed, solution, k, edges, base, rows, tolerance)
+    return judged
 
 
 def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
@@ -178,7 +179,8 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     misfit = _top([tj - kj * gj for tj, kj, gj in zip(t, k, g, strict=True)])
     residual = misfit / where(best > 0.0, best, 1.0)
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
-    return repair(P >= 1.0, _take, solution, k, edges, base, rows)
+    settled: Solution = repair(P >= 1.0, replaced, solution, k, edges, base, rows)
+    return settled
 
 
 def _slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:
@@ -206,38 +208,6 @@ def eliminate(A: list[list[Real]], b: list[Real]) -> list[Real]:
             b[p] = b[p] - A[p][m] * b[m]
         b[p] = b[p] / A[p][p]
     return b
-
-
-def _take(given: Solution, k: Any, edges: Any, base: Any, rows: Any) -> Solution:
-    """One uncertified sample: continuation's answer."""
-    found = continue_from_zero(k, edges, base, rows)
-    g = norms(loads(found.t, base, rows), edges)
-    return given._replace(
-        t=found.t,
-        g=g,
-        iterations=float(found.steps),
-        residual=found.residual,
-        outcome=float(found.outcome),
-        limit=found.limit,
-    )
-
-
-def _judge(tolerance: float) -> Callable[..., Solution]:
-    """One uncertified sample of ``successive``: its answer stands if continuation agrees."""
-
-    def judge(given: Solution, k: Any, edges: Any, base: Any, rows: Any) -> Solution:
-        found = continue_from_zero(k, edges, base, rows)
-        outcome = float(found.outcome)
-        if found.outcome == Outcome.BY_CONTINUATION:
-            g = norms(loads(found.t, base, rows), edges)
-            off = max(abs(a - b) for a, b in zip(g, given.g, strict=True))
-            slow = given.contraction / max(1.0 - given.contraction, EPS)
-            if given.outcome or off > max(1.0, slow) * 10.0 * max(tolerance, EPS * max(g)):
-                outcome = float(Outcome.NOT_CONVERGED)
-        t = given.t if outcome == Outcome.BY_CONTINUATION else (NAN,) * len(given.t)
-        return given._replace(t=t, outcome=outcome, limit=found.limit)
-
-    return judge
 
 
 SOLVERS: dict[str, tuple[Callable[..., Solution], tuple[str, ...]]] = {

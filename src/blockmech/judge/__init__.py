@@ -1,0 +1,1 @@
+"""Judges: a mechanism checked against itself, its limits and its trades."""

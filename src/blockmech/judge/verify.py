@@ -1,0 +1,354 @@
+"""Verify: balances and powers of a computed mechanism, from its outputs alone.
+
+The checks use labelled outputs (reactions, places, rates), not the kernels that
+made them: the balance of every link, the power through every block, the power
+balance of the whole, and the driving effort by reactions against reduction.
+
+Sources: [R10] Eqs. 2-7 and 12-16 (balances), [D14] Eqs. 3-6 (reduction).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.blocks.contract import DrivingLink
+from blockmech.model.structure import JointRef, LinkRef
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+    from blockmech.result import Result
+
+Array = NDArray[Any]
+TOLERANCE = 1e-12  # of the sum of absolute terms, times the conditioning
+SAMPLES = 25
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check: the largest relative error over the samples, and what is allowed.
+
+    ``value`` is in units of the sum of absolute terms times the conditioning [-].
+    """
+
+    name: str
+    value: float
+    allowed: float = TOLERANCE
+
+    @property
+    def ok(self) -> bool:
+        """Whether the check holds."""
+        return self.value <= self.allowed
+
+
+@dataclass(frozen=True)
+class Verification:
+    """All checks of a mechanism.
+
+    Attributes
+    ----------
+    rows : the checks
+    samples : number of samples with an answer that were checked
+    conditioning : largest conditioning met [-]
+    """
+
+    rows: tuple[Check, ...]
+    samples: int
+    conditioning: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether every check holds and there was something to check."""
+        return self.samples > 0 and all(r.ok for r in self.rows)
+
+    def __str__(self) -> str:
+        width = max((len(r.name) for r in self.rows), default=4)
+        lines = [f"{'check':<{width}}  error [-]  allowed [-]"]
+        lines += [
+            f"{r.name:<{width}}  {r.value:9.2e}  {r.allowed:9.2e}  {'ok' if r.ok else 'FAILS'}"
+            for r in self.rows
+        ]
+        lines.append(
+            f"{self.samples} samples; errors are relative to the sum of absolute terms "
+            f"times the conditioning (at most {self.conditioning:.3g})"
+        )
+        return "\n".join(lines)
+
+
+def verify(mechanism: Mechanism, **request: Any) -> Verification:
+    """Check a mechanism against itself over some samples.
+
+    Parameters
+    ----------
+    request : as for `Mechanism.run` (at, samples, times, friction ...); by default
+        25 samples of the laws' ranges with friction by Newton. Gaps are left out.
+
+    Returns
+    -------
+    Verification, with a number for each check
+    """
+    if not {"at", "samples", "times"} & set(request):
+        request["samples"] = SAMPLES
+    request |= {"want": ("*",), "on_gap": "mark"}
+    run = mechanism.run(**request)
+    smooth = mechanism.run(**_without_friction(request))
+    judge = _Judge(run)
+    rows = [
+        *judge.links(),
+        *judge.blocks(),
+        judge.whole(),
+        *_Judge(smooth).drives(),
+    ]
+    return Verification(tuple(rows), int(judge.good.sum()), float(judge.worst))
+
+
+def _without_friction(request: dict[str, Any]) -> dict[str, Any]:
+    left_out = ("friction", "tolerance", "iterations")
+    return {k: v for k, v in request.items() if k not in left_out} | {"friction": "none"}
+
+
+class Term(NamedTuple):
+    """A term of a balance and its absolute size, factor by factor.
+
+    The size of a moment is |arm| |force|, not its value: rounding of a large force
+    along its arm is not seen in the value.
+    """
+
+    value: Array
+    size: Array
+
+
+def _plain(x: Array) -> Term:
+    return Term(np.asarray(x), np.abs(x))
+
+
+def _moment(arm: Array, force: Array) -> Term:
+    return Term((np.conj(arm) * force).imag, np.abs(arm) * np.abs(force))
+
+
+def _power(force: Array, v: Array) -> Term:
+    return Term((np.conj(force) * v).real, np.abs(force) * np.abs(v))
+
+
+class _Judge:
+    """Sums of terms over the samples of one result."""
+
+    def __init__(self, run: Result) -> None:
+        self.run = run
+        self.structure = run.mechanism.structure
+        self.good = np.array([s == "ok" for s in run.quality.status])
+        self.condition = self._conditioning()
+        self.worst = max(
+            (c[self.good].max(initial=1.0) for c in self.condition.values()), default=1.0
+        )
+
+    def _conditioning(self) -> dict[str, Array]:
+        """Digits that dead centres may cost: 1 / sqrt(margin) multiplied along the supports."""
+        found: dict[str, Array] = {self.structure.frame: np.ones(self.run.n)}
+        margins = self.run.quality.margin
+        for block in self.structure.blocks:
+            own = found[self.structure.frame]
+            for support in self.structure.supports(block):
+                own = np.maximum(own, found[support])
+            if block in margins:
+                with np.errstate(all="ignore"):
+                    own = own / np.sqrt(margins[block])
+            found[block] = own
+        return found
+
+    def _error(self, name: str, terms: list[Term], condition: Array) -> Check:
+        if not terms or not self.good.any():
+            return Check(name, 0.0)
+        total = np.abs(np.sum([t.value for t in terms], axis=0))[self.good]
+        scale = (np.sum([t.size for t in terms], axis=0) * condition)[self.good]
+        return Check(
+            name, float(np.max(np.where(total == 0, 0.0, total / np.where(scale, scale, 1))))
+        )
+
+    # -- kinematics of a link, from outputs ----------------------------------------
+
+    def _link(self, link: LinkRef) -> tuple[Array, Array, Array, Array]:
+        """Place, velocity and rate of a link's origin, and its unit direction."""
+        if link == self.structure.frame_link:
+            zero = np.zeros(self.run.n)
+            return zero + 0j, zero + 0j, zero, zero + 1
+        r = self.run
+        e = np.exp(1j * r[f"{link}.angle"])
+        return r[f"{link}.p"], r[f"{link}.v"], r[f"{link}.omega"], e
+
+    # -- the terms on a link: (force, place, moment) -------------------------------
+
+    def _terms(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
+        """Everything that acts on a link: force, where it acts, couple."""
+        yield from self._inertia_and_weight(link)
+        yield from self._elements(link)
+        for joint in self._joints_on(link):
+            yield self._pair(joint, link)
+
+    def _inertia_and_weight(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
+        properties = self.structure.properties(link)
+        if link == self.structure.frame_link or not properties.massive:
+            return
+        r = self.run
+        o, _, om, e = self._link(link)
+        arm = e * properties.cm.z
+        gravity = self.run.mechanism.scene.gravity.z
+        force = np.full(r.n, properties.mass * gravity)
+        couple = np.zeros(r.n)
+        if not r.settings["static"]:
+            al = r[f"{link}.alpha"]
+            force = force - properties.mass * (r[f"{link}.a"] + (1j * al - om**2) * arm)
+            couple = -properties.inertia * al
+        yield force, o + arm, couple
+
+    def _elements(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
+        r, zero = self.run, np.zeros(self.run.n)
+        for terminal in self.structure.loaded[link]:
+            marker = self.structure.holds[terminal]
+            if f"{terminal}.force" in r:
+                yield r[f"{terminal}.force"], r[f"{marker}.p"], zero
+            else:
+                yield zero + 0j, r[f"{marker}.p"], r[f"{terminal}.couple"]
+
+    def _joints_on(self, link: LinkRef) -> list[JointRef]:
+        own = []
+        if link != self.structure.frame_link:
+            joints = self.structure.blocks[link.block].joints.values()
+            own = [JointRef(link.block, j.name) for j in joints if link.link in (j.link, *j.links)]
+        return own + list(self.structure.carried[link])
+
+    def _pair(self, ref: JointRef, link: LinkRef) -> tuple[Array, Array, Array]:
+        """What a pair does to one of its links, from the reported reaction and friction."""
+        r, joint = self.run, self.structure.joint(ref)
+        block = self.structure.blocks[ref.block]
+        t = np.array(r[f"{ref}.friction"])
+        if isinstance(block, DrivingLink):
+            t = t + r[f"{ref.block}.drive"]
+        sign = 1.0 if self.structure.later_link(ref) == link else -1.0
+        if joint.kind == "R":
+            return sign * r[f"{ref}.reaction"], self._pin(ref), sign * t
+        u = self._guide(ref)
+        return sign * (r[f"{ref}.reaction"] + t * u), self._slider(ref, u), sign * r[f"{ref}.C"]
+
+    def _pin(self, ref: JointRef) -> Array:
+        joint = self.structure.joint(ref)
+        if joint.outer:
+            found: Array = self.run[f"{self.structure.feeds[ref]}.p"]
+            return found
+        inner: Array = self.run[f"{ref.block}.{ref.name}.p"]
+        return inner
+
+    def _guide(self, ref: JointRef) -> Array:
+        joint = self.structure.joint(ref)
+        if not joint.outer:
+            return self._link(LinkRef(ref.block, joint.links[0]))[3]
+        marker = self.structure.feeds[ref]
+        declared = self.structure.marker(marker)
+        direction = getattr(declared, "direction", 1 + 0j)
+        return self._link(marker.on)[3] * direction
+
+    def _slider(self, ref: JointRef, u: Array) -> Array:
+        """The slider's point of a prismatic pair."""
+        joint, block = self.structure.joint(ref), self.structure.blocks[ref.block]
+        owner = self.structure.later_link(ref)
+        if block.slider_owner(ref.name) == "earlier":
+            if joint.outer:
+                found: Array = self.run[f"{self.structure.feeds[ref]}.p"]
+                return found
+            owner = self.structure.earlier_link(ref)
+        o, _, _, e = self._link(owner)
+        return o + e * block.slider_place(ref.name, owner.link)
+
+    # -- the checks -----------------------------------------------------------------
+
+    def links(self) -> Iterator[Check]:
+        """Force and moment balance of every moving link."""
+        for link in self.structure.links:
+            if link == self.structure.frame_link:
+                continue
+            o = self._link(link)[0]
+            terms = list(self._terms(link))
+            forces = [_plain(f) for f, _, _ in terms]
+            moments = [_plain(m) for _, _, m in terms]
+            moments += [_moment(p - o, f) for f, p, _ in terms]
+            condition = self._below(link.block)
+            yield self._error(f"forces on {link}", forces, condition)
+            yield self._error(f"moments on {link}", moments, condition)
+
+    def _below(self, block: str) -> Array:
+        """Conditioning of a block and of all blocks that load it."""
+        later = [b for b in self.structure.blocks if block in self.structure.ancestors(b)]
+        found: Array = np.max([self.condition[b] for b in later], axis=0)
+        return found
+
+    def blocks(self) -> Iterator[Check]:
+        """Power through every block: what wires bring is taken out, lost or stored."""
+        r = self.run
+        for name, block in self.structure.blocks.items():
+            terms: list[Term] = []
+            for joint in block.joints.values():
+                ref = JointRef(name, joint.name)
+                terms.append(_plain(-r[f"{ref}.friction_power"]))
+                if joint.outer:
+                    terms += self._wire(ref, -1.0)
+            if isinstance(block, DrivingLink):
+                terms.append(_plain(r[f"{name}.power"]))
+            for link_name in block.link_names:
+                link = LinkRef(name, link_name)
+                for child in self.structure.carried[link]:
+                    terms += self._wire(child, 1.0)
+                terms += self._power_of_loads(link)
+            yield self._error(f"power through {name}", terms, self._below(name))
+
+    def _wire(self, ref: JointRef, sign: float) -> list[Term]:
+        """Power that a wire gives to its support, times a sign."""
+        marker = self.structure.feeds[ref]
+        om = self._link(marker.on)[2]
+        v = self.run[f"{marker}.v"]
+        force, moment = self.run[f"{ref}.wrench_F"], self.run[f"{ref}.wrench_M"]
+        return [_power(sign * force, v), _plain(sign * moment * om)]
+
+    def _power_of_loads(self, link: LinkRef) -> list[Term]:
+        o, v, om, _ = self._link(link)
+        found = []
+        for source in (self._inertia_and_weight(link), self._elements(link)):
+            for force, place, couple in source:
+                found.append(_power(force, v + 1j * om * (place - o)))
+                found.append(_plain(couple * om))
+        return found
+
+    def whole(self) -> Check:
+        """Drive power + load power - friction power = rate of kinetic energy."""
+        r = self.run
+        terms = [_plain(r[f"{d}.power"]) for d in self.structure.drivers]
+        terms.append(_plain(-np.asarray(r["mechanism.friction_power"])))
+        for link in self.structure.links:
+            terms += self._power_of_loads(link)
+        condition = np.max(list(self.condition.values()), axis=0)
+        return self._error("power of the whole", terms, condition)
+
+    def drives(self) -> Iterator[Check]:
+        """Driving effort by reactions against the one by reduction, without friction."""
+        r = self.run
+        for driver in self.structure.drivers:
+            one, other = r[f"{driver}.drive"], r[f"{driver}.drive_by_reduction"]
+            scale = self._drive_scale(driver)
+            error = np.abs(one - other)[self.good] / np.where(scale, scale, 1)[self.good]
+            yield Check(f"two routes to {driver}.drive", float(error.max(initial=0.0)))
+
+    def _drive_scale(self, driver: str) -> Array:
+        """Sum of absolute terms of a driving effort, times the conditioning."""
+        r = self.run
+        sizes = [np.abs(r[f"{driver}.drive"])]
+        block = self.structure.blocks[driver]
+        for name in block.link_names:
+            o = self._link(LinkRef(driver, name))[0]
+            for force, place, couple in self._terms(LinkRef(driver, name)):
+                arm = np.abs(place - o) if getattr(block, "rotary", True) else 1.0
+                sizes += [np.abs(force) * arm, np.abs(couple)]
+        found: Array = np.sum(sizes, axis=0) * np.max(list(self.condition.values()), axis=0)
+        return found

@@ -1,0 +1,514 @@
+"""Which links can move, which are determined, and which are held more than once.
+
+Structure alone, no lengths: every link has three freedoms, a pair (R or P) takes
+two of them and a driver a third. Counting 3n - 2p is not enough, as one part may
+be over-constrained while another is loose, so the *generic rank* of the velocity
+conditions decides, exactly as it would for lengths chosen at random. For R pairs
+on axes of their own it is what the (3, 3) pebble game on links counts, 2p' <= 3n' - 3
+for every set of links ([T89]); counting is wrong for pins of three links and more
+(their pairs share one axis) and for loops of P pairs (the relative turning is held
+once too often), the rank is right for both.
+
+The rank is taken in integers modulo the prime 2^61 - 1, with coordinates made from
+the names of the pairs: no rounding, no tolerance, the same answer in any order. By
+the Schwartz-Zippel lemma a structure with N conditions is misjudged with a chance
+below N / 2^60. Cost: linear for chains of dyads (sparse elimination, links with few
+neighbours first).
+
+Sources: [T89] Tay, Linking (n-2)-dimensional panels in n-space II, Graphs Combin. 5
+(1989); [J97] Jacobs & Hendrickson, The pebble game, J. Comput. Phys. 137 (1997).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import heapq
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
+
+import networkx as nx
+
+PRIME = 2**61 - 1
+"""Modulus of the arithmetic: a Mersenne prime that fits a machine word."""
+
+Row: TypeAlias = dict[int, int]
+"""A condition on the twists (vx, vy, om) of the links: column -> coefficient."""
+
+Condition: TypeAlias = tuple[str, str]
+"""Name of the pair and what it holds: "place" (R), "turn", "slide" (P), "drive"."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A kinematic pair between two links, without geometry.
+
+    Attributes
+    ----------
+    name : name of the pair
+    first, second : the two links
+    kind : "R" or "P"
+    axis : pairs of the same kind with the same non-empty axis coincide: R pairs turn
+        about one point (a pin of m links is m - 1 pairs of one axis), P pairs slide in
+        one direction. Empty: an axis of its own.
+    """
+
+    name: str
+    first: str
+    second: str
+    kind: Literal["R", "P"] = "R"
+    axis: str = ""
+
+    @property
+    def links(self) -> tuple[str, str]:
+        """Both links."""
+        return self.first, self.second
+
+    def other(self, link: str) -> str:
+        """The link at the other side."""
+        return self.second if link == self.first else self.first
+
+
+@dataclass(frozen=True)
+class Overconstraint:
+    """A smallest set of pairs that hold its links more often than needed.
+
+    Attributes
+    ----------
+    links : links that these pairs join, earlier ones included, sorted
+    pairs : the pairs, sorted; removing any of them takes away one redundant condition
+    drivers : those of them whose drivers take part
+    excess : number of redundant conditions
+    turning_only : only the relative turning is held too often, as in a loop of P pairs
+    """
+
+    links: tuple[str, ...]
+    pairs: tuple[str, ...]
+    drivers: tuple[str, ...]
+    excess: int
+    turning_only: bool
+
+
+@dataclass(frozen=True)
+class Loose:
+    """Links that still move, joined to each other, and the freedom they have left."""
+
+    links: tuple[str, ...]
+    freedom: int
+
+
+@dataclass(frozen=True)
+class Rigidity:
+    """What a structure can do, its drivers held.
+
+    Attributes
+    ----------
+    mobility : freedoms left, for generic lengths
+    counted : the formula 3n - 2p - drivers; it is the mobility less the redundant conditions
+    overconstrained : sets of links held too often, each with its pairs, ties by name
+    loose : sets of links that still move; every other link is determined
+    clusters : sets of two links or more that move as one body, earlier ones included
+    """
+
+    mobility: int
+    counted: int
+    overconstrained: tuple[Overconstraint, ...]
+    loose: tuple[Loose, ...]
+    clusters: tuple[tuple[str, ...], ...]
+
+    @property
+    def redundant(self) -> int:
+        """Number of redundant conditions."""
+        return self.mobility - self.counted
+
+    @property
+    def determinate(self) -> bool:
+        """Nothing moves and nothing is held twice: links can be placed one way."""
+        return self.mobility == 0 and self.counted == 0
+
+
+def rigidity(
+    links: Iterable[str],
+    pairs: Iterable[Pair],
+    earlier: Collection[str],
+    drivers: Collection[str] = (),
+) -> Rigidity:
+    """Mobility, over-constrained sets, loose links and rigid clusters.
+
+    Parameters
+    ----------
+    links : the moving links; earlier ones among them are passed over
+    pairs : the pairs between links and earlier links
+    earlier : the frame and everything already placed, one body for this purpose
+    drivers : names of the driven pairs
+
+    Notes
+    -----
+    Rank, a random motion and the self-stresses of the generic velocity conditions.
+    Whichever order the arguments have, the answer is the same.
+    """
+    moving = sorted(set(links) - set(earlier))
+    ordered = sorted(pairs, key=lambda p: p.name)
+    check_names(moving, ordered, earlier, drivers)
+    column = {a: 3 * k for k, a in enumerate(_few_neighbours_first(moving, ordered))}
+    held = [(pair, part, row) for pair in ordered for part, row in _pair_rows(pair, column)]
+    held += [(p, "drive", _drive_row(p, column)) for p in ordered if p.name in drivers]
+    names: list[Condition] = [(pair.name, part) for pair, part, _ in held]
+    system = _Echelon(3 * len(moving), [row for _, _, row in held])
+    twist = _twists(column, system)
+    free = Counter(a for a, c in column.items() for k in range(3) if c + k not in system.pivots)
+    return Rigidity(
+        mobility=3 * len(moving) - len(system.pivots),
+        counted=3 * len(moving) - len(held),
+        overconstrained=_overconstrained(system, names, ordered, column),
+        loose=_loose(twist, free, ordered),
+        clusters=_clusters(twist, ordered),
+    )
+
+
+def check_names(
+    moving: Sequence[str], pairs: Sequence[Pair], earlier: Collection[str], drivers: Collection[str]
+) -> None:
+    known = set(moving) | set(earlier)
+    unknown = sorted({a for pair in pairs for a in pair.links} - known)
+    if unknown:
+        raise ValueError(f"pairs name unknown links: {', '.join(unknown)}")
+    names = Counter(pair.name for pair in pairs)
+    twice = [name for name, number in names.items() if number > 1]
+    if twice:
+        raise ValueError(f"pairs of the same name: {', '.join(twice)}")
+    strange = sorted(set(drivers) - set(names))
+    if strange:
+        raise ValueError(f"drivers name unknown pairs: {', '.join(strange)}")
+
+
+# Conditions. The twist of a link is the velocity of its point at the common origin and
+# its rate; two links are welded when their twists are equal.
+
+
+def _random_numbers(text: str) -> tuple[int, int]:
+    """Two numbers of the field that look random but depend on the text only."""
+    digest = hashlib.blake2b(text.encode(), digest_size=16).digest()
+    return int.from_bytes(digest[:8], "big") % PRIME, int.from_bytes(digest[8:], "big") % PRIME
+
+
+def _axis_numbers(pair: Pair) -> tuple[int, int]:
+    """Point of an R pair, normal of a P pair's direction."""
+    return _random_numbers(
+        f"{pair.kind} {'axis' if pair.axis else 'pair'} {pair.axis or pair.name}"
+    )
+
+
+def _difference(
+    pair: Pair, column: Mapping[str, int], vx: int = 0, vy: int = 0, om: int = 0
+) -> Row:
+    """Coefficients of the first link's twist less that of the second."""
+    row: Row = {}
+    for link, sign in ((pair.first, 1), (pair.second, -1)):
+        if link in column:
+            for k, value in enumerate((vx, vy, om)):
+                row[column[link] + k] = (row.get(column[link] + k, 0) + sign * value) % PRIME
+    return {c: value for c, value in row.items() if value}
+
+
+def _pair_rows(pair: Pair, column: Mapping[str, int]) -> Iterator[tuple[str, Row]]:
+    """The two conditions of a pair, undriven."""
+    x, y = _axis_numbers(pair)
+    if pair.kind == "R":
+        yield "place", _difference(pair, column, vx=1, om=-y)
+        yield "place", _difference(pair, column, vy=1, om=x)
+    else:
+        yield "turn", _difference(pair, column, om=1)
+        yield "slide", _difference(pair, column, vx=x, vy=y)
+
+
+def _drive_row(pair: Pair, column: Mapping[str, int]) -> Row:
+    """The third condition of a driven pair: no relative turning (R) or sliding (P)."""
+    x, y = _axis_numbers(pair)
+    if pair.kind == "R":
+        return _difference(pair, column, om=1)
+    return _difference(pair, column, vx=-y, vy=x)
+
+
+def _few_neighbours_first(links: Sequence[str], pairs: Iterable[Pair]) -> Iterator[str]:
+    """Order of elimination that keeps rows short: least degree, ties by name."""
+    near: dict[str, set[str]] = {a: set() for a in links}
+    for pair in pairs:
+        a, b = pair.links
+        if a in near and b in near and a != b:
+            near[a].add(b)
+            near[b].add(a)
+    heap = [(len(near[a]), a) for a in links]
+    heapq.heapify(heap)
+    while heap:
+        degree, a = heapq.heappop(heap)
+        if a not in near or degree != len(near[a]):
+            continue
+        yield a
+        neighbours = near.pop(a)
+        for b in neighbours:
+            near[b] |= neighbours
+            near[b] -= {a, b}
+            heapq.heappush(heap, (len(near[b]), b))
+
+
+class _Pivot(NamedTuple):
+    """A condition solved for its first column: twist[column] = -sum(row * twist)."""
+
+    column: int
+    row: Row  # without the pivot's own column, whose coefficient is 1
+    source: int  # number of the condition that it came from
+    scale: int  # what the reduced condition was multiplied by
+    used: list[tuple[int, int]]  # earlier pivots taken away: column, factor
+
+
+class _Echelon:
+    """Conditions on so many columns in echelon form modulo the prime."""
+
+    def __init__(self, columns: int, conditions: Sequence[Row]) -> None:
+        self.conditions = conditions
+        self.pivots: dict[int, _Pivot] = {}
+        self.redundant: list[int] = []  # conditions that those before them imply
+        for source, condition in enumerate(conditions):
+            if len(self.pivots) == columns:
+                self.redundant.append(source)
+                continue
+            row, used = self.reduce(condition)
+            if row:
+                lead = min(row)
+                scale = pow(row.pop(lead), -1, PRIME)
+                solved = {c: value * scale % PRIME for c, value in row.items()}
+                self.pivots[lead] = _Pivot(lead, solved, source, scale, used)
+            else:
+                self.redundant.append(source)
+
+    def reduce(self, condition: Row) -> tuple[Row, list[tuple[int, int]]]:
+        """What is left of a condition, and the pivots taken away with their factors."""
+        row, used = dict(condition), list[tuple[int, int]]()
+        while row:
+            lead = min(row)
+            pivot = self.pivots.get(lead)
+            if pivot is None:
+                break
+            factor = row.pop(lead)
+            used.append((lead, factor))
+            for c, value in pivot.row.items():
+                rest = (row.get(c, 0) - factor * value) % PRIME
+                if rest:
+                    row[c] = rest
+                else:
+                    row.pop(c, None)
+        return row, used
+
+    def stress(self, source: int) -> set[int]:
+        """The conditions that a redundant one depends on, and itself."""
+        weight: dict[int, int] = defaultdict(int)
+        waiting: list[tuple[int, int]] = []
+        found = {source}
+
+        def owe(column: int, amount: int) -> None:
+            if column not in weight:
+                heapq.heappush(waiting, (-self.pivots[column].source, column))
+            weight[column] = (weight[column] + amount) % PRIME
+
+        for column, factor in self.reduce(self.conditions[source])[1]:
+            owe(column, factor)
+        while waiting:  # later pivots first: they only use earlier ones
+            pivot = self.pivots[heapq.heappop(waiting)[1]]
+            amount = weight[pivot.column] * pivot.scale % PRIME
+            if amount:
+                found.add(pivot.source)
+                for column, factor in pivot.used:
+                    owe(column, -amount * factor)
+        return found
+
+
+Twists: TypeAlias = Mapping[str, tuple[int, int, int]]
+
+
+def _twists(column: Mapping[str, int], system: _Echelon) -> Twists:
+    """A random motion that the conditions allow: generic, so zero only where all are."""
+    value: Row = {}
+    for a in reversed(list(column)):
+        start = column[a]
+        for k in (2, 1, 0):
+            pivot = system.pivots.get(start + k)
+            if pivot is None:
+                value[start + k] = _random_numbers(f"motion {k} of {a}")[0]
+            else:
+                total = sum(f * value[c] for c, f in pivot.row.items())
+                value[start + k] = -total % PRIME
+    return {a: (value[c], value[c + 1], value[c + 2]) for a, c in column.items()}
+
+
+def _sets(edges: Iterable[tuple[str, str]], nodes: Iterable[str]) -> list[tuple[str, ...]]:
+    """Connected sets of nodes, each sorted, in sorted order."""
+    graph: nx.Graph[str] = nx.Graph()
+    graph.add_nodes_from(nodes)
+    graph.add_edges_from(edges)
+    return sorted(tuple(sorted(part)) for part in nx.connected_components(graph))
+
+
+def _loose(twist: Twists, free: Mapping[str, int], pairs: Iterable[Pair]) -> tuple[Loose, ...]:
+    moving = {a for a, motion in twist.items() if any(motion)}
+    joined = [p.links for p in pairs if p.first in moving and p.second in moving]
+    parts = _sets(joined, moving)
+    return tuple(Loose(part, sum(free[a] for a in part)) for part in parts)
+
+
+def _clusters(twist: Twists, pairs: Sequence[Pair]) -> tuple[tuple[str, ...], ...]:
+    still: dict[tuple[int, int, int], set[str]] = defaultdict(set)
+    for a in {a for pair in pairs for a in pair.links} | set(twist):
+        still[twist.get(a, (0, 0, 0))].add(a)
+    return tuple(sorted(tuple(sorted(part)) for part in still.values() if len(part) > 1))
+
+
+@dataclass
+class _Part:
+    """Conditions that depend on each other, and the links that they join."""
+
+    rows: set[int]
+    links: set[str]
+    excess: int
+
+
+def _overconstrained(
+    system: _Echelon, names: Sequence[Condition], pairs: Iterable[Pair], moving: Collection[str]
+) -> tuple[Overconstraint, ...]:
+    """Join dependencies that share a condition (the components of the matroid)."""
+    by_name = {pair.name: pair for pair in pairs}
+    body = {a: a if a in moving else "" for pair in by_name.values() for a in pair.links}
+    parts: dict[int, _Part] = {}
+    at: dict[Condition, int] = {}  # the part of each condition
+    rigid: dict[str, set[int]] = defaultdict(set)  # the rigid parts on each link
+    for source in system.redundant:
+        first, second = (body[a] for a in by_name[names[source][0]].links)
+        homes = rigid[first] & rigid[second] if first != second else set()
+        rows = {source} if homes else system.stress(source)  # a rigid part implies it
+        joined = sorted({at[names[k]] for k in rows if names[k] in at} | homes)
+        home = joined[0] if joined else source
+        part = parts.setdefault(home, _Part(set(), set(), 0))
+        for n in joined[1:]:
+            gone = parts.pop(n)
+            at.update((names[k], home) for k in gone.rows)
+            part.rows |= gone.rows
+            part.links |= gone.links
+            part.excess += gone.excess
+            for a in gone.links:
+                rigid[a] -= {n}
+        at.update((names[k], home) for k in rows)
+        part.rows |= rows
+        part.links |= {body[a] for k in rows for a in by_name[names[k][0]].links}
+        part.excess += 1
+        is_rigid = len(part.rows) - part.excess == 3 * len(part.links) - 3
+        if not homes or len(joined) > 1:
+            for a in part.links:
+                (rigid[a].add if is_rigid else rigid[a].discard)(home)
+    found = [_named(part, names, by_name) for part in parts.values()]
+    return tuple(sorted(found, key=lambda o: (o.links, o.pairs)))
+
+
+def _named(part: _Part, names: Sequence[Condition], by_name: Mapping[str, Pair]) -> Overconstraint:
+    conditions = {names[k] for k in part.rows}
+    held = {name for name, _ in conditions}
+    return Overconstraint(
+        links=tuple(sorted({a for name in held for a in by_name[name].links})),
+        pairs=tuple(sorted(held)),
+        drivers=tuple(sorted(name for name, what in conditions if what == "drive")),
+        excess=part.excess,
+        turning_only=all(what == "turn" for _, what in conditions),
+    )
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One reason why a structure cannot work, as data.
+
+    Attributes
+    ----------
+    code : "unconnected-links", "over-constrained", "turning-held-twice", "too-many-drivers",
+        "too-few-drivers", "locked-driver", "conflicting-drivers" or "loose-links"
+    links, pairs : what it is about, by name, sorted
+    number : redundant conditions, drivers too many or too few, or freedoms left
+    text : the same as a sentence
+    """
+
+    code: str
+    links: tuple[str, ...]
+    pairs: tuple[str, ...]
+    number: int
+    text: str
+
+
+def diagnose(
+    links: Iterable[str],
+    pairs: Iterable[Pair],
+    earlier: Collection[str],
+    drivers: Collection[str] = (),
+) -> tuple[Finding, ...]:
+    """Why links, pairs and drivers do not make a determinate mechanism.
+
+    Parameters as of `rigidity`. No finding: every link is placed by the drivers, none
+    twice. Over-constrained links are those of the structure without drivers; a driver
+    whose pair cannot move there is locked, and its finding names the links that hold it.
+    """
+    moving, ordered = set(links) - set(earlier), sorted(pairs, key=lambda p: p.name)
+    check_names(sorted(moving), ordered, earlier, drivers)
+    away = _unconnected(moving, ordered, earlier)
+    at_hand = [p for p in ordered if not away.intersection(p.links)]
+    driven = {p.name: p for p in at_hand if p.name in drivers}
+    undriven = rigidity(moving - away, at_hand, earlier)
+    held = rigidity(moving - away, at_hand, earlier, driven)
+    found: list[Finding] = []
+
+    def say(code: str, links: Iterable[str], pairs: Iterable[str], number: int, text: str) -> None:
+        names = tuple(sorted(links))
+        sentence = text.format(links=", ".join(names), pairs=", ".join(pairs), number=number)
+        found.append(Finding(code, names, tuple(pairs), number, sentence))
+
+    if away:
+        say("unconnected-links", away, (), len(away), "no pair joins {links} to the rest")
+    for o in undriven.overconstrained:
+        if o.turning_only:
+            text = "{links}: joined in a loop by P pairs alone ({pairs}), which hold their"
+            text += " relative turning {number} times too often"
+            say("turning-held-twice", o.links, o.pairs, o.excess, text)
+        else:
+            text = "{links} are over-constrained: their pairs {pairs} hold them {number} times"
+            say("over-constrained", o.links, o.pairs, o.excess, text + " too often")
+    missing = undriven.mobility - len(driven)
+    count = f"mobility {undriven.mobility}, drivers {len(driven)}: {{number}} driver(s) too "
+    if missing < 0:
+        say("too-many-drivers", (), sorted(driven), -missing, count + "many")
+    elif missing > 0:
+        say("too-few-drivers", (), sorted(driven), missing, count + "few")
+    body = {a: part for part in undriven.clusters for a in part}
+    for o in held.overconstrained:
+        locked = [
+            d for d in o.drivers if body.get(driven[d].first, ()) == body.get(driven[d].second)
+        ]
+        fighting = [d for d in o.drivers if d not in locked]
+        for d in locked:
+            say("locked-driver", o.links, (d,), 1, "driver {pairs} moves nothing: {links} lock it")
+        if fighting:
+            independent = (
+                undriven.mobility - rigidity(moving - away, at_hand, earlier, fighting).mobility
+            )
+            excess = len(fighting) - independent
+            text = "drivers {pairs} prescribe the motion of {links} {number} times too often"
+            say("conflicting-drivers", o.links, fighting, excess, text)
+    for loose in held.loose:
+        text = "{links} can still move with every driver held: {number} freedom(s)"
+        say("loose-links", loose.links, (), loose.freedom, text)
+    return tuple(found)
+
+
+def _unconnected(moving: set[str], pairs: Iterable[Pair], earlier: Collection[str]) -> set[str]:
+    """Links that no chain of pairs joins to the earlier ones."""
+    graph: nx.Graph[str] = nx.Graph()
+    graph.add_nodes_from([*moving, *earlier])
+    graph.add_edges_from(pair.links for pair in pairs)
+    nx.add_path(graph, earlier)
+    reached = nx.node_connected_component(graph, next(iter(earlier))) if earlier else set()
+    return moving - reached
