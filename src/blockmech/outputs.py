@@ -18,7 +18,7 @@ from blockmech.blocks.contract import DrivingLink, Joint
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
-from blockmech.passes import energy, forces, forward, loads, reduction
+from blockmech.passes import energy, forces, forward, friction, loads, pairs, reduction
 from blockmech.plan import STAGES as STAGE_ORDER
 from blockmech.plan import Friction, Plan, Schedule
 
@@ -59,6 +59,11 @@ def _angle(e: Any) -> Any:
 
 def _ratio_angle(sine: Any, cosine: Any) -> Any:
     return np.arctan2(sine, cosine)
+
+
+def _asked(rule: Callable[..., str], *key: Any) -> Callable[[Schedule], tuple[str]]:
+    """The answer of one rule as an output's only value."""
+    return lambda s: (s.ask(rule, *key),)
 
 
 class Catalogue(Mapping[str, Output]):
@@ -113,13 +118,13 @@ class Catalogue(Mapping[str, Output]):
         self,
         scene: Scene,
         want: Iterable[str],
-        friction: Friction,
+        how: Friction,
         static: bool = False,
         quality: bool = True,
     ) -> Plan:
         """The plan for some outputs: rules are asked in name order, once each."""
         names = self.match(want)
-        schedule = Schedule(self.structure, scene, friction, static)
+        schedule = Schedule(self.structure, scene, how, static)
         values: dict[str, int] = {}  # the same value under two names is returned once
         layout: dict[str, tuple[int, ...]] = {}
 
@@ -145,15 +150,19 @@ def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
         if entry.stage == "position" and not isinstance(block, DrivingLink):
             yield f"margin:{entry.block}", (f"{s.ask(forward.position, entry.block)}.margin",)
         if entry.stage == "force":
-            solved = s.ask(forces.solution, entry.block)
+            solved = s.ask(friction.solution, entry.block)
             if solved is None:
                 continue
             what = ("iterations", "residual", "contraction", "outcome", "limit")
             yield f"friction:{entry.block}", tuple(f"{solved}.{x}" for x in what)
-            for i, ref in enumerate(s.ask(forces.friction_joints, entry.block)):
+            for i, ref in enumerate(s.ask(friction.friction_joints, entry.block)):
                 yield (
                     f"rest:{ref}",
-                    (s.ask(forces.rest, ref), f"{solved}.g[{i}]", s.ask(forces.factor_slot, ref)),
+                    (
+                        s.ask(friction.rest, ref),
+                        f"{solved}.g[{i}]",
+                        s.ask(friction.factor_slot, ref),
+                    ),
                 )
 
 
@@ -188,22 +197,17 @@ def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
             f"{ref}.force" if at_point else f"{ref}.couple",
             declared.unit,
             "vector" if at_point else "real",
-            lambda s, r=ref: (s.ask(loads.terminal_term, r),),
+            _asked(loads.terminal_term, ref),
             _same,
             by=name,
             on=str(structure.holds[ref].on),
         )
-    yield Output(
-        f"{name}.power", "W", "real", lambda s: (s.ask(energy.element_power, name),), _same
-    )
+    yield Output(f"{name}.power", "W", "real", _asked(energy.element_power, name), _same)
 
 
 def _driver_outputs(structure: Structure, name: str, block: DrivingLink) -> Iterator[Output]:
     q, effort = block.coordinate_unit(), block.effort_unit()
     inertia = "kg m2" if block.rotary else "kg"
-
-    def one(rule: Callable[..., str], *key: str) -> Callable[[Schedule], tuple[str]]:
-        return lambda s: (s.ask(rule, *key),)
 
     def given(quantity: str) -> Callable[[Schedule], tuple[str]]:
         return lambda s: (s.input(quantity, name),)
@@ -215,13 +219,17 @@ def _driver_outputs(structure: Structure, name: str, block: DrivingLink) -> Iter
         f"{name}.drive",
         effort,
         "real",
-        one(forces.drive, name),
+        _asked(forces.drive, name),
         _same,
         by=str(structure.earlier_link(JointRef(name, block.drive))),
         on=f"{name}.{block.link_names[0]}",
     )
     yield Output(
-        f"{name}.drive_by_reduction", effort, "real", one(reduction.drive_by_reduction, name), _same
+        f"{name}.drive_by_reduction",
+        effort,
+        "real",
+        _asked(reduction.drive_by_reduction, name),
+        _same,
     )
     yield Output(
         f"{name}.power",
@@ -230,11 +238,11 @@ def _driver_outputs(structure: Structure, name: str, block: DrivingLink) -> Iter
         lambda s: (s.ask(forces.drive, name), s.input("qd", name)),
         lambda a, b: a * b,
     )
-    yield Output(f"{name}.J_red", inertia, "real", one(reduction.inertia, name, name), _same)
-    yield Output(f"{name}.tau_red", effort, "real", one(reduction.reduced_load, name), _same)
+    yield Output(f"{name}.J_red", inertia, "real", _asked(reduction.inertia, name, name), _same)
+    yield Output(f"{name}.tau_red", effort, "real", _asked(reduction.reduced_load, name), _same)
     if len(structure.drivers) == 1:
         yield Output(
-            f"{name}.dJ_red", f"{inertia}/{q}", "real", one(reduction.inertia_slope, name), _same
+            f"{name}.dJ_red", f"{inertia}/{q}", "real", _asked(reduction.inertia_slope, name), _same
         )
 
 
@@ -269,9 +277,7 @@ def _marker_outputs(marker: MarkerRef) -> Iterator[Output]:
         ("a", "m/s2", forward.marker_acceleration),
     )
     for what, unit, rule in rules:
-        yield Output(
-            f"{marker}.{what}", unit, "vector", lambda s, r=rule: (s.ask(r, marker),), _same
-        )
+        yield Output(f"{marker}.{what}", unit, "vector", _asked(rule, marker), _same)
 
 
 def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterator[Output]:
@@ -289,7 +295,7 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
         if revolute:
             return (found.force,)
         u = s.ask(forward.guide_direction, ref)
-        return (s.emit(forces.normal_force, found.N, u, name=f"{ref}_N_vector"),)
+        return (s.emit(pairs.normal_force, found.N, u, name=f"{ref}_N_vector"),)
 
     yield Output(f"{ref}.reaction", "N", "vector", vector, _same, by, on)
     if not revolute:
@@ -317,7 +323,7 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
         f"{ref}.friction",
         "N m" if revolute else "N",
         "real",
-        lambda s: (s.ask(forces.friction, ref),),
+        _asked(friction.friction, ref),
         _same,
         by,
         on,
@@ -326,14 +332,14 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
         f"{ref}.slip",
         "rad/s" if revolute else "m/s",
         "real",
-        lambda s: (s.ask(forward.slip, ref),),
+        _asked(forward.slip, ref),
         _same,
     )
     yield Output(
         f"{ref}.friction_power",
         "W",
         "real",
-        lambda s: (s.ask(energy.friction_power, ref),),
+        _asked(energy.friction_power, ref),
         _same,
     )
 
@@ -360,21 +366,21 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
         f"{name}.J_red",
         "kg m2" if head.rotary else "kg",
         "real",
-        lambda s: (s.ask(reduction.share_of_inertia, name, driver, driver),),
+        _asked(reduction.share_of_inertia, name, driver, driver),
         _same,
     )
     yield Output(
         f"{name}.tau_red",
         head.effort_unit(),
         "real",
-        lambda s: (s.ask(reduction.share_of_load, name, driver),),
+        _asked(reduction.share_of_load, name, driver),
         _same,
     )
 
 
 def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
-    def one(rule: Callable[..., str]) -> Callable[[Schedule], tuple[str]]:
-        return lambda s: (s.ask(rule),)
+    def _asked(rule: Callable[..., str]) -> Callable[[Schedule], tuple[str]]:
+        return _asked(rule)
 
     for what, unit, rule in (
         ("kinetic_energy", "J", energy.kinetic),
@@ -384,8 +390,8 @@ def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
         ("useful_power", "W", energy.useful_power),
         ("shaking_moment", "N m", energy.shaking_moment),
     ):
-        yield Output(f"mechanism.{what}", unit, "real", one(rule), _same)
-    yield Output("mechanism.shaking_force", "N", "vector", one(energy.shaking_force), _same)
+        yield Output(f"mechanism.{what}", unit, "real", _asked(rule), _same)
+    yield Output("mechanism.shaking_force", "N", "vector", _asked(energy.shaking_force), _same)
     if structure.drivers:
         yield Output(
             "mechanism.mechanical_advantage",

@@ -285,7 +285,7 @@ def refuse(message: str, word: str, valid: tuple[str, ...]) -> None:
     """Refuse a name, with the valid ones and the nearest of them."""
     hint = f"; valid: {listed(valid)}" if valid else ""
     match = close_match(word, valid)
-    raise PydanticCustomError("name", message + hint + (f"; {match}" if match else ""))  # type: ignore[arg-type]
+    raise PydanticCustomError("name", message + hint + (f"; {match}" if match else ""))
 
 
 def _declare(cls: type[Block]) -> None:

@@ -45,7 +45,7 @@ class Coulomb(Strictly):
             message = f'friction of joint {joint}: "radius" is for revolute pairs'
         else:
             return
-        raise PydanticCustomError("friction", message)  # type: ignore[arg-type]
+        raise PydanticCustomError("friction", message)
 
     @property
     def factor(self) -> float:

@@ -126,8 +126,7 @@ def formation(
     ]
     pebbles = _place_pebbles([3] * len(moving), edges)
     unplaceable = pebbles.crowded.union(pebbles.short)
-    waits = _waits(pebbles, edges, len(moving))
-    parts = [sorted(part) for part in nx.strongly_connected_components(nx.DiGraph(waits))]
+    parts, ahead = _condense(_waits(pebbles, edges, len(moving)))
     part_of = {v: n for n, part in enumerate(parts) for v in part}
     own: list[list[Pair]] = [[] for _ in parts]
     for pair, (a, b, _), (at_a, at_b) in zip(ordered, edges, pebbles.taken, strict=True):
@@ -139,8 +138,8 @@ def formation(
             unit = classify([moving[v] for v in part], own[n], drivers)
             if _holds(unit):
                 units[n] = unit
-    ahead = {n: {part_of[w] for v in parts[n] for w in waits[v]} - {n} for n in units}
-    order = _in_order(ahead, {n: (unit.number > 1, parts[n][0]) for n, unit in units.items()})
+    rank = {n: (unit.number > 1, parts[n][0]) for n, unit in units.items()}
+    order = _in_order({n: ahead[n] for n in units}, rank)
     placed = {a for n in order for a in units[n].links}
     return Formation(
         units=tuple(units[n] for n in order),
@@ -227,13 +226,10 @@ def reseat(
     for k, pin in enumerate(pins, start=len(moving)):
         edges += [(index.get(a, GROUND), k, 2) for a in sorted({a for p in pin for a in p.links})]
     need = [3] * len(moving) + [2] * len(pins)
-    waits = _waits(_place_pebbles(need, edges), edges, len(need))
-    parts = [sorted(part) for part in nx.strongly_connected_components(nx.DiGraph(waits))]
-    part_of = {v: n for n, part in enumerate(parts) for v in part}
-    ahead = {n: {part_of[w] for v in part for w in waits[v]} - {n} for n, part in enumerate(parts)}
+    parts, ahead = _condense(_waits(_place_pebbles(need, edges), edges, len(need)))
     order = _in_order(ahead, {n: (False, part[0]) for n, part in enumerate(parts)})
     place = {v: k for k, n in enumerate(order) for v in parts[n]}
-    rank = {a: (place[v], a) for a, v in index.items()}
+    rank = {a: (place[v], a) for a, v in index.items()} | {a: (-1, a) for a in earlier}
     seated = [pair for pin in pins for pair in _seat(pin, rank, drivers)]
     return tuple(
         sorted([p for p in ordered if p.name not in pinned] + seated, key=lambda p: p.name)
@@ -267,19 +263,15 @@ def _seat(
     lumps: nx.Graph[str] = nx.Graph()
     lumps.add_nodes_from(a for p in pin for a in p.links)
     lumps.add_edges_from(p.links for p in seated)
-    first, *others = sorted(
-        (
-            sorted(part, key=lambda a: rank.get(a, (-1, a)))
-            for part in nx.connected_components(lumps)
-        ),
-        key=lambda part: rank.get(part[0], (-1, part[0])),
+    seat, *others = sorted(
+        (min(part, key=lambda a: rank[a]) for part in nx.connected_components(lumps)),
+        key=lambda a: rank[a],
     )
-    for a in [part[0] for part in others]:
-        ends = {first[0], a}
+    for a in sorted(others, key=lambda a: not any({seat, a} == set(p.links) for p in left)):
+        ends = {seat, a}
         p = min(left, key=lambda p: (ends != set(p.links), a not in p.links, p.name))
         left.remove(p)
-        kept = ends == set(p.links)
-        seated.append(p if kept else Pair(p.name, first[0], a, "R", p.axis))
+        seated.append(p if ends == set(p.links) else Pair(p.name, seat, a, "R", p.axis))
     return seated
 
 

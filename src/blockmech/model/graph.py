@@ -3,46 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
-from blockmech.blocks.contract import Block, DrivingLink, Moving
+from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
-from blockmech.errors import GraphError, Problem, close_match, listed
+from blockmech.errors import GraphError, Problem
 from blockmech.loads.contract import Element
+from blockmech.model import checks
+from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene
 from blockmech.model.structure import JointRef, MarkerRef, Structure, formation_order
-from blockmech.values import Marker, Vector
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
     from blockmech.result import Result
-
-
-@dataclass(frozen=True)
-class UnknownBlock:
-    """A block of a type that is not installed: kept verbatim, drawn, never computed."""
-
-    type: str
-    raw: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Wire:
-    """From a marker of an earlier link to a joint of a later block, or to an element."""
-
-    source: str
-    target: str
-
-    def __str__(self) -> str:
-        return f"{self.source} -> {self.target}"
-
-
-AnyBlock = Block | UnknownBlock
 
 
 class Graph:
@@ -72,7 +49,7 @@ class Graph:
         self.title = title
         self.blocks: dict[str, AnyBlock] = {}
         self.wires: list[Wire] = []
-        self.scene = Scene(gravity=Vector.parse(gravity))
+        self.scene = Scene(gravity=gravity)  # type: ignore[arg-type]
         self.extras: dict[str, Any] = {}  # view, expect, source, notes: kept with the file
         self.file = ""  # where the graph was read from, for messages
         for driver, law in (drive or {}).items():
@@ -85,7 +62,7 @@ class Graph:
 
         Raises `GraphError` for a taken or reserved name, or for what is not a block.
         """
-        problem = self._name_problem(name, block)
+        problem = checks.name_problem(self, name, block)
         if problem:
             raise GraphError(problem)
         self.blocks[name] = block
@@ -97,7 +74,8 @@ class Graph:
         joint that is fed already, an inner joint, a guide needed where there is none.
         """
         wire = Wire(source, target)
-        problems = list(self._wire_problems(wire, self.wires))
+        fed = next((w for w in self.wires if w.target == target), None)
+        problems = list(checks.wire_problems(self, wire, fed))
         if problems:
             raise GraphError(problems)
         self.wires.append(wire)
@@ -115,14 +93,11 @@ class Graph:
 
     def check(self) -> list[Problem]:
         """All problems of the wiring, as data; an empty list is a valid mechanism."""
-        problems = list(self._block_problems())
-        for i, wire in enumerate(self.wires):
-            problems += self._wire_problems(wire, self.wires[:i])
-        problems += self._unwired()
-        problems += self._scene_problems()
-        if not any(p.code == "unknown-block" for p in problems):
-            problems += self._cycles()
-        return problems
+        return checks.all_problems(self)
+
+    def remarks(self) -> list[Problem]:
+        """Unused and unreachable things: not wrong, but perhaps forgotten."""
+        return checks.remarks(self)
 
     def structure(self) -> Structure:
         """The checked formation sequence. Raises `GraphError` with all problems."""
@@ -131,7 +106,7 @@ class Graph:
             raise GraphError(problems)
         known = {n: b for n, b in self.blocks.items() if isinstance(b, Block)}
         frame = next(n for n, b in known.items() if isinstance(b, Frame))
-        order = formation_order(known, self._dag())
+        order = formation_order(known, checks.block_dag(self))
         feeds: dict[JointRef, MarkerRef] = {}
         holds: dict[JointRef, MarkerRef] = {}
         for wire in self.wires:
@@ -205,204 +180,3 @@ class Graph:
         from blockmech.draw import diagram_svg
 
         return diagram_svg(self)
-
-    # -- the checks, one rule each -----------------------------------------
-
-    def _name_problem(self, name: str, block: object) -> Problem | None:
-        if not isinstance(name, str) or not name or "." in name or "/" in name:
-            return Problem(
-                "bad-name",
-                str(name) or '""',
-                "not a block name",
-                'a name is not empty and has no "." or "/"',
-                "choose another name",
-            )
-        if name in self.blocks:
-            return Problem(
-                "duplicate-block",
-                name,
-                "the name is taken",
-                f"taken: {listed(self.blocks)}",
-                "choose another name",
-            )
-        if not isinstance(block, Block | UnknownBlock):
-            return Problem(
-                "not-a-block",
-                name,
-                f"{type(block).__name__} is not a block",
-                "",
-                'call the class, e.g. add("crank", Crank(length=2.0))',
-            )
-        return None
-
-    def _block_problems(self) -> Iterable[Problem]:
-        from blockmech.blocks.contract import REGISTRY
-
-        frames = [n for n, b in self.blocks.items() if isinstance(b, Frame)]
-        if not frames:
-            yield Problem(
-                "no-frame",
-                "blocks",
-                "no block of type frame",
-                "a mechanism has one fixed link",
-                "add a frame with a marker for each pivot and guide",
-            )
-        for name in frames[1:]:
-            yield Problem(
-                "two-frames",
-                name,
-                f"a second frame beside {frames[0]}",
-                "a mechanism has one fixed link",
-                f"move its markers to {frames[0]}",
-            )
-        for name, block in self.blocks.items():
-            if isinstance(block, UnknownBlock):
-                yield REGISTRY.unknown(block.type, name)
-
-    def _wire_problems(self, wire: Wire, earlier: list[Wire]) -> Iterable[Problem]:
-        marker = yield from self._source(wire)
-        yield from self._target(wire, marker, earlier)
-
-    def _source(self, wire: Wire) -> Any:
-        block, problem = self._end(wire, wire.source)
-        if problem:
-            yield problem
-        if not isinstance(block, Block):
-            return None
-        name = wire.source.split(".")[1]
-        if isinstance(block, Element):
-            yield Problem(
-                "not-a-marker",
-                wire.source,
-                f"{block.type_name} has no markers",
-                "a wire starts at a marker of a link and ends at the element",
-                f"turn the wire round: {wire.target} -> {wire.source}",
-            )
-            return None
-        markers = block.markers_of()
-        if name not in markers:
-            yield Problem(
-                "unknown-marker",
-                wire.source,
-                f'no marker "{name}"',
-                f"markers there: {listed(markers)}",
-                close_match(name, markers) or "add the marker to a link of the block",
-            )
-            return None
-        return markers[name][1]
-
-    def _target(self, wire: Wire, marker: Any, earlier: list[Wire]) -> Iterable[Problem]:
-        block, problem = self._end(wire, wire.target)
-        if problem:
-            yield problem
-        if not isinstance(block, Block):
-            return
-        name = wire.target.split(".")[1]
-        if isinstance(block, Element):
-            ports = list(block.terminals)
-        else:
-            ports = [j.name for j in block.joints.values() if j.outer]
-        if name not in ports:
-            inner = name in block.joints
-            yield Problem(
-                "unknown-joint",
-                wire.target,
-                "an inner joint takes no wire" if inner else f'no joint "{name}"',
-                f"joints that take a wire: {listed(ports)}" if ports else "it takes no wires",
-                close_match(name, ports),
-            )
-            return
-        first = next((w for w in earlier if w.target == wire.target), None)
-        if first is not None:
-            yield Problem(
-                "double-wire",
-                wire.target,
-                f"already fed by {first.source}, cannot also take {wire.source}",
-                "a joint has one source",
-                f"remove one of: {first}; {wire}",
-            )
-        if wire.source.split(".")[0] == wire.target.split(".")[0]:
-            yield Problem(
-                "self-wire",
-                wire.target,
-                f"fed by {wire.source} of the same block",
-                "a joint is fed by an earlier block",
-                "wire it to another block",
-            )
-        pointlike = isinstance(marker, Marker) and marker.angle is None and marker.dir is None
-        if pointlike and isinstance(block, Moving) and block.joints[name].kind == "P":
-            yield Problem(
-                "pair-mismatch",
-                wire.target,
-                f"a prismatic joint needs a guide, {wire.source} is a point",
-                "a guide is a marker with a direction",
-                f'give {wire.source} an "angle" [rad] or a "dir" [dx, dy]',
-            )
-
-    def _end(self, wire: Wire, end: str) -> tuple[AnyBlock | None, Problem | None]:
-        parts = end.split(".")
-        if len(parts) != 2 or not all(parts):
-            return None, Problem(
-                "bad-address",
-                end or '""',
-                f'not an address, in wire "{wire}"',
-                'an address is "block.joint" or "block.marker"',
-                "",
-            )
-        if parts[0] not in self.blocks:
-            return None, Problem(
-                "no-such-block",
-                end,
-                f'no block "{parts[0]}"',
-                f"blocks: {listed(self.blocks)}",
-                close_match(parts[0], self.blocks) or "add the block first",
-            )
-        return self.blocks[parts[0]], None
-
-    def _unwired(self) -> Iterable[Problem]:
-        fed = {w.target for w in self.wires}
-        for name, block in self.blocks.items():
-            if isinstance(block, Moving):
-                ports = [j.name for j in block.joints.values() if j.outer]
-            elif isinstance(block, Element):
-                ports = list(block.terminals)
-            else:
-                continue
-            for port in ports:
-                if f"{name}.{port}" not in fed:
-                    yield Problem(
-                        "unwired-joint",
-                        f"{name}.{port}",
-                        "nothing is wired to it",
-                        "every joint is fed once",
-                        f'connect("block.marker", "{name}.{port}")',
-                    )
-
-    def _scene_problems(self) -> Iterable[Problem]:
-        drivers = [n for n, b in self.blocks.items() if isinstance(b, DrivingLink)]
-        for section in ("drive", "initial"):
-            for name in getattr(self.scene, section):
-                if name not in drivers:
-                    yield Problem(
-                        "unknown-driver",
-                        f"scene.{section}.{name}",
-                        f'no driving link "{name}"',
-                        f"driving links: {listed(drivers) or 'none'}",
-                        close_match(name, drivers),
-                    )
-
-    def _cycles(self) -> Iterable[Problem]:
-        from blockmech.model.cycles import diagnose_cycle
-
-        for component in nx.strongly_connected_components(self._dag()):
-            if len(component) > 1:
-                yield diagnose_cycle(self, sorted(component))
-
-    def _dag(self) -> nx.DiGraph:
-        graph = nx.DiGraph()
-        graph.add_nodes_from(n for n, b in self.blocks.items() if not isinstance(b, Element))
-        for wire in self.wires:
-            source, target = wire.source.split(".")[0], wire.target.split(".")[0]
-            if source in graph and target in graph and source != target:
-                graph.add_edge(source, target)
-        return graph

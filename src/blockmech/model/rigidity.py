@@ -12,7 +12,7 @@ once too often), the rank is right for both.
 The rank is taken in integers modulo the prime 2^61 - 1, with coordinates made from
 the names of the pairs: no rounding, no tolerance, the same answer in any order. By
 the Schwartz-Zippel lemma a structure with N conditions is misjudged with a chance
-below N / 2^60. Cost: linear for chains of dyads (sparse elimination, links with few
+below N^2 / 2^60. Cost: linear for chains of dyads (sparse elimination, links with few
 neighbours first).
 
 Sources: [T89] Tay, Linking (n-2)-dimensional panels in n-space II, Graphs Combin. 5
@@ -464,21 +464,22 @@ def diagnose(
 
     def say(code: str, links: Iterable[str], pairs: Iterable[str], number: int, text: str) -> None:
         names = tuple(sorted(links))
-        sentence = text.format(links=", ".join(names), pairs=", ".join(pairs), number=number)
-        found.append(Finding(code, names, tuple(pairs), number, sentence))
+        words = {"links": ", ".join(names), "pairs": ", ".join(pairs), "number": number}
+        words |= {"times": "once" if number == 1 else f"{number} times", "s": "s" * (number > 1)}
+        found.append(Finding(code, names, tuple(pairs), number, text.format(**words)))
 
     if away:
         say("unconnected-links", away, (), len(away), "no pair joins {links} to the rest")
     for o in undriven.overconstrained:
         if o.turning_only:
-            text = "{links}: joined in a loop by P pairs alone ({pairs}), which hold their"
-            text += " relative turning {number} times too often"
+            text = "{links} are joined in a loop by P pairs alone ({pairs}), which hold their"
+            text += " relative turning {times} too often"
             say("turning-held-twice", o.links, o.pairs, o.excess, text)
         else:
-            text = "{links} are over-constrained: their pairs {pairs} hold them {number} times"
-            say("over-constrained", o.links, o.pairs, o.excess, text + " too often")
+            text = "{links} are over-constrained: their pairs {pairs} hold them {times} too often"
+            say("over-constrained", o.links, o.pairs, o.excess, text)
     missing = undriven.mobility - len(driven)
-    count = f"mobility {undriven.mobility}, drivers {len(driven)}: {{number}} driver(s) too "
+    count = f"mobility {undriven.mobility}, drivers {len(driven)}: {{number}} driver{{s}} too "
     if missing < 0:
         say("too-many-drivers", (), sorted(driven), -missing, count + "many")
     elif missing > 0:
@@ -496,10 +497,10 @@ def diagnose(
                 undriven.mobility - rigidity(moving - away, at_hand, earlier, fighting).mobility
             )
             excess = len(fighting) - independent
-            text = "drivers {pairs} prescribe the motion of {links} {number} times too often"
+            text = "drivers {pairs} prescribe the motion of {links} {times} too often"
             say("conflicting-drivers", o.links, fighting, excess, text)
     for loose in held.loose:
-        text = "{links} can still move with every driver held: {number} freedom(s)"
+        text = "{links} can still move with every driver held: {number} freedom{s}"
         say("loose-links", loose.links, (), loose.freedom, text)
     return tuple(found)
 

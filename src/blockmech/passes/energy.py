@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.model.structure import JointRef, LinkRef
-from blockmech.passes import forces, forward, loads
+from blockmech.passes import forces, forward, friction, loads
 from blockmech.passes.forward import ACTUAL, ZERO
 from blockmech.plan import Schedule
 from blockmech.plane import dot
@@ -100,7 +100,7 @@ def potential(s: Schedule) -> str:
 
 def friction_power(s: Schedule, ref: JointRef) -> str:
     """Power [W] that friction of a pair turns into heat."""
-    t = s.ask(forces.friction, ref)
+    t = s.ask(friction.friction, ref)
     if t == "0.0":
         return "0.0"
     return s.emit(lost, t, s.ask(forward.slip, ref), name=f"{ref}_loss")
@@ -111,7 +111,7 @@ def total_friction_power(s: Schedule) -> str:
     terms = [
         s.ask(friction_power, ref)
         for block in s.structure.blocks
-        for ref in s.ask(forces.friction_joints, block)
+        for ref in s.ask(friction.friction_joints, block)
     ]
     return _sum(s, terms, "friction_power")
 

@@ -1,0 +1,158 @@
+r"""Chebyshev series on a panel: the spectral tools of forward dynamics.
+
+A panel of length L is walked by an angle phi from 0 to pi,
+
+    v = L sin^2(phi/2),      nodes phi_j = (j + 1/2) pi / n,   j = 0 .. n-1,
+
+and a function on it is a cosine series f = sum c_k cos(k phi). With
+``sin(phi) f = sum s_m sin(m phi)``, s_1 = c_0 - c_2/2, s_m = (c_{m-1} - c_{m+1})/2,
+
+    integral of f dv from 0 to v  =  (L/2) sum_m (s_m/m) 2 sin^2(m phi/2).
+
+Always this sin^2 form, never 1 - cos and never a difference of two potentials:
+it keeps full *relative* accuracy where the integral goes to zero, which is where
+a mechanism stands still.
+
+The last samples before such a place are what the square root of the energy
+magnifies, so `Rule.integrate` is built with the same care (see `_integrals`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+
+TAIL = 4  # last coefficients that judge a series: more than one, because of even and odd zeros
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Matrices of the n-point rule; apply them to samples (..., n) as ``f @ matrix``.
+
+    Attributes
+    ----------
+    n : number of nodes
+    phi : (n,) [rad] the nodes
+    low, high : (n,) [-] sin^2 and cos^2 of phi/2: place seen from either end
+    cosine : (n, n) samples -> c_0 .. c_{n-1}
+    sine : (n, n + 1) samples -> s_1/1 .. s_{n+1}/(n+1) of sin(phi) f, already divided by m
+    integrate : (n, n) samples -> integral of f sin(phi) from 0 to every node
+    total : (n,) weights of the integral of f sin(phi) from 0 to pi
+    total_half : (n,) weights of the integral of f cos(phi/2) from 0 to pi
+    tail : (n, TAIL) samples -> the last coefficients
+    differentiate : (n, n) samples -> derivative with respect to v/L at every node
+    """
+
+    n: int
+    phi: Floats
+    low: Floats
+    high: Floats
+    cosine: Floats
+    sine: Floats
+    integrate: Floats
+    total: Floats
+    total_half: Floats
+    tail: Floats
+    differentiate: Floats
+
+
+@cache
+def rule(n: int) -> Rule:
+    """The n-point rule, made once per n. Cost: n^3/2 cosines."""
+    phi = (np.arange(n) + 0.5) * (np.pi / n)
+    k = np.arange(n)
+    cosine = (2.0 / n) * np.cos(np.outer(k, phi))
+    cosine[0] /= 2
+    padded = np.vstack([cosine, np.zeros((3, n))])
+    m = np.arange(1, n + 2)
+    sine = (padded[m - 1] - padded[m + 1]) / (2 * m[:, None])
+    sine[0] += padded[0] / 2  # s_1 = c_0 - c_2/2
+    total = 2 * sine[::2].sum(axis=0)  # 2 sin^2(m pi/2) is 2 for odd m
+    sign = (-1.0) ** k
+    # integral of cos(k phi) cos(phi/2) over (0, pi)
+    halves = sign * (1 / (k + 0.5) - 1 / (k - 0.5)) / 2
+    return Rule(
+        n=n,
+        phi=phi,
+        low=np.sin(phi / 2) ** 2,
+        high=np.cos(phi / 2) ** 2,
+        cosine=np.ascontiguousarray(cosine.T),
+        sine=np.ascontiguousarray(sine.T),
+        integrate=np.ascontiguousarray(_integrals(n, phi).T),
+        total=total,
+        total_half=halves @ cosine,
+        tail=np.ascontiguousarray(cosine[-TAIL:].T),
+        differentiate=np.ascontiguousarray(_derivatives(n, phi, cosine).T),
+    )
+
+
+def _integrals(n: int, phi: Floats) -> Floats:
+    """Integral of sin(phi) times each cardinal function, from 0 to each node: (n, n).
+
+    Gauss-Legendre points on each stretch, so every entry of row j carries the
+    factor sin^2(phi_j/2) and is exact to rounding *relative to its row*.
+    """
+    xi, weights = np.polynomial.legendre.leggauss(n // 2 + 1)
+    xi, weights = (xi + 1) / 2, weights / 2
+    low = np.sin(phi / 2) ** 2
+    inner = 2 * np.arcsin(np.sqrt(np.outer(low, xi)))  # (n, g)
+    k = np.arange(1, n)
+    cardinal = np.cos(inner[..., None] * k) @ np.cos(np.outer(k, phi))  # (n, g, n)
+    cardinal = (1 + 2 * cardinal) / n
+    rows = np.einsum("g,jgk->jk", weights, cardinal)
+    rows /= rows.sum(axis=1, keepdims=True)  # a constant integrates exactly
+    return np.asarray(2 * low[:, None] * rows)
+
+
+def _derivatives(n: int, phi: Floats, cosine: Floats) -> Floats:
+    """Derivative of each cardinal function with respect to v/L, at each node: (n, n)."""
+    k = np.arange(n)
+    slopes = -k * np.sin(np.outer(phi, k)) / (np.sin(phi)[:, None] / 2)
+    return np.asarray(slopes @ cosine)
+
+
+def angle(z: Floats) -> Floats:
+    """phi of a place z = v/L in [0, 1], exact near 0."""
+    return np.asarray(2 * np.arcsin(np.sqrt(np.clip(z, 0.0, 1.0))))
+
+
+def series(c: Floats, phi: Floats) -> Floats:
+    """sum c_k cos(k phi); c (m, n), phi (m,) -> (m,)."""
+    k = np.arange(c.shape[-1])
+    return np.asarray(np.einsum("ij,ij->i", c, np.cos(phi[:, None] * k)))
+
+
+def integral(s: Floats, phi: Floats) -> Floats:
+    """Integral of f sin(phi) from 0 to phi, from the coefficients of `Rule.sine`.
+
+    s (m, n + 1), phi (m,) -> (m,); relative accuracy is kept as phi goes to 0.
+    """
+    k = np.arange(1, s.shape[-1] + 1)
+    return np.asarray(2 * np.einsum("ij,ij->i", s, np.sin(phi[:, None] * (k / 2)) ** 2))
+
+
+def half_integral(c: Floats, phi: Floats) -> Floats:
+    """Integral of f cos(phi/2) from 0 to phi; c (m, n), phi (m,) -> (m,)."""
+    n = c.shape[-1]
+    b = c.copy()
+    b[:, :-1] += c[:, 1:]
+    b[:, 0] += c[:, 0]
+    k = np.arange(n) + 0.5
+    return np.asarray(np.einsum("ij,ij->i", b / (2 * k), np.sin(phi[:, None] * k)))
+
+
+def series_one(c: Floats, phi: float) -> float:
+    """`series` of one function at one place."""
+    return float(np.cos(np.arange(c.shape[0]) * phi) @ c)
+
+
+def integral_one(s: Floats, phi: float) -> float:
+    """`integral` of one function at one place."""
+    waves = np.sin(np.arange(1, s.shape[0] + 1) * (phi / 2))
+    return 2 * float(s @ (waves * waves))

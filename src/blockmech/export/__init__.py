@@ -1,0 +1,29 @@
+"""How a result leaves: JSON, CSV, NumPy and pandas, and a short table for people.
+
+Every format is derived from the result's own declarations (`Output`), so names and
+units are the same everywhere.
+"""
+
+from blockmech.export.columns import Column, columns
+from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz
+from blockmech.export.files import folder, writing
+from blockmech.export.schema import result_schema
+from blockmech.export.spreadsheet import csv_chunks, to_csv
+from blockmech.export.tables import gap_lines, html_table, table
+
+__all__ = [
+    "Column",
+    "columns",
+    "csv_chunks",
+    "folder",
+    "gap_lines",
+    "html_table",
+    "json_chunks",
+    "result_schema",
+    "table",
+    "to_csv",
+    "to_dataframe",
+    "to_dict",
+    "to_npz",
+    "writing",
+]

@@ -1,0 +1,136 @@
+"""A result as data: JSON, NumPy file, pandas."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic_core import to_json
+
+from blockmech.errors import MissingEngineError, Problem
+from blockmech.export.columns import columns, known_time
+from blockmech.export.files import AnyPath, writing
+
+if TYPE_CHECKING:
+    from blockmech.result import Result
+
+FORMAT, VERSION = "blockmech/result", 1
+
+
+def to_dict(result: Result) -> dict[str, Any]:
+    """The whole result as JSON data; its schema is `result_schema`.
+
+    SI units. Vectors are [x, y] pairs, matrices nested lists, a number of the whole
+    run a list of one; a sample without an answer is None, with its reason in
+    ``quality``. ``time`` [s] stands beside ``drivers`` where the request says it.
+    """
+    return {
+        **_head(result),
+        "outputs": {name: _output(result, name) for name in result},
+        "quality": result.quality.to_dict(),
+    }
+
+
+def json_chunks(result: Result) -> Iterator[str]:
+    """The JSON text of `to_dict` in pieces, one output after the other, in ASCII."""
+    yield "{"
+    for key, value in _head(result).items():
+        yield f"{_text(key)}: {_text(value)},\n "
+    yield '"outputs": {'
+    for i, name in enumerate(result):
+        yield (",\n  " if i else "\n  ") + f"{_text(name)}: {_text(_output(result, name))}"
+    yield f'}},\n "quality": {_text(result.quality.to_dict())}}}\n'
+
+
+def to_npz(result: Result, path: AnyPath) -> None:
+    """Write all arrays to one NumPy file, atomically.
+
+    The arrays have the outputs' names and the shapes of `Result`; ``time``, the
+    driver coordinates, ``quality.status`` and ``quality.margin.<block>`` are beside
+    them, ``units`` (k, 2) lists names and units. Nothing needs pickle.
+
+    Raises `RequestError` where the place cannot be written.
+    """
+    arrays: dict[str, Any] = dict(result.drivers)
+    units = {name: result.unit_of_driver(name) for name in arrays}
+    time = known_time(result)
+    if time is not None:
+        arrays["time"], units["time"] = time, "s"
+    for name in result:
+        arrays[name], units[name] = np.asarray(result[name]), result.unit(name)
+    quality = result.quality
+    arrays["quality.status"] = np.array(quality.status, dtype=str)
+    for block, margin in quality.margin.items():
+        arrays[f"quality.margin.{block}"] = margin
+    arrays["units"] = np.array(list(units.items()), dtype=str)
+    with writing(path) as stream:
+        np.savez(stream, **arrays)
+
+
+def to_dataframe(result: Result) -> Any:
+    """The columns of the CSV as a pandas DataFrame; units are in ``attrs["units"]``.
+
+    Raises `MissingEngineError` without pandas.
+    """
+    try:
+        import pandas as pd
+    except ImportError as error:
+        raise MissingEngineError(
+            Problem(
+                "missing-package",
+                "to_dataframe",
+                "pandas is not installed",
+                "",
+                "pip install pandas, or use to_csv or to_npz",
+            )
+        ) from error
+    found = columns(result)
+    frame = pd.DataFrame({column.name: column.values for column in found})
+    frame["status"] = list(result.quality.status)
+    frame.attrs["units"] = {column.name: column.unit for column in found}
+    return frame
+
+
+def _head(result: Result) -> dict[str, Any]:
+    head: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "graph": result.mechanism.name,
+        "samples": result.n,
+        "drivers": {name: _values(q) for name, q in result.drivers.items()},
+    }
+    time = known_time(result)
+    return head if time is None else {**head, "time": _values(time)}
+
+
+def _output(result: Result, name: str) -> dict[str, Any]:
+    output = result.output(name)
+    found = {"unit": output.unit, "values": _values(result[name])}
+    if output.on:
+        found |= {"by": output.by, "on": output.on}
+    return found
+
+
+def _values(raw: Any) -> list[Any]:
+    """Samples as JSON data; a sample that is not finite in any part is None."""
+    table: NDArray[Any] = np.atleast_1d(np.asarray(raw))
+    if np.iscomplexobj(table):
+        table = np.stack([table.real, table.imag], axis=-1)
+    table = table.astype(np.float64, copy=False)
+    values: list[Any] = table.tolist()
+    whole = np.isfinite(table).reshape(len(table), -1).all(axis=1)
+    for i in np.flatnonzero(~whole):
+        values[i] = None
+    return values
+
+
+def _text(value: Any) -> str:
+    # The standard library takes seven times as long for long lists of numbers.
+    text = to_json(value).decode()
+    if text.isascii():
+        return text
+    return re.sub(r"[^\x00-\x7f]", lambda match: json.dumps(match[0])[1:-1], text)

@@ -1,0 +1,107 @@
+"""A result as CSV that spreadsheets open: one row a sample, one column a component."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic_core import to_json
+
+from blockmech.errors import Problem, RequestError
+from blockmech.export.columns import columns
+from blockmech.export.files import AnyPath, writing
+
+if TYPE_CHECKING:
+    from blockmech.result import Result
+
+ROWS = 2000  # rows that are turned into text at once
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+def to_csv(
+    result: Result, path: AnyPath | None = None, separator: str = ",", decimal: str = "."
+) -> str:
+    """CSV text: driver coordinates, time, wanted outputs, status; written if a path is given.
+
+    Columns are headed ``name [unit]``, a vector has two. Numbers read back to the
+    last bit; a cell without an answer is empty and ``status``, the last column, says
+    why. ``decimal=","`` with ``separator=";"`` suits spreadsheets of many countries.
+
+    Raises `RequestError` for a separator that would tear numbers, or where the
+    place cannot be written.
+    """
+    text = "".join(csv_chunks(result, separator, decimal))
+    if path is not None:
+        write_csv([text], path)
+    return text
+
+
+def csv_chunks(
+    result: Result, separator: str = ",", decimal: str = ".", degrees: bool = False
+) -> Iterator[str]:
+    """The text of `to_csv` in pieces; ``degrees`` gives angles in deg."""
+    _check(separator, decimal)
+    return _chunks(result, separator, decimal, degrees)
+
+
+def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
+    """Write CSV text atomically; marked as UTF-8 for spreadsheets if it is not ASCII."""
+    with writing(path) as stream:
+        for i, chunk in enumerate(chunks):
+            if i == 0 and not chunk.isascii():
+                stream.write(BYTE_ORDER_MARK)
+            stream.write(chunk.encode())
+
+
+def _chunks(result: Result, separator: str, decimal: str, degrees: bool) -> Iterator[str]:
+    found = columns(result, degrees)
+    head = io.StringIO()
+    row = csv.writer(head, delimiter=separator, lineterminator="\n")
+    row.writerow([*(column.head for column in found), "status"])
+    yield head.getvalue()
+    status = result.quality.status
+    for start in range(0, result.n, ROWS):
+        part = slice(start, start + ROWS)
+        numbers = [column.values[part] for column in found]
+        yield _rows(np.stack(numbers, axis=1).tolist(), status[part], separator, decimal)
+
+
+def _rows(rows: list[list[float]], status: tuple[str, ...], separator: str, decimal: str) -> str:
+    """Rows of numbers and a last word as text.
+
+    A JSON array of arrays is the same text up to its brackets, and comes from a
+    compiled writer: [[1.5,2.0,"ok"],[...]]. Numbers and words hold none of its signs.
+    """
+    whole = [[*row, word] for row, word in zip(rows, status, strict=True)]
+    text = to_json(whole, inf_nan_mode="null").decode()
+    text = text[2:-2].replace("],[", "\n").replace("null", "").replace('"', "") + "\n"
+    if separator != ",":
+        text = text.replace(",", separator)
+    return text.replace(".", decimal) if decimal != "." else text
+
+
+def _check(separator: str, decimal: str) -> None:
+    problems = []
+    if separator not in SEPARATORS:
+        valid = ", ".join(f"{sign!r} ({name})" for sign, name in SEPARATORS.items())
+        problems.append(
+            Problem("bad-value", "separator", f"got {separator!r}", f"valid: {valid}", "")
+        )
+    if decimal not in (".", ","):
+        problems.append(Problem("bad-value", "decimal", f"got {decimal!r}", 'valid: "." or ","'))
+    elif decimal == separator:
+        problems.append(
+            Problem(
+                "bad-value",
+                "separator",
+                f"{separator!r} is also the decimal sign",
+                "",
+                'use separator=";" with decimal=","',
+            )
+        )
+    if problems:
+        raise RequestError(problems)
