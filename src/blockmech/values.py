@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import cmath
+import json
 import math
-from typing import Annotated, Any, Literal
+import sys
+from typing import Annotated, Any, Literal, LiteralString
 
 from pydantic import (
     AllowInfNan,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
@@ -18,6 +21,12 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
+
+def _no_boolean(raw: Any) -> Any:
+    # In Python True equals 1, in a file it is a slip.
+    return str(raw).lower() if isinstance(raw, bool) else raw
+
+
 Number = Annotated[float, Strict(), AllowInfNan(False)]
 """A finite number; text and booleans are refused."""
 
@@ -26,12 +35,16 @@ NotNegative = Annotated[Number, Field(ge=0)]
 Length = Annotated[Number, Field(gt=0, json_schema_extra={"unit": "m"})]
 Distance = Annotated[Number, Field(json_schema_extra={"unit": "m"})]
 Angle = Annotated[Number, Field(json_schema_extra={"unit": "rad"})]
-Branch = Annotated[Literal[-1, 1], Field(description="assembly mode")]
+Mass = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg"})]
+Inertia = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg m2"})]
+Branch = Annotated[Literal[-1, 1], Field(description="assembly mode"), BeforeValidator(_no_boolean)]
 
 
 def is_number(x: object) -> bool:
     """Whether ``x`` is a finite real number and not a boolean."""
-    return isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
+    if not isinstance(x, int | float) or isinstance(x, bool):
+        return False
+    return abs(x) <= sys.float_info.max  # whole numbers may be too large for a float
 
 
 class Pair:
@@ -58,15 +71,15 @@ class Pair:
         if is_number(raw) and not isinstance(raw, str):
             return cls(complex(raw))
         if isinstance(raw, list | tuple) and len(raw) == 2 and all(map(is_number, raw)):
-            return cls(complex(*raw), list(raw))
+            return cls(complex(*raw), [float(x) for x in raw])
         if cls.polar and isinstance(raw, dict) and set(raw) == {"polar"}:
             r = raw["polar"]
             if isinstance(r, list | tuple) and len(r) == 2 and all(map(is_number, r)):
                 z = complex(r[0] * math.cos(r[1]), r[0] * math.sin(r[1]))
-                return cls(z, {"polar": list(r)})
+                return cls(z, {"polar": [float(x) for x in r]})
         spelling = ' or {"polar": [r, angle]}' if cls.polar else ""
         raise PydanticCustomError(
-            "place",
+            "bad-place",
             "must be {what} [x, y]{spelling} of finite numbers, got {got}",
             {"what": cls.what, "spelling": spelling, "got": shown(raw)},
         )
@@ -122,15 +135,40 @@ class Vector(Pair):
 
 def shown(raw: Any, most: int = 60) -> str:
     """A value as it stands in the file, cut when it is long."""
-    text = repr(raw)
+    try:
+        text = json.dumps(raw, ensure_ascii=False)
+    except (TypeError, ValueError):  # not from a file
+        text = repr(raw)
     return text if len(text) <= most else text[: most - 3] + "..."
+
+
+NAME_RULE = 'a name is not empty and has no "." or "/"'
+"""The rule for names of blocks and markers, which stand in addresses."""
+
+
+def is_name(name: str) -> bool:
+    """Whether a name can stand in an address."""
+    return bool(name) and "." not in name and "/" not in name
+
+
+def mistake(
+    code: LiteralString, found: str, valid: str = "", remedy: str = ""
+) -> PydanticCustomError:
+    """A mistake in a model, with the parts of a `Problem`."""
+    parts = {"found": found, "valid": valid, "remedy": remedy}
+    said = "; ".join(filter(None, parts.values()))
+    return PydanticCustomError(code, "{said}", {"said": said, **parts})
 
 
 class Strictly(BaseModel):
     """Base of all models: frozen, unknown keys refused, finite numbers only."""
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        arbitrary_types_allowed=True,
+        defer_build=True,  # importing the package builds no validators
     )
 
 
@@ -154,11 +192,11 @@ class Marker(Strictly):
     @model_validator(mode="after")
     def _one_direction(self) -> Marker:
         if self.angle is not None and self.dir is not None:
-            raise PydanticCustomError(
-                "direction", 'give the direction once: "angle" or "dir", not both'
+            raise mistake(
+                "bad-direction", "the direction is given twice", "", 'keep "angle" or "dir"'
             )
         if self.dir is not None and self.dir.z == 0:
-            raise PydanticCustomError("direction", '"dir" must not be [0, 0]')
+            raise mistake("bad-direction", '"dir" must not be [0, 0]')
         return self
 
     @property
@@ -179,8 +217,8 @@ class Link(Strictly):
     mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame.
     """
 
-    mass: NotNegative = 0.0
-    inertia: NotNegative = 0.0
+    mass: Mass = 0.0
+    inertia: Inertia = 0.0
     cm: Place = Place(0j)
     markers: dict[str, Marker] = {}
 

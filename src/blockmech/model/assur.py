@@ -387,6 +387,14 @@ def _waits(pebbles: _Pebbles, edges: Sequence[Edge], number: int) -> Mapping[int
     return waits
 
 
+def _condense(waits: Mapping[int, set[int]]) -> tuple[list[list[int]], dict[int, set[int]]]:
+    """Sets of links that wait for each other, and for each set those that it waits for."""
+    parts = [sorted(part) for part in nx.strongly_connected_components(nx.DiGraph(waits))]
+    part_of = {v: n for n, part in enumerate(parts) for v in part}
+    ahead = {n: {part_of[w] for v in part for w in waits[v]} - {n} for n, part in enumerate(parts)}
+    return parts, ahead
+
+
 def _in_order(ahead: Mapping[int, set[int]], rank: Mapping[int, tuple[bool, int]]) -> list[int]:
     """Topological order of the parts, the lowest rank first; what waits in vain is left out."""
     behind: dict[int, list[int]] = defaultdict(list)

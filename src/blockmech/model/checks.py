@@ -15,7 +15,6 @@ from blockmech.blocks.contract import REGISTRY, Block, DrivingLink, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.errors import Problem, close_match, listed
 from blockmech.loads.contract import Element
-from blockmech.model.cycles import diagnose_cycle
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.values import Marker
 
@@ -255,6 +254,8 @@ def _scene_problems(graph: Graph) -> Iterable[Problem]:
 def _cycles(graph: Graph) -> Iterable[Problem]:
     for component in nx.strongly_connected_components(block_dag(graph)):
         if len(component) > 1:
+            from blockmech.model.cycles import diagnose_cycle  # only a wrong graph pays for it
+
             yield diagnose_cycle(graph, sorted(component))
 
 

@@ -1,0 +1,744 @@
+"""The judge judged: reference numbers, closed forms, and forces summed by hand.
+
+Precision follows the poses, so with `refine=True` nearly everything comes out rounded to the
+last bit of a double. The tolerances below leave room for machines whose long double is no
+wider than a double.
+"""
+
+import ast
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+
+from . import multibody as mb
+
+DATA = Path(__file__).parents[1] / "data"
+DIGITS = float(np.finfo(np.longdouble).eps)  # 1e-19 where long double is wider, else 2e-16
+
+LIMIT = 1e-9  # [-] of a self-locking limit: steps halve down to 1e-12, Newton fails a bit before
+ROUNDING = 1e-12  # [-] double, times a condition below 100, times some 50 operations
+WIDE = pytest.mark.skipif(DIGITS > 1e-18, reason="long double is no wider than double here")
+
+
+def data(name):
+    return json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def off(found, wanted):
+    """Largest difference, relative to the largest wanted number."""
+    found, wanted = np.asarray(found, float), np.asarray(wanted, float)
+    return np.abs(found - wanted).max() / np.abs(wanted).max()
+
+
+def forces_off(found, wanted):
+    """Largest difference of a reaction, each relative to itself."""
+    return max(off(found.joints[name].force, force) for name, force in wanted.items())
+
+
+def test_judge_does_not_know_the_package():
+    names = set()
+    for node in ast.walk(ast.parse(Path(mb.__file__).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names.add((node.module or ".").split(".")[0])
+    assert names <= {"__future__", "collections", "dataclasses", "itertools", "typing"} | {
+        "numpy",
+        "scipy",
+    }
+
+
+# ---- Ruiz four-bar ------------------------------------------------------------------------------
+
+RUIZ = data("ruiz_fourbar")
+RUIZ_ROWS = pytest.mark.parametrize("row", RUIZ["rows"], ids=lambda row: f"{row['crank']:g}rad")
+
+
+def ruiz(crank, refine=True):
+    """System, poses, rates and accelerations at a crank angle and 10 rad/s."""
+    system = mb.read(RUIZ["document"])
+    poses = mb.assemble(system, system.home, [crank], follow=True, refine=refine)
+    rates = mb.rates(system, poses, [10.0])
+    return system, poses, rates, mb.accelerations(system, poses, rates, [0.0])
+
+
+@RUIZ_ROWS
+def test_ruiz_motion_is_the_reference(row):
+    _, poses, rates, accelerations = ruiz(row["crank"])
+    assert off(poses, list(row["poses"].values())) < ROUNDING
+    assert off(rates[:, 2], list(row["omega"].values())) < ROUNDING
+    assert off(accelerations[:, 2], list(row["alpha"].values())) < ROUNDING
+
+
+@RUIZ_ROWS
+def test_ruiz_reactions_with_friction_are_the_reference(row):
+    found = mb.reactions(*ruiz(row["crank"]))
+    assert found.converged
+    assert found.scale == 1
+    assert forces_off(found, row["reactions"]) < ROUNDING
+    assert off(found.drivers["crank"], row["driving_moment"]) < ROUNDING
+    assert off(found.friction_power, row["friction_power"]) < ROUNDING
+    for name, couple in row["friction_couples"].items():
+        assert found.joints[name].friction == pytest.approx(couple, rel=ROUNDING)
+
+
+@RUIZ_ROWS
+def test_ruiz_reactions_without_friction_are_the_reference(row):
+    found = mb.reactions(*ruiz(row["crank"]), friction=False)
+    assert forces_off(found, row["frictionless_reactions"]) < ROUNDING
+    assert off(found.drivers["crank"], row["frictionless_driving_moment"]) < ROUNDING
+    assert all(joint.friction == 0 for joint in found.joints.values())
+
+
+def test_joint_C_of_the_ruiz_fourbar_is_at_rest_at_zero_only():
+    resting = [mb.reactions(*ruiz(row["crank"])).at_rest for row in RUIZ["rows"]]
+    assert resting == [tuple(row["zero_relative_speed_joints"]) for row in RUIZ["rows"]]
+
+
+@pytest.mark.parametrize("refine", [True, False])
+def test_rest_is_seen_in_double_too(refine):
+    assert mb.reactions(*ruiz(0.0, refine)).at_rest == ("C",)
+
+
+@pytest.mark.parametrize("sense", [-1, 1])
+def test_joint_at_rest_may_be_given_a_sense_of_slip(sense):
+    wanted = RUIZ["rows"][0]["one_sided"][f"C:{sense:+d}"]
+    found = mb.reactions(*ruiz(0.0), sense={"C": sense})
+    assert found.at_rest == ()
+    assert np.sign(found.joints["C"].friction) == -sense
+    assert abs(found.joints["C"].friction) == pytest.approx(found.joints["C"].limit, rel=ROUNDING)
+    assert forces_off(found, wanted["reactions"]) < ROUNDING
+    assert off(found.drivers["crank"], wanted["driving_moment"]) < ROUNDING
+
+
+@WIDE
+@RUIZ_ROWS
+def test_refined_poses_are_right_to_an_ulp(row):
+    _, poses, _, _ = ruiz(row["crank"])
+    wanted = np.array(list(row["poses"].values()))
+    assert poses.dtype == np.longdouble
+    assert np.all(np.abs(poses.astype(float) - wanted) <= np.spacing(np.abs(wanted)))
+
+
+@WIDE
+@RUIZ_ROWS
+def test_extended_reactions_are_right_to_two_ulps(row):
+    found = mb.reactions(*ruiz(row["crank"]))
+    two_ulps = 2 * np.finfo(float).eps
+    assert forces_off(found, row["reactions"]) <= two_ulps
+    assert off(found.drivers["crank"], row["driving_moment"]) <= two_ulps
+
+
+@RUIZ_ROWS
+def test_double_alone_keeps_twelve_digits(row):
+    found = mb.reactions(*ruiz(row["crank"], refine=False))
+    assert found.drivers["crank"].dtype == float
+    assert forces_off(found, row["reactions"]) < ROUNDING
+
+
+# ---- Watt six-bar -------------------------------------------------------------------------------
+
+WATT = data("watt_sixbar")
+WATT_ROWS = pytest.mark.parametrize("row", WATT["from_0"]["table"], ids=lambda row: f"{row['t']}s")
+FALL = 1e-10  # [rad], [rad/s] the judge's own promise for a motion
+
+
+@WATT_ROWS
+def test_watt_falls_as_the_reference(row):
+    system = mb.read(WATT["document"])
+    poses = mb.assemble(system, system.home, [row["theta"]], follow=True, refine=True)
+    rates = mb.rates(system, poses, [row["omega"]])
+    found, forces = mb.forward_acceleration(system, poses, rates, [0.0])
+    assert off(found[0, 2], row["alpha"]) < ROUNDING
+    assert forces_off(forces, row["reactions"]) < ROUNDING
+    kinetic, potential = mb.mechanical_energy(system, poses, rates)
+    total = row["T"] + row["V"]
+    assert kinetic == pytest.approx(row["T"], abs=ROUNDING * total)
+    assert potential == pytest.approx(row["V"], abs=ROUNDING * total)
+    assert 2 * mb.mechanical_energy(system, poses, mb.rates(system, poses, [1.0]))[0] == (
+        pytest.approx(row["J_red"], rel=ROUNDING)
+    )
+
+
+@WATT_ROWS
+def test_inverse_dynamics_of_a_fall_asks_for_no_drive(row):
+    system = mb.read(WATT["document"])
+    poses = mb.assemble(system, system.home, [row["theta"]], follow=True, refine=True)
+    rates = mb.rates(system, poses, [row["omega"]])
+    found = mb.reactions(
+        system, poses, rates, mb.accelerations(system, poses, rates, [row["alpha"]])
+    )
+    # alpha is given to half an ulp, so the moment is left with J_red times that.
+    left = row["J_red"] * np.spacing(abs(row["alpha"])) + ROUNDING * abs(row["tau_red"])
+    assert abs(found.drivers["crank"]) < left
+    assert forces_off(found, row["reactions"]) < ROUNDING
+
+
+def test_watt_integrated_meets_the_table_and_keeps_its_energy():
+    system = mb.read(WATT["document"])
+    table = WATT["from_0"]["table"]
+    start = mb.assemble(system, system.home, [WATT["from_0"]["theta0"]])
+    poses, rates = mb.integrate(system, start, 0 * start, [row["t"] for row in table], [0.0])
+    assert np.abs(poses[:, 0, 2] - [row["theta"] for row in table]).max() < FALL
+    assert np.abs(rates[:, 0, 2] - [row["omega"] for row in table]).max() < FALL
+    energies = [sum(mb.mechanical_energy(system, *at)) for at in zip(poses, rates, strict=True)]
+    assert np.ptp(energies) < FALL * max(energies)
+    gaps = [mb.Instant(system, at).rows()[0][: 2 * len(system.joints)] for at in poses]
+    assert np.abs(gaps).max() < ROUNDING
+
+
+def test_joints_stay_closed_even_when_the_motion_is_integrated_loosely():
+    system = mb.read(WATT["document"])
+    start = mb.assemble(system, system.home, [0.0])
+    poses, rates = mb.integrate(system, start, 0 * start, [0.0, 1.0], [0.0], tolerance=1e-5)
+    values, gradients, _ = mb.Instant(system, poses[-1]).rows()
+    held = 2 * len(system.joints)
+    assert np.abs(values[:held]).max() < ROUNDING
+    assert np.abs(gradients[:held] @ rates[-1].ravel()).max() < ROUNDING * np.abs(rates[-1]).max()
+
+
+def test_watt_from_60_degrees_swings_past_its_standstill():
+    system, wanted = mb.read(WATT["document"]), WATT["from_60_degrees"]
+    start = mb.assemble(system, system.home, [wanted["theta0"]], follow=True)
+    poses, rates = mb.integrate(system, start, 0 * start, [0.0, 2.0], [0.0])
+    assert poses[-1, 0, 2] == pytest.approx(wanted["theta_at_2s"], abs=FALL)
+    assert rates[-1, 0, 2] == pytest.approx(wanted["omega_at_2s"], abs=FALL)
+
+
+# ---- Andrews' squeezer --------------------------------------------------------------------------
+
+ANDREWS = data("andrews_squeezer")
+CONVERGED = ANDREWS["converged_at_0_03"]
+AGREEMENT = 1e-12  # of the two formulations behind the reference
+
+
+def andrews_links(q):
+    """Angles of the links from the benchmark's seven coordinates, or their derivatives."""
+    beta, theta, gamma, phi, delta, omega, epsilon = q
+    return np.array([beta, beta + theta, gamma, phi + delta, delta, omega + epsilon, epsilon])
+
+
+def test_andrews_squeezer_at_its_last_instant():
+    system = mb.read(ANDREWS["document"])
+    poses = mb.assemble(system, system.home, [CONVERGED["q"][0]], follow=True, refine=True)
+    rates = mb.rates(system, poses, [CONVERGED["dq"][0]])
+    found, forces = mb.forward_acceleration(system, poses, rates, [0.0])
+    assert np.abs(poses[:, 2] - andrews_links(CONVERGED["q"])).max() < AGREEMENT
+    assert off(rates[:, 2], andrews_links(CONVERGED["dq"])) < AGREEMENT
+    assert off(found[:, 2], andrews_links(CONVERGED["ddq"])) < AGREEMENT
+    assert forces_off(forces, CONVERGED["reactions"]) < AGREEMENT
+
+
+def test_andrews_squeezer_integrated_from_rest():
+    system = mb.read(ANDREWS["document"])
+    start = mb.assemble(system, system.home, [system.home[0, 2]])
+    poses, rates = mb.integrate(system, start, 0 * start, [0.0, 0.03], [0.0])
+    assert np.abs(poses[-1, :, 2] - andrews_links(CONVERGED["q"])).max() < FALL
+    assert off(rates[-1, :, 2], andrews_links(CONVERGED["dq"])) < FALL
+    before, after = (
+        sum(mb.mechanical_energy(system, poses[k], rates[k])) - 0.033 * poses[k, 0, 2]
+        for k in (0, -1)
+    )
+    assert before == pytest.approx(after, rel=FALL)
+
+
+# ---- Slider-crank with a rough guide, in closed form --------------------------------------------
+
+R, L, MASS, OMEGA, GAS, MU = 0.1, 0.3, 1.5, 100.0, -500.0, 0.15
+
+
+def slider_crank(theta, *, mu=MU, height=0.0, guide_length=None, omega=OMEGA, mass=MASS, radius=R):
+    """Massless crank and rod, piston with a gas force at a height above its pin."""
+    system = mb.read(
+        {
+            "links": {
+                "crank": {"pose": [0.0, 0.0, theta]},
+                "rod": {"pose": [0.1, 0.1, -0.4]},
+                "piston": {"mass": mass, "inertia": 0.002, "pose": [0.3, 0.0, 0.0]},
+            },
+            "joints": {
+                "O": {"type": "R", "links": ["frame", "crank"], "at": [[0, 0], [0, 0]]},
+                "A": {"type": "R", "links": ["crank", "rod"], "at": [[radius, 0], [0, 0]]},
+                "B": {"type": "R", "links": ["rod", "piston"], "at": [[L, 0], [0, 0]]},
+                "S": {
+                    "type": "P",
+                    "links": ["frame", "piston"],
+                    "at": [[0, 0], [0, 0]],
+                    "friction": {"coefficient": mu, "guide_length": guide_length},
+                },
+            },
+            "drivers": {"motor": {"joint": "O", "law": "constant_rate", "rate": omega}},
+            "loads": {
+                "gas": {"type": "force", "link": "piston", "at": [0, height], "force": [GAS, 0]}
+            },
+        }
+    )
+    poses = mb.assemble(system, system.home, [theta], refine=True)
+    rates = mb.rates(system, poses, [omega])
+    return system, poses, rates, mb.accelerations(system, poses, rates, [0.0])
+
+
+def closed_form(theta, *, mu=MU, height=0.0, guide_length=None, omega=OMEGA):
+    """Rod force Q (pushing), N, C, T and driving moment, derived by hand.
+
+    The rod pushes the piston with Q along A -> B, at beta below the x axis, sin(beta) =
+    R sin(theta) / L. Along the guide Q cos(beta) + T + GAS = MASS x''; across it
+    N = Q sin(beta); moments about the pin C = GAS height; crank: tau = -Q R sin(theta + beta).
+    """
+    beta = np.arcsin(R * np.sin(theta) / L)
+    rate = omega * R * np.cos(theta) / (L * np.cos(beta))
+    turning = (rate**2 * np.sin(beta) - omega**2 * R * np.sin(theta) / L) / np.cos(beta)
+    speed = -omega * R * np.sin(theta + beta) / np.cos(beta)
+    pull = -(omega**2) * R * np.cos(theta)
+    pull -= L * (turning * np.sin(beta) + rate**2 * np.cos(beta))
+    needed = MASS * pull - GAS
+    against = -np.sign(speed) * mu
+    # The rod's push has the sign of `needed` as long as mu tan(beta) < 1.
+    Q = needed / (np.cos(beta) + against * np.sign(needed) * abs(np.sin(beta)))
+    C = GAS * height
+    if guide_length and 2 * abs(C) / guide_length > abs(Q * np.sin(beta)):
+        Q = (needed - against * 2 * abs(C) / guide_length) / np.cos(beta)
+    T = needed - Q * np.cos(beta)
+    return Q, Q * np.sin(beta), C, T, -Q * R * np.sin(theta + beta), speed
+
+
+@pytest.mark.parametrize("theta", [0.4, 1.3, 2.6, 3.6, 4.9, 5.9])
+@pytest.mark.parametrize(
+    "guide",
+    [
+        {},
+        {"height": 0.02, "guide_length": 0.4},
+        {"height": 0.2, "guide_length": 0.05},
+        {"height": 0.03, "guide_length": 0.2, "mu": 0.8},
+    ],
+    ids=["point", "long guide", "short guide", "edges part as friction grows"],
+)
+@pytest.mark.parametrize("omega", [OMEGA, -OMEGA, 0.1])
+def test_rough_guide_of_a_slider_crank_follows_the_closed_form(theta, guide, omega):
+    found = mb.reactions(*slider_crank(theta, omega=omega, **guide))
+    Q, N, C, T, moment, speed = closed_form(theta, omega=omega, **guide)
+    beta = np.arcsin(R * np.sin(theta) / L)
+    piston = found.joints["S"]
+    assert found.converged
+    assert off(found.joints["B"].force, Q * np.array([np.cos(beta), -np.sin(beta)])) < ROUNDING
+    assert off(piston.force, [0, N]) < ROUNDING
+    assert off([piston.N, piston.C / L], [N, C / L]) < ROUNDING
+    assert piston.slip == pytest.approx(speed, rel=ROUNDING)
+    assert piston.friction == pytest.approx(T, rel=ROUNDING)
+    assert found.drivers["motor"] == pytest.approx(moment, rel=ROUNDING)
+    assert piston.friction * piston.slip < 0
+
+
+def test_crank_cannot_push_beyond_the_friction_angle():
+    # omega < 0: the piston moves out, the rod pushes; Q has a pole at scale = 1 / (mu tan beta).
+    theta, radius, mu = 1.4, 0.28, 0.9
+    beta = np.arcsin(radius * np.sin(theta) / L)
+    found = mb.reactions(*slider_crank(theta, radius=radius, mu=mu, omega=-1.0, mass=0.0))
+    assert mu * np.tan(beta) > 1
+    assert not found.converged
+    assert found.scale == pytest.approx(1 / (mu * np.tan(beta)), rel=LIMIT)
+
+
+@WIDE
+def test_refined_numbers_stand_near_dead_centre():
+    # Rod and guide at right angles but for cos(beta) = 1e-5. sin(beta) is known to rounding,
+    # so cos(beta) is to rounding / cos(beta): doubles alone would keep 6 digits of the force.
+    theta, radius = 1.5, float(L / np.sin(1.5) * (1 - 5e-11))
+    with mpmath.workdps(40):
+        sine = mpmath.mpf(radius) * mpmath.sin(theta) / mpmath.mpf(L)
+        cosine = mpmath.sqrt(1 - sine**2)
+        place = mpmath.mpf(radius) * mpmath.cos(theta) + mpmath.mpf(L) * cosine
+        normal = -mpmath.mpf(GAS) / cosine * sine
+    system, poses, rates, accelerations = slider_crank(theta, radius=radius, mass=0.0)
+    found = mb.reactions(system, poses, rates, accelerations, friction=False)
+    assert mb.conditioning(system, poses) > 1e5
+    assert abs(poses[2, 0] - float(place)) < 10 * DIGITS * L / cosine
+    assert abs(found.joints["S"].N - float(normal)) < 10 * DIGITS * normal / cosine**2
+
+
+# ---- A lever on a rough pin, in closed form -----------------------------------------------------
+
+
+def lever(arm, slip, a=0.3, b=0.4, weight=100.0):
+    """A weight at [a, 0] held by a horizontal strut at [0, b]; friction arm f'r on the pin."""
+    system = mb.System(
+        links={"lever": mb.Link()},
+        joints={
+            "O": mb.Joint("R", ("frame", "lever"), ((0, 0), (0, 0)), friction=mb.Friction(1, arm))
+        },
+        drivers={"strut": mb.Driver(links=("frame", "lever"), at=((-1.0, b), (0.0, b)))},
+        loads={"weight": mb.Force("lever", (a, 0.0), (0.0, -weight))},
+    )
+    poses = np.zeros((1, 3), np.longdouble)
+    rates = mb.rates(system, poses, [-b * slip])  # turning left shortens the strut
+    return mb.reactions(system, poses, rates, 0 * rates)
+
+
+@pytest.mark.parametrize("slip", [-1.0, 1.0])
+def test_rough_lever_solves_its_quadratic(slip):
+    a, b, W, arm = 0.3, 0.4, 100.0, 0.25
+    # strut S = (t - W a) / b, pin (-S, W), t = -slip arm |pin|: a quadratic in t
+    roots = np.roots(
+        [1 / arm**2 - 1 / b**2, 2 * W * a / b**2, -(W**2) * (1 + (a / b) ** 2)],
+    )
+    t = roots[np.sign(roots) == -slip].item()
+    found = lever(arm, slip)
+    assert found.joints["O"].slip == pytest.approx(slip, rel=ROUNDING)
+    assert found.joints["O"].friction == pytest.approx(t, rel=ROUNDING)
+    assert found.drivers["strut"] == pytest.approx((t - W * a) / b, rel=ROUNDING)
+    assert off(found.joints["O"].force, [-(t - W * a) / b, W]) < ROUNDING
+
+
+def test_lever_turning_right_locks_at_a_fold():
+    found = lever(1.0, slip=-1.0)  # the quadratic's roots meet at arm^2 = a^2 + b^2
+    assert not found.converged
+    assert found.scale == pytest.approx(np.hypot(0.3, 0.4), rel=LIMIT)
+
+
+def test_lever_takes_the_solution_that_grows_from_zero_friction():
+    # Between arm = b and the fold the quadratic has two roots of the right sign.
+    arm, b, moment, W = 0.48, 0.4, 30.0, 100.0
+    roots = np.roots([1 / arm**2 - 1 / b**2, 2 * moment / b**2, -(W**2) - (moment / b) ** 2])
+    found = lever(arm, slip=-1.0)
+    assert np.all(roots > 0)
+    assert found.converged
+    assert found.joints["O"].friction == pytest.approx(roots.min(), rel=ROUNDING)
+
+
+def test_lever_turning_left_locks_at_an_asymptote():
+    found = lever(1.0, slip=1.0)  # the quadratic loses its square at arm = b
+    assert not found.converged
+    assert found.scale == pytest.approx(0.4, rel=LIMIT)
+
+
+# ---- Everything at once: forces summed by hand --------------------------------------------------
+
+ZOO = {
+    "gravity": [1.0, -9.81],
+    "links": {
+        "crank": {"mass": 1.0, "inertia": 0.01, "cm": [0.05, 0.01], "pose": [0, 0, 0.7]},
+        "block": {"mass": 0.4, "inertia": 0.001, "cm": [0.01, 0.02], "pose": [0.1, 0.06, 1.9]},
+        "rocker": {"mass": 3.0, "inertia": 0.05, "cm": [0.2, -0.01], "pose": [0, -0.3, 1.4]},
+        "boom": {"mass": 2.0, "inertia": 0.03, "cm": [0.1, 0.0], "pose": [0.1, 0.3, 0.3]},
+        "rod": {"mass": 0.8, "inertia": 0.02, "cm": [0.2, 0.03], "pose": [0.1, 0.3, 2.9]},
+        "piston": {"mass": 1.5, "inertia": 0.002, "cm": [0.01, 0.02], "pose": [-0.5, 0.3, 3.0]},
+    },
+    "joints": {
+        "O": {
+            "type": "R",
+            "links": ["frame", "crank"],
+            "at": [[0, 0], [0, 0]],
+            "friction": {"law": "coulomb", "coefficient": 0.2, "radius": 0.01},
+        },
+        "A": {
+            "type": "R",
+            "links": ["block", "crank"],
+            "at": [[0, 0], [0.1, 0]],
+            "friction": {"law": "coulomb", "coefficient": 0.3, "radius": 0.01},
+        },
+        "P": {
+            "type": "P",
+            "links": ["rocker", "block"],
+            "at": [[0.05, 0.02], [0.01, -0.02]],
+            "angle": [0.1, -0.4],
+            "slider": 0,
+            "friction": {"law": "coulomb", "coefficient": 0.2, "guide_length": 0.1},
+        },
+        "Q": {
+            "type": "R",
+            "links": ["frame", "rocker"],
+            "at": [[0, -0.3], [0, 0]],
+            "friction": {"law": "coulomb", "coefficient": 0.1, "radius": 0.02},
+        },
+        "T": {"type": "R", "links": ["rocker", "boom"], "at": [[0.6, 0], [0, 0]]},
+        "E": {"type": "R", "links": ["rocker", "rod"], "at": [[0.6, 0.05], [0, 0]]},
+        "F": {"type": "R", "links": ["rod", "piston"], "at": [[0.5, 0], [0, 0]]},
+        "S": {
+            "type": "P",
+            "links": ["piston", "frame"],
+            "at": [[0.05, 0.01], [-0.4, 0.25]],
+            "angle": [0.2, 3.3],
+            "friction": {"law": "coulomb", "coefficient": 0.15, "guide_length": 5.0},
+        },
+    },
+    "drivers": {
+        "motor": {"joint": "O", "law": "constant_rate", "rate": 3.0},
+        "lift": {"links": ["frame", "boom"], "at": [[0.7, 0.0], [0.3, 0.05]]},
+    },
+    "loads": {
+        "push": {"type": "force", "link": "piston", "at": [0.1, -0.05], "force": [30.0, 4.0]},
+        "jet": {
+            "type": "force",
+            "link": "boom",
+            "at": {"polar": [0.25, 0.1]},
+            "force": [-20.0, 15.0],
+            "axes": "link",
+        },
+        "couple": {"type": "couple", "link": "rocker", "moment": -6.0},
+        "spring": {
+            "type": "spring",
+            "links": ["rocker", "piston"],
+            "at": [[0.2, 0.0], [0.0, 0.03]],
+            "stiffness": 80.0,
+            "free_length": 0.4,
+            "damping": 3.0,
+        },
+        "coil": {
+            "type": "torsion_spring",
+            "links": ["crank", "boom"],
+            "stiffness": 5.0,
+            "rest_angle": 0.2,
+            "damping": 0.3,
+        },
+        "buffer": {
+            "type": "torsion_spring",
+            "joint": "P",
+            "stiffness": 50.0,
+            "rest_angle": 0.3,
+            "damping": 2.0,
+        },
+    },
+}
+ZOO_START = np.array([0.7, 0.5])  # driver coordinates
+ZOO_RATES = np.array([3.0, -0.4])
+ZOO_ACCELERATIONS = np.array([-5.0, 2.0])
+
+
+def zoo(t=0.0):
+    """System, poses, rates and accelerations at a time [s] after the start."""
+    system = mb.read(ZOO)
+    values = ZOO_START + (ZOO_RATES + ZOO_ACCELERATIONS * np.longdouble(t) / 2) * np.longdouble(t)
+    poses = mb.assemble(system, system.home, values, refine=True)
+    rates = mb.rates(system, poses, ZOO_RATES + ZOO_ACCELERATIONS * np.longdouble(t))
+    return system, poses, rates, mb.accelerations(system, poses, rates, ZOO_ACCELERATIONS)
+
+
+def test_rates_and_accelerations_are_derivatives_of_the_poses():
+    # Five-point differences: truncation h^4 times the fifth derivative over 30, with time
+    # scales of 0.1 s and more; rounding is that of the poses over h.
+    h = 2e-4
+    poses, rates = ({k: np.array(zoo(k * h)[part]) for k in (-2, -1, 0, 1, 2)} for part in (1, 2))
+    _, _, v, a = zoo()
+    tolerance = (h / 0.1) ** 4 / 30 * 10 + 1000 * DIGITS / h
+    for series, wanted in ((poses, v), (rates, a)):
+        slope = (8 * (series[1] - series[-1]) - (series[2] - series[-2])) / (12 * h)
+        assert off(slope, wanted) < tolerance
+
+
+@pytest.mark.parametrize("friction", [True, False])
+def test_forces_on_every_link_add_up_by_hand(friction):
+    """Newton's law for each link in complex numbers, from the reported reactions alone."""
+    system, poses, rates, accelerations = zoo()
+    found = mb.reactions(system, poses, rates, accelerations, friction)
+    assert found.converged
+    assert found.at_rest == ()
+    assert all((j.friction != 0) == (friction and j.limit > 0) for j in found.joints.values())
+    at = {name: poses[i] for i, name in enumerate(system.links)} | {"frame": np.zeros(3)}
+    moving = {name: rates[i] for i, name in enumerate(system.links)} | {"frame": np.zeros(3)}
+    force = dict.fromkeys(at, 0j)
+    moment = dict.fromkeys(at, 0j)  # about the ground's origin
+
+    def place(link, local):
+        x, y, angle = at[link]
+        return x + 1j * y + np.exp(1j * angle) * complex(*local)
+
+    def speed(link, local):
+        x, y, omega = moving[link]
+        return x + 1j * y + 1j * omega * np.exp(1j * at[link][2]) * complex(*local)
+
+    def exert(link, F, point, couple=0.0):
+        force[link] += F
+        moment[link] += (np.conj(point) * F).imag + couple
+
+    def between(links, F, point, couple=0.0):
+        exert(links[1], F, point, couple)
+        exert(links[0], -F, point, -couple)
+
+    guides = {}
+    for name, joint in system.joints.items():
+        got = found.joints[name]
+        if joint.type == "R":
+            between(joint.links, complex(*got.force), place(joint.links[1], joint.at[1]))
+            between(joint.links, 0, 0, got.friction)
+        else:
+            u = np.exp(1j * (at[joint.links[0]][2] + joint.angle[0]))
+            S = place(joint.links[joint.slider], joint.at[joint.slider])
+            guides[name] = joint, u, S
+            between(joint.links, got.N * 1j * u + got.friction * u, S, got.C)
+            assert complex(*got.force) == pytest.approx(complex(got.N * 1j * u), rel=ROUNDING)
+    between(("frame", "crank"), 0, 0, found.drivers["motor"])
+
+    def pull(links, ends, tension):
+        first, second = (place(*end) for end in zip(links, ends, strict=True))
+        e = (second - first) / abs(second - first)
+        between(links, -tension(abs(second - first), e) * e, second)
+
+    lift = system.drivers["lift"]
+    pull(lift.links, lift.at, lambda *_: -found.drivers["lift"])
+    spring = system.loads["spring"]
+    drift = speed("piston", (0.0, 0.03)) - speed("rocker", (0.2, 0.0))
+    pull(spring.links, spring.at, lambda d, e: 80 * (d - 0.4) + 3 * (drift * e.conjugate()).real)
+    turn, turning = at["boom"][2] - at["crank"][2], moving["boom"][2] - moving["crank"][2]
+    between(("crank", "boom"), 0, 0, -5 * (turn - 0.2) - 0.3 * turning)
+    joint, u, S = guides["P"]
+    gap = place("block", joint.at[1]) - place("rocker", joint.at[0])
+    slip = found.joints["P"].slip
+    assert abs((gap * u.conjugate()).imag) < ROUNDING
+    between(joint.links, (-50 * ((gap * u.conjugate()).real - 0.3) - 2 * slip) * u, S)
+    exert("piston", 30 + 4j, place("piston", (0.1, -0.05)))
+    jet = 0.25 * np.array([np.cos(0.1), np.sin(0.1)])
+    exert("boom", (-20 + 15j) * np.exp(1j * at["boom"][2]), place("boom", jet))
+    exert("rocker", 0, 0, -6.0)
+
+    for i, (name, link) in enumerate(system.links.items()):
+        x_2, y_2, alpha = accelerations[i]
+        arm = np.exp(1j * at[name][2]) * complex(*link.cm)
+        a = x_2 + 1j * y_2 + (1j * alpha - moving[name][2] ** 2) * arm
+        exert(name, link.mass * (1 - 9.81j - a), place(name, link.cm), -link.inertia * alpha)
+        largest = max(abs(complex(*joint.force)) for joint in found.joints.values())
+        assert abs(force[name]) < ROUNDING * largest, name
+        assert abs(moment[name]) < ROUNDING * largest, name
+
+
+def test_friction_opposes_every_slip_with_all_it_has():
+    found = mb.reactions(*zoo())
+    for name, joint in found.joints.items():
+        assert joint.friction * joint.slip <= 0, name
+        assert abs(joint.friction) == pytest.approx(joint.limit, rel=ROUNDING), name
+    assert found.joints["P"].limit == pytest.approx(
+        0.2 * max(abs(found.joints["P"].N), 2 * abs(found.joints["P"].C) / 0.1), rel=ROUNDING
+    )
+
+
+def test_forward_and_inverse_dynamics_are_inverse_to_each_other():
+    system, poses, rates, accelerations = zoo()
+    inverse = mb.reactions(system, poses, rates, accelerations, friction=False)
+    found, forces = mb.forward_acceleration(system, poses, rates, list(inverse.drivers.values()))
+    assert off(found, accelerations) < ROUNDING
+    for name, joint in inverse.joints.items():
+        assert off(forces.joints[name].force, joint.force) < ROUNDING
+
+
+def test_linkage_that_stands_still_has_no_friction_but_a_limit():
+    system, poses, rates, _ = zoo()
+    found = mb.reactions(system, poses, 0 * rates, 0 * rates)
+    assert found.at_rest == ("O", "A", "P", "Q", "S")
+    assert all(found.joints[name].friction == 0 for name in found.at_rest)
+    assert all(found.joints[name].limit > 0 for name in found.at_rest)
+
+
+# ---- Small things -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["R", "P"])
+def test_sprung_joint_swings_as_a_cosine(kind):
+    system = mb.System(
+        links={"weight": mb.Link(mass=2.0, inertia=2.0)},
+        joints={"J": mb.Joint(kind, ("frame", "weight"), ((0, 0), (0, 0)), (0.3, 0.3))},
+        drivers={"free": mb.Driver("J")},
+        loads={"coil": mb.TorsionSpring(stiffness=18.0, rest_angle=0.1, joint="J")},
+    )
+    start = mb.assemble(system, system.home, [0.6])
+    times = np.linspace(0, 4, 9)
+    poses, rates = mb.integrate(system, start, 0 * start, times, [0.0])
+    s = [mb.Instant(system, at).rows()[0][-1] for at in poses]
+    assert np.abs(s - (0.1 + 0.5 * np.cos(3 * times))).max() < FALL
+    energies = [sum(mb.mechanical_energy(system, *at)) for at in zip(poses, rates, strict=True)]
+    assert np.ptp(energies) < FALL
+    assert energies[0] == pytest.approx(18 * 0.5**2 / 2)
+
+
+def test_slider_on_a_turning_arm_feels_coriolis():
+    mass, s, v, a, omega, alpha, angle = 2.0, 0.7, 0.9, -0.4, 3.0, 5.0, 0.6
+    system = mb.System(
+        links={"arm": mb.Link(), "slider": mb.Link(mass=mass, inertia=0.1)},
+        joints={
+            "O": mb.Joint("R", ("frame", "arm"), ((0, 0), (0, 0))),
+            "S": mb.Joint("P", ("arm", "slider"), ((0, 0), (0, 0)), (0.2, 0.0)),
+        },
+        drivers={"turn": mb.Driver("O"), "slide": mb.Driver("S")},
+    )
+    poses = mb.assemble(system, system.home, [angle - 0.2, s])
+    rates = mb.rates(system, poses, [omega, v])
+    accelerations = mb.accelerations(system, poses, rates, [alpha, a])
+    u, n = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    radial, across = a - s * omega**2, s * alpha + 2 * v * omega
+    assert off(poses[1], [*(s * u), angle]) < ROUNDING
+    assert off(rates[1], [*(v * u + s * omega * n), omega]) < ROUNDING
+    assert off(accelerations[1], [*(radial * u + across * n), alpha]) < ROUNDING
+    found = mb.reactions(system, poses, rates, accelerations)
+    assert found.drivers["slide"] == pytest.approx(mass * radial, rel=ROUNDING)
+    assert off([found.joints["S"].N, found.joints["S"].C], [mass * across, 0.1 * alpha]) < ROUNDING
+    moment = mass * across * s + 0.1 * alpha
+    assert found.drivers["turn"] == pytest.approx(moment, rel=ROUNDING)
+
+
+def test_driver_effort_may_follow_time_and_motion():
+    system = mb.System(
+        links={"wheel": mb.Link(inertia=2.0, mass=1.0)},
+        joints={"J": mb.Joint("R", ("frame", "wheel"), ((0, 0), (0, 0)))},
+        drivers={"motor": mb.Driver("J")},
+    )
+    start = np.zeros((1, 3))
+    # 2 w' = cos t - 2 w, from rest: w = (cos t + sin t - exp(-t)) / 4
+    _, rates = mb.integrate(
+        system, start, start, [0.0, 1.0, 2.0], lambda t, _, v: [np.cos(t) - 2 * v[0, 2]]
+    )
+    t = np.array([0.0, 1.0, 2.0])
+    assert np.abs(rates[:, 0, 2] - (np.cos(t) + np.sin(t) - np.exp(-t)) / 4).max() < FALL
+
+
+def test_following_counts_the_turns():
+    system, poses, *_ = ruiz(1.0)
+    far = mb.assemble(system, system.home, [1 + 40 * np.pi], follow=True)
+    assert far[0, 2] == pytest.approx(1 + 40 * np.pi)
+    assert np.abs(far[1:] - poses[1:]).max() < 1e-13  # the rounding of 40 pi, doubled
+
+
+def test_open_linkage_is_refused():
+    system = mb.read(RUIZ["document"])
+    ends = ((50.0, 0.0), (0.0, 0.0))
+    apart = mb.Joint("R", ("frame", "3"), ends)
+    with pytest.raises(mb.NoSolution, match="does not close"):
+        mb.assemble(
+            mb.System(system.links, {**system.joints, "D": apart}, system.drivers),
+            system.home,
+            [1.0],
+        )
+
+
+def test_following_stops_where_the_driver_must():
+    # A rod shorter than the crank: it stands across the guide at sin(theta) = L / radius.
+    system, *_ = slider_crank(0.1, radius=0.32)
+    start = mb.assemble(system, system.home, [0.1])
+    with pytest.raises(mb.NoSolution, match="ends after") as error:
+        mb.assemble(system, start, [1.5], follow=True)
+    share = (np.arcsin(L / 0.32) - 0.1) / (1.5 - 0.1)
+    assert float(re.search(r"[\d.]+", str(error.value))[0]) == pytest.approx(share, rel=1e-8)
+
+
+def test_wrong_count_of_conditions_is_refused():
+    with pytest.raises(ValueError, match="3 coordinates, 0 conditions"):
+        mb.System({"loose": mb.Link()}, {})
+
+
+def test_condition_does_not_depend_on_the_unit_of_length():
+    system, poses, *_ = ruiz(1.0)
+    joints = {
+        name: replace(joint, at=tuple((1000 * x, 1000 * y) for x, y in joint.at))
+        for name, joint in system.joints.items()
+    }
+    in_millimetres = replace(system, joints=joints)
+    assert mb.conditioning(in_millimetres, poses * [1000, 1000, 1]) == pytest.approx(
+        mb.conditioning(system, poses), rel=ROUNDING
+    )
+
+
+def test_condition_grows_towards_dead_centre():
+    near = slider_crank(1.5, radius=0.30075)[:2]
+    assert mb.conditioning(*near) > 100 * mb.conditioning(*slider_crank(1.5)[:2])
