@@ -10,12 +10,12 @@ from collections.abc import Iterable
 from functools import cached_property
 from typing import Any, Literal
 
+from blockmech.catalogue import Catalogue
 from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.friction.solvers import METHODS
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.outputs import Catalogue
 from blockmech.plan import Friction, Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples

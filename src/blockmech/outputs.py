@@ -1,26 +1,23 @@
-"""The catalogue of outputs: every name that can be wanted, its unit and its rule.
+"""Outputs: every name that can be wanted, its unit and its rule.
 
-Names are those of the graph, so the catalogue of a mechanism is derived from its
+Names are those of the graph, so the outputs of a mechanism are derived from its
 blocks, joints and markers. An output asks rules for the values that it needs and
 says how to read them; nothing is computed for outputs that nobody wants.
 """
 
 from __future__ import annotations
 
-import fnmatch
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from blockmech.blocks.contract import DrivingLink, Joint
-from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.model.scene import Scene
+from blockmech.loads.contract import Element
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.passes import energy, forces, forward, friction, loads, pairs, reduction
-from blockmech.plan import STAGES as STAGE_ORDER
-from blockmech.plan import Friction, Plan, Schedule
+from blockmech.plan import Schedule
 
 Reader = Callable[..., Any]
 
@@ -66,110 +63,11 @@ def _asked(rule: Callable[..., str], *key: Any) -> Callable[[Schedule], tuple[st
     return lambda s: (s.ask(rule, *key),)
 
 
-class Catalogue(Mapping[str, Output]):
-    """All outputs of a mechanism by name, made once and on first use."""
-
-    def __init__(self, structure: Structure) -> None:
-        self.structure = structure
-        self._outputs = {o.name: o for o in _outputs(structure)}
-
-    def __getitem__(self, name: str) -> Output:
-        return self._outputs[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._outputs)
-
-    def __len__(self) -> int:
-        return len(self._outputs)
-
-    def match(self, want: Iterable[str]) -> tuple[str, ...]:
-        """Names that the patterns ask for, in the catalogue's order.
-
-        Raises `RequestError` for a pattern that matches nothing, all at once.
-        """
-        found: dict[str, None] = {}
-        problems = []
-        for pattern in want:
-            if pattern in self._outputs:
-                found[pattern] = None
-                continue
-            names = fnmatch.filter(self._outputs, pattern)
-            if not names:
-                problems.append(
-                    Problem(
-                        "unknown-output",
-                        pattern,
-                        "no output has that name",
-                        f"outputs there: {listed(self._near(pattern), 16)}",
-                        close_match(pattern, self._outputs),
-                    )
-                )
-            found.update(dict.fromkeys(names))
-        if problems:
-            raise RequestError(problems)
-        order = {n: i for i, n in enumerate(self._outputs)}
-        return tuple(sorted(found, key=order.__getitem__))
-
-    def _near(self, pattern: str) -> list[str]:
-        head = pattern.split(".")[0] + "."
-        return [n for n in self._outputs if n.startswith(head)] or list(self._outputs)
-
-    def plan(
-        self,
-        scene: Scene,
-        want: Iterable[str],
-        how: Friction,
-        static: bool = False,
-        quality: bool = True,
-    ) -> Plan:
-        """The plan for some outputs: rules are asked in name order, once each."""
-        names = self.match(want)
-        schedule = Schedule(self.structure, scene, how, static)
-        values: dict[str, int] = {}  # the same value under two names is returned once
-        layout: dict[str, tuple[int, ...]] = {}
-
-        def place(name: str, asked: Iterable[str]) -> None:
-            layout[name] = tuple(values.setdefault(v, len(values)) for v in asked)
-
-        for name in sorted(names):
-            place(name, self._outputs[name].ask(schedule))
-        if quality:
-            for name, asked in _quality(schedule):
-                place(name, asked)
-        order = {b: i for i, b in enumerate(self.structure.blocks)}
-        entries = sorted(
-            schedule.entries, key=lambda e: (STAGE_ORDER.index(e.stage), order[e.block], e.driver)
-        )
-        return Plan(names, tuple(entries), schedule.program(values), layout)
+# -- block by block ------------------------------------------------
 
 
-def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Margins and friction reports of what the plan computes anyway."""
-    for entry in list(s.entries):
-        block = s.structure.blocks[entry.block]
-        if entry.stage == "position" and not isinstance(block, DrivingLink):
-            yield f"margin:{entry.block}", (f"{s.ask(forward.position, entry.block)}.margin",)
-        if entry.stage == "force":
-            solved = s.ask(friction.solution, entry.block)
-            if solved is None:
-                continue
-            what = ("iterations", "residual", "contraction", "outcome", "limit")
-            yield f"friction:{entry.block}", tuple(f"{solved}.{x}" for x in what)
-            for i, ref in enumerate(s.ask(friction.friction_joints, entry.block)):
-                yield (
-                    f"rest:{ref}",
-                    (
-                        s.ask(friction.rest, ref),
-                        f"{solved}.g[{i}]",
-                        s.ask(friction.factor_slot, ref),
-                    ),
-                )
-
-
-# -- the catalogue, block by block ------------------------------------------------
-
-
-def _outputs(structure: Structure) -> Iterator[Output]:
+def outputs_of(structure: Structure) -> Iterator[Output]:
+    """Every output of a mechanism, in formation order."""
     for name, block in structure.blocks.items():
         if isinstance(block, DrivingLink):
             yield from _driver_outputs(structure, name, block)
@@ -379,8 +277,6 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
 
 
 def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
-    def _asked(rule: Callable[..., str]) -> Callable[[Schedule], tuple[str]]:
-        return _asked(rule)
 
     for what, unit, rule in (
         ("kinetic_energy", "J", energy.kinetic),
@@ -392,17 +288,20 @@ def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
     ):
         yield Output(f"mechanism.{what}", unit, "real", _asked(rule), _same)
     yield Output("mechanism.shaking_force", "N", "vector", _asked(energy.shaking_force), _same)
-    if structure.drivers:
+    useful = [e for e in structure.elements.values() if e.useful]
+    if len(useful) == 1 and len(structure.drivers) == 1:
         yield Output(
             "mechanism.mechanical_advantage",
-            "",
+            _advantage_unit(structure, useful[0]),
             "real",
             energy.advantage,
             energy.read_advantage,
         )
+    if useful and structure.drivers:
         yield Output(
             "mechanism.efficiency", "", "number", energy.efficiency, energy.read_efficiency
         )
+    if structure.drivers:
         yield Output(
             "mechanism.friction_efficiency",
             "",
@@ -426,3 +325,11 @@ def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
             lambda s: [s.ask(reduction.reduced_load, k) for k in drivers],
             _same,
         )
+
+
+def _advantage_unit(structure: Structure, useful: Element) -> str:
+    """Unit of the mechanical advantage: useful load per driving effort."""
+    block = structure.blocks[structure.drivers[0]]
+    assert isinstance(block, DrivingLink)
+    load, effort = next(iter(useful.terminals.values())).unit, block.effort_unit()
+    return "" if load == effort else f"{load}/({effort})"

@@ -184,27 +184,23 @@ def transmission(s: Schedule, block: str) -> tuple[str, str]:
 # -- figures of merit ----------------------------------------------------------------
 
 
-def advantage(s: Schedule) -> tuple[str, ...]:
-    """Useful load and driving effort, for the mechanical advantage."""
-    names = [n for n, e in s.structure.elements.items() if e.useful]
-    if len(names) != 1 or len(s.structure.drivers) != 1:
-        return ("0.0", "0.0")
-    first = next(iter(s.structure.elements[names[0]].terminals))
-    load = s.ask(loads.terminal_term, JointRef(names[0], first))
+def advantage(s: Schedule) -> tuple[str, str]:
+    """The only useful load and the driving effort, for the mechanical advantage."""
+    name = next(n for n, e in s.structure.elements.items() if e.useful)
+    terminal = next(iter(s.structure.elements[name].terminals))
+    load = s.ask(loads.terminal_term, JointRef(name, terminal))
     return load, s.ask(forces.drive, s.structure.drivers[0])
 
 
 def read_advantage(load: Any, drive: Any) -> Any:
-    """|useful load| / |driving effort|; NaN without exactly one useful load."""
-    size = np.hypot(load.real, load.imag)
+    """|useful load| / |driving effort|; infinite where the drive rests."""
     with np.errstate(all="ignore"):
-        return np.where(size == 0, np.nan, size / np.abs(drive))
+        return np.hypot(load.real, load.imag) / np.abs(drive)
 
 
-def efficiency(s: Schedule) -> tuple[str, ...]:
+def efficiency(s: Schedule) -> tuple[str, str]:
     """Powers for the mechanical efficiency ([R10] Eq. 1)."""
-    marked = any(e.useful for e in s.structure.elements.values())
-    return (s.ask(useful_power) if marked else "float('nan')", s.ask(drive_power))
+    return s.ask(useful_power), s.ask(drive_power)
 
 
 def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
@@ -212,9 +208,9 @@ def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
     return _share(np.sum(useful * weights), np.sum(drive * weights))
 
 
-def friction_efficiency(s: Schedule) -> tuple[str, ...]:
+def friction_efficiency(s: Schedule) -> tuple[str, str]:
     """Powers for the share of the drive's work that friction leaves."""
-    return (s.ask(total_friction_power), s.ask(drive_power))
+    return s.ask(total_friction_power), s.ask(drive_power)
 
 
 def read_friction_efficiency(friction: Any, drive: Any, weights: Any) -> float:
