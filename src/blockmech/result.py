@@ -219,7 +219,8 @@ class Result(Mapping[str, NDArray[Any]]):
         elif not block:
             what = (SingularError, "undefined", "a wanted value is not defined there")
         else:
-            what = (AssemblyError, status, f"the group cannot close, margin {margin:.4g}")
+            why = "its outer joints coincide" if np.isnan(margin) else f"margin {margin:.4g}"
+            what = (AssemblyError, status, f"the group cannot close, {why}")
         error, code, found = what
         count = f"{len(same)} of {self.n} samples" if len(same) > 1 else "one sample"
         return error(
