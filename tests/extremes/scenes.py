@@ -1,0 +1,167 @@
+"""Mechanisms at the edge of what numbers can do, each with the place where it is judged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import blockmech as bm
+from blockmech.model.graph import Graph
+
+GAPS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-15)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A case of the map: a graph, driver values, and the precisions that can hold it."""
+
+    name: str
+    graph: Graph
+    at: dict[str, float]
+    rates: dict[str, float]
+    precisions: tuple[str, ...] = ("complex128", "complex64")
+    want: tuple[str, ...] = field(
+        default=("*.p", "*.v", "*.a", "*.omega", "*.alpha", "*.reaction", "*.drive")
+    )
+
+
+def _link(mass: float, length: float) -> bm.Link:
+    return bm.Link(mass=mass, inertia=mass * length**2 / 12, cm=(length / 2, 0.0))
+
+
+def fourbar(
+    a: float, b: float, c: float, d: complex, masses: tuple[float, float, float] = (1, 2, 3)
+) -> Graph:
+    """A four-bar: crank a, coupler b, rocker c, fixed pivot at d [m]; masses [kg]."""
+    g = Graph("fourbar", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": 0j, "D": complex(d)}))
+    g.add("crank", bm.Crank(length=a, links={"crank": _link(masses[0], a)}))
+    links = {"i": _link(masses[1], b), "j": _link(masses[2], c)}
+    g.add("dyad", bm.RRR(l_i=b, l_j=c, links=links))
+    for wire in ("frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D"):
+        g.connect(*wire.split())
+    return g
+
+
+def near_dead_centre() -> Iterator[Scene]:
+    """A dyad whose joints B and D are a relative gap away from stretched, folded, oblique."""
+    q, a, b, c = 0.7, 1.0, 3.0, 2.0
+    tip = a * complex(math.cos(q), math.sin(q))
+    for gap in GAPS:
+        small = (1e-2, 1e-4, 1e-6)
+        precisions = ("complex128", "complex64") if gap in small else ("complex128",)
+        for kind, reach, turn in (
+            ("extended", (b + c) * (1 - gap), 0.0),
+            ("folded", (b - c) * (1 + gap), 0.0),
+            ("oblique", (b + c) * (1 - gap), 2.1),
+        ):
+            pivot = tip + reach * complex(math.cos(turn), math.sin(turn))
+            graph = fourbar(a, b, c, pivot)
+            yield Scene(f"{kind}, gap {gap:.0e}", graph, {"crank": q}, {"crank": 2.0}, precisions)
+    for gap in GAPS:  # lengths that are no doubles, nor is their sum
+        b, c = math.pi, math.sqrt(2)
+        pivot = tip + (b + c) * (1 - gap)
+        graph = fourbar(a, b, c, pivot)
+        precisions = ("complex128",) if gap < 1e-6 else ("complex128", "complex64")
+        yield Scene(f"inexact, gap {gap:.0e}", graph, {"crank": q}, {"crank": 2.0}, precisions)
+
+
+def near_tangent() -> Iterator[Scene]:
+    """RRP whose circle touches its guide line, RPR whose guide passes by its pivot."""
+    q, tip = 0.7, complex(math.cos(0.7), math.sin(0.7))
+    for gap in GAPS:
+        precisions = ("complex128", "complex64") if gap >= 1e-4 else ("complex128",)
+        reach = 2.0 * (1 - gap)  # of the guide line from joint B, the link being 2 m
+        g = _with_crank(bm.Marker(at=complex(0.0, tip.imag - reach), angle=0.0), "G")
+        g.add("dyad", bm.RRP(l=2.0, h=0.0, links={"i": _link(1, 2.0), "j": _link(1, 0.2)}))
+        g.connect("crank.B", "dyad.B")
+        g.connect("frame.G", "dyad.S")
+        yield Scene(f"RRP tangent, gap {gap:.0e}", g, {"crank": q}, {"crank": 2.0}, precisions)
+        g = _with_crank(bm.Marker(at=tip + 2.0), "D")
+        offset = 2.0 * (1 - gap)
+        g.add("dyad", bm.RPR(h_i=offset, h_j=0.0, links={"i": _link(1, 1.0), "j": _link(1, 1.0)}))
+        g.connect("crank.B", "dyad.B")
+        g.connect("frame.D", "dyad.D")
+        yield Scene(f"RPR tangent, gap {gap:.0e}", g, {"crank": q}, {"crank": 2.0}, precisions)
+
+
+def near_parallel() -> Iterator[Scene]:
+    """PRP and RPP whose guides are nearly parallel."""
+    for gap in (1e-2, 1e-4, 1e-6, 1e-8):
+        precisions = ("complex128", "complex64") if gap >= 1e-4 else ("complex128",)
+        links = {"i": _link(1, 0.3), "j": _link(1, 0.3)}
+        g = _with_crank(bm.Marker(at=0.2 + 0.1j, angle=1.2 + gap), "G")
+        g.add("dyad", bm.PRP(h1=0.0, h2=0.1, links=links))
+        g.blocks["crank"] = bm.Crank(
+            length=1.0,
+            links={"crank": bm.Link(mass=1.0, markers={"G": bm.Marker(at=1.0, angle=0.5)})},
+        )
+        g.connect("crank.G", "dyad.S1")
+        g.connect("frame.G", "dyad.S2")
+        yield Scene(f"PRP, guides at {gap:.0e} rad", g, {"crank": 0.7}, {"crank": 2.0}, precisions)
+        g = _with_crank(bm.Marker(at=0.2 + 0.1j, angle=0.3), "G")
+        g.add("dyad", bm.RPP(beta=gap, h_i=0.1, h_j=0.0, links=links))
+        g.connect("crank.B", "dyad.B")
+        g.connect("frame.G", "dyad.S")
+        yield Scene(f"RPP, guides at {gap:.0e} rad", g, {"crank": 0.7}, {"crank": 2.0}, precisions)
+
+
+def _with_crank(marker: bm.Marker, name: str) -> Graph:
+    g = Graph("edge", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": 0j, name: marker}))
+    g.add("crank", bm.Crank(length=1.0, links={"crank": _link(1, 1.0)}))
+    g.connect("frame.A", "crank.A")
+    return g
+
+
+def sizes_and_ratios() -> Iterator[Scene]:
+    """Large and small mechanisms, links, masses and speeds."""
+    for size in (1e-6, 1e-3, 1e3, 1e6):
+        graph = fourbar(size, 3 * size, 2.5 * size, 3.5 * size)
+        yield Scene(f"size {size:.0e} m", graph, {"crank": 0.9}, {"crank": 2.0})
+    for ratio in (1e2, 1e4, 1e6):
+        graph = fourbar(1.0, ratio, ratio, 0.5 + 1.2 * ratio)
+        yield Scene(f"length ratio {ratio:.0e}", graph, {"crank": 0.9}, {"crank": 2.0})
+        graph = fourbar(1.0, ratio, ratio, 2.0)
+        yield Scene(f"length ratio {ratio:.0e}, slim", graph, {"crank": 0.9}, {"crank": 2.0})
+    for ratio in (1e4, 1e8, 1e12):
+        graph = fourbar(1.0, 3.0, 2.5, 3.5, (1.0, ratio, 1.0))
+        yield Scene(f"mass ratio {ratio:.0e}", graph, {"crank": 0.9}, {"crank": 2.0})
+        graph = fourbar(1.0, 3.0, 2.5, 3.5, (1.0, 1.0, ratio))
+        yield Scene(f"mass ratio {ratio:.0e}, rocker", graph, {"crank": 0.9}, {"crank": 2.0})
+    for rate in (1e-6, 1e-3, 1e3, 1e6):
+        graph = fourbar(1.0, 3.0, 2.5, 3.5)
+        yield Scene(f"speed {rate:.0e} rad/s", graph, {"crank": 0.9}, {"crank": rate})
+
+
+def far_angles() -> Iterator[Scene]:
+    """Crank angles after many turns: the driver coordinate counts as exact."""
+    for q in (1e3, 1e6, 1e9, 1e12, 1e15):
+        graph = fourbar(1.0, 3.0, 2.5, 3.5)
+        yield Scene(f"angle {q:.0e} rad", graph, {"crank": q + 0.25}, {"crank": 2.0})
+
+
+def massless_and_coincident() -> Iterator[Scene]:
+    """Links without mass, and points that lie on each other."""
+    graph = fourbar(1.0, 3.0, 2.5, 3.5, (0.0, 0.0, 1.0))
+    yield Scene("massless crank and coupler", graph, {"crank": 0.9}, {"crank": 2.0})
+    g = fourbar(1.0, 3.0, 2.5, 3.5)
+    g.add("second", bm.RRR(l_i=2.0, l_j=1.5, links={"i": _link(1.0, 2.0), "j": _link(1.0, 1.5)}))
+    g.connect("crank.B", "second.B")  # a pin of three links
+    g.connect("dyad.j", "second.D")  # on the rocker's own pivot
+    yield Scene("multiple pin, marker on a pivot", g, {"crank": 0.9}, {"crank": 2.0})
+
+
+def all_scenes() -> list[Scene]:
+    """The map of the extremes."""
+    makers: tuple[Any, ...] = (
+        near_dead_centre,
+        near_tangent,
+        near_parallel,
+        sizes_and_ratios,
+        far_angles,
+        massless_and_coincident,
+    )
+    return [scene for maker in makers for scene in maker()]

@@ -1,0 +1,58 @@
+"""The map of the extremes: measured digits against what half an ulp in the data forces.
+
+``python -m tests.extremes`` prints the whole map as a table (it is kept in MAP.md).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+
+from .measure import measure
+from .scenes import Scene, all_scenes, fourbar
+
+TIMES_FORCED = 20.0  # no quantity may be worse than this times what the data force
+FLOOR = 1e-12  # of the largest of its kind, in double; in single the same number of ulps
+SCENES = [(s, p) for s in all_scenes() for p in s.precisions]
+
+
+def floor(precision: str) -> float:
+    """Error below which nothing is asked, in units of the largest of its kind."""
+    single = np.finfo(np.float32).eps / np.finfo(np.float64).eps
+    return FLOOR * (single if precision == "complex64" else 1.0)
+
+
+@pytest.mark.parametrize(("scene", "precision"), SCENES, ids=[f"{s.name} {p}" for s, p in SCENES])
+def test_no_quantity_is_worse_than_its_data_allow(scene: Scene, precision: str) -> None:
+    rows = measure(scene, precision)
+    assert {r.kind for r in rows} >= {"p", "v", "a"}
+    for row in rows:
+        assert row.error <= max(TIMES_FORCED * row.forced, floor(precision)), row
+
+
+@pytest.mark.parametrize("kind", ["extended", "folded", "oblique"])
+def test_closest_gap_is_finite_and_flagged(kind: str) -> None:
+    scene = next(s for s in all_scenes() if s.name == f"{kind}, gap 3e-15")
+    mechanism = scene.graph.compile()
+    for engine in ("scalar", "numpy"):
+        result = mechanism.run(at=scene.at, rates=scene.rates, want=scene.want, engine=engine)
+        assert result.quality.status == ("ok",)
+        assert [f.code for f in result.quality.flags] == ["near-dead-centre"]
+        assert all(np.isfinite(result[name]).all() for name in result)
+
+
+def test_dead_centre_itself_is_refused_by_name() -> None:
+    mechanism = fourbar(1.0, 2.0, 2.0, 5.0).compile()
+    assert mechanism.run(at=0.0, want=["dyad.C.p"])["dyad.C.p"][0] == 3.0
+    with pytest.raises(bm.SingularError) as caught:
+        mechanism.run(at=0.0, rates=1.0, want=["dyad.C.v"])
+    assert caught.value.failure.block == "dyad"
+
+
+def test_factored_kernels_keep_six_digits_in_single_precision_at_a_gap_of_1e_4() -> None:
+    for scene, precision in SCENES:
+        if precision == "complex64" and scene.name.endswith("gap 1e-04"):
+            place = next(r for r in measure(scene, precision) if r.kind == "p")
+            assert place.error < max(1e-6, place.forced), scene.name
