@@ -1,6 +1,6 @@
 """Planar mechanisms as block diagrams, solved module by module through Assur groups."""
 
-from blockmech.blocks import RRR, Crank, Frame, SlideDrive
+from blockmech.blocks import PRP, RPP, RPR, RRP, RRR, Crank, Frame, SlideDrive
 from blockmech.errors import (
     AssemblyError,
     BlockmechError,
@@ -13,7 +13,7 @@ from blockmech.errors import (
     SingularError,
 )
 from blockmech.friction.laws import Coulomb
-from blockmech.loads import Couple, Force, Spring
+from blockmech.loads import Couple, Force, Motor, Spring, Thrust, TorsionSpring, laws
 from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import (
     ConstantRate,
@@ -25,6 +25,10 @@ from blockmech.model.laws_of_motion import (
 from blockmech.values import Link, Marker
 
 __all__ = [
+    "PRP",
+    "RPP",
+    "RPR",
+    "RRP",
     "RRR",
     "AssemblyError",
     "BlockmechError",
@@ -43,6 +47,7 @@ __all__ = [
     "Link",
     "Marker",
     "MissingEngineError",
+    "Motor",
     "Problem",
     "RateAcceleration",
     "RequestError",
@@ -50,7 +55,10 @@ __all__ = [
     "SlideDrive",
     "Spring",
     "Table",
-    "version__",
+    "Thrust",
+    "TorsionSpring",
+    "__version__",
+    "laws",
 ]
 
 __version__ = "0.1.0"

@@ -41,7 +41,7 @@ class Catalogue(Mapping[str, Output]):
             if pattern in self._outputs:
                 found[pattern] = None
                 continue
-            names = fnmatch.filter(self._outputs, pattern)
+            names = [n for n in self._outputs if fnmatch.fnmatchcase(n, pattern)]
             if not names:
                 problems.append(
                     Problem(
@@ -96,16 +96,16 @@ def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
     for entry in list(s.entries):
         block = s.structure.blocks[entry.block]
         if entry.stage == "position" and not isinstance(block, DrivingLink):
-            yield f"margin:{entry.block}", (f"{s.ask(forward.position, entry.block)}.margin",)
+            yield f"margin/{entry.block}", (f"{s.ask(forward.position, entry.block)}.margin",)
         if entry.stage == "force":
             solved = s.ask(friction.solution, entry.block)
             if solved is None:
                 continue
             what = ("iterations", "residual", "contraction", "outcome", "limit")
-            yield f"friction:{entry.block}", tuple(f"{solved}.{x}" for x in what)
+            yield f"friction/{entry.block}", tuple(f"{solved}.{x}" for x in what)
             for i, ref in enumerate(s.ask(friction.friction_joints, entry.block)):
                 yield (
-                    f"rest:{ref}",
+                    f"rest/{ref}",
                     (
                         s.ask(friction.rest, ref),
                         f"{solved}.g[{i}]",

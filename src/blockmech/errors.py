@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import islice
 from typing import Any
 
 
@@ -35,8 +36,8 @@ class Problem:
     file: str = ""
 
     def __str__(self) -> str:
-        place = f"{self.file}: " if self.file else ""
-        sentences = [f"[{self.code}] {place}{self.where}: {self.found}".rstrip(": ")]
+        said = ": ".join(part for part in (self.file, self.where, self.found) if part)
+        sentences = [f"[{self.code}] {said}"]
         sentences += [part for part in (self.valid, self.remedy) if part]
         return " ".join(s if s.endswith((".", "!", "?")) else s + "." for s in sentences)
 
@@ -124,9 +125,15 @@ class FrictionError(SampleError):
     """The friction equations have no solution there, or were not solved."""
 
 
+LONGEST_NAME, MOST_NAMES = 64, 300  # what is compared, so that any file is answered soon
+
+
 def close_match(word: str, valid: Iterable[str]) -> str:
     """A remedy that names the nearest valid word, or an empty string."""
-    match = difflib.get_close_matches(word, list(valid), n=1, cutoff=0.6)
+    if len(word) > LONGEST_NAME:
+        return ""
+    near = [v for v in islice(valid, MOST_NAMES) if abs(len(v) - len(word)) <= len(word)]
+    match = difflib.get_close_matches(word, near, n=1, cutoff=0.6)
     return f'did you mean "{match[0]}"?' if match else ""
 
 

@@ -6,9 +6,10 @@ engine and wraps the arrays in a labelled result.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.catalogue import Catalogue
 from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
@@ -19,6 +20,11 @@ from blockmech.model.structure import Structure
 from blockmech.plan import Friction, Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
+
+if TYPE_CHECKING:
+    from blockmech.judge.extremes import Extremes
+    from blockmech.judge.limits import Limits
+    from blockmech.judge.stroke import Stroke
 
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 EVERYTHING = ("*",)
@@ -38,6 +44,7 @@ class Mechanism:
         self.name = name
         self._plans: dict[Any, Plan] = {}
         self._engines: dict[Any, Any] = {}
+        self._feasible: dict[frozenset[str], str] = {}
 
     @cached_property
     def outputs(self) -> Catalogue:
@@ -147,14 +154,19 @@ class Mechanism:
         if engine == "auto":
             few = taken.n <= SCALAR_UP_TO and precision == "complex128"
             engine = "scalar" if few else "numpy"
-        if engine == "scalar":
+        inputs = taken.given(plan.program.inputs)
+        if engine == "scalar" and precision == "complex128":
             scalar = self._engine(plan, "scalar", "")
-            return scalar.run(taken.inputs, taken.n), "scalar"
+            return scalar.run(inputs, taken.n), "scalar"
         if engine != "numpy" or precision not in PRECISIONS:
             raise RequestError(_unknown_engine(engine, precision))
+        if chunk is not None and not chunk >= 1:
+            raise RequestError(
+                Problem("bad-value", "chunk", f"must be at least 1 sample, got {chunk}", "", "")
+            )
         batch = self._engine(plan, "numpy", precision)
-        more = {} if chunk is None else {"chunk": chunk}
-        return batch.run(taken.inputs, taken.n, **more), "numpy"
+        more = {} if chunk is None else {"chunk": int(chunk)}
+        return batch.run(inputs, taken.n, **more), "numpy"
 
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
         key = (id(plan), name, precision)
@@ -171,6 +183,32 @@ class Mechanism:
         from blockmech.judge.verify import verify
 
         return verify(self, **request)
+
+    def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
+        """Feasible arcs of a driver; see `blockmech.judge.limits.limits`."""
+        from blockmech.judge.limits import limits
+
+        return limits(self, driver, at, **more)
+
+    def feasible(self, groups: frozenset[str]) -> str:
+        """Where these groups close, in words for a message; kept, so asking again is free."""
+        from blockmech.judge.limits import arcs_sentence
+
+        if groups not in self._feasible:
+            self._feasible[groups] = arcs_sentence(self, {}, groups)
+        return self._feasible[groups]
+
+    def extremes(self, name: str, **request: Any) -> Extremes:
+        """Extremes of an output over the cycle; see `blockmech.judge.extremes.extremes`."""
+        from blockmech.judge.extremes import extremes
+
+        return extremes(self, name, **request)
+
+    def stroke(self, name: str, **request: Any) -> Stroke:
+        """Stroke of a marker or an output; see `blockmech.judge.stroke.stroke`."""
+        from blockmech.judge.stroke import stroke
+
+        return stroke(self, name, **request)
 
     def __repr__(self) -> str:
         s = self.structure
@@ -203,19 +241,18 @@ def _friction(method: str, tolerance: float | None, iterations: int | None) -> F
                 'use friction="successive" with it',
             )
         )
-    if tolerance is not None and not tolerance >= 0:
+    if tolerance is not None and not 0 <= tolerance < math.inf:
         problems.append(
             Problem("bad-value", "tolerance", f"must be >= 0 N, got {tolerance}", "", "")
         )
-    if iterations is not None and iterations < 1:
-        problems.append(
-            Problem("bad-value", "iterations", f"must be at least 1, got {iterations}", "", "")
-        )
+    if iterations is not None and (iterations < 1 or iterations != int(iterations)):
+        found = f"must be a whole number, at least 1, got {iterations}"
+        problems.append(Problem("bad-value", "iterations", found, "", ""))
     if problems:
         raise RequestError(problems)
     if tolerance is None:
         tolerance = 0.0 if iterations is not None else 1e-3
-    return Friction(method, tolerance, iterations)
+    return Friction(method, float(tolerance), None if iterations is None else int(iterations))
 
 
 def _unknown_engine(engine: str, precision: str) -> Problem:

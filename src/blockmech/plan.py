@@ -23,6 +23,7 @@ from blockmech.blocks.contract import DrivingLink
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 
+LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
 T = TypeVar("T")
@@ -97,6 +98,7 @@ class Schedule:
         self.angles: set[str] = set()
         self._answers: dict[Hashable, Any] = {}
         self._names: dict[str, int] = {}
+        self._taken = {"P", "ZERO", "ONE", "t", "program"}  # names of values and functions
         self._slots: dict[Hashable, str] = {}
         self._order = {name: i for i, name in enumerate(structure.blocks)}
 
@@ -149,12 +151,12 @@ class Schedule:
 
     def sum(self, terms: Sequence[str], name: str) -> str:
         """Emit a sum in the order given; a single term is itself."""
-        if len(terms) == 1:
-            return terms[0]
-        text = " + ".join(terms)
-        value = self._fresh(name)
-        self.lines.append(Line(value, text))
-        return value
+        total = terms[0]
+        for start in range(1, len(terms), LONGEST_SUM):
+            text = " + ".join((total, *terms[start : start + LONGEST_SUM]))
+            total = self._fresh(name)
+            self.lines.append(Line(total, text))
+        return total
 
     def kernel(self, entry: Entry, function: Callable[..., Any], *args: str, name: str) -> str:
         """Emit the call that an entry of the plan stands for."""
@@ -177,6 +179,11 @@ class Schedule:
             self.angles.add(name)
         return name
 
+    def time(self) -> str:
+        """Name of the input "t", the time [s]."""
+        self.inputs.add("t")
+        return "t"
+
     def program(self, outputs: Iterable[str]) -> Program:
         """The finished program that returns these values."""
         wanted = tuple(outputs)
@@ -192,14 +199,19 @@ class Schedule:
 
     def _function(self, function: Callable[..., Any]) -> str:
         name = _identifier(f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}")
-        while self.functions.setdefault(name, function) is not function:
+        while name in self._taken and self.functions.get(name) is not function:
             name += "_"
+        self._taken.add(name)
+        self.functions[name] = function
         return name
 
     def _fresh(self, name: str) -> str:
-        base = _identifier(name)
-        count = self._names[base] = self._names.get(base, 0) + 1
-        return base if count == 1 else f"{base}_{count}"
+        base = value = _identifier(name)
+        while value in self._taken:  # by a block of a like name, or by a function
+            count = self._names[base] = self._names.get(base, 1) + 1
+            value = f"{base}_{count}"
+        self._taken.add(value)
+        return value
 
 
 def _identifier(name: str) -> str:
@@ -227,8 +239,8 @@ class Plan:
     @cached_property
     def verdicts(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Indices of the values that judge a sample: margins, outcomes of friction."""
-        margins = [i[0] for name, i in self.layout.items() if name.startswith("margin:")]
-        outcomes = [i[3] for name, i in self.layout.items() if name.startswith("friction:")]
+        margins = [i[0] for name, i in self.layout.items() if name.startswith("margin/")]
+        outcomes = [i[3] for name, i in self.layout.items() if name.startswith("friction/")]
         return tuple(margins), tuple(outcomes)
 
     @property

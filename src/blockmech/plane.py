@@ -12,6 +12,7 @@ to the last bit wherever sine and cosine do.
 
 from __future__ import annotations
 
+import bisect
 import math
 from typing import Any
 
@@ -75,6 +76,34 @@ def maximum(a: Real, b: Real) -> Real:
     return a if a > b or a != a else b
 
 
+def angle(a: Complex, b: Complex) -> Real:
+    """Angle [rad] from vector ``a`` to vector ``b``, in (-pi, pi]."""
+    return math.atan2(cross(a, b) + 0.0, dot(a, b))  # + 0.0: never -pi from a negative zero
+
+
+def modulo(x: Real, period: Real) -> Real:
+    """``x`` less whole periods, in [0, period]; exact but for the last rounding."""
+    if not math.isfinite(x):
+        return NAN
+    rest = math.fmod(x, period)
+    return rest if rest >= 0.0 else rest + period
+
+
+def piecewise(x: Real, knots: Any, rows: Any) -> Real:
+    """A piecewise polynomial; NaN before the first and behind the last knot.
+
+    ``rows[d][k]`` is the coefficient of the piece from ``knots[k]`` on, highest power of
+    the distance from that knot first.
+    """
+    if not knots[0] <= x <= knots[-1]:
+        return NAN
+    k = min(bisect.bisect_right(knots, x), len(knots) - 1) - 1
+    s, total = x - knots[k], rows[0][k]
+    for row in rows[1:]:
+        total = total * s + row[k]
+    return total
+
+
 def some(condition: Real) -> bool:
     """Whether the condition holds for any sample of the batch."""
     return bool(condition)
@@ -104,6 +133,9 @@ SCALAR_PRIMITIVES = {
         where,
         minimum,
         maximum,
+        angle,
+        modulo,
+        piecewise,
         some,
         repair,
     )

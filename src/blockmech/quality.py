@@ -99,13 +99,13 @@ def assess(
     Parameters
     ----------
     n : number of samples
-    values : report name (``margin:block``, ``friction:block``, ``rest:joint``) -> its arrays
+    values : report name (``margin/block``, ``friction/block``, ``rest/joint``) -> its arrays
     wanted_bad : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
     """
-    margin = {k[7:]: v[0] for k, v in values.items() if k.startswith("margin:")}
-    friction = {k[9:]: v for k, v in values.items() if k.startswith("friction:")}
-    rest = {k[5:]: v for k, v in values.items() if k.startswith("rest:")}
+    margin = {k[7:]: v[0] for k, v in values.items() if k.startswith("margin/")}
+    friction = {k[9:]: v for k, v in values.items() if k.startswith("friction/")}
+    rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
     status = [OK] * n
     blame: dict[int, str] = {}
     flags: list[Flag] = []

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
     from blockmech.outputs import Output
 
+MOST_GROUPS = 8  # whose limits take a few milliseconds
+
 
 class Result(Mapping[str, NDArray[Any]]):
     """Outputs of a run by name.
@@ -141,7 +143,7 @@ class Result(Mapping[str, NDArray[Any]]):
         reports = {
             name: tuple(np.atleast_1d(_real(self._column(i))) for i in where)
             for name, where in self.plan.layout.items()
-            if ":" in name
+            if "/" in name  # reserved in names of blocks
         }
         blocks = self.mechanism.structure.blocks
         prismatic = frozenset(
@@ -213,7 +215,9 @@ class Result(Mapping[str, NDArray[Any]]):
             reach = f" (solvable up to {limit:.4g} times the friction)" if limit else ""
             what = (FrictionError, status, f"the friction equations have no solution{reach}")
             if status == "not-converged":
-                what = (FrictionError, status, "successive approximations did not converge")
+                by = "successive approximations"
+                by = by if self.settings["friction"] == "successive" else "continuation"
+                what = (FrictionError, status, f"{by} did not converge")
         elif margin == 0:
             what = (SingularError, "dead-centre", "rates and reactions do not exist there")
         elif not block:
@@ -228,11 +232,18 @@ class Result(Mapping[str, NDArray[Any]]):
                 code,
                 where,
                 f"{found}; {count} affected",
-                "",
+                self._arcs() if error is AssemblyError else "",
                 'choose other samples, or pass on_gap="mark" to keep the rest',
             ),
             failure,
         )
+
+    def _arcs(self) -> str:
+        """Where the groups of this run close, in words, if that is found in an instant."""
+        groups = frozenset(self.quality.margin)
+        if len(self.mechanism.drivers) != 1 or len(groups) > MOST_GROUPS:
+            return ""
+        return self.mechanism.feasible(groups)
 
     def unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate ``"crank.q"``."""
@@ -260,13 +271,24 @@ class Result(Mapping[str, NDArray[Any]]):
         return travelling(self, source, target)
 
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
-        """Largest difference of each common output, relative to its largest size."""
+        """Largest difference of each common output, relative to its largest size.
+
+        Infinite where only one of the two has an answer. Raises `RequestError` where the
+        runs have different numbers of samples.
+        """
         found = {}
         for name in self:
             if name in other:
                 mine, theirs = np.asarray(self[name]), np.asarray(other[name])
+                if mine.shape != theirs.shape:
+                    what = f"has shape {mine.shape} here and {theirs.shape} there"
+                    raise RequestError(
+                        Problem("bad-request", name, what, "", "compare runs of the same samples")
+                    )
                 scale = float(np.nanmax(np.abs(mine), initial=0.0)) or 1.0
-                found[name] = float(np.nanmax(np.abs(mine - theirs), initial=0.0)) / scale
+                off = float(np.nanmax(np.abs(mine - theirs), initial=0.0)) / scale
+                one_sided = (np.isnan(mine) != np.isnan(theirs)).any()
+                found[name] = float("inf") if one_sided else off
         return found
 
     # -- leaving ---------------------------------------------------------------------

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +13,7 @@ from blockmech.errors import Problem, RequestError, listed
 from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
+from blockmech.values import is_number
 
 Array = NDArray[np.float64]
 DEFAULT_SAMPLES = 361
@@ -48,6 +48,21 @@ class Samples:
         inputs = {k: v[:n] for k, v in self.inputs.items()}
         return Samples(n, inputs, None if self.times is None else self.times[:n], self.clock)
 
+    def given(self, names: Iterable[str]) -> Mapping[str, Any]:
+        """The inputs of a program.
+
+        Raises `RequestError` where it needs the time and the request does not say it.
+        """
+        if "t" not in names:
+            return self.inputs
+        if self.time is None or not np.isfinite(self.time).all():
+            raise _error(
+                "times",
+                "a load follows the time, and the request does not say it",
+                "name the samples with times=, or give the driver a law with a rate",
+            )
+        return {**self.inputs, "t": self.time}
+
     def coordinate(self, i: int) -> Array:
         """Coordinates (n,) of the driver number i [rad or m]."""
         return np.asarray(self.inputs[f"q_{i}"], dtype=float)
@@ -58,15 +73,22 @@ class Samples:
             return np.full(self.n, np.nan)
         time = self.time
         if time is not None and np.isfinite(time).all():
-            steps = np.diff(time)
-            return np.append(steps, 0) / 2 + np.append(0, steps) / 2
+            return _forward(_trapezoids(time))
         if drivers == 1:
-            steps = np.diff(self.coordinate(0))
             rate = np.asarray(self.inputs["qd_0"], dtype=float)
             with np.errstate(all="ignore"):
-                found: Array = (np.append(steps, 0) / 2 + np.append(0, steps) / 2) / rate
-            return found
+                return _forward(_trapezoids(self.coordinate(0)) / rate)
         return np.full(self.n, np.nan)
+
+
+def _trapezoids(x: Array) -> Array:
+    steps: Array = np.diff(x)
+    return np.append(steps, 0) / 2 + np.append(0, steps) / 2
+
+
+def _forward(weights: Array) -> Array:
+    """The weights; samples named against the motion are summed in its sense all the same."""
+    return -weights if weights.sum() < 0 else weights
 
 
 def make_samples(
@@ -86,7 +108,7 @@ def make_samples(
     given = [n for n, x in (("at", at), ("samples", samples), ("times", times)) if x is not None]
     if len(given) > 1:
         raise _error(listed(given), "name the samples in one way only", "at, samples or times")
-    if isinstance(at, float | int) and rates is None and accelerations is None:
+    if is_number(at) and rates is None and accelerations is None:
         one = _one_pose(structure, scene, at)
         if one is not None:
             return one
@@ -98,14 +120,14 @@ def make_samples(
     if times is not None:
         return _by_time(structure, laws, _column("times", times))
     n = DEFAULT_SAMPLES if samples is None else samples
-    if not isinstance(n, int | np.integer) or n < 1:
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
         raise _error("samples", f"must be a positive whole number, got {n!r}", "")
     return _by_range(structure, laws, int(n))
 
 
 def _one_pose(structure: Structure, scene: Scene, q: float) -> Samples | None:
     """The commonest request without arrays: one coordinate of one driver at constant rate."""
-    if len(structure.drivers) != 1 or not math.isfinite(q):
+    if len(structure.drivers) != 1:
         return None
     law = scene.drive.get(structure.drivers[0])
     if type(law) is ConstantRate:
@@ -159,8 +181,9 @@ def _by_time(structure: Structure, laws: Mapping[str, LawOfMotion], t: Array) ->
 def _by_range(structure: Structure, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
     ranged = {d: x for d, x in laws.items() if isinstance(x, ConstantRate | RateAcceleration)}
     if len(ranged) < len(laws):
-        duration = max(x.duration() for x in laws.values() if np.isfinite(x.duration()))
-        return _by_time(structure, laws, np.linspace(0.0, duration, n))
+        begin = max(x.begin() for x in laws.values())
+        end = max(x.begin() + x.duration() for x in laws.values() if np.isfinite(x.duration()))
+        return _by_time(structure, laws, np.linspace(begin, end, n))
     if all(x.start == x.end for x in ranged.values()):
         n = 1
     inputs: dict[str, Any] = {}
@@ -204,7 +227,7 @@ def _per_driver(structure: Structure, what: str, raw: Any) -> dict[str, Array]:
     unknown = [d for d in raw if d not in drivers]
     missing = [d for d in drivers if d not in raw] if what == "at" else []
     if unknown or missing:
-        found = [f"unknown: {listed(unknown)}"] if unknown else []
+        found = [f"unknown: {listed(map(str, unknown))}"] if unknown else []
         found += [f"missing: {listed(missing)}"] if missing else []
         raise _error(what, "; ".join(found), f"drivers: {listed(drivers)}")
     return {d: _column(f"{what}[{d}]", x) for d, x in raw.items()}
@@ -212,7 +235,10 @@ def _per_driver(structure: Structure, what: str, raw: Any) -> dict[str, Array]:
 
 def _column(where: str, raw: Any) -> Array:
     try:
-        column = np.atleast_1d(np.asarray(raw, dtype=np.float64))
+        given = np.asarray(raw)
+        if given.dtype.kind not in "iuf":  # text, truth values, complex numbers: a slip
+            raise TypeError
+        column = np.atleast_1d(given.astype(np.float64))
     except (TypeError, ValueError):
         raise _error(where, "not a row of numbers", "give a number or a sequence") from None
     if column.ndim != 1 or len(column) == 0:
@@ -228,7 +254,7 @@ def _stretched(driver: str, column: Array, n: int) -> Array:
         return column
     if len(column) == 1:
         return np.full(n, column[0])
-    raise _error(driver, f"has {len(column)} samples, another driver has {n}", "give equal numbers")
+    raise _error(driver, f"has {len(column)} samples where others have {n}", "give equal numbers")
 
 
 def _finite(structure: Structure, inputs: Mapping[str, Array]) -> None:

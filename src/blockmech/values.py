@@ -23,8 +23,9 @@ from pydantic_core import PydanticCustomError, core_schema
 
 
 def _no_boolean(raw: Any) -> Any:
-    # In Python True equals 1, in a file it is a slip.
-    return str(raw).lower() if isinstance(raw, bool) else raw
+    if isinstance(raw, bool):  # in Python True equals 1, in a file it is a slip
+        raise mistake("wrong-value", f"must be -1 or 1, got {shown(raw)}")
+    return raw
 
 
 Number = Annotated[float, Strict(), AllowInfNan(False)]

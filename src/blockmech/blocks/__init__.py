@@ -6,7 +6,24 @@ Importing this package registers the built-in types.
 from blockmech.blocks.contract import REGISTRY, AssurGroup, Block, DrivingLink
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
+from blockmech.blocks.prp import PRP
+from blockmech.blocks.rpp import RPP
+from blockmech.blocks.rpr import RPR
+from blockmech.blocks.rrp import RRP
 from blockmech.blocks.rrr import RRR
 from blockmech.blocks.slide_drive import SlideDrive
 
-__all__ = ["REGISTRY", "RRR", "AssurGroup", "Block", "Crank", "DrivingLink", "Frame", "SlideDrive"]
+__all__ = [
+    "PRP",
+    "REGISTRY",
+    "RPP",
+    "RPR",
+    "RRP",
+    "RRR",
+    "AssurGroup",
+    "Block",
+    "Crank",
+    "DrivingLink",
+    "Frame",
+    "SlideDrive",
+]

@@ -32,16 +32,16 @@ import functools
 import inspect
 import math
 from collections import namedtuple
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, LiteralString, TypeAlias
 
-from pydantic import model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import ValidationError, field_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from blockmech.errors import GraphError, Problem, close_match, listed
 from blockmech.friction.laws import Coulomb
-from blockmech.values import Link, Marker, Pair, Strictly
+from blockmech.values import NAME_RULE, Link, Marker, Pair, Strictly, is_name, mistake
 
 PairKind = Literal["R", "P"]
 
@@ -213,26 +213,43 @@ class Moving(Block):
     links: dict[str, Link] = {}
     friction: dict[str, Coulomb] = {}
 
-    @model_validator(mode="after")
-    def _names_exist(self) -> Moving:
-        for what, names, valid in (
-            ("link", self.links, self.link_names),
-            ("joint", self.friction, tuple(self.joints)),
-        ):
-            for name in names:
-                if name not in valid:
-                    refuse(f'unknown {what} "{name}"', name, valid)
-        taken = set(self.built_in) | set(self.link_names)
-        for link, properties in self.links.items():
+    @field_validator("links")
+    @classmethod
+    def _links_exist(cls, links: dict[str, Link]) -> dict[str, Link]:
+        refuse(cls.__name__, cls._wrong_links(links))
+        return links
+
+    @field_validator("friction")
+    @classmethod
+    def _friction_fits(cls, friction: dict[str, Coulomb]) -> dict[str, Coulomb]:
+        refuse(cls.__name__, cls._wrong_friction(friction))
+        return friction
+
+    @classmethod
+    def _wrong_links(cls, links: Mapping[str, Link]) -> Iterator[Mistake]:
+        taken = set(cls.built_in) | set(cls.link_names)
+        for link, properties in links.items():
+            if link not in cls.link_names:
+                yield (link,), unknown_name("unknown-link", "link", link, cls.link_names)
             for marker in properties.markers:
-                if "." in marker or "/" in marker or not marker:
-                    refuse(f'marker "{marker}" on link {link}: "." and "/" are reserved', "", ())
-                if marker in taken:
-                    refuse(f'marker "{marker}" on link {link}: the name is taken', "", ())
+                where = (link, "markers", marker)
+                if not is_name(marker):
+                    yield where, bad_name("marker", marker)
+                elif marker in taken:
+                    found = f'the marker name "{marker}" is taken in this block'
+                    yield where, mistake("taken-name", found, f"taken: {listed(sorted(taken))}")
                 taken.add(marker)
-        for name, law in self.friction.items():
-            law.check_for(self.joints[name].kind, name)
-        return self
+
+    @classmethod
+    def _wrong_friction(cls, friction: Mapping[str, Coulomb]) -> Iterator[Mistake]:
+        for joint, law in friction.items():
+            if joint not in cls.joints:
+                yield (joint,), unknown_name("unknown-joint", "joint", joint, tuple(cls.joints))
+                continue
+            try:
+                law.check_for(cls.joints[joint].kind, joint)
+            except PydanticCustomError as error:
+                yield (joint,), error
 
     def slider_place(self, joint: str, link: str) -> complex:
         """Place [m] of a slider's point on one of its links, in the link's frame."""
@@ -281,11 +298,28 @@ class AssurGroup(Moving):
     """A group of mobility 0: kinematically and statically determinate by itself."""
 
 
-def refuse(message: str, word: str, valid: tuple[str, ...]) -> None:
-    """Refuse a name, with the valid ones and the nearest of them."""
-    hint = f"; valid: {listed(valid)}" if valid else ""
-    match = close_match(word, valid)
-    raise PydanticCustomError("name", message + hint + (f"; {match}" if match else ""))
+Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
+"""Where in a model, and what is wrong there."""
+
+
+def refuse(title: str, mistakes: Iterable[Mistake]) -> None:
+    """Refuse a model with all its mistakes, each at its own place."""
+    lines = [InitErrorDetails(type=error, loc=where, input=None) for where, error in mistakes]
+    if lines:
+        raise ValidationError.from_exception_data(title, lines)
+
+
+def unknown_name(
+    code: LiteralString, what: str, name: str, valid: tuple[str, ...]
+) -> PydanticCustomError:
+    """A name that the block does not declare, with the declared ones and the nearest of them."""
+    known = f"{what}s there: {listed(valid)}"
+    return mistake(code, f'no {what} "{name}"', known, close_match(name, valid))
+
+
+def bad_name(what: str, name: str) -> PydanticCustomError:
+    """A name that could not stand in an address."""
+    return mistake("bad-name", f'"{name}" is not a {what} name', NAME_RULE, "choose another name")
 
 
 def _declare(cls: type[Block]) -> None:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from pydantic import model_validator
+from pydantic import field_validator
 
-from blockmech.blocks.contract import Block, BuiltIn, refuse
-from blockmech.values import Marker
+from blockmech.blocks.contract import Block, BuiltIn, bad_name, refuse
+from blockmech.values import Marker, is_name
 
 
 class Frame(Block, type="frame"):
@@ -24,12 +24,12 @@ class Frame(Block, type="frame"):
 
     markers: dict[str, Marker] = {}
 
-    @model_validator(mode="after")
-    def _names_are_free(self) -> Frame:
-        for marker in self.markers:
-            if "." in marker or "/" in marker or not marker:
-                refuse(f'marker "{marker}": "." and "/" are reserved in names', "", ())
-        return self
+    @field_validator("markers")
+    @classmethod
+    def _names_are_good(cls, markers: dict[str, Marker]) -> dict[str, Marker]:
+        wrong = (((name,), bad_name("marker", name)) for name in markers if not is_name(name))
+        refuse(cls.__name__, wrong)
+        return markers
 
     def markers_of(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
         """The frame's markers; ``frame`` itself is the one at its origin."""

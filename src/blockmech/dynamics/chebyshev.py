@@ -28,7 +28,11 @@ from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
 
-TAIL = 4  # last coefficients that judge a series: more than one, because of even and odd zeros
+GAUSS = 12  # points between two nodes, where the fastest wave is half a wave long
+BLAS_ALONE = 8192  # elements of a matrix below which BLAS stays on one thread
+TAIL = 4  # coefficients in each of the two last blocks, which judge a series together:
+# more than one, because of even and odd zeros
+STEADY, SLOW = 0.02, 0.5  # least and largest ratio of the blocks that an estimate believes
 
 
 @dataclass(frozen=True)
@@ -43,10 +47,13 @@ class Rule:
     cosine : (n, n) samples -> c_0 .. c_{n-1}
     sine : (n, n + 1) samples -> s_1/1 .. s_{n+1}/(n+1) of sin(phi) f, already divided by m
     integrate : (n, n) samples -> integral of f sin(phi) from 0 to every node
+    integrate_half : (n, n) samples -> integral of f cos(phi/2) from 0 to every node
     total : (n,) weights of the integral of f sin(phi) from 0 to pi
     total_half : (n,) weights of the integral of f cos(phi/2) from 0 to pi
-    tail : (n, TAIL) samples -> the last coefficients
+    tail : (n, 2 TAIL) samples -> the last coefficients
     differentiate : (n, n) samples -> derivative with respect to v/L at every node
+    ends : (n, 5) samples -> value at phi = 0, at pi, derivative with respect to v/L at
+        phi = 0, at pi, integral of f sin(phi)
     """
 
     n: int
@@ -56,10 +63,12 @@ class Rule:
     cosine: Floats
     sine: Floats
     integrate: Floats
+    integrate_half: Floats
     total: Floats
     total_half: Floats
     tail: Floats
     differentiate: Floats
+    ends: Floats
 
 
 @cache
@@ -74,9 +83,9 @@ def rule(n: int) -> Rule:
     sine = (padded[m - 1] - padded[m + 1]) / (2 * m[:, None])
     sine[0] += padded[0] / 2  # s_1 = c_0 - c_2/2
     total = 2 * sine[::2].sum(axis=0)  # 2 sin^2(m pi/2) is 2 for odd m
+    halves = _half_waves(np.append(phi, np.pi), k)
     sign = (-1.0) ** k
-    # integral of cos(k phi) cos(phi/2) over (0, pi)
-    halves = sign * (1 / (k + 0.5) - 1 / (k - 0.5)) / 2
+    at_ends = np.stack([k * 0 + 1.0, sign, -2.0 * k * k, 2.0 * k * k * sign])
     return Rule(
         n=n,
         phi=phi,
@@ -85,29 +94,36 @@ def rule(n: int) -> Rule:
         cosine=np.ascontiguousarray(cosine.T),
         sine=np.ascontiguousarray(sine.T),
         integrate=np.ascontiguousarray(_integrals(n, phi).T),
+        integrate_half=np.ascontiguousarray((halves[:-1] @ cosine).T),
         total=total,
-        total_half=halves @ cosine,
-        tail=np.ascontiguousarray(cosine[-TAIL:].T),
+        total_half=halves[-1] @ cosine,
+        tail=np.ascontiguousarray(cosine[-2 * TAIL :].T),
         differentiate=np.ascontiguousarray(_derivatives(n, phi, cosine).T),
+        ends=np.vstack([at_ends @ cosine, total]).T.copy(),
     )
 
 
 def _integrals(n: int, phi: Floats) -> Floats:
     """Integral of sin(phi) times each cardinal function, from 0 to each node: (n, n).
 
-    Gauss-Legendre points on each stretch, so every entry of row j carries the
-    factor sin^2(phi_j/2) and is exact to rounding *relative to its row*.
+    Gauss-Legendre points between the nodes, summed upward: every row is exact to
+    rounding *relative to itself*, however small the angle.
     """
-    xi, weights = np.polynomial.legendre.leggauss(n // 2 + 1)
-    xi, weights = (xi + 1) / 2, weights / 2
-    low = np.sin(phi / 2) ** 2
-    inner = 2 * np.arcsin(np.sqrt(np.outer(low, xi)))  # (n, g)
+    xi, weights = np.polynomial.legendre.leggauss(GAUSS)
+    step = np.diff(phi, prepend=0.0)[:, None]
+    inner = phi[:, None] - step * (1 - xi) / 2  # (n, g)
     k = np.arange(1, n)
     cardinal = np.cos(inner[..., None] * k) @ np.cos(np.outer(k, phi))  # (n, g, n)
-    cardinal = (1 + 2 * cardinal) / n
-    rows = np.einsum("g,jgk->jk", weights, cardinal)
-    rows /= rows.sum(axis=1, keepdims=True)  # a constant integrates exactly
-    return np.asarray(2 * low[:, None] * rows)
+    share = weights * step / 2 * np.sin(inner)
+    rows = np.cumsum(np.einsum("jg,jgk->jk", share, (1 + 2 * cardinal) / n), axis=0)
+    whole = 2 * np.sin(phi / 2) ** 2
+    return np.asarray(rows * (whole / rows.sum(axis=1))[:, None])  # exact for a constant
+
+
+def _half_waves(phi: Floats, k: Floats) -> Floats:
+    """Integral of cos(k phi) cos(phi/2) from 0 to phi: (phi, k)."""
+    up, down = k + 0.5, k - 0.5
+    return np.asarray(np.sin(np.outer(phi, up)) / up + np.sin(np.outer(phi, down)) / down) / 2
 
 
 def _derivatives(n: int, phi: Floats, cosine: Floats) -> Floats:
@@ -115,6 +131,54 @@ def _derivatives(n: int, phi: Floats, cosine: Floats) -> Floats:
     k = np.arange(n)
     slopes = -k * np.sin(np.outer(phi, k)) / (np.sin(phi)[:, None] / 2)
     return np.asarray(slopes @ cosine)
+
+
+def blocks(matrix: Floats) -> Floats:
+    """A large matrix (n, m) in blocks of columns (b, n, w), for ``f @ blocks``.
+
+    BLAS wakes its threads above some 9000 elements, which costs more than the product.
+    """
+    n, m = matrix.shape
+    w = max(1, min(m, BLAS_ALONE // n))
+    while m % w:
+        w -= 1
+    return np.ascontiguousarray(matrix.reshape(n, m // w, w).transpose(1, 0, 2))
+
+
+def waves(c: Floats) -> Floats:
+    """s_1/1 .. s_{n+1}/(n+1) of sin(phi) f, from the cosine coefficients c (n,) of f."""
+    n = c.size
+    s = np.zeros(n + 1)
+    s[:n] = c / 2
+    s[0] += c[0] / 2
+    s[: n - 2] -= c[2:] / 2
+    # s_m = (c_{m-1} - c_{m+1})/2 and s_1 = c_0 - c_2/2
+    return np.asarray(s / np.arange(1, n + 2))
+
+
+def remainder(f: Floats, r: Rule) -> Floats:
+    """Error of the integral of f sin(phi) that ends the series of samples f (..., n).
+
+    The coefficients that are missing are continued from the two last blocks as a
+    geometric series; each counts 1/n in the integral.
+    """
+    last = np.abs(f @ r.tail)
+    before, end = last[..., :TAIL].max(axis=-1), last[..., TAIL:].max(axis=-1)
+    ratio = np.clip(end / (before + 1e-300), STEADY, SLOW)
+    return np.asarray(4 * TAIL / r.n * end * ratio / (1 - ratio))
+
+
+def unresolved(quarter: Floats) -> float:
+    """What a long cosine series misses in its integral over phi, from its last quarter.
+
+    The last two eighths of the coefficients, continued as a geometric series. An
+    eighth, not the last one: even and odd zeros, and noise, hide there.
+    """
+    size = np.abs(quarter)
+    half = size.size // 2
+    before, end = float(size[:half].max()), float(size[half:].max())
+    ratio = min(max(end / (before + 1e-300), STEADY), SLOW)
+    return end * ratio / (1 - ratio)
 
 
 def angle(z: Floats) -> Floats:

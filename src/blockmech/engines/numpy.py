@@ -76,6 +76,28 @@ def hyp(z: Planar) -> Any:
     return np.sqrt(z.real * z.real + z.imag * z.imag)
 
 
+def angle(a: Planar, b: Planar) -> Any:
+    """Angle from a to b, in (-pi, pi]."""
+    return np.arctan2(cross(a, b) + 0.0, dot(a, b))
+
+
+def modulo(x: Any, period: Any) -> Any:
+    """x less whole periods."""
+    rest = np.fmod(x, period)
+    return np.where(rest < 0.0, rest + period, rest)
+
+
+def piecewise(x: Any, knots: Any, rows: Any) -> Any:
+    """A piecewise polynomial; see `blockmech.plane.piecewise`."""
+    inside = (knots[0] <= x) & (x <= knots[-1])
+    k = np.minimum(np.searchsorted(knots, x, side="right"), len(knots) - 1) - 1
+    k = np.where(inside, k, 0)
+    s, total = x - knots[k], rows[0][k]
+    for row in rows[1:]:
+        total = total * s + row[k]
+    return np.where(inside, total, np.nan)
+
+
 def some(condition: Any) -> bool:
     """Whether the condition holds for any sample."""
     return bool(np.any(condition))
@@ -133,7 +155,7 @@ def _store(whole: Any, index: tuple[int, ...], answer: Any) -> None:
         whole[index] = answer
 
 
-def _primitives(dtype: Any) -> dict[str, Any]:
+def primitives(dtype: Any) -> dict[str, Any]:
     def expi(t: Any) -> Planar:
         # Sine and cosine are taken in (at least) double before the cast.
         wide = np.asarray(t, dtype=np.promote_types(np.float64, dtype))
@@ -151,6 +173,9 @@ def _primitives(dtype: Any) -> dict[str, Any]:
         "where": np.where,
         "minimum": np.minimum,
         "maximum": np.maximum,
+        "angle": angle,
+        "modulo": modulo,
+        "piecewise": piecewise,
         "some": some,
         "repair": repair,
     }
@@ -166,12 +191,15 @@ class NumpyEngine:
         self.precision = precision
         self.dtype = PRECISIONS[precision]
         constants = {"ZERO": self._cast(0j), "ONE": self._cast(1 + 0j)}
-        self._program = bind(program, _primitives(self.dtype), constants)
+        self._program = bind(program, primitives(self.dtype), constants)
         self.parameters = tuple(self._cast(v) for v in program.parameters.values())
 
     def _cast(self, value: Any) -> Any:
         if isinstance(value, tuple):
-            return type(value)(*(self._cast(x) for x in value))
+            if hasattr(value, "_fields"):
+                return type(value)(*(self._cast(x) for x in value))
+            plain = all(isinstance(x, float) for x in value)
+            return np.array(value, self.dtype) if plain else tuple(map(self._cast, value))
         if isinstance(value, complex):
             return Planar(self.dtype(value.real), self.dtype(value.imag))
         return self.dtype(value)
@@ -194,9 +222,10 @@ class NumpyEngine:
                     _fill(room, part, value)
             return tuple(filled)
 
-    def _rounded(self, name: str, column: NDArray[Any]) -> NDArray[Any]:
+    def _rounded(self, name: str, column: Any) -> NDArray[Any]:
+        given: NDArray[Any] = np.asarray(column)  # one pose comes as a list
         # Angles stay in double until sine and cosine are taken.
-        return column if name in self.program.angles else column.astype(self.dtype, copy=False)
+        return given if name in self.program.angles else given.astype(self.dtype, copy=False)
 
     def _room(self, value: Any, n: int) -> Any:
         if isinstance(value, Planar):

@@ -1,21 +1,23 @@
 """The scalar engine: Python numbers, one pose at a time; fastest below some hundred poses.
 
-A division by zero (a group exactly at dead centre, B on D) must become NaN, not
-an exception. The fast program has no guards; only when it divides by zero is the
-same program run again with a guard around every call.
+Python raises where a kernel divides by zero (a group exactly at dead centre, B on D).
+That sample is then computed again on arrays of one, where the division gives infinity
+or NaN, so both engines lose the same values of it and no others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from blockmech.engines.binding import bind, bind_functions
+import numpy as np
+
+from blockmech.engines.binding import bind
+from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.plan import Program
-from blockmech.plane import NAN, SCALAR_PRIMITIVES
+from blockmech.plane import SCALAR_PRIMITIVES
 
 CONSTANTS = {"ZERO": 0j, "ONE": 1 + 0j}
-NAN_VECTOR = complex(NAN, NAN)
 
 
 class ScalarEngine:
@@ -27,14 +29,14 @@ class ScalarEngine:
         self.program = program
         self.parameters = tuple(program.parameters.values())
         self._fast = bind(program, SCALAR_PRIMITIVES, CONSTANTS)
-        self._guarded: Callable[..., tuple[Any, ...]] | None = None
+        self._arrays: NumpyEngine | None = None
 
     def one(self, inputs: Sequence[float]) -> tuple[Any, ...]:
-        """Values of one sample: float or complex each, NaN where impossible."""
+        """Values of one sample: float or complex each, NaN or infinite where impossible."""
         try:
             return self._fast(*inputs, self.parameters)
-        except (ZeroDivisionError, OverflowError):
-            return self._with_guards()(*inputs, self.parameters)
+        except (ArithmeticError, ValueError):
+            return self._on_arrays(inputs)
 
     def run(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
         """Values of n samples: Python numbers for one, lists of them for more."""
@@ -44,61 +46,15 @@ class ScalarEngine:
         rows = [self.one([float(c[i]) for c in columns]) for i in range(n)]
         return tuple([row[k] for row in rows] for k in range(len(self.program.outputs)))
 
-    def _with_guards(self) -> Callable[..., tuple[Any, ...]]:
-        if self._guarded is None:
-            space: dict[str, Any] = dict(CONSTANTS)
-            bound = bind_functions(self.program.functions, SCALAR_PRIMITIVES)
-            space.update({name: _guard(f) for name, f in bound.items()})
-            exec(compile(self.program.source, "<plan, guarded>", "exec"), space)
-            self._guarded = space["program"]
-        return self._guarded
+    def _on_arrays(self, inputs: Sequence[float]) -> tuple[Any, ...]:
+        if self._arrays is None:
+            self._arrays = NumpyEngine(self.program)
+        columns = {n: np.array([x]) for n, x in zip(self.program.inputs, inputs, strict=True)}
+        return tuple(_number(value) for value in self._arrays.run(columns, 1))
 
 
-class _Nothing:
-    """NaN in every shape: a named tuple, a tuple, a vector or a number."""
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return NAN if name in ("real", "imag") else NOTHING
-
-    def __getitem__(self, index: Any) -> Any:
-        return NOTHING
-
-    def _self(self, *others: Any) -> Any:
-        return NOTHING
-
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = _self
-    __truediv__ = __rtruediv__ = __neg__ = __abs__ = _self
-
-    def __float__(self) -> float:
-        return NAN
-
-    def __complex__(self) -> complex:
-        return NAN_VECTOR
-
-    def _never(self, other: Any) -> bool:
-        return False
-
-    __lt__ = __le__ = __gt__ = __ge__ = _never
-
-
-NOTHING = _Nothing()
-
-
-def _guard(function: Callable[..., Any]) -> Callable[..., Any]:
-    def guarded(*args: Any) -> Any:
-        if any(_spoilt(a) for a in args):
-            return NOTHING
-        try:
-            return function(*args)
-        except (ZeroDivisionError, OverflowError):
-            return NOTHING
-
-    return guarded
-
-
-def _spoilt(value: Any) -> bool:
-    if value is NOTHING:
-        return True
-    return isinstance(value, tuple) and any(_spoilt(x) for x in value)
+def _number(value: Any) -> complex | float:
+    """A batch of one as a Python number."""
+    if isinstance(value, Planar):
+        return complex(value.real[0], value.imag[0])
+    return float(value[0])

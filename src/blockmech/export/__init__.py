@@ -6,13 +6,14 @@ units are the same everywhere.
 
 from blockmech.export.columns import Column, columns
 from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz
-from blockmech.export.files import folder, writing
+from blockmech.export.files import cannot_write, folder, writing
 from blockmech.export.schema import result_schema
-from blockmech.export.spreadsheet import csv_chunks, to_csv
+from blockmech.export.spreadsheet import csv_chunks, to_csv, write_csv
 from blockmech.export.tables import gap_lines, html_table, table
 
 __all__ = [
     "Column",
+    "cannot_write",
     "columns",
     "csv_chunks",
     "folder",
@@ -25,5 +26,6 @@ __all__ = [
     "to_dataframe",
     "to_dict",
     "to_npz",
+    "write_csv",
     "writing",
 ]

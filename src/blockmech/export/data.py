@@ -122,7 +122,7 @@ def _values(raw: Any) -> list[Any]:
         table = np.stack([table.real, table.imag], axis=-1)
     table = table.astype(np.float64, copy=False)
     values: list[Any] = table.tolist()
-    whole = np.isfinite(table).reshape(len(table), -1).all(axis=1)
+    whole = np.isfinite(table).all(axis=tuple(range(1, table.ndim)))
     for i in np.flatnonzero(~whole):
         values[i] = None
     return values
@@ -130,7 +130,7 @@ def _values(raw: Any) -> list[Any]:
 
 def _text(value: Any) -> str:
     # The standard library takes seven times as long for long lists of numbers.
-    text = to_json(value).decode()
+    text = to_json(value, inf_nan_mode="null").decode()
     if text.isascii():
         return text
     return re.sub(r"[^\x00-\x7f]", lambda match: json.dumps(match[0])[1:-1], text)

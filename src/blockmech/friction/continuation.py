@@ -10,12 +10,15 @@ n / eta, so reactions that go to infinity are an ordinary point of the path.
 The path ends at lambda = 1 (solved), at eta = 0 (asymptote: reactions grow
 without bound whatever the loads) or where lambda turns back (fold: no solution
 beyond). The last two are self-locking, and lambda there is the limit.
+
+The load of a guide, max(|N|, 2 |C| / L), has kinks where its contact changes. The
+path is followed to each kink with the contacts held, and goes on with the new one.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +29,7 @@ Array = NDArray[np.float64]
 STEP, LARGEST, SMALLEST = 0.05, 0.2, 1e-10
 TURN = 0.95  # cosine of the largest turn of the tangent in one step
 MOST = 500  # steps
+KINK = 1e-14  # of the largest load: what rounding may say about which edge presses
 
 
 class Outcome(enum.IntEnum):
@@ -69,25 +73,46 @@ class _Equations:
         self.R = R * self.factor  # (m, m, 2)
         self.m = len(self.k)
 
-    def norm(self, n: Array, eta: float) -> tuple[Array, Array]:
-        """Load norms (m,) and their gradients (m, m + 1) in (n, eta)."""
-        F = eta * self.f + np.einsum("jmc,m->jc", self.R, n)
-        g = np.where(self.edges, np.abs(F).max(axis=1), np.hypot(F[:, 0], F[:, 1]))
-        unit = F / np.maximum(g, 1e-300)[:, None]
-        if self.edges.any():
-            pick = np.abs(F).argmax(axis=1)
-            corner = np.zeros_like(F)
-            corner[np.arange(self.m), pick] = np.sign(F[np.arange(self.m), pick])
-            unit = np.where(self.edges[:, None], corner, unit)
+    def loads(self, n: Array, eta: float) -> Array:
+        """Loads (m, 2) on the pairs."""
+        found: Array = eta * self.f + np.einsum("jmc,m->jc", self.R, n)
+        return found
+
+    def contacts(self, F: Array, growth: Array | None = None) -> Array:
+        """Directions (m, 2) along which the guides are pressed: of +-N or of +-2 C / L.
+
+        Where nothing presses yet, the direction in which the load grows. Rows of
+        revolute pairs mean nothing.
+        """
+        empty: NDArray[np.bool_] = np.abs(F).max(axis=1) == 0
+        if growth is not None:
+            F = np.where(empty[:, None], growth, F)
+        pick = np.abs(F).argmax(axis=1)
+        found = np.zeros_like(F)
+        found[np.arange(self.m), pick] = np.where(F[np.arange(self.m), pick] < 0, -1.0, 1.0)
+        return found
+
+    def left(self, v: Array, contacts: Array) -> bool:
+        """Whether a guide is no longer pressed as the contacts say."""
+        F = self.loads(v[:-2], v[-2])
+        pressed = np.einsum("jc,jc->j", contacts, F)
+        gone = pressed < np.abs(F).max(axis=1) - KINK
+        return bool((gone & self.edges).any())
+
+    def norm(self, n: Array, eta: float, contacts: Array) -> tuple[Array, Array]:
+        """Load norms (m,) and their gradients (m, m + 1) in (n, eta), smooth in a contact."""
+        F = self.loads(n, eta)
+        size = np.hypot(F[:, 0], F[:, 1])
+        unit = np.where(self.edges[:, None], contacts, F / np.maximum(size, 1e-300)[:, None])
         slope = np.empty((self.m, self.m + 1))
         slope[:, :-1] = np.einsum("jc,jmc->jm", unit, self.R)
         slope[:, -1] = np.einsum("jc,jc->j", unit, self.f)
-        return g, slope
+        return np.where(self.edges, np.einsum("jc,jc->j", contacts, F), size), slope
 
-    def value(self, v: Array) -> tuple[Array, Array]:
+    def value(self, v: Array, contacts: Array) -> tuple[Array, Array]:
         """G (m + 1,) and its Jacobian (m + 1, m + 2)."""
         m, n, eta, lam = self.m, v[:-2], v[-2], v[-1]
-        g, slope = self.norm(n, eta)
+        g, slope = self.norm(n, eta, contacts)
         G = np.append(n - lam * self.k * g, n @ n + eta * eta - 1.0)
         J = np.zeros((m + 1, m + 2))
         J[:m, : m + 1] = -lam * self.k[:, None] * slope
@@ -95,6 +120,15 @@ class _Equations:
         J[:m, -1] = -self.k * g
         J[m, :m], J[m, m] = 2 * n, 2 * eta
         return G, J
+
+    def start(self) -> tuple[Array, Array]:
+        """The frictionless solution v (m + 2,) and its contacts (m, 2)."""
+        v = np.zeros(self.m + 2)
+        v[-2] = 1.0
+        contacts = self.contacts(self.f)
+        g, _ = self.norm(v[:-2], 1.0, contacts)
+        growth = np.einsum("jmc,m->jc", self.R, self.k * g)
+        return v, self.contacts(self.f, growth)
 
 
 def continue_from_zero(
@@ -117,46 +151,79 @@ def continue_from_zero(
     Path with friction t [N m] or [N], or the reason why there is none
     """
     eq = _Equations(k, edges, base, rows)
-    v = np.zeros(eq.m + 2)
-    v[-2] = 1.0
-    tangent = _tangent(eq, v, None)
+    v, contacts = eq.start()
+    tangent = _tangent(eq, v, contacts, None)
+    side = _side(eq, v, contacts, tangent)
     step = STEP
     for count in range(1, MOST + 1):
-        moved = _correct(eq, v, tangent, step)
-        turned = None if moved is None else _tangent(eq, moved[0], tangent)
-        if moved is None or turned is None or turned @ tangent < TURN:
+        moved = _moved(eq, v, contacts, tangent, step)
+        if moved is None:
             step /= 2
             if step < SMALLEST:
                 return _ended(eq, Outcome.NOT_CONVERGED, v[-1], count)
             continue
-        new, effort = moved
-        if new[-1] >= 1.0:
-            return _polish(eq, v, new, count)
+        new, ahead, effort = moved
+        kink = eq.left(new, contacts)
+        if kink:
+            step = _kink(eq, v, contacts, tangent, step)
+            new, ahead, effort = _moved(eq, v, contacts, tangent, step) or moved
+        full = _at_full(eq, v, new, contacts) if new[-1] >= 1.0 else None
+        if full is not None and full[-2] > 0.0:
+            return _polish(eq, full, count)
         if new[-2] <= 0.0:
-            share = v[-2] / (v[-2] - new[-2])
-            return _ended(eq, Outcome.ASYMPTOTE, v[-1] + share * (new[-1] - v[-1]), count)
-        if turned[-1] <= 0.0:
-            return _ended(eq, Outcome.FOLD, _fold(eq, v, tangent, step), count)
-        v, tangent = new, turned
+            return _ended(eq, Outcome.ASYMPTOTE, _asymptote(eq, v, contacts, tangent, step), count)
+        if ahead[-1] <= 0.0:
+            return _ended(eq, Outcome.FOLD, _fold(eq, v, contacts, tangent, step), count)
+        if new[-1] >= 1.0:
+            return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
+        if kink:
+            contacts = eq.contacts(eq.loads(new[:-2], new[-2]))
+            ahead = _tangent(eq, new, contacts, side)
+            if ahead[-1] <= 0.0:  # lambda turns back at the kink itself
+                return _ended(eq, Outcome.FOLD, new[-1], count)
+            step = STEP
+        v, tangent = new, ahead
         if effort <= 3:
             step = min(1.5 * step, LARGEST)
     return _ended(eq, Outcome.NOT_CONVERGED, v[-1], MOST)
 
 
-def _tangent(eq: _Equations, v: Array, along: Array | None) -> Array:
-    """Unit null vector of the Jacobian, in the direction of the last one (or of lambda)."""
-    _, J = eq.value(v)
-    null: Array = np.linalg.svd(J)[2][-1]
-    ahead = null[-1] if along is None else null @ along
-    return -null if ahead < 0 else null
+def _moved(
+    eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float
+) -> tuple[Array, Array, int] | None:
+    """The path one step further, its tangent there and the effort; None if it turns too much."""
+    found = _correct(eq, v, contacts, tangent, step)
+    if found is None:
+        return None
+    new, effort = found
+    ahead = _tangent(eq, new, contacts, _side(eq, v, contacts, tangent))
+    return (new, ahead, effort) if ahead @ tangent >= TURN else None
 
 
-def _correct(eq: _Equations, v: Array, tangent: Array, step: float) -> tuple[Array, int] | None:
+def _tangent(eq: _Equations, v: Array, contacts: Array, side: float | None) -> Array:
+    """Unit null vector of the Jacobian, in the path's direction (at the start: of lambda).
+
+    The direction is told by the sign of det [J; tangent], which is one along the whole
+    path, kinks included: a change of contact adds to J a multiple of the kink's normal.
+    """
+    null: Array = np.linalg.svd(eq.value(v, contacts)[1])[2][-1]
+    forward = null[-1] if side is None else side * _side(eq, v, contacts, null)
+    return -null if forward < 0 else null
+
+
+def _side(eq: _Equations, v: Array, contacts: Array, tangent: Array) -> float:
+    """Sign of det [J; tangent]."""
+    return float(np.sign(np.linalg.det(np.vstack([eq.value(v, contacts)[1], tangent]))))
+
+
+def _correct(
+    eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float
+) -> tuple[Array, int] | None:
     """Newton back to the path, across the tangent; None if it takes more than six steps."""
     guess = v + step * tangent
     x = guess.copy()
     for effort in range(1, 7):
-        G, J = eq.value(x)
+        G, J = eq.value(x, contacts)
         A = np.vstack([J, tangent])
         try:
             dx = np.linalg.solve(A, np.append(G, tangent @ (x - guess)))
@@ -168,30 +235,74 @@ def _correct(eq: _Equations, v: Array, tangent: Array, step: float) -> tuple[Arr
     return None
 
 
-def _fold(eq: _Equations, v: Array, tangent: Array, step: float) -> float:
-    """Largest lambda on the path between v and one step further."""
-    low, high, top = 0.0, step, float(v[-1])
-    for _ in range(40):
+def _last_before(
+    eq: _Equations,
+    v: Array,
+    contacts: Array,
+    tangent: Array,
+    step: float,
+    passed: Callable[[Array], bool],
+) -> tuple[float, float]:
+    """The step, to rounding, at which the path from v passes something: before and behind."""
+    low, high = 0.0, step
+    while high - low > 1e-15 + 4e-16 * high:
         middle = (low + high) / 2
-        moved = _correct(eq, v, tangent, middle)
-        if moved is None:
+        moved = _correct(eq, v, contacts, tangent, middle)
+        if moved is None or passed(moved[0]):
             high = middle
-            continue
-        top = max(top, float(moved[0][-1]))
-        if _tangent(eq, moved[0], tangent)[-1] > 0:
-            low = middle
         else:
-            high = middle
-    return top
+            low = middle
+    return low, high
 
 
-def _polish(eq: _Equations, v: Array, new: Array, count: int) -> Path:
-    """Newton at lambda = 1 exactly, from the interpolated crossing."""
-    share = (1.0 - v[-1]) / (new[-1] - v[-1])
-    x = v + share * (new - v)
+def _kink(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
+    """The step after which a guide's contact has just changed."""
+    return _last_before(eq, v, contacts, tangent, step, lambda x: eq.left(x, contacts))[1]
+
+
+def _asymptote(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
+    """Lambda where eta is zero, between v and one step further."""
+    low, _ = _last_before(eq, v, contacts, tangent, step, lambda x: bool(x[-2] <= 0.0))
+    moved = _correct(eq, v, contacts, tangent, low)
+    return float((v if moved is None else moved[0])[-1])
+
+
+def _fold(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
+    """Largest lambda on the path between v and one step further."""
+    side = _side(eq, v, contacts, tangent)
+
+    def turned_back(x: Array) -> bool:
+        return bool(_tangent(eq, x, contacts, side)[-1] <= 0.0)
+
+    low, _ = _last_before(eq, v, contacts, tangent, step, turned_back)
+    moved = _correct(eq, v, contacts, tangent, low)
+    return float((v if moved is None else moved[0])[-1])
+
+
+def _at_full(eq: _Equations, v: Array, new: Array, contacts: Array) -> Array | None:
+    """The point of the path between v and new where lambda is 1, by Newton.
+
+    The unknowns stay homogeneous, so a friction that goes to infinity does no harm.
+    """
+    x: Array = v + (1.0 - v[-1]) / (new[-1] - v[-1]) * (new - v)
+    row = np.eye(eq.m + 2)[-1]
+    for _ in range(12):
+        G, J = eq.value(x, contacts)
+        try:
+            dx = np.linalg.solve(np.vstack([J, row]), np.append(G, x[-1] - 1.0))
+        except np.linalg.LinAlgError:
+            return None
+        x = x - dx
+        if np.abs(dx).max() < 1e-14:
+            return x
+    return None
+
+
+def _polish(eq: _Equations, x: Array, count: int) -> Path:
+    """The answer at lambda = 1: one or two steps of Newton on the friction itself."""
     n = x[:-2] / x[-2]
     for _ in range(20):
-        g, slope = eq.norm(n, 1.0)
+        g, slope = eq.norm(n, 1.0, eq.contacts(eq.loads(n, 1.0)))
         r = n - eq.k * g
         try:
             dn = np.linalg.solve(np.eye(eq.m) - eq.k[:, None] * slope[:, :-1], r)
@@ -201,7 +312,7 @@ def _polish(eq: _Equations, v: Array, new: Array, count: int) -> Path:
         if np.abs(dn).max() <= 4e-16 * max(1.0, np.abs(n).max()):
             break
     near = x[:-2] / x[-2]
-    g, _ = eq.norm(n, 1.0)
+    g, _ = eq.norm(n, 1.0, eq.contacts(eq.loads(n, 1.0)))
     scale = float(np.abs(eq.k * g).max()) or 1.0
     residual = float(np.abs(n - eq.k * g).max()) / scale
     if residual > 1e-12 or np.abs(n - near).max() > 0.5 * max(1.0, np.abs(near).max()):

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic_core import PydanticCustomError
-
-from blockmech.values import NotNegative, Positive, Strictly
+from blockmech.values import NotNegative, Positive, Strictly, mistake
 
 
 class Coulomb(Strictly):
@@ -38,14 +36,15 @@ class Coulomb(Strictly):
     def check_for(self, kind: str, joint: str) -> None:
         """Refuse what does not fit the kind of pair."""
         if kind == "R" and self.radius is None:
-            message = f'friction of joint {joint}: a revolute pair needs "radius" [m] of its pin'
+            found, remedy = f'{joint} is revolute and has no "radius"', "give that of its pin [m]"
         elif kind == "R" and self.guide_length is not None:
-            message = f'friction of joint {joint}: "guide_length" is for prismatic pairs'
+            found, remedy = f'{joint} is revolute and has a "guide_length"', "take it away"
         elif kind == "P" and self.radius is not None:
-            message = f'friction of joint {joint}: "radius" is for revolute pairs'
+            found, remedy = f'{joint} is prismatic and has a "radius"', "take it away"
         else:
             return
-        raise PydanticCustomError("friction", message)
+        valid = '"radius" is for revolute pairs, "guide_length" for prismatic ones'
+        raise mistake("friction-mismatch", found, valid, remedy)
 
     @property
     def factor(self) -> float:

@@ -29,6 +29,7 @@ from blockmech.typing import Complex, Real
 
 CAP = 100  # iterations of `successive` before it counts as not converged
 NEWTON_CAP = 12
+SETTLED = 1e-12  # [-] residual above which Newton's method was caught between contacts of guides
 EPS = 2.220446049250313e-16
 
 
@@ -84,6 +85,11 @@ def _inner(row: Any, col: Any) -> Real:
     for a, b in zip(row[1:], col[1:], strict=True):
         total = total + a * b
     return total
+
+
+def _known(base: Any, edges: Any) -> Real:
+    """Whether the loads are numbers; they are not where a later group cannot close."""
+    return 0.0 * _top(norms(base, edges)) == 0.0
 
 
 def _top(values: Any) -> Real:
@@ -146,7 +152,8 @@ def _successive(
     solution = Solution(t, g, count, residual, where(count > 1.0, ratio, P), outcome, P * 0.0 + 1.0)
     if iterations is not None:
         return solution
-    judged: Solution = repair(P >= 1.0, confirmed, solution, k, edges, base, rows, tolerance)
+    unproved = (P >= 1.0) & _known(base, edges)
+    judged: Solution = repair(unproved, confirmed, solution, k, edges, base, rows, tolerance)
     return judged
 
 
@@ -179,7 +186,8 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     misfit = _top([tj - kj * gj for tj, kj, gj in zip(t, k, g, strict=True)])
     residual = misfit / where(best > 0.0, best, 1.0)
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
-    settled: Solution = repair(P >= 1.0, replaced, solution, k, edges, base, rows)
+    unproved = ((P >= 1.0) & _known(base, edges)) | (residual > SETTLED)
+    settled: Solution = repair(unproved, replaced, solution, k, edges, base, rows)
     return settled
 
 

@@ -7,20 +7,30 @@ pictures and files all read that one declaration.
  1. A "point" terminal takes a force [N] at the wired marker, a "link" terminal a
     couple [N m] on the link of the wired marker.
  2. ``reads`` names per terminal what the kernel gets: ``p`` place [m], ``v``
-    velocity [m/s], ``e`` unit x axis of the link [-], ``om`` rate [rad/s].
+    velocity [m/s], ``e`` unit x axis of the link [-], ``om`` rate [rad/s]; of the
+    element's driver the coordinate ``q`` and the rate ``qd``; the time ``t`` [s].
  3. The kernel takes those, terminal after terminal, then the parameters, and
     returns one force or couple per terminal. It obeys the rules of kernels.
  4. ``energy``, if there is one, is the stored energy [J]; it may read ``p`` and
     ``e`` only, the position quantities that the kernel reads.
+ 5. A `Following` element has a law: what it ``measures`` is the law's argument, the
+    law's value is one more argument of its kernel, before the parameters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeAlias
 
-from blockmech.blocks.contract import Block
+from pydantic import StrictBool, model_validator
+
+from blockmech.blocks.contract import Block, Mistake, refuse
+from blockmech.loads.laws import AnyLaw
+from blockmech.values import mistake
+
+Reads: TypeAlias = Mapping[str, tuple[str, ...]]
+"""What is read at each terminal, or under the keys "driver" and "time"."""
 
 POSITION_READS = ("p", "e")
 VELOCITY_READS = ("v", "om")
@@ -43,9 +53,9 @@ class Element(Block):
 
     terminals: ClassVar[Mapping[str, Terminal]] = {}
 
-    useful: bool = False
+    useful: StrictBool = False
 
-    def reads(self) -> Mapping[str, tuple[str, ...]]:
+    def reads(self) -> Reads:
         """What the kernel gets at each terminal; see rule 2."""
         return dict.fromkeys(self.terminals, ())
 
@@ -56,3 +66,49 @@ class Element(Block):
     def energy(self) -> Callable[..., Any] | None:
         """The stored energy, or None; see rule 4."""
         return None
+
+
+class Following(Element):
+    """An element whose force or moment follows a law.
+
+    ``driver`` names the driving link whose coordinate or rate is the law's argument;
+    without it that is the element's own, see `own_measure`.
+    """
+
+    law: AnyLaw
+    driver: str | None = None
+
+    @model_validator(mode="after")
+    def _driver_matters(self) -> Following:
+        argument = self.law.argument()
+        if self.driver is not None and argument not in ("coordinate", "rate"):
+            found = f"is useless: the law is {f'of {argument}' if argument else 'constant'}"
+            lines: list[Mistake] = [(("driver",), mistake("wrong-value", found, "", "remove it"))]
+            refuse(type(self).__name__, lines)
+        return self
+
+    def reads(self) -> Reads:
+        """All that it depends on: what its kernel reads and what its law measures."""
+        found = dict(self.acts_by())
+        for key, what in self.measures()[1].items():
+            found[key] = tuple(dict.fromkeys((*found.get(key, ()), *what)))
+        return found
+
+    def acts_by(self) -> Reads:
+        """What the kernel gets at each terminal, before the law's value."""
+        return {}
+
+    def own_measure(self, rate: bool) -> tuple[Callable[..., Any], Reads]:
+        """The element's own coordinate or rate: a kernel of what it reads and the parameters."""
+        raise TypeError(f"{type(self).__name__} declares no measure of its own")
+
+    def measures(self) -> tuple[Callable[..., Any] | None, Reads]:
+        """What the law's argument is made from; no kernel where it is read as it stands."""
+        argument = self.law.argument()
+        if argument == "time":
+            return None, {"time": ("t",)}
+        if not argument:
+            return None, {}
+        if self.driver is not None:
+            return None, {"driver": ("qd" if argument == "rate" else "q",)}
+        return self.own_measure(argument == "rate")

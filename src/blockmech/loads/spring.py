@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from blockmech.loads.contract import Element, Terminal
-from blockmech.plane import dot, hyp, mul
+from blockmech.plane import dot, hyp, mul, where
 from blockmech.typing import Complex, Real
 from blockmech.values import NotNegative, Number
 
@@ -34,11 +34,26 @@ def pull_without_free_length(p_a: Complex, p_b: Complex, p: Spring) -> tuple[Com
 def pull_and_damp(
     p_a: Complex, v_a: Complex, p_b: Complex, v_b: Complex, p: Spring
 ) -> tuple[Complex, Complex]:
-    """Forces [N] on a and on b, with damping c L' along the line."""
+    """Forces [N] on a and on b, with damping c L' along the line; NaN where the ends meet."""
     d = p_b - p_a
     k = 1 / hyp(d)
     rate = dot(v_b - v_a, d) * k
     F = mul(d, p.stiffness * (1 - p.free_length * k) + p.damping * rate * k)
+    return F, -F
+
+
+def pull_and_damp_without_free_length(
+    p_a: Complex, v_a: Complex, p_b: Complex, v_b: Complex, p: Spring
+) -> tuple[Complex, Complex]:
+    """The same with L0 = 0 or stiffness 0, defined also where the ends meet.
+
+    There they pass each other along their relative velocity, which is the line's limit.
+    """
+    d, v = p_b - p_a, v_b - v_a
+    square = dot(d, d)
+    meet = square == 0.0
+    along = dot(v, d) / where(meet, 1.0, square)
+    F = mul(d, p.stiffness + p.damping * along) + mul(v, where(meet, p.damping, 0.0))
     return F, -F
 
 
@@ -49,7 +64,7 @@ def stored(p_a: Complex, p_b: Complex, p: Spring) -> Real:
 
 
 class Spring(Element, type="load.spring"):
-    """A linear spring between markers a and b.
+    """A linear spring between markers a and b; with stiffness 0 a linear damper.
 
     stiffness [N/m], free_length [m], damping [N s/m] along the line.
 
@@ -70,10 +85,11 @@ class Spring(Element, type="load.spring"):
 
     def kernel(self) -> Callable[..., Any]:
         """The cheapest form that says the same."""
+        rigid_end = self.free_length and self.stiffness
         if self.damping:
-            return pull_and_damp
-        return pull if self.free_length else pull_without_free_length
+            return pull_and_damp if rigid_end else pull_and_damp_without_free_length
+        return pull if rigid_end else pull_without_free_length
 
-    def energy(self) -> Callable[..., Any]:
-        """The stored energy."""
-        return stored
+    def energy(self) -> Callable[..., Any] | None:
+        """The stored energy, if it is elastic."""
+        return stored if self.stiffness else None

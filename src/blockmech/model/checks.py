@@ -14,7 +14,7 @@ import networkx as nx
 from blockmech.blocks.contract import REGISTRY, Block, DrivingLink, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.errors import Problem, close_match, listed
-from blockmech.loads.contract import Element
+from blockmech.loads.contract import Element, Following
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.values import Marker
 
@@ -31,6 +31,7 @@ def all_problems(graph: Graph) -> list[Problem]:
         fed.setdefault(wire.target, wire)
     problems += _unwired(graph)
     problems += _scene_problems(graph)
+    problems += _driver_problems(graph)
     if not any(p.code == "unknown-block" for p in problems):
         problems += _cycles(graph)
     return problems
@@ -249,6 +250,20 @@ def _scene_problems(graph: Graph) -> Iterable[Problem]:
                     f"driving links: {listed(drivers) or 'none'}",
                     close_match(name, drivers),
                 )
+
+
+def _driver_problems(graph: Graph) -> Iterable[Problem]:
+    """Elements whose law is of a driver that is none."""
+    drivers = [n for n, b in graph.blocks.items() if isinstance(b, DrivingLink)]
+    for name, block in graph.blocks.items():
+        if isinstance(block, Following) and block.driver not in (None, *drivers):
+            yield Problem(
+                "unknown-driver",
+                f"{name}.driver",
+                f'no driving link "{block.driver}"',
+                f"driving links: {listed(drivers) or 'none'}",
+                close_match(str(block.driver), drivers),
+            )
 
 
 def _cycles(graph: Graph) -> Iterable[Problem]:

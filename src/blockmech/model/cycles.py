@@ -68,7 +68,7 @@ def _remedy(found: Waiting, blocks: list[str]) -> str:
 
 def _link_of(graph: Graph, source: str) -> str:
     """Name of the link that carries a marker; a marker of nothing known is its own link."""
-    name, marker = source.split(".")
+    name, _, marker = source.partition(".")
     block = graph.blocks.get(name)
     markers = block.markers_of() if isinstance(block, Block) else {}
     return f"{name}.{markers[marker][0]}" if marker in markers else source

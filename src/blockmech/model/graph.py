@@ -81,7 +81,20 @@ class Graph:
         self.wires.append(wire)
 
     def drive(self, driver: str, law: LawOfMotion) -> None:
-        """Give a driver its law of motion; replaces an earlier one."""
+        """Give a driver its law of motion; replaces an earlier one.
+
+        Raises `GraphError` for what is not a law.
+        """
+        if not isinstance(law, LawOfMotion):
+            raise GraphError(
+                Problem(
+                    "not-a-law",
+                    f"scene.drive.{driver}",
+                    f"{type(law).__name__} is not a law of motion",
+                    "",
+                    f'e.g. drive("{driver}", ConstantRate(rate=10.0))',
+                )
+            )
         self.scene = self.scene.model_copy(update={"drive": {**self.scene.drive, driver: law}})
 
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:

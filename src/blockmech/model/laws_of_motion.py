@@ -13,9 +13,8 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
-from pydantic_core import PydanticCustomError
 
-from blockmech.values import Number, Positive, Strictly
+from blockmech.values import Number, Positive, Strictly, mistake
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
@@ -34,6 +33,10 @@ class LawOfMotion(Strictly):
     @abstractmethod
     def duration(self) -> float:
         """Time [s] from the start to the end of the law's range."""
+
+    def begin(self) -> float:
+        """Time [s] at the start of the law's range."""
+        return 0.0
 
 
 class _Range(LawOfMotion):
@@ -173,9 +176,9 @@ class Table(LawOfMotion):
     @model_validator(mode="after")
     def _ordered(self) -> Table:
         if len(self.times) != len(self.values):
-            raise PydanticCustomError("table", '"times" and "values" must have the same length')
+            raise mistake("bad-table", '"times" and "values" must have the same length')
         if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
-            raise PydanticCustomError("table", '"times" must increase')
+            raise mistake("bad-table", '"times" must increase')
         return self
 
     def at_times(self, t: Array) -> Motion:
@@ -195,6 +198,10 @@ class Table(LawOfMotion):
     def duration(self) -> float:
         """Time [s] that the table covers."""
         return self.times[-1] - self.times[0]
+
+    def begin(self) -> float:
+        """The first time [s] of the table."""
+        return self.times[0]
 
 
 AnyLaw = Annotated[

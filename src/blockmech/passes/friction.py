@@ -137,12 +137,19 @@ def top_speed(s: Schedule, block: str) -> str:
 
 
 def size(s: Schedule, block: str) -> str:
-    """The block's largest length [m]."""
+    """The block's largest length [m]; 1 m where it has none.
+
+    A length that the pose says may vanish for a moment; those of the supports then
+    keep a turning pair from counting as at rest.
+    """
     b = s.structure.blocks[block]
-    if b.kernels.size is not None:
-        pose, p = s.ask(position, block), s.ask(parameters, block)
-        return s.emit(b.kernels.size, pose, p, name=f"{block}_size")
-    return s.parameter(("size", block), b.largest_length(), f"size_{block}")
+    if b.kernels.size is None:
+        return s.parameter(("size", block), b.largest_length() or 1.0, f"size_{block}")
+    s.ask_first(size, block, s.structure.supports)
+    pose, p = s.ask(position, block), s.ask(parameters, block)
+    own = s.emit(b.kernels.size, pose, p, name=f"{block}_size")
+    others = [s.ask(size, n) for n in s.structure.supports(block) if n != s.structure.frame]
+    return s.emit(largest, own, *others, name=f"{block}_size") if others else own
 
 
 def slip_speed(s: Schedule, ref: JointRef) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from blockmech.loads.contract import Element
+from blockmech.loads.contract import Element, Following, Reads
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes.forward import (
     ACTUAL,
@@ -106,17 +106,43 @@ def at_arm(s: Schedule, force: str, arm: str | None, name: str) -> Resultant:
 def element_terms(s: Schedule, name: str) -> str:
     """The call of an element's kernel: one force or couple per terminal."""
     element = s.structure.elements[name]
-    args = [
-        s.ask(terminal_reading, JointRef(name, terminal), what)
-        for terminal, reads in element.reads().items()
-        for what in reads
-    ]
+    if isinstance(element, Following):
+        args = [*readings(s, name, element.acts_by()), s.ask(law_value, name)]
+    else:
+        args = readings(s, name, element.reads())
     args.append(s.ask(element_parameters, name))
     return s.emit(element.kernel(), *args, name=f"{name}_load")
 
 
+def law_value(s: Schedule, name: str) -> str:
+    """What an element's law says [N or N m]."""
+    element = s.structure.elements[name]
+    assert isinstance(element, Following)
+    measure, reads = element.measures()
+    args = readings(s, name, reads)
+    if measure is not None:
+        args = [s.emit(measure, *args, s.ask(element_parameters, name), name=f"{name}_argument")]
+    numbers = s.parameter(("law", name), element.law.numbers(), f"law_{name}")
+    return s.emit(element.law.kernel(), *args, numbers, name=f"{name}_law")
+
+
+def readings(s: Schedule, name: str, reads: Reads) -> list[str]:
+    """What an element reads, terminal after terminal."""
+    return [
+        s.ask(terminal_reading, JointRef(name, terminal), what)
+        for terminal, names in reads.items()
+        for what in names
+    ]
+
+
 def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> str:
-    """What an element reads at a terminal: p, v, e or om."""
+    """What an element reads: p, v, e or om at a terminal, q or qd of its driver, the time t."""
+    if what == "t":
+        return s.time()
+    element = s.structure.elements[terminal.block]
+    if isinstance(element, Following) and what in ("q", "qd"):
+        assert element.driver is not None
+        return s.input(what, element.driver)
     marker = s.structure.holds[terminal]
     if what == "p":
         return s.ask(marker_place, marker)

@@ -1,0 +1,8 @@
+"""``python -m blockmech``, where the installed command is not on the path."""
+
+import sys
+
+from blockmech.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,56 @@
+"""Points of a pose as users write them, for making a dyad from the places of its joints."""
+
+from __future__ import annotations
+
+import cmath
+from typing import Any, TypeAlias
+
+from pydantic_core import PydanticCustomError
+
+from blockmech.blocks.contract import refuse
+from blockmech.errors import GraphError, Problem
+from blockmech.values import Vector, mistake
+
+Point: TypeAlias = complex | tuple[float, float]
+"""A place [m] or a direction, as ``x + iy`` or ``(x, y)``."""
+
+
+def given_points(where: str, **points: Point) -> list[complex]:
+    """The points as complex numbers. Raises `GraphError`, all wrong ones at once."""
+    found, problems = [], []
+    for name, point in points.items():
+        try:
+            found.append(Vector.parse(point).z)
+        except PydanticCustomError as error:
+            problems.append(Problem("bad-point", f"{where}: {name}", error.message()))
+    if problems:
+        raise GraphError(problems)
+    return found
+
+
+def unit(where: str, along: Point) -> complex:
+    """Unit vector in a direction. Raises `GraphError` for the zero vector."""
+    (z,) = given_points(where, along=along)
+    if z == 0:
+        raise GraphError(Problem("bad-point", f"{where}: along", "a direction must not be [0, 0]"))
+    return z / abs(z)
+
+
+def angle_between(a: complex, b: complex) -> float:
+    """Angle [rad] from one unit vector to another."""
+    return cmath.phase(b * a.conjugate())
+
+
+def dead_centre(where: str, why: str) -> GraphError:
+    """The pose is a dead centre, so it does not tell the parameters."""
+    return GraphError(
+        Problem("dead-centre", where, why, "", "give another pose, or the parameters themselves")
+    )
+
+
+def no_branch(kind: str, raw: Any) -> Any:
+    """Refuse the key ``branch`` for a group with one assembly mode, and say why."""
+    if isinstance(raw, dict) and "branch" in raw:
+        found = f'{kind} takes no "branch": it has one assembly mode, its guides fix the pose'
+        refuse(kind, [(("branch",), mistake("unknown-key", found, "", "remove it"))])
+    return raw

@@ -1,0 +1,91 @@
+"""``blockmech blocks`` and ``blockmech schema``: what can stand in a file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Annotated, Any
+
+import typer
+
+from blockmech.blocks.contract import REGISTRY, SHARED_FIELDS, Block, DrivingLink, Moving
+from blockmech.cli.terminal import say
+from blockmech.errors import Problem, RequestError
+from blockmech.loads.contract import Element
+
+
+class Document(StrEnum):
+    """Documents that have a schema."""
+
+    graph = "graph"
+    joints = "joints"
+    result = "result"
+
+
+def blocks() -> None:
+    """List the block types with their joints, links and parameters."""
+    say("\n\n".join("\n".join(_described(name, REGISTRY[name])) for name in REGISTRY))
+
+
+def schema(
+    document: Annotated[Document, typer.Argument(help="Which document.")] = Document.graph,
+) -> None:
+    """Print the JSON Schema of a document."""
+    if document is Document.joints:
+        raise RequestError(
+            Problem(
+                "not-there-yet",
+                "schema joints",
+                "joint-based documents are not there yet",
+                "there: graph, result",
+                "",
+            )
+        )
+    if document is Document.graph:
+        from blockmech.model.schema import graph_schema
+
+        found = graph_schema()
+    else:
+        from blockmech.export import result_schema
+
+        found = result_schema()
+    say(json.dumps(found, indent=2))
+
+
+def _described(name: str, block: type[Block]) -> Iterator[str]:
+    doc = (block.__doc__ or "").strip().splitlines()
+    yield f"{name}  {doc[0] if doc else ''}".replace("``", "").rstrip()
+    if block.link_names:
+        yield f"  links       {', '.join(block.link_names)}"
+    for joint in block.joints.values():
+        between = f"on {joint.link}" if joint.outer else f"between {' and '.join(joint.links)}"
+        wired = ", wired to a guide" if joint.kind == "P" else ", wired to a marker"
+        driven = issubclass(block, DrivingLink) and joint.name == block.drive
+        more = (wired if joint.outer else "") + (", driven" if driven else "")
+        yield f"  joint       {joint.name}: {joint.kind}, {between}{more}"
+    if block.built_in:
+        yield f"  markers     {', '.join(block.built_in)}"
+    if issubclass(block, Element):
+        for terminal, what in block.terminals.items():
+            yield f"  wire        {terminal}: a {what.kind}, takes {what.unit}"
+    yield from _parameters(block)
+    if issubclass(block, Moving):
+        yield f"  friction    of joints {', '.join(block.joints)}"
+
+
+def _parameters(block: type[Block]) -> Iterator[str]:
+    properties: dict[str, Any] = block.model_json_schema().get("properties", {})
+    for name, field in block.model_fields.items():
+        if name in SHARED_FIELDS:
+            continue
+        unit = properties.get(name, {}).get("unit") or _unit_of_part(properties.get(name, {}))
+        default = "" if field.is_required() else f" = {field.get_default()}"
+        if not field.is_required() and field.get_default() is None:
+            default = ", optional"
+        yield f"  parameter   {name}{f' [{unit}]' if unit else ''}{default}"
+
+
+def _unit_of_part(schema: dict[str, Any]) -> str:
+    """Unit of an optional number, which stands one level deeper."""
+    return next((part["unit"] for part in schema.get("anyOf", ()) if "unit" in part), "")

@@ -1,0 +1,55 @@
+"""``blockmech new``: start from a copy of a gallery graph."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import blockmech
+from blockmech.cli.terminal import say
+from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.export import writing
+
+
+def new(
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="A graph of the gallery.")
+    ] = None,
+    file: Annotated[str | None, typer.Argument(metavar="FILE", help="The file to make.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+) -> None:
+    """Copy a gallery graph to FILE; without a name, list the gallery."""
+    graphs = gallery()
+    if name is None:
+        say("\n".join(graphs) or "the gallery is empty")
+        return
+    if name not in graphs:
+        raise _wrong(
+            name,
+            "no such graph in the gallery",
+            f"graphs there: {listed(graphs, 40)}",
+            close_match(name, graphs),
+        )
+    if file is None:
+        raise _wrong(name, "no file to write is named", "", f"blockmech new {name} {name}.json")
+    if Path(file).exists() and not force:
+        raise _wrong(file, "the file exists", "", "choose another name, or add --force")
+    with writing(file) as stream:
+        stream.write(graphs[name].read_bytes())
+    say(f"wrote {file}")
+
+
+def gallery() -> dict[str, Path]:
+    """Graphs that come with the package, by name."""
+    package = Path(blockmech.__file__).parent
+    # A wheel carries the graphs inside the package, a checkout has them at its top.
+    for place in (package / "graphs", package.parents[1] / "graphs"):
+        if place.is_dir():
+            return {path.stem: path for path in sorted(place.glob("*.json"))}
+    return {}
+
+
+def _wrong(where: str, found: str, valid: str, remedy: str) -> RequestError:
+    return RequestError(Problem("bad-request", where, found, valid, remedy))

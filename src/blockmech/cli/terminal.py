@@ -1,0 +1,99 @@
+"""Talking to the terminal: text that survives pipes and old consoles, and patience."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+
+import typer
+
+from blockmech.export import cannot_write
+
+PATIENCE = 1.0  # [s] after which a reader wants to see that something happens
+
+
+def say(*pieces: str, end: str = "\n") -> None:
+    """Write text to standard output; see `pour`."""
+    pour([*pieces, end])
+
+
+def pour(pieces: Iterable[str]) -> None:
+    """Write pieces of text to standard output.
+
+    Ends the program quietly when the reader has left (``blockmech ... | head``).
+    Raises `RequestError` where standard output cannot be written, e.g. on a full disk.
+    """
+    try:
+        for piece in pieces:
+            sys.stdout.write(piece)
+        sys.stdout.flush()
+    except OSError as error:
+        _drop_output()
+        if error.errno in (errno.EPIPE, errno.EINVAL):  # EINVAL is how Windows says it
+            raise typer.Exit from None
+        raise cannot_write("standard output", (error.strerror or "").lower(), "") from error
+
+
+def note(*lines: str) -> None:
+    """Write lines to standard error."""
+    for line in lines:
+        print(line, file=sys.stderr)
+
+
+@contextmanager
+def patience(what: str) -> Iterator[None]:
+    """Show on a terminal that a block which lasts over a second is at work."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    bar = _Bar(what)
+    timer = threading.Timer(PATIENCE, bar.show)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        bar.hide()
+
+
+class _Bar:
+    """A moving bar with the time elapsed, shown from another thread."""
+
+    def __init__(self, what: str) -> None:
+        self.what = what
+        self._lock = threading.Lock()
+        self._over = False
+        self._progress: object = None
+
+    def show(self) -> None:
+        """Start the bar unless the work is over."""
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        with self._lock:
+            if self._over:
+                return
+            console = Console(stderr=True)
+            parts = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+            progress = Progress(*parts, console=console, transient=True)
+            progress.add_task(self.what, total=None)
+            progress.start()
+            self._progress = progress
+
+    def hide(self) -> None:
+        """Take the bar away."""
+        with self._lock:
+            self._over = True
+            if self._progress is not None:
+                self._progress.stop()  # type: ignore[attr-defined]
+
+
+def _drop_output() -> None:
+    # What is still buffered would fail again when Python ends.
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

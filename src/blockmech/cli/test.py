@@ -1,0 +1,156 @@
+"""``blockmech test``: compute the numbers that graph files expect, and compare."""
+
+from __future__ import annotations
+
+import json as text_of
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from blockmech.cli.check import AsJson
+from blockmech.cli.terminal import note, patience, say
+from blockmech.errors import BlockmechError, Problem, RequestError
+from blockmech.model.expect import Expectation
+from blockmech.model.graph import Graph
+from blockmech.testing.expectations import (
+    Outcome,
+    check_expectation,
+    expectations_of,
+    failure_table,
+)
+from blockmech.testing.files import LEFT_OUT, graphs_of
+
+
+@dataclass
+class _Tested:
+    """A graph file and what became of its expectations."""
+
+    file: str
+    graph: str = ""
+    problems: list[Problem] = field(default_factory=list)
+    entries: list[tuple[int, Expectation, list[Outcome]]] = field(default_factory=list)
+
+    @property
+    def failed(self) -> bool:
+        """Whether some number is not met."""
+        return any(not o.ok for _, _, outcomes in self.entries for o in outcomes)
+
+
+def test(
+    paths: Annotated[
+        list[str], typer.Argument(metavar="PATH...", help="Graph files, or folders of them.")
+    ],
+    json: AsJson = False,  # noqa: PT028 (a command, no test of pytest's)
+) -> None:
+    """Compute the numbers that graph files expect, and compare.
+
+    Of a folder all graphs are taken but those under broken and legacy. Exit code 1 says
+    that a number is not met, 2 that a file is wrong.
+    """
+    with patience("testing"):
+        tested = [_tested(file) for file in _files(paths)]
+    wrong = any(t.problems for t in tested)
+    failed = any(t.failed for t in tested)
+    if json:
+        files = [_data(t) for t in tested]
+        say(text_of.dumps({"ok": not (wrong or failed), "files": files}, indent=2))
+    else:
+        for t in tested:
+            say("\n".join(_report(t)))
+            note(*map(str, t.problems))
+        say(_summary(tested))
+    if wrong or failed:
+        raise typer.Exit(2 if wrong else 1)
+
+
+def _files(paths: list[str]) -> list[str]:
+    """The graph files that paths name, each once. Raises `RequestError` for what is not there."""
+    found: dict[str, None] = {}
+    problems = []
+    for path in paths:
+        folder = Path(path)
+        files = [os.fspath(p) for p in graphs_of(folder)] if folder.is_dir() else [path]
+        if not files:
+            valid = f"graph files end in .json; those under {' and '.join(LEFT_OUT)} are left out"
+            problems.append(Problem("no-file", path, "no graph file in this folder", valid))
+        found.update(dict.fromkeys(files))
+    if problems:
+        raise RequestError(problems)
+    return list(found)
+
+
+def _tested(file: str) -> _Tested:
+    """Run every expectation of a file; what is wrong with the file is noted."""
+    tested = _Tested(file)
+    try:
+        graph = Graph.load(file)
+        tested.graph = graph.name
+        expectations = expectations_of(graph)
+        mechanism = graph.compile()
+    except BlockmechError as error:
+        tested.problems = _in(file, error)
+        return tested
+    for k, expectation in enumerate(expectations):
+        try:
+            tested.entries.append((k, expectation, check_expectation(mechanism, expectation, k)))
+        except BlockmechError as error:
+            tested.problems += _in(file, error)
+    return tested
+
+
+def _in(file: str, error: BlockmechError) -> list[Problem]:
+    from blockmech.model.problems import in_file
+
+    return in_file(error.problems, file)
+
+
+# -- showing ---------------------------------------------------------------------------------
+
+
+def _report(tested: _Tested) -> Iterator[str]:
+    """One line for each entry, with a table below one that fails."""
+    for k, expectation, outcomes in tested.entries:
+        failed = sum(not o.ok for o in outcomes)
+        count = f"{failed} of {len(outcomes)}" if failed else f"{len(outcomes)}"
+        numbers = "number" if count == "1" else "numbers"
+        word = "FAILS" if failed else "ok   "
+        yield f"{word}  {tested.file} expect[{k}]: {count} {numbers} ({expectation.source})"
+        if failed:
+            yield from (f"       {line}" for line in failure_table(outcomes).splitlines())
+    if tested.problems:
+        yield f"wrong  {tested.file}"
+    elif not tested.entries:
+        yield f"-      {tested.file}: no expectations"
+
+
+def _summary(tested: list[_Tested]) -> str:
+    entries = [outcomes for t in tested for _, _, outcomes in t.entries]
+    failed = sum(any(not o.ok for o in outcomes) for outcomes in entries)
+    silent = sum(not t.entries and not t.problems for t in tested)
+    wrong = sum(bool(t.problems) for t in tested)
+    parts = [f"{len(entries) - failed} ok", f"{failed} failed"]
+    parts += [f"{silent} files without expectations"] if silent else []
+    parts += [f"{wrong} wrong files"] if wrong else []
+    return ", ".join(parts)
+
+
+def _data(tested: _Tested) -> dict[str, Any]:
+    return {
+        "file": tested.file,
+        "graph": tested.graph,
+        "ok": not (tested.problems or tested.failed),
+        "problems": [p.to_dict() for p in tested.problems],
+        "entries": [
+            {
+                "entry": k,
+                "source": expectation.source,
+                "ok": all(o.ok for o in outcomes),
+                "outcomes": [o.to_dict() for o in outcomes],
+            }
+            for k, expectation, outcomes in tested.entries
+        ],
+    }

@@ -1,0 +1,179 @@
+"""Where every link is at the samples of a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.engines.numpy import NumpyEngine, Planar
+from blockmech.errors import Problem, RequestError
+from blockmech.mechanism import Mechanism
+from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.passes.loads import terminal_term
+from blockmech.plan import Friction, Schedule
+from blockmech.result import Result
+from blockmech.samples import Samples
+
+Complex = NDArray[np.complex128]
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Poses of all links at n samples; NaN where the mechanism cannot close.
+
+    Attributes
+    ----------
+    origin, axis : link -> complex (n,), origin [m] and unit x axis [-]
+    q, q_rate : driver -> (n,) coordinate and rate
+    samples : what the poses were computed from
+    """
+
+    mechanism: Mechanism
+    origin: Mapping[LinkRef, Complex]
+    axis: Mapping[LinkRef, Complex]
+    q: Mapping[str, Real]
+    q_rate: Mapping[str, Real]
+    samples: Samples
+
+    @property
+    def structure(self) -> Structure:
+        """The mechanism's structure."""
+        return self.mechanism.structure
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return len(self.origin[self.structure.frame_link])
+
+    @property
+    def feasible(self) -> NDArray[np.bool_]:
+        """(n,) whether the whole mechanism closes."""
+        good = np.ones(self.n, dtype=bool)
+        for z in (*self.origin.values(), *self.axis.values()):
+            good &= np.isfinite(z)
+        return good
+
+    def at(self, link: LinkRef, place: complex) -> Complex:
+        """Places (n,) [m] of a point of a link, given in the link's frame."""
+        return self.origin[link] + self.axis[link] * place
+
+    def marker(self, ref: MarkerRef) -> Complex:
+        """Places (n,) [m] of a marker."""
+        return self.at(ref.on, marker_place(self.structure, ref))
+
+    def refuse(self, k: int) -> None:
+        """Raise the error of a pose that cannot be reached, in the words of `Mechanism.run`."""
+        at = {d: float(q[k]) for d, q in self.q.items()}
+        want = [n for n in _wanted(self.mechanism) if n.endswith(".p")]
+        rates = dict.fromkeys(at, 0.0)
+        self.mechanism.run(at=at, rates=rates, want=want, friction="none", on_gap="raise")
+
+    def efforts(self, element: str) -> tuple[Complex, ...] | None:
+        """Forces [N] or couples [N m] (n,) of a load at its terminals.
+
+        They come from the rules of the force pass. None where the load follows the
+        time and the samples do not say it.
+        """
+        schedule = Schedule(self.structure, self.mechanism.scene, Friction("none"))
+        terminals = [JointRef(element, t) for t in self.structure.elements[element].terminals]
+        program = schedule.program([schedule.ask(terminal_term, t) for t in terminals])
+        if "t" in program.inputs and self.samples.time is None:
+            return None
+        inputs = self.samples.given(program.inputs)
+        found = NumpyEngine(program, "complex128").run(inputs, self.n)
+        return tuple(np.broadcast_to(_as_complex(value), (self.n,)) for value in found)
+
+
+def _as_complex(value: Any) -> Any:
+    real = value.real if isinstance(value, Planar) else value
+    imag = value.imag if isinstance(value, Planar) else 0.0
+    return np.asarray(real) + 1j * np.asarray(imag)
+
+
+def marker_place(structure: Structure, ref: MarkerRef) -> complex:
+    """Place [m] of a marker in the frame of its link."""
+    marker: Any = structure.marker(ref)
+    if hasattr(marker, "at"):
+        return complex(marker.at.z)
+    along = getattr(structure.block(ref.block), marker.along) if marker.along else 0.0
+    return complex(along or 0.0)
+
+
+def moves(mechanism: Mechanism, at: Any = None, **samples: Any) -> Motion:
+    """Poses of a mechanism at driver coordinates ``at``, or over the range of its laws.
+
+    ``samples`` are those of `Mechanism.run`: ``samples=`` or ``times=``. Raises
+    `RequestError` where neither ``at`` nor the scene says where the drivers are.
+    """
+    if at is None and samples.get("times") is None:
+        _need_laws(mechanism)
+    if at is not None:
+        # Laws by time do not say the rate at a coordinate, and a picture needs none.
+        rates = {
+            d: 0.0
+            for d, law in mechanism.scene.drive.items()
+            if not law.by_coordinate and d in mechanism.drivers
+        }
+        samples["rates"] = rates or None
+    found = mechanism.run(at=at, want=_wanted(mechanism), on_gap="mark", friction="none", **samples)
+    return motion_of(found)
+
+
+def moves_of_result(result: Result) -> Motion:
+    """Poses at the samples of a run that was made before."""
+    return motion_of(result.rerun(*_wanted(result.mechanism)))
+
+
+def motion_of(found: Result) -> Motion:
+    """Poses from a run of the outputs that a picture wants."""
+    mechanism = found.mechanism
+    s = mechanism.structure
+    fixed = s.frame_link
+    origin = {fixed: np.zeros(found.n, complex)}
+    axis = {fixed: np.ones(found.n, complex)}
+    for link in s.links:
+        if link != fixed:
+            origin[link] = found[f"{link}.p"]
+            axis[link] = np.exp(1j * found[f"{link}.angle"])
+    q = {d: found[f"{d}.q"] for d in s.drivers}
+    q_rate = {d: found[f"{d}.rate"] for d in s.drivers}
+    return Motion(mechanism, origin, axis, q, q_rate, found.samples)
+
+
+def _wanted(mechanism: Mechanism) -> list[str]:
+    s = mechanism.structure
+    moving = [link for link in s.links if link != s.frame_link]
+    want = [f"{link}.{what}" for link in moving for what in ("p", "angle")]
+    want += [f"{d}.{what}" for d in s.drivers for what in ("q", "rate")]
+    return want
+
+
+def _need_laws(mechanism: Mechanism) -> None:
+    missing = [d for d in mechanism.drivers if d not in mechanism.scene.drive]
+    if missing:
+        raise RequestError(
+            Problem(
+                "no-range",
+                f"scene.drive.{d}",
+                f"the range of driver {d} is not known",
+                "a picture of the motion needs a law of motion for every driver",
+                f'give one, e.g. drive("{d}", ConstantRate(rate=1.0)), or name poses with at=',
+            )
+            for d in missing
+        )
+
+
+def closes(motion: Motion, first: int, last: int) -> bool:
+    """Whether two samples are the same pose, so that the motion can be played round."""
+    size = max((float(np.nanmax(np.abs(z))) for z in motion.origin.values()), default=0.0)
+    return all(
+        math.isclose(abs(z[first] - z[last]), 0.0, abs_tol=1e-6 * unit)
+        for places, unit in ((motion.origin, size or 1.0), (motion.axis, 1.0))
+        for z in places.values()
+    )

@@ -1,0 +1,68 @@
+"""Colours, line styles and sizes of all pictures, said once.
+
+The colours are those of Okabe & Ito (2008), told apart with any colour vision;
+what matters never hangs on colour alone (line style, symbol or word go with it).
+Sizes are in points of the printed picture; a paper's column is 8.5 cm wide.
+"""
+
+from __future__ import annotations
+
+POINTS_PER_CM = 72 / 2.54
+COLUMN = 8.5 * POINTS_PER_CM  # [pt] width of a paper's column
+DPI = 300  # of pixel pictures
+
+TEXT = 8.0  # [pt]
+SMALL = 7.0  # [pt]
+
+INK = "#1A1A1A"
+GREY = "#6B6B6B"
+PALE = "#D9D9D9"
+PAPER = "#FFFFFF"
+
+FORWARD = "#0072B2"  # what flows forward: p, v, a
+BACK = "#DB7A00"  # what flows back: F, M
+ALARM = "#C4001A"  # unwired joints, cycles, missing blocks
+
+LOAD = "#C4001A"
+DRIVE = FORWARD
+SPRING = "#006B4F"
+
+SERIES = ("#0072B2", "#D55E00", "#009E73", "#AA4499", "#56B4E9", "#E69F00", "#1A1A1A", "#8C6D1F")
+DASHES = ((), (5, 1.6), (1.2, 1.4), (6, 1.5, 1.2, 1.5), (9, 2), (3, 1.2))
+
+FRAME_FILL = "#ECECEC"
+DRIVER_FILL = "#DCEBF5"
+GROUP_FILL = "#FFFFFF"
+ELEMENT_FILL = "#FBF1E3"
+LINK_FILLS = ("#A9CFE6", "#F3CE93", "#9AD6C1", "#E3B9D3", "#C9C9E8", "#E8E2A0")
+
+STYLE = {
+    # DejaVu Sans comes with matplotlib; a viewer of SVG that lacks it takes its own sans-serif.
+    "font.family": ["DejaVu Sans", "sans-serif"],
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": TEXT,
+    "text.parse_math": False,  # names are text, dollar signs included
+    "axes.titlesize": TEXT,
+    "axes.labelsize": TEXT,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": INK,
+    "axes.unicode_minus": True,
+    "xtick.labelsize": SMALL,
+    "ytick.labelsize": SMALL,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "legend.fontsize": SMALL,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "hatch.linewidth": 0.5,
+    "svg.fonttype": "none",  # text stays text: small, searchable, and of any script
+    "svg.hashsalt": "blockmech",
+    "pdf.fonttype": 42,
+}
+
+
+def curve_style(i: int) -> tuple[str, tuple[float, ...]]:
+    """Colour and dashes of the curve number i; 48 different ones."""
+    return SERIES[i % len(SERIES)], DASHES[(i + i // len(SERIES)) % len(DASHES)]

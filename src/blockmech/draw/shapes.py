@@ -1,0 +1,305 @@
+"""The shapes of one pose: lines, areas and discs, for any pen.
+
+The printed picture, the GIF and the player in a browser draw the same list. Places
+are in metres on the ground; widths, and radii of symbols, are in points of the page,
+so links look the same whatever the size of the mechanism.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.draw import palette as ink
+from blockmech.draw.motion import Motion
+from blockmech.draw.sketch import LoadMark, Sketch, Slider, Spot
+
+BAR = 5.0  # [pt] width of a link
+PIN = 2.5  # [pt] radius of a revolute joint
+CM = 2.6  # [pt] radius of the symbol of a centre of mass
+BLOCK = (8.0, 4.6)  # [pt] half length and half height of a slider
+ARROW, SHORTEST = 30.0, 12.0  # [pt] length of the largest force, and of the smallest shown
+ARC = 10.0  # [pt] radius of a couple's arc
+FAINT, FAINT_EDGE = "#F1F1F1", "#BDBDBD"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A line, a filled area or a disc.
+
+    Attributes
+    ----------
+    what : what it is, e.g. ``"link:dyad.i"``
+    points : complex [m]; one for a disc
+    order : shapes of higher order lie on lower ones
+    """
+
+    what: str
+    kind: Literal["line", "area", "disc"]
+    points: tuple[complex, ...]
+    order: float
+    stroke: str = ink.INK
+    fill: str = ""
+    width: float = 0.8  # [pt]
+    radius: float = 0.0  # [pt]
+    dash: tuple[float, ...] = ()
+    rounded: bool = False  # round ends
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A mechanism ready to be drawn at any sample of a motion.
+
+    ``unit`` [m/pt] is the size of a point of the page on the ground; ``efforts`` are
+    the forces [N] and couples [N m] of the elements, None where they are not known;
+    ``largest`` [N] is the force with the longest arrow.
+    """
+
+    sketch: Sketch
+    motion: Motion
+    unit: float
+    efforts: Mapping[str, tuple[NDArray[Any], ...] | None]
+    largest: float
+
+    def place(self, spot: Spot, k: int) -> complex:
+        """Place [m] of a spot at sample k."""
+        return complex(self.motion.at(*spot)[k])
+
+
+def stage_of(sketch: Sketch, motion: Motion, unit: float) -> Stage:
+    """Set a sketch into motion."""
+    found = {load.name: motion.efforts(load.name) for load in sketch.loads}
+    forces = [
+        float(np.nanmax(np.abs(values), initial=0.0))
+        for load in sketch.loads
+        if load.unit == "N"
+        for values in found[load.name] or ()
+    ]
+    return Stage(sketch, motion, unit, found, max(forces, default=0.0) or 1.0)
+
+
+def pose(stage: Stage, k: int) -> list[Shape]:
+    """All that moves, at sample k."""
+    found = [*links(stage, k), *sliders(stage, k), *_centres(stage, k), *_pins(stage, k)]
+    for load in stage.sketch.loads:
+        found += _load(stage, load, k)
+    for name, way in drive_ways(stage, k).items():
+        found += arrow(way, ink.DRIVE, f"drive:{name}", stage.unit)
+    return found
+
+
+# -- links and joints ----------------------------------------------------------------------
+
+
+def links(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
+    """Bars and plates of even thickness, in formation order."""
+    found = []
+    for body in stage.sketch.bodies:
+        points = tuple(stage.place(Spot(body.link, p), k) for p in body.outline)
+        points = points if len(points) > 1 else points * 2
+        fill, edge = _colours(body.number, faint)
+        order = 1.5 if faint else 4 + 0.01 * body.number
+        kind: Literal["area", "line"] = "area" if len(points) > 2 else "line"
+        name = f"{'faint' if faint else 'link'}:{body.link}"
+        # The edge is a wider copy below; so the corners of a plate are round as well.
+        for what, above, colour, width in (
+            ("edge", 0.0, edge, BAR + 1.2),
+            (name, 0.005, fill, BAR),
+        ):
+            height = order + above
+            found.append(Shape(what, kind, points, height, colour, colour, width, rounded=True))
+    return found
+
+
+def sliders(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
+    """A block on its guide for each prismatic pair."""
+    found = []
+    for slider in stage.sketch.sliders:
+        z, u = stage.place(slider.point, k), along(stage, slider, k) * stage.unit
+        a, b = BLOCK[0] * u, BLOCK[1] * 1j * u
+        corners = (z + a + b, z - a + b, z - a - b, z + a - b)
+        fill, edge = _colours(stage.motion.structure.links[slider.point.link], faint)
+        name = f"{'faint' if faint else 'slider'}:{slider.name}"
+        found.append(Shape(name, "area", corners, 1.6 if faint else 5, edge, fill, 0.7))
+    return found
+
+
+def along(stage: Stage, slider: Slider, k: int) -> complex:
+    """Unit direction of a slider's guide on the ground."""
+    return complex(stage.motion.axis[slider.guide.link][k] * slider.direction)
+
+
+def _colours(number: int, faint: bool) -> tuple[str, str]:
+    """Fill and edge of a link; 0 is the frame."""
+    if faint:
+        return FAINT, FAINT_EDGE
+    fills = ink.LINK_FILLS
+    return (fills[(number - 1) % len(fills)] if number else ink.FRAME_FILL), ink.INK
+
+
+def _pins(stage: Stage, k: int) -> list[Shape]:
+    return [
+        Shape(
+            f"pin:{pin.names[0]}",
+            "disc",
+            (stage.place(pin.spot, k),),
+            6,
+            fill=ink.PAPER,
+            radius=PIN,
+        )
+        for pin in stage.sketch.pins
+    ]
+
+
+def _centres(stage: Stage, k: int) -> list[Shape]:
+    """Centres of mass: a disc with two black quarters."""
+    found = []
+    for body in stage.sketch.bodies:
+        if body.cm is None:
+            continue
+        z = stage.place(Spot(body.link, body.cm), k)
+        name = f"cm:{body.link}"
+        found.append(Shape(name, "disc", (z,), 5.5, fill=ink.PAPER, width=0.6, radius=CM))
+        for turn in (0.0, math.pi):
+            quarter = (z, *arc(z, CM * stage.unit, turn, math.pi / 2))
+            found.append(Shape("quarter", "area", quarter, 5.6, fill=ink.INK, width=0.0))
+    return found
+
+
+# -- the frame -----------------------------------------------------------------------------
+
+
+def ground(stage: Stage, k: int) -> list[Shape]:
+    """Pivots and guides of the frame, on hatched ground."""
+    found: list[Shape] = []
+    unit = stage.unit
+    frame = stage.motion.structure.frame_link
+    for pin in stage.sketch.pins:
+        if pin.grounded:
+            z = stage.place(pin.spot, k)
+            legs = (z, z - complex(6, 9) * unit, z + complex(6, -9) * unit)
+            found.append(Shape("ground", "area", legs, 3, fill=ink.FRAME_FILL))
+            found += _hatched(z - complex(9.5, 9) * unit, z + complex(9.5, -9) * unit, unit)
+    for slider in stage.sketch.sliders:
+        u = along(stage, slider, k)
+        below, beyond = -1j * u * (BLOCK[1] + 0.4) * unit, (BLOCK[0] + 3) * unit
+        if slider.guide.link == frame:
+            ends = (slider.end(0, beyond), slider.end(1, beyond))
+        elif slider.point.link == frame:
+            z = stage.place(slider.point, k)
+            ends = (z - beyond * u, z + beyond * u)
+        else:
+            continue
+        found += _hatched(ends[0] + below, ends[1] + below, unit)
+    return found
+
+
+def _hatched(start: complex, end: complex, unit: float) -> list[Shape]:
+    """A line with the strokes of solid ground on its right."""
+    found = [Shape("ground", "line", (start, end), 3)]
+    u = (end - start) / abs(end - start)
+    n = max(2, round(abs(end - start) / unit / 3.2))
+    for t in (np.arange(n) + 0.7) / n:
+        foot = start + float(t) * (end - start)
+        stroke = (foot, foot - (1 + 1j) * u * 2.6 * unit)
+        found.append(Shape("hatch", "line", stroke, 3, width=0.5))
+    return found
+
+
+# -- loads and drives ------------------------------------------------------------------------
+
+
+def arrow(way: Sequence[complex], colour: str, name: str, unit: float) -> list[Shape]:
+    """A line with an arrowhead at its end."""
+    z, before = way[-1], way[-2]
+    u = (z - before) / abs(z - before) * unit
+    head = (z, z - u * complex(6, 2.4), z - u * complex(6, -2.4))
+    return [
+        Shape(name, "line", (*way[:-1], z - 3 * u), 7, colour, width=1.3),
+        Shape("arrowhead", "area", head, 7.1, colour, colour, 0.0),
+    ]
+
+
+def arc(centre: complex, radius: float, start: float, turn: float) -> list[complex]:
+    """Places on an arc that turns by an angle [rad]."""
+    n = max(4, math.ceil(abs(turn) / 0.2))
+    return [centre + cmath.rect(radius, start + turn * t / n) for t in range(n + 1)]
+
+
+def load_ways(stage: Stage, load: LoadMark, k: int) -> list[list[complex]]:
+    """Arrows of forces, arcs of couples: one for each terminal where there is any."""
+    values = stage.efforts[load.name]
+    if values is None or load.kind == "spring":
+        return []
+    found = []
+    for spot, column in zip(load.spots, values, strict=True):
+        value = complex(column[k])
+        if not cmath.isfinite(value) or value == 0:
+            continue
+        if load.unit == "N":
+            z = stage.place(spot, k)
+            length = max(SHORTEST, ARROW * abs(value) / stage.largest) * stage.unit
+            found.append([z, z + value / abs(value) * length])
+        else:
+            z = stage.place(_middle(stage.sketch, spot), k)
+            turn = math.copysign(1.5 * math.pi, value.real)
+            found.append(arc(z, ARC * stage.unit, -0.4 * turn, turn))
+    return found
+
+
+def _middle(sketch: Sketch, spot: Spot) -> Spot:
+    """Where a couple on a link is drawn: the middle of the link."""
+    body = next((b for b in sketch.bodies if b.link == spot.link), None)
+    if body is None:
+        return spot
+    return Spot(spot.link, sum(body.outline) / len(body.outline))
+
+
+def _load(stage: Stage, load: LoadMark, k: int) -> list[Shape]:
+    found: list[Shape] = []
+    for way in load_ways(stage, load, k):
+        found += arrow(way, ink.LOAD, f"load:{load.name}", stage.unit)
+    if load.kind in ("spring", "strut"):
+        a, b = (stage.place(spot, k) for spot in load.spots)
+        spring = load.kind == "spring"
+        line = zigzag(a, b, stage.unit) if spring else [a, b]
+        dash = () if spring else (4.0, 2.0)
+        name = f"{load.kind}:{load.name}"
+        found.append(Shape(name, "line", tuple(line), 6.5, ink.SPRING, width=1.0, dash=dash))
+    return found
+
+
+def zigzag(a: complex, b: complex, unit: float) -> list[complex]:
+    """A spring between two places; ``unit`` [m/pt]."""
+    length = abs(b - a)
+    if not length > 0:
+        return [a, b]
+    u = (b - a) / length
+    ends = min(6.0 * unit, 0.2 * length)
+    turns = 2 * min(max(round((length - 2 * ends) / unit / 5.0), 4), 16)
+    step = (length - 2 * ends) / turns
+    side = 3.2j * u * unit
+    coil = [a + u * (ends + step * (n + 0.5)) + side * (-1) ** n for n in range(turns)]
+    return [a, a + u * ends, *coil, b - u * ends, b]
+
+
+def drive_ways(stage: Stage, k: int) -> dict[str, list[complex]]:
+    """The senses in which the drivers move: driver -> an arc, or a line beside the slider."""
+    found = {}
+    for mark in stage.sketch.drives:
+        sense = -1.0 if stage.motion.q_rate[mark.name][k] < 0 else 1.0
+        z, e = stage.place(mark.spot, k), complex(stage.motion.axis[mark.driven][k])
+        if mark.rotary:
+            radius, start = 13 * stage.unit, cmath.phase(e) + 0.45 * sense
+            found[mark.name] = arc(z, radius, start, 1.2 * sense)
+        else:
+            beside = z + 1j * e * (BLOCK[1] + 4) * stage.unit
+            half = 9 * sense * e * stage.unit
+            found[mark.name] = [beside - half, beside + half]
+    return found

@@ -1,0 +1,277 @@
+"""What a mechanism looks like, link by link, without saying where the links are.
+
+Every shape is given in the frame of its link, so one sketch serves all poses: the
+printed picture, the frames of a GIF and the player in a browser. All is derived
+from declarations: joints, guide lines, markers, mass properties, terminals.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from blockmech.blocks.contract import Line, Moving
+from blockmech.draw.motion import Motion, marker_place
+from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.plane import cross
+
+LoadKind = Literal["force", "couple", "spring", "strut"]
+
+
+class Spot(NamedTuple):
+    """A place on a link, in the link's frame [m]."""
+
+    link: LinkRef
+    at: complex
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A revolute pair; several at one place are drawn once, with all their names."""
+
+    names: tuple[str, ...]
+    spot: Spot
+    grounded: bool
+    links: tuple[LinkRef, ...]  # that it joins
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A prismatic pair: the slider's point, and the guide line that it runs along.
+
+    ``reach`` [m] are the ends of its travel along ``direction`` from the guide's spot.
+    """
+
+    name: str
+    point: Spot
+    guide: Spot
+    direction: complex
+    reach: tuple[float, float]
+
+    def end(self, which: int, beyond: float = 0.0) -> complex:
+        """An end of the travel on the guide's link, or a place beyond it [m]."""
+        return self.guide.at + self.direction * (self.reach[which] + (-1, 1)[which] * beyond)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A link: its outline (one point, a bar of two, a plate of more) and centre of mass."""
+
+    link: LinkRef
+    outline: tuple[complex, ...]
+    cm: complex | None
+    number: int
+
+
+@dataclass(frozen=True)
+class LoadMark:
+    """An element: where it takes hold, and how it is drawn."""
+
+    name: str
+    kind: LoadKind
+    spots: tuple[Spot, ...]
+    unit: str
+
+
+@dataclass(frozen=True)
+class DriveMark:
+    """A driver's coordinate: about the pivot of a crank, or along the guide of a slide."""
+
+    name: str
+    rotary: bool
+    spot: Spot
+    driven: LinkRef
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """All shapes of a mechanism."""
+
+    bodies: tuple[Body, ...]
+    pins: tuple[Pin, ...]
+    sliders: tuple[Slider, ...]
+    loads: tuple[LoadMark, ...]
+    drives: tuple[DriveMark, ...]
+
+
+def sketch_of(motion: Motion) -> Sketch:
+    """The shapes of a mechanism; ``motion`` tells how far its sliders travel."""
+    s = motion.structure
+    refs = [JointRef(name, j) for name, block in s.blocks.items() for j in block.joints]
+    pins = [(r, spot) for r in refs if s.joint(r).kind == "R" and (spot := _pin_spot(s, r))]
+    used = [ref.name for ref in refs]
+    sliders = tuple(
+        _slider(motion, r, r.name if used.count(r.name) == 1 else str(r))
+        for r in refs
+        if s.joint(r).kind == "P"
+    )
+    points: dict[LinkRef, list[complex]] = {link: [] for link in s.links}
+    for ref, spot in pins:
+        points[spot.link].append(spot.at)
+        for link in {s.earlier_link(ref), s.later_link(ref)} - {spot.link}:
+            points[link].append(_seen_from(motion, link, spot))
+    for slider in sliders:
+        points[slider.point.link].append(slider.point.at)
+        points[slider.guide.link] += [slider.end(0), slider.end(1)]
+    for marker in shown_markers(s):
+        points[marker.on].append(marker_place(s, marker))
+    bodies = tuple(
+        _body(s, link, places) for link, places in points.items() if link != s.frame_link
+    )
+    loads = tuple(_load(s, name) for name in s.elements)
+    return Sketch(bodies, _merged(s, pins), sliders, loads, tuple(_drives(s)))
+
+
+def _pin_spot(s: Structure, ref: JointRef) -> Spot | None:
+    """Where a revolute pair is: its wired marker, or the own marker of its name."""
+    if ref in s.feeds:
+        marker = s.feeds[ref]
+        return Spot(marker.on, marker_place(s, marker))
+    own = {m.name: m for m in s.markers(ref.block)}
+    if ref.name not in own:
+        return None
+    return Spot(own[ref.name].on, marker_place(s, own[ref.name]))
+
+
+def _seen_from(motion: Motion, link: LinkRef, spot: Spot) -> complex:
+    """A spot of another link in a link's frame, at a sample where both are known."""
+    z = (motion.at(*spot) - motion.origin[link]) * np.conj(motion.axis[link])
+    known = z[np.isfinite(z)]
+    return complex(known[0]) if len(known) else 0j
+
+
+def _merged(s: Structure, pins: Iterable[tuple[JointRef, Spot]]) -> tuple[Pin, ...]:
+    """Pins at one place become one; a name is short where that is clear."""
+    at: dict[Spot, list[JointRef]] = {}
+    for ref, spot in pins:
+        at.setdefault(spot, []).append(ref)
+    used = [ref.name for refs in at.values() for ref in refs]
+    found = []
+    for spot, refs in at.items():
+        names = dict.fromkeys(r.name if used.count(r.name) == 1 else str(r) for r in refs)
+        joined = {link for r in refs for link in (s.earlier_link(r), s.later_link(r))}
+        links = tuple(sorted(joined))
+        found.append(Pin(tuple(names), spot, spot.link == s.frame_link, links))
+    return tuple(found)
+
+
+def _slider(motion: Motion, ref: JointRef, name: str) -> Slider:
+    s = motion.structure
+    block = s.blocks[ref.block]
+    joint = block.joints[ref.name]
+    later = block.slider_owner(ref.name) == "later"
+    if joint.outer:
+        own, marker = LinkRef(ref.block, joint.link), s.feeds[ref]
+        place, direction = marker_place(s, marker), _direction(s, marker)
+        if later:
+            point = Spot(own, block.slider_place(ref.name, joint.link))
+            guide = Spot(marker.on, place)
+        else:
+            point = Spot(marker.on, place)
+            guide, direction = _own_line(block, ref, joint.link)
+    else:
+        mover, holder = joint.links[::-1] if later else joint.links
+        point = Spot(LinkRef(ref.block, mover), block.slider_place(ref.name, mover))
+        guide, direction = _own_line(block, ref, holder)
+    travel = (_seen_all(motion, guide.link, point) - guide.at) * np.conj(direction)
+    known = travel.real[np.isfinite(travel)]
+    reach = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    return Slider(name, point, guide, direction, reach)
+
+
+def _seen_all(motion: Motion, link: LinkRef, spot: Spot) -> np.ndarray:
+    return (motion.at(*spot) - motion.origin[link]) * np.conj(motion.axis[link])
+
+
+def _direction(s: Structure, marker: MarkerRef) -> complex:
+    return complex(getattr(s.marker(marker), "direction", 1 + 0j))
+
+
+def _own_line(block: Moving, ref: JointRef, link: str) -> tuple[Spot, complex]:
+    """A place on the guide line of a block's own link, and its direction."""
+    line = block.joints[ref.name].lines.get(link, Line())
+    offset, turn = (
+        float(getattr(block, name)) if name else 0.0 for name in (line.offset, line.turn)
+    )
+    direction = cmath.exp(1j * turn)
+    return Spot(LinkRef(ref.block, link), 1j * offset * direction), direction
+
+
+def shown_markers(s: Structure) -> list[MarkerRef]:
+    """The user's markers on moving links, and those that a force takes hold of."""
+    found = [
+        MarkerRef(name, link, marker)
+        for name, block in s.blocks.items()
+        for link, properties in block.links_or_default().items()
+        for marker in properties.markers
+    ]
+    for terminal, marker in s.holds.items():
+        if s.elements[terminal.block].terminals[terminal.name].kind == "point":
+            found.append(marker)
+    return list(dict.fromkeys(found))
+
+
+def _body(s: Structure, link: LinkRef, places: list[complex]) -> Body:
+    properties = s.properties(link)
+    cm = properties.cm.z if properties.mass > 0 else None
+    size = max((abs(z) for z in places), default=0.0)
+    outline = hull(places, 1e-9 * size)
+    if len(outline) == 1 and cm is not None and abs(cm - outline[0]) > 1e-9 * abs(cm):
+        outline = (*outline, cm)
+    return Body(link, outline or (0j,), cm, s.links[link])
+
+
+def hull(places: Iterable[complex], close: float = 0.0) -> tuple[complex, ...]:
+    """Convex hull, counter-clockwise: one point, the ends of a bar, or a polygon.
+
+    Points nearer than ``close`` [m] are one, and so are lines.
+    Source: Andrew's monotone chain.
+    """
+    points: list[complex] = []
+    for z in sorted(places, key=lambda z: (z.real, z.imag)):
+        if all(abs(z - other) > close for other in points):
+            points.append(z)
+    if len(points) < 3:
+        return tuple(points)
+    sides = []
+    for row in (points, points[::-1]):
+        side: list[complex] = []
+        for z in row:
+            while len(side) > 1 and _right_turn(side[-2], side[-1], z, close):
+                side.pop()
+            side.append(z)
+        sides.append(side[:-1])
+    return tuple(sides[0] + sides[1])
+
+
+def _right_turn(a: complex, b: complex, c: complex, close: float) -> bool:
+    return cross(b - a, c - b) <= close * abs(c - a)
+
+
+def _load(s: Structure, name: str) -> LoadMark:
+    element = s.elements[name]
+    spots = []
+    for terminal in element.terminals:
+        marker = s.holds[JointRef(name, terminal)]
+        spots.append(Spot(marker.on, marker_place(s, marker)))
+    kinds = [t.kind for t in element.terminals.values()]
+    kind: LoadKind = "couple"
+    if kinds[0] == "point":
+        kind = "force" if len(kinds) == 1 else "strut" if element.energy() is None else "spring"
+    return LoadMark(name, kind, tuple(spots), next(iter(element.terminals.values())).unit)
+
+
+def _drives(s: Structure) -> Iterable[DriveMark]:
+    for name in s.drivers:
+        block = s.blocks[name]
+        drive: str = getattr(block, "drive", "")
+        own = LinkRef(name, block.link_names[0])
+        if block.joints[drive].kind == "R":
+            marker = s.feeds[JointRef(name, drive)]
+            yield DriveMark(name, True, Spot(marker.on, marker_place(s, marker)), own)
+        else:
+            yield DriveMark(name, False, Spot(own, block.slider_place(drive, own.link)), own)

@@ -1,0 +1,174 @@
+"""Dense output of a quadrature: place and speed at any time, time at any place."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.dynamics.chebyshev import Floats, angle, half_integral, integral, rule, series
+from blockmech.dynamics.passage import Place
+from blockmech.dynamics.quadrature import Quadrature
+
+NEWTON_STEPS = 8
+CHUNK = 8192  # outputs at once
+
+
+def place(quad: Quadrature, time: Floats, shift: Floats | None = None) -> Place:
+    """Place and speed at times [s] from the low end.
+
+    ``shift`` (m,) [J] is added to the kinetic energy: a later turn of a secular motion.
+    """
+    if time.size > CHUNK:
+        parts = [
+            place(quad, time[i : i + CHUNK], None if shift is None else shift[i : i + CHUNK])
+            for i in range(0, time.size, CHUNK)
+        ]
+        return Place(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    if shift is None:
+        start, panel, duration = _panel_at(quad.clock, time)
+    else:
+        start, panel, duration = _shifted_panel_at(quad, time, shift)
+    mirrored, ended = quad.mirrored[panel], quad.ended[panel]
+    local = np.where(mirrored, start + duration - time, time - start)
+    F = _speeds(quad, panel, shift)
+    return _walked(quad, panel, F, local, mirrored, ended)
+
+
+def when(quad: Quadrature, x: Floats, shift: Floats | None = None) -> Floats:
+    """Time [s] from the low end at places x (m,)."""
+    edges = quad.mesh.edges
+    panel = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, quad.mesh.panels - 1)
+    low, high = edges[panel], edges[panel + 1]
+    from_low = (x - low) / (high - low)
+    from_high = (high - x) / (high - low)
+    limited_high, limited_low = _limited(quad, panel)
+    from_low, from_high = (
+        np.where(limited_high, 1 - np.sqrt(from_high), np.where(limited_low, np.sqrt(from_low), from_low)),
+        np.where(limited_high, np.sqrt(from_high), np.where(limited_low, 1 - np.sqrt(from_low), from_high)),
+    )
+    mirrored, ended = quad.mirrored[panel], quad.ended[panel]
+    phi = angle(np.where(mirrored, from_high, from_low))
+    F = _speeds(quad, panel, shift)
+    local = _elapsed(quad, panel, F, phi, ended)
+    if shift is None:
+        start, duration = quad.clock[panel], quad.duration[panel]
+    else:
+        clocks = _shifted_clocks(quad, shift)
+        start = np.take_along_axis(clocks, panel[:, None], 1)[:, 0]
+        duration = np.take_along_axis(clocks, panel[:, None] + 1, 1)[:, 0] - start
+    return np.asarray(start + np.where(mirrored, duration - local, local))
+
+
+def _panel_at(clock: Floats, time: Floats) -> tuple[Floats, NDArray[np.intp], Floats]:
+    panel = np.clip(np.searchsorted(clock, time, side="right") - 1, 0, clock.size - 2)
+    return clock[panel], panel, clock[panel + 1] - clock[panel]
+
+
+def _shifted_panel_at(
+    quad: Quadrature, time: Floats, shift: Floats
+) -> tuple[Floats, NDArray[np.intp], Floats]:
+    clocks = _shifted_clocks(quad, shift)
+    panel = np.clip((clocks <= time[:, None]).sum(axis=1) - 1, 0, quad.mesh.panels - 1)
+    start = np.take_along_axis(clocks, panel[:, None], 1)[:, 0]
+    stop = np.take_along_axis(clocks, panel[:, None] + 1, 1)[:, 0]
+    return start, panel, stop - start
+
+
+def _shifted_clocks(quad: Quadrature, shift: Floats) -> Floats:
+    """Times at the edges with more energy: (m, p + 1). Regular panels only."""
+    unique, back = np.unique(shift, return_inverse=True)
+    clocks = np.zeros((unique.size, quad.mesh.panels + 1))
+    r = rule(quad.J.shape[1])
+    for i, extra in enumerate(unique.tolist()):
+        F = np.sqrt(quad.J / (2 * (quad.K + extra)))
+        clocks[i, 1:] = np.cumsum(quad.mesh.length / 2 * (F @ r.total))
+    return np.asarray(clocks[back])
+
+
+def _speeds(quad: Quadrature, panel: NDArray[np.intp], shift: Floats | None) -> Floats:
+    if shift is None:
+        return np.asarray(quad.F[panel])
+    return np.asarray(np.sqrt(quad.J[panel] / (2 * (quad.K[panel] + shift[:, None]))))
+
+
+def _elapsed(
+    quad: Quadrature, panel: NDArray[np.intp], F: Floats, phi: Floats, ended: NDArray[np.bool_]
+) -> Floats:
+    """Time since the panel's own beginning, at the angles phi."""
+    r = rule(F.shape[1])
+    L = quad.mesh.length[panel]
+    if not ended.any():
+        return np.asarray(L / 2 * integral(F @ r.sine, phi))
+    if ended.all():
+        return np.asarray(np.sqrt(L) / 2 * half_integral(F @ r.cosine, phi))
+    out = np.empty_like(phi)
+    for mask in (ended, ~ended):
+        out[mask] = _elapsed(quad, panel[mask], F[mask], phi[mask], ended[mask])
+    return out
+
+
+def _walked(
+    quad: Quadrature,
+    panel: NDArray[np.intp],
+    F: Floats,
+    local: Floats,
+    mirrored: NDArray[np.bool_],
+    ended: NDArray[np.bool_],
+) -> Place:
+    """Invert the time on each panel: table of the nodes, then Newton.
+
+    The unknown w is v/L on a regular panel and sqrt(v/L) on an ended one: time is
+    smooth in it with a slope that never vanishes.
+    """
+    r = rule(F.shape[1])
+    L = quad.mesh.length[panel]
+    weight = np.where(ended, np.sqrt(L), L)
+    here = ended[:, None]
+    table = weight[:, None] / 2 * np.where(here, F @ r.integrate_half, F @ r.integrate)
+    grid = np.where(here, np.sqrt(r.low), r.low)
+    whole = weight / 2 * np.where(ended, F @ r.total_half, F @ r.total)
+    j = (table < local[:, None]).sum(axis=1)
+    edge = np.zeros((local.size, 1))
+    t_grid = np.concatenate([edge, table, whole[:, None]], axis=1)
+    w_grid = np.concatenate([edge, grid, edge + 1], axis=1)
+    rows = np.arange(local.size)
+    t0, t1 = t_grid[rows, j], t_grid[rows, j + 1]
+    w0, w1 = w_grid[rows, j], w_grid[rows, j + 1]
+    w = w0 + (w1 - w0) * np.clip((local - t0) / (t1 - t0), 0.0, 1.0)
+    c = F @ r.cosine
+    phi = _phi(w, ended)
+    for _ in range(NEWTON_STEPS):
+        slope = weight * series(c, phi)
+        step = (local - _elapsed(quad, panel, F, phi, ended)) / slope
+        new = np.clip(w + step, 0.0, 1.0)
+        change = np.abs(new - w)
+        w = new
+        phi = _phi(w, ended)
+        if not (change > 1e-9 * w + 1e-300).any():
+            break
+    speed = 1 / series(c, phi)
+    part = np.sin(phi / 2) ** 2
+    speed = np.where(ended, 2 * np.sqrt(L * part) * speed, speed)
+    edges = quad.mesh.edges
+    begin = np.where(mirrored, edges[panel + 1], edges[panel])
+    x = begin + np.where(mirrored, -L, L) * part
+    limited_high, limited_low = _limited(quad, panel)
+    if limited_high.any() or limited_low.any():
+        rest = np.cos(phi / 2) ** 2
+        to_high = np.where(mirrored, part, rest)
+        to_low = np.where(mirrored, rest, part)
+        x = np.where(limited_high, edges[panel + 1] - (L * to_high) ** 2, x)
+        x = np.where(limited_low, edges[panel] + (L * to_low) ** 2, x)
+        speed = np.where(limited_high, 2 * L * to_high * speed, speed)
+        speed = np.where(limited_low, 2 * L * to_low * speed, speed)
+    return Place(x, speed)
+
+
+def _phi(w: Floats, ended: NDArray[np.bool_]) -> Floats:
+    return np.asarray(2 * np.arcsin(np.where(ended, w, np.sqrt(w))))
+
+
+def _limited(quad: Quadrature, panel: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether each panel ends at a dead centre: at its high end, at its low end."""
+    low, high = quad.mesh.limits
+    return (panel == quad.mesh.panels - 1) & high, (panel == 0) & low

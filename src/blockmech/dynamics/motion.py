@@ -1,0 +1,112 @@
+"""The result of forward dynamics: a motion, how it was found and how good it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+
+from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.reduced import Cost
+
+Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
+
+
+class State(NamedTuple):
+    """Driver coordinate [rad or m] and rate: arrays (m,), or (m, k) with k drivers."""
+
+    q: Floats
+    qd: Floats
+
+
+class Event(NamedTuple):
+    """Something that happened: kind, time [s], driver coordinate and rate there."""
+
+    kind: str
+    t: float
+    q: Any  # float, or array (k,) with several drivers
+    qd: Any
+
+
+class Track(Protocol):
+    """Dense output: the state at any time of the run."""
+
+    def state(self, t: Floats) -> State:
+        """State at times (m,) [s]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The driver's motion from the start to what ended it.
+
+    Attributes
+    ----------
+    method, why : how it was computed, and why so
+    regime : "libration", "rotation", "secular", "secular braking", "rest", ...
+    status : "reached" what was asked for; "ended" before it, by something named;
+        "rest": nothing moves; "failed": no motion could be computed (any further)
+    end : the named reason: "time", "standstill", "end stop", "dead centre", ...
+    t_start, t_end : [s]
+    q_end, qd_end : state at the end; floats, or arrays (k,) with k drivers
+    track : dense output
+    events : standstills and the user's events, in order
+    error : estimated bound of the error of q over the run [rad or m]
+    time_error : the same of ``t_end`` [s], where an event and not a time ends the run
+    accuracy : the target of ``error``, None if none was given
+    reached : whether ``error`` is within the target
+    cost : kernel evaluations
+    notes : what a reader must know: doubts, targets missed, limits
+    facts : further numbers by name (period, net work of a turn, multiplier ...)
+    """
+
+    method: str
+    why: str
+    regime: str
+    status: Status
+    end: str
+    t_start: float
+    t_end: float
+    q_end: Any
+    qd_end: Any
+    track: Track = field(repr=False)
+    events: tuple[Event, ...]
+    error: float
+    time_error: float
+    accuracy: float | None
+    cost: Cost
+    notes: tuple[str, ...] = ()
+    facts: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def reached(self) -> bool:
+        """Whether the error estimate is within the target (True if there is none)."""
+        return self.accuracy is None or self.error <= self.accuracy
+
+    def at(self, t: Any) -> State:
+        """State at times t [s], of any shape; NaN outside the run."""
+        times = np.asarray(t, dtype=np.float64)
+        flat = times.ravel()
+        inside = (flat >= self.t_start) & (flat <= self.t_end)
+        state = self.track.state(np.where(inside, flat, self.t_start))
+        mask = inside if state.q.ndim == 1 else inside[:, None]
+        shape = times.shape + state.q.shape[1:]
+        return State(*(np.where(mask, x, np.nan).reshape(shape) for x in state))
+
+    def times(self, count: int) -> Floats:
+        """That many times, equally spaced over the run [s]."""
+        return np.linspace(self.t_start, self.t_end, count)
+
+
+@dataclass(frozen=True)
+class Still:
+    """Dense output of a mechanism that does not move."""
+
+    q: Any
+
+    def state(self, t: Floats) -> State:
+        """The same place at all times."""
+        q = np.broadcast_to(np.asarray(self.q, dtype=np.float64), t.shape + np.shape(self.q))
+        return State(q.copy(), np.zeros(q.shape))

@@ -1,0 +1,161 @@
+r"""Time as a quadrature over panels of the driver's path.
+
+For a conservative scene, with K the kinetic energy,
+
+    dK/dx = tau(x),        dt = sqrt(J / (2 K)) dx,
+
+so both are integrals of smooth samples. K is known at *anchors*: the start, every
+standstill (K = 0), the start's image one turn on. Each panel is walked from its
+edge on the side of the nearest anchor, so K keeps its relative accuracy where it
+is small. Two kinds of panel:
+
+    regular   t(phi) = (L/2) integral of F sin(phi),            F = sqrt(J / 2K)
+    ended     t(phi) = (sqrt(L)/2) integral of F cos(phi/2),    F = 2 sqrt(J L sin^2(phi/2) / 2K)
+
+the latter beginning at a standstill, where F stays smooth although K goes to zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.dynamics.chebyshev import Floats, remainder, rule
+from blockmech.dynamics.mesh import Mesh
+
+EPS = float(np.finfo(np.float64).eps)
+MOST_PANELS = 1024
+ROUNDING = EPS  # of a work, relative to the work turned over
+
+
+class Anchor(NamedTuple):
+    """An edge at which the kinetic energy is known."""
+
+    edge: int
+    K: float  # [J]
+
+
+@dataclass(frozen=True)
+class Quadrature:
+    """Energy and time on the panels of a mesh, each walked from its anchored edge.
+
+    Arrays (p,) or (p, n), samples in the order in which the panel is walked.
+
+    Attributes
+    ----------
+    mesh : the panels
+    mirrored : walked from the high edge
+    ended : begins at a standstill
+    K_start : [J] energy at the edge where the panel begins
+    J, tau, K, F : samples; tau along the walk
+    duration : [s] time to cross each panel
+    clock : (p + 1,) [s] time at the edges, from the low end
+    closure : (anchors - 1,) [J] disagreement between neighbouring anchors
+    truncation : (p,) [s] error of the time from the end of each panel's series
+    lost : (p,) [J] error of the work over each panel from the end of its series
+    rounded : (p,) [J] error of the work over each panel from rounding
+    lost_time, rounded_time : [s] what those do to the time
+    """
+
+    mesh: Mesh
+    mirrored: NDArray[np.bool_]
+    ended: NDArray[np.bool_]
+    K_start: Floats
+    J: Floats
+    tau: Floats
+    K: Floats
+    F: Floats
+    duration: Floats
+    clock: Floats
+    closure: Floats
+    truncation: Floats
+    lost: Floats
+    rounded: Floats
+    lost_time: float
+    rounded_time: float
+
+    @property
+    def total(self) -> float:
+        """Time to cross all panels [s]."""
+        return float(self.clock[-1])
+
+    @property
+    def fastest(self) -> float:
+        """Largest speed at the nodes, in the panels' coordinates [rad/s or m/s]."""
+        return float(np.sqrt(2 * np.max(self.K / self.J)))
+
+
+def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
+    """Energy, then time, on every panel."""
+    r = rule(mesh.J.shape[1])
+    L = mesh.length
+    p = np.arange(mesh.panels)
+    edges_of = np.array([a.edge for a in anchors])
+    owner = np.abs(mesh.edges[:-1] + mesh.edges[1:] - 2 * mesh.edges[edges_of][:, None]).argmin(0)
+    owned = edges_of[owner]
+    mirrored = owned > p
+    begin = p + mirrored
+    flip = mirrored[:, None]
+    J = np.where(flip, mesh.J[:, ::-1], mesh.J)
+    tau = np.where(flip, -mesh.tau[:, ::-1], mesh.tau)
+
+    work = L / 2 * (mesh.tau @ r.total)
+    known = np.array([a.K + _outward(work, a.edge, -1.0) for a in anchors])
+    closure = np.array([known[i, b.edge] - b.K for i, b in enumerate(anchors[1:])])
+    K_start = known[owner, begin]
+    at_rest = np.array([a.K == 0.0 for a in anchors])[owner]
+    ended = at_rest & (begin == owned)
+    K = K_start[:, None] + (L / 2)[:, None] * (tau @ r.integrate)
+
+    F = np.sqrt(J / (2 * K))
+    F[ended] *= 2 * np.sqrt(L[ended, None] * r.low)
+    weight = np.where(ended, np.sqrt(L), L)
+    duration = weight / 2 * np.where(ended, F @ r.total_half, F @ r.total)
+
+    lost = L / 2 * remainder(tau, r)
+    rounded = ROUNDING / 2 * L * (np.abs(tau) @ r.total)
+    # how much time a joule less makes; on an ended panel the energy error is its own
+    slowing = np.where(ended, duration / K[:, -1], L / 4 * ((F / K) @ r.total))
+    far = begin + np.where(mirrored, -1, 1)
+    lost_spread = np.array([_outward(lost, a.edge, 1.0) for a in anchors])
+    rounded_spread = np.array(
+        [ROUNDING * a.K + _outward(rounded, a.edge, 1.0) for a in anchors]
+    )
+    return Quadrature(
+        mesh=mesh,
+        mirrored=mirrored,
+        ended=ended,
+        K_start=K_start,
+        J=J,
+        tau=tau,
+        K=K,
+        F=F,
+        duration=duration,
+        clock=np.concatenate([[0.0], np.cumsum(duration)]),
+        closure=closure,
+        truncation=weight / 2 * remainder(F, r),
+        lost=lost,
+        rounded=rounded,
+        lost_time=float(slowing @ lost_spread[owner, far]),
+        rounded_time=float(slowing @ rounded_spread[owner, far]),
+    )
+
+
+def delay(effort: float, slope: float, inertia: float, total: float, span: float) -> float:
+    """How much the crossing time changes with the place of a standstill [s/rad or s/m].
+
+    A share of the whole, and the time constant of the equilibrium that may lie near
+    over the distance to it: |tau'/tau| sqrt(J/|tau'|).
+    """
+    near = math.sqrt(abs(inertia * slope)) / abs(effort) if effort else math.inf
+    return total / span + near
+
+
+def _outward(steps: Floats, edge: int, below: float) -> Floats:
+    """Sums of ``steps`` from an edge to every other one: (p + 1,); ``below`` signs the low side."""
+    low = np.cumsum(steps[:edge][::-1])[::-1]
+    return np.concatenate([below * low, [0.0], np.cumsum(steps[edge:])])

@@ -1,0 +1,209 @@
+"""A stretch of the path between two ends, refined until its time is known well enough.
+
+Ends are exact where the start is, and where a stop or dead centre is; a standstill
+found by integration is moved until the energies summed from both sides close. Every
+level costs one batch call, and the levels are the same whatever is asked: a looser
+target only stops earlier.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.dynamics.chebyshev import Floats, rule
+from blockmech.dynamics.dense import place, when
+from blockmech.dynamics.mesh import Mesh, View, bisected, sampled
+from blockmech.dynamics.passage import Allowed, End, Known, Place
+from blockmech.dynamics.quadrature import (
+    EPS,
+    MOST_PANELS,
+    Anchor,
+    Quadrature,
+    delay,
+    quadrature,
+)
+
+LEVELS = 40
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch with its converged quadrature.
+
+    Attributes
+    ----------
+    low, high : its ends
+    quad : energy and time on its panels
+    reducible : [s] error of the crossing time that more samples would remove
+    rounding : [s] error that the data's and the arithmetic's rounding leave
+    end_error : [rad or m] error of the standstills' places
+    complete : False where an impossible pose was met (the quadrature is then unusable)
+    """
+
+    low: End
+    high: End
+    quad: Quadrature
+    reducible: float
+    rounding: float
+    end_error: float
+    complete: bool = True
+
+    @property
+    def error(self) -> float:
+        """Error of the time at any place of the stretch [s]."""
+        return self.reducible + self.rounding
+
+    @property
+    def total(self) -> float:
+        """Time from end to end [s]."""
+        return self.quad.total
+
+    @property
+    def fastest(self) -> float:
+        """Largest speed [rad/s or m/s]."""
+        return self.quad.fastest
+
+    def place(self, time: Floats) -> Place:
+        """Place and speed at times (m,) [s] from the low end."""
+        return place(self.quad, time)
+
+    def when(self, x: Floats) -> Floats:
+        """Time [s] from the low end at places x (m,)."""
+        return when(self.quad, x)
+
+
+def converged(
+    view: View, known: Mesh, low: End, high: End, inside: Known | None, allowed: Allowed
+) -> Stretch:
+    """Refine the panels between two ends until the time's error is what is ``allowed``.
+
+    ``known`` has samples that can be reused, ``inside`` is a place between the ends
+    where the energy is known as well: the start of a motion that starts moving.
+    """
+    edges = _edges_between(known.edges, low, high, inside)
+    limits = (low.limit, high.limit)
+    mesh = known
+    tails: dict[tuple[float, float], float] = {}
+    for level in range(LEVELS):
+        mesh = sampled(view, edges, mesh, limits)
+        stretch = _judged(view, mesh, low, high, inside)
+        if not stretch.complete or level == LEVELS - 1 or mesh.panels > MOST_PANELS:
+            break
+        enough = max(allowed(stretch) - stretch.rounding, stretch.rounding)
+        low, high = stretch.low, stretch.high
+        if stretch.reducible <= enough:
+            break
+        bad = _unresolved(stretch.quad, enough, tails, abs(view.origin))
+        if not bad.any() and edges[0] == low.x and edges[-1] == high.x:
+            break
+        edges = bisected(edges, bad)
+        edges[0], edges[-1] = low.x, high.x
+    return stretch
+
+
+def _edges_between(edges: Floats, low: End, high: End, inside: Known | None) -> Floats:
+    """Edges of a survey that lie well inside, with the ends and the known place added."""
+    start = inside[0] if inside else np.nan
+    whole = np.concatenate([[low.x], edges[(edges > low.x) & (edges < high.x)], [high.x]])
+    if inside and not np.any(whole == start):
+        whole = np.sort(np.append(whole, start))
+    # a sliver beside an end is worse than a longer panel
+    width = np.diff(whole)
+    keep = np.ones(whole.size, dtype=bool)
+    if whole.size > 3 and width[-1] < 0.1 * width[-2] and whole[-2] != start:
+        keep[-2] = False
+    if whole.size > 3 and width[0] < 0.1 * width[1] and whole[1] != start:
+        keep[1] = False
+    whole = whole[keep]
+    if whole.size == 2:
+        whole = np.array([low.x, (low.x + high.x) / 2, high.x])
+    return np.asarray(whole)
+
+
+def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -> Stretch:
+    """The quadrature on a mesh, its errors, and where the standstills should be instead."""
+    anchors = _anchors(mesh, low, high, inside)
+    quad = quadrature(mesh, anchors)
+    T = quad.total
+    if not np.isfinite(T):
+        possible = bool(mesh.possible.all())
+        return Stretch(low, high, quad, np.inf, 0.0, np.inf, possible)
+    reducible = float(quad.truncation.sum()) + quad.lost_time
+    rounding = quad.rounded_time + 4 * EPS * T
+    ends, end_error = [low, high], 0.0
+    for side, end in enumerate(ends):
+        if not end.free or len(anchors) < 2:
+            continue
+        near, far = (anchors[0], anchors[1]) if side == 0 else (anchors[-1], anchors[-2])
+        between = slice(min(near.edge, far.edge), max(near.edge, far.edge))
+        noise = float(quad.rounded[between].sum()) + EPS * far.K
+        effort, slowing = _at_end(quad, side)
+        if not effort > 0:
+            reducible = np.inf
+            continue
+        # energy that is left at the end as summed from the far anchor
+        left = -quad.closure[0] if side == 0 else quad.closure[-1]
+        step = float(left) / effort if abs(left) > noise else 0.0
+        step = _held(step, mesh, side)
+        ends[side] = replace(end, x=end.x + (step if side else -step))
+        reducible += abs(step) * slowing
+        placed = noise / effort + EPS * (abs(view.origin) + abs(end.x))
+        rounding += placed * slowing
+        end_error = max(
+            end_error, placed + abs(step) + float(quad.lost[between].sum()) / effort
+        )
+    return Stretch(ends[0], ends[1], quad, reducible, rounding, end_error)
+
+
+def _held(step: float, mesh: Mesh, side: int) -> float:
+    """A step of an end that stays within half of its panel."""
+    a, b = mesh.edges[-2:] if side else mesh.edges[:2]
+    half = float(b - a) / 2
+    return max(-half, min(half, step))
+
+
+def _at_end(quad: Quadrature, side: int) -> tuple[float, float]:
+    """At a standstill: effort [N m or N], and how much time its place makes [s/rad or s/m]."""
+    p = quad.mesh.panels - 1 if side else 0
+    ends = rule(quad.tau.shape[1]).ends
+    effort, _, slope, _, _ = (quad.tau[p] @ ends).tolist()
+    inertia = float(quad.J[p] @ ends[:, 0])
+    span = float(quad.mesh.edges[-1] - quad.mesh.edges[0])
+    return effort, delay(effort, slope / float(quad.mesh.length[p]), inertia, quad.total, span)
+
+
+def _anchors(mesh: Mesh, low: End, high: End, inside: Known | None) -> list[Anchor]:
+    found = []
+    if low.K is not None:
+        found.append(Anchor(0, low.K))
+    if inside:
+        found.append(Anchor(int(np.searchsorted(mesh.edges, inside[0])), inside[1]))
+    if high.K is not None:
+        found.append(Anchor(mesh.panels, high.K))
+    return found
+
+
+def _unresolved(
+    quad: Quadrature, enough: float, tails: dict[tuple[float, float], float], origin: float
+) -> NDArray[np.bool_]:
+    """Panels to bisect: those with the largest share of the error that can still be reduced.
+
+    ``tails`` remembers how well each panel was resolved: a half that is no better than
+    the whole was is at its rounding already.
+    """
+    edges, L = quad.mesh.edges, quad.mesh.length
+    bad = ~(quad.truncation <= enough / (2 * L.size))
+    if not quad.lost_time <= enough / 2:
+        bad |= quad.lost > quad.lost.sum() / (2 * L.size)
+    bad &= np.diff(edges) > 64 * EPS * (origin + np.abs(edges[:-1]))
+    weight = np.where(quad.ended, np.sqrt(L), L)
+    tail = quad.truncation / (weight * np.abs(quad.F).max(axis=1))
+    for i in np.flatnonzero(bad).tolist():
+        a, b = float(edges[i]), float(edges[i + 1])
+        here = float(tail[i])
+        if here < 8 * EPS or (here < 1e-9 and here > 0.3 * tails.get((a, b), np.inf)):
+            bad[i] = False
+        tails[(a, (a + b) / 2)] = tails[((a + b) / 2, b)] = here
+    return np.asarray(bad)

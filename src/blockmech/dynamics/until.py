@@ -1,0 +1,84 @@
+"""When a run ends, and what it starts from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias, get_args
+
+from blockmech.errors import Problem, RequestError, close_match, listed
+
+Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
+
+Surface: TypeAlias = Callable[[float, float, float], float]  # (t, q, q') -> value
+
+
+class Start(NamedTuple):
+    """Driver coordinate [rad or m], its rate and the time [s] at which a run begins."""
+
+    q: float
+    rate: float = 0.0
+    t: float = 0.0
+
+
+@dataclass(frozen=True)
+class Watch:
+    """A user's event: where ``surface(t, q, q')`` changes sign.
+
+    direction : +1 rising only, -1 falling only, 0 both
+    terminal : whether the run ends there
+    """
+
+    name: str
+    surface: Surface
+    direction: int = 0
+    terminal: bool = True
+
+
+@dataclass(frozen=True)
+class Until:
+    """What ends a run.
+
+    ``standstill``; ``swings`` (that many standstills after the start); ``turns`` of the
+    driver; ``time`` [s] after the start; ``angle``: the driver coordinate reaches it
+    [rad or m]; ``steady``: the periodic motion; ``event``: the first terminal event.
+
+    >>> Until.parse("swings=3")
+    Until(goal='swings', value=3.0)
+    """
+
+    goal: Goal
+    value: float = 1.0
+
+    @classmethod
+    def parse(cls, text: str) -> Until:
+        """Read ``standstill``, ``steady``, ``event`` or ``<goal>=<number>``."""
+        name, _, number = text.partition("=")
+        valued = name in ("swings", "turns", "time", "angle")
+        try:
+            value = float(number) if number else 1.0
+        except ValueError:
+            value = math.nan
+        if name not in get_args(Goal) or valued is not bool(number) or not math.isfinite(value):
+            raise RequestError(
+                Problem(
+                    "until",
+                    "until",
+                    f'"{text}" says nothing about when to stop',
+                    f"valid: {listed(_SPELLINGS)}",
+                    close_match(name, get_args(Goal)),
+                )
+            )
+        return cls(name, value)  # type: ignore[arg-type]
+
+
+_SPELLINGS = (
+    "standstill",
+    "swings=<count>",
+    "turns=<count>",
+    "time=<s>",
+    "angle=<rad or m>",
+    "steady",
+    "event",
+)

@@ -1,0 +1,325 @@
+"""Laws: the size of a force or moment as a function of a coordinate, a rate or time.
+
+A law is typed data (``{"kind": "polynomial", ...}``), never evaluated text. ``of``
+says of what it is a function: the "coordinate" [rad or m] or the "rate" that the
+element or its driver has, or the "time" [s]. Each kind has one pure kernel
+``value(x, numbers)`` of the law's argument and its numbers.
+
+Sources: [D14] Durango et al. 2014, section 2 (loads as functions of position and
+velocity); de Boor 1978 for the splines (through SciPy's `CubicSpline`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+
+from pydantic import Field, field_validator, model_validator
+
+from blockmech.plane import angle, expi, imul, modulo, mul, piecewise, where
+from blockmech.typing import Real
+from blockmech.values import Number, Positive, Strictly, mistake
+
+TURN = 2 * math.pi
+Argument: TypeAlias = Literal["coordinate", "rate", "time"]
+Turns = Annotated[int, Field(strict=True, gt=0)]
+
+
+class ConstantNumbers(NamedTuple):
+    """Numbers of a constant law."""
+
+    value: Real  # [N or N m]
+
+
+class PolynomialNumbers(NamedTuple):
+    """Numbers of a polynomial."""
+
+    coefficients: tuple[float, ...]  # highest power first
+
+
+class TableNumbers(NamedTuple):
+    """Numbers of a table: a piecewise polynomial of the distance from ``start``."""
+
+    start: Real
+    period: Real  # of the argument, 0 where the table does not repeat
+    turns: Real  # whole turns [-] that it covers, 0 where it is not one of an angle
+    knots: tuple[float, ...]  # from 0 on
+    rows: tuple[tuple[float, ...], ...]  # coefficients, highest power first
+
+
+class FourierNumbers(NamedTuple):
+    """Numbers of a Fourier series, highest harmonic first."""
+
+    mean: Real
+    period: Real
+    turns: Real
+    cosines: tuple[float, ...]
+    sines: tuple[float, ...]
+
+
+class DCNumbers(NamedTuple):
+    """Numbers of a direct-current motor."""
+
+    stall_moment: Real  # [N m]
+    no_load_speed: Real  # [rad/s]
+
+
+def constant(law: ConstantNumbers) -> Real:
+    """The same at all times."""
+    return law.value
+
+
+def polynomial(x: Real, law: PolynomialNumbers) -> Real:
+    """Horner's scheme."""
+    total = law.coefficients[0] + 0.0 * x
+    for c in law.coefficients[1:]:
+        total = total * x + c
+    return total
+
+
+def table(x: Real, law: TableNumbers) -> Real:
+    """The interpolant; NaN outside the table."""
+    return piecewise(x - law.start, law.knots, law.rows)
+
+
+def table_over_period(x: Real, law: TableNumbers) -> Real:
+    """The interpolant of a table that repeats after a period."""
+    return piecewise(modulo(x - law.start, law.period), law.knots, law.rows)
+
+
+def table_over_turns(x: Real, law: TableNumbers) -> Real:
+    """The same after whole turns, whose angle is told by sine and cosine: exact at any size."""
+    part = angle(expi(law.start / law.turns), expi(x / law.turns))
+    ahead = where(part < 0.0, part + TURN, part)
+    return piecewise(ahead * law.turns, law.knots, law.rows)
+
+
+def fourier_over_period(x: Real, law: FourierNumbers) -> Real:
+    """The series of a quantity that repeats after a period."""
+    return harmonics(modulo(x, law.period) * (TURN / law.period), law)
+
+
+def fourier_over_turns(x: Real, law: FourierNumbers) -> Real:
+    """The series of an angle that repeats after whole turns."""
+    return harmonics(x / law.turns, law)
+
+
+def harmonics(phase: Real, law: FourierNumbers) -> Real:
+    """mean + sum of a_k cos k phase + b_k sin k phase, by Horner's scheme in exp(i phase)."""
+    z = expi(phase)
+    total = mul(z, law.cosines[0]) - imul(z, law.sines[0])
+    for a, b in zip(law.cosines[1:], law.sines[1:], strict=True):
+        total = total * z + mul(z, a) - imul(z, b)
+    return law.mean + total.real
+
+
+def dc(x: Real, law: DCNumbers) -> Real:
+    """The straight line from the stall moment to zero at the no-load speed."""
+    return law.stall_moment * (1 - x / law.no_load_speed)
+
+
+class Law(Strictly):
+    """Size of a force [N] or moment [N m]. ``of`` is what it is a function of."""
+
+    def argument(self) -> str:
+        """What the law is a function of; empty for a constant."""
+        return str(getattr(self, "of", ""))
+
+    def numbers(self) -> Any:
+        """The law's numbers, as its kernel reads them."""
+        raise TypeError(f"{type(self).__name__} declares no numbers")
+
+    def kernel(self) -> Callable[..., Real]:
+        """The function of the law's argument and numbers."""
+        raise TypeError(f"{type(self).__name__} declares no kernel")
+
+
+class Constant(Law):
+    """The same size always.
+
+    >>> Constant(value=5.0).argument()
+    ''
+    """
+
+    kind: Literal["constant"] = "constant"
+    value: Number
+
+    def numbers(self) -> ConstantNumbers:
+        """The value."""
+        return ConstantNumbers(self.value)
+
+    def kernel(self) -> Callable[..., Real]:
+        """`constant`."""
+        return constant
+
+
+class Polynomial(Law):
+    """``coefficients[0] + coefficients[1] x + coefficients[2] x^2 + ...``
+
+    >>> law = Polynomial(of="rate", coefficients=[1.0, 0.0, 2.0])
+    >>> law.kernel()(3.0, law.numbers())
+    19.0
+    """
+
+    kind: Literal["polynomial"] = "polynomial"
+    of: Argument = "coordinate"
+    coefficients: list[Number] = Field(min_length=1)
+
+    def numbers(self) -> PolynomialNumbers:
+        """The coefficients, highest power first."""
+        return PolynomialNumbers(tuple(reversed(self.coefficients)))
+
+    def kernel(self) -> Callable[..., Real]:
+        """`polynomial`."""
+        return polynomial
+
+
+class _Repeating(Law):
+    of: Argument = "coordinate"
+    period: Positive | None = None
+    turns: Turns | None = None
+
+    @model_validator(mode="after")
+    def _one_period(self) -> _Repeating:
+        if self.period is not None and self.turns is not None:
+            raise mistake(
+                "wrong-value", 'the period is given twice, by "period" and "turns"', "", "keep one"
+            )
+        if self.turns is not None and self.of != "coordinate":
+            raise mistake("wrong-value", f'"turns" are of an angle, not of a {self.of}')
+        return self
+
+    @property
+    def whole(self) -> float:
+        """Length of the period [unit of the argument]; 0 where nothing repeats."""
+        return TURN * self.turns if self.turns else self.period or 0.0
+
+
+class Table(_Repeating):
+    """Values at growing arguments, joined by a cubic spline or by straight lines.
+
+    With ``period``, or ``turns`` for an angle, the first value is repeated one period
+    after the first argument, and the table covers everything; the spline is then
+    periodic. Without, it is a not-a-knot spline, and the law says nothing outside.
+
+    >>> law = Table(arguments=[0.0, 1.0, 3.0], values=[0.0, 2.0, 0.0], interpolation="linear")
+    >>> law.kernel()(2.0, law.numbers())
+    1.0
+    """
+
+    kind: Literal["table"] = "table"
+    arguments: list[Number] = Field(min_length=2)
+    values: list[Number] = Field(min_length=2)
+    interpolation: Literal["cubic", "linear"] = "cubic"
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Table:
+        x = self.arguments
+        if len(x) != len(self.values):
+            raise mistake("bad-table", '"arguments" and "values" must have the same length')
+        if any(b <= a for a, b in pairwise(x)):
+            raise mistake("bad-table", '"arguments" must increase')
+        if self.whole and x[-1] - x[0] >= self.whole * (1 - 1e-12):
+            raise mistake(
+                "bad-table",
+                '"arguments" must cover less than one period',
+                "the first value is repeated by itself",
+                "leave out the last row",
+            )
+        return self
+
+    def numbers(self) -> TableNumbers:
+        """Knots from the first argument on, and the coefficients of each piece."""
+        x = [a - self.arguments[0] for a in self.arguments]
+        y = list(self.values)
+        if self.whole:
+            x, y = [*x, self.whole], [*y, y[0]]
+        rows = _straight(x, y) if self.interpolation == "linear" else self._cubic(x, y)
+        return TableNumbers(
+            self.arguments[0], self.whole, float(self.turns or 0), tuple(x), tuple(rows)
+        )
+
+    def _cubic(self, x: list[float], y: list[float]) -> list[tuple[float, ...]]:
+        from scipy.interpolate import CubicSpline
+
+        ends = "periodic" if self.whole else "not-a-knot"
+        return [tuple(map(float, row)) for row in CubicSpline(x, y, bc_type=ends).c]
+
+    def kernel(self) -> Callable[..., Real]:
+        """The form that repeats as the table does."""
+        if self.turns:
+            return table_over_turns
+        return table_over_period if self.period else table
+
+
+def _straight(x: list[float], y: list[float]) -> list[tuple[float, ...]]:
+    slopes = [(d - c) / (b - a) for (a, b), (c, d) in zip(pairwise(x), pairwise(y), strict=True)]
+    return [tuple(slopes), tuple(y[:-1])]
+
+
+class Fourier(_Repeating):
+    """``mean + sum of cosines[k-1] cos(k w x) + sines[k-1] sin(k w x)``.
+
+    w = 2 pi / period, or 1 / turns for an angle [rad]; one turn unless something is said.
+
+    >>> law = Fourier(mean=1.0, cosines=[2.0])
+    >>> law.kernel()(0.0, law.numbers())
+    3.0
+    """
+
+    kind: Literal["fourier"] = "fourier"
+    mean: Number = 0.0
+    cosines: list[Number] = []
+    sines: list[Number] = []
+
+    @model_validator(mode="after")
+    def _period_known(self) -> Fourier:
+        if self.of != "coordinate" and self.period is None:
+            raise mistake("missing-key", f'a series of a {self.of} needs "period"', "", "add it")
+        return self
+
+    def numbers(self) -> FourierNumbers:
+        """Both rows at one length, highest harmonic first."""
+        n = max(len(self.cosines), len(self.sines), 1)
+        a, b = (
+            tuple(reversed([*row, *[0.0] * (n - len(row))])) for row in (self.cosines, self.sines)
+        )
+        return FourierNumbers(self.mean, self.period or 0.0, float(self.turns or 1), a, b)
+
+    def kernel(self) -> Callable[..., Real]:
+        """The form that repeats as the series does."""
+        return fourier_over_period if self.period else fourier_over_turns
+
+
+class DC(Law):
+    """A direct-current motor: stall_moment [N m] at rest, none at no_load_speed [rad/s].
+
+    >>> law = DC(stall_moment=2.0, no_load_speed=100.0)
+    >>> law.kernel()(50.0, law.numbers())
+    1.0
+    """
+
+    of: ClassVar[str] = "rate"
+    kind: Literal["dc"] = "dc"
+    stall_moment: Number
+    no_load_speed: Number
+
+    @field_validator("no_load_speed")
+    @classmethod
+    def _turns(cls, speed: float) -> float:
+        if speed == 0:
+            raise mistake("wrong-value", "must not be 0")
+        return speed
+
+    def numbers(self) -> DCNumbers:
+        """Both ends of the line."""
+        return DCNumbers(self.stall_moment, self.no_load_speed)
+
+    def kernel(self) -> Callable[..., Real]:
+        """`dc`."""
+        return dc
+
+
+AnyLaw = Annotated[Constant | Polynomial | Table | Fourier | DC, Field(discriminator="kind")]

@@ -1,0 +1,98 @@
+"""A thrust between two markers: a force that follows a law of stroke, rate or time.
+
+The force on b points from a to b, or along a direction that turns with the link of a;
+the opposite acts at a. A positive value pushes the markers apart. What the law is of:
+the distance from a to b, measured along the force, or its rate; with ``driver`` the
+coordinate or the rate of that driving link (gas force over the crank angle); or time.
+
+Sources: [D14] Durango et al. 2014, section 2 (loads as functions of position and
+velocity).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from pydantic import field_validator
+
+from blockmech.loads.contract import Following, Reads, Terminal
+from blockmech.plane import dot, hyp, imul, mul
+from blockmech.typing import Complex, Real
+from blockmech.values import Vector, mistake
+
+
+def push(p_a: Complex, p_b: Complex, F: Real, p: Thrust) -> tuple[Complex, Complex]:
+    """Forces [N] on a and on b along the line between them; NaN where they meet."""
+    d = p_b - p_a
+    f = mul(d, F / hyp(d))
+    return -f, f
+
+
+def push_along(e_a: Complex, F: Real, p: Thrust) -> tuple[Complex, Complex]:
+    """Forces [N] on a and on b along the direction given on the link of a."""
+    f = mul(e_a * p.direction, F / hyp(p.direction))
+    return -f, f
+
+
+def distance(p_a: Complex, p_b: Complex, p: Thrust) -> Real:
+    """Distance [m] from a to b."""
+    return hyp(p_b - p_a)
+
+
+def distance_rate(p_a: Complex, v_a: Complex, p_b: Complex, v_b: Complex, p: Thrust) -> Real:
+    """Rate [m/s] of that distance; NaN where a and b meet."""
+    d = p_b - p_a
+    return dot(v_b - v_a, d) / hyp(d)
+
+
+def stroke(p_a: Complex, e_a: Complex, p_b: Complex, p: Thrust) -> Real:
+    """Distance [m] from a to b along the direction."""
+    return dot(p_b - p_a, e_a * p.direction) / hyp(p.direction)
+
+
+def stroke_rate(
+    p_a: Complex, v_a: Complex, e_a: Complex, om_a: Real, p_b: Complex, v_b: Complex, p: Thrust
+) -> Real:
+    """Rate [m/s] of that distance, as the link of a sees it."""
+    seen = v_b - v_a - imul(p_b - p_a, om_a)
+    return dot(seen, e_a * p.direction) / hyp(p.direction)
+
+
+class Thrust(Following, type="load.thrust"):
+    """A force [N] on marker b away from marker a, the opposite at a, by a law.
+
+    ``direction`` [dx, dy] is in the axes of the link of a. Put a on the line of action,
+    for the two forces make a couple of their own otherwise.
+
+    >>> Thrust(law={"kind": "constant", "value": 500.0}).reads()
+    {'a': ('p',), 'b': ('p',)}
+    """
+
+    terminals = {"a": Terminal("point"), "b": Terminal("point")}
+
+    direction: Vector | None = None
+
+    @field_validator("direction")
+    @classmethod
+    def _points_somewhere(cls, direction: Vector | None) -> Vector | None:
+        if direction is not None and direction.z == 0:
+            raise mistake("bad-direction", '"direction" must not be [0, 0]')
+        return direction
+
+    def acts_by(self) -> Reads:
+        """Both places, or the direction of the link of a."""
+        return {"a": ("p",), "b": ("p",)} if self.direction is None else {"a": ("e",)}
+
+    def own_measure(self, rate: bool) -> tuple[Callable[..., Any], Reads]:
+        """The distance from a to b along the force, or its rate."""
+        if self.direction is None:
+            what = ("p", "v") if rate else ("p",)
+            return distance_rate if rate else distance, {"a": what, "b": what}
+        if rate:
+            return stroke_rate, {"a": ("p", "v", "e", "om"), "b": ("p", "v")}
+        return stroke, {"a": ("p", "e"), "b": ("p",)}
+
+    def kernel(self) -> Callable[..., Any]:
+        """The forces."""
+        return push if self.direction is None else push_along

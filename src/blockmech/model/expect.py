@@ -1,0 +1,104 @@
+"""Expected numbers that a graph file carries: the file is a test of itself.
+
+The numbers never come from blockmech; ``source`` says where they come from.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+from blockmech.values import NotNegative, Number, Positive, Strictly, is_number, mistake, shown
+
+NUMBERS = {"type": "array", "items": {"type": "number"}, "minItems": 1}
+PAIRS = {
+    "type": "array",
+    "items": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+    "minItems": 1,
+}
+
+
+def _numbers_or_pairs(values: list[Any]) -> list[Any]:
+    """The values as floats: numbers throughout, or [x, y] pairs throughout."""
+    if values and all(map(is_number, values)):
+        return [float(x) for x in values]
+    if values and all(
+        isinstance(v, list | tuple) and len(v) == 2 and all(map(is_number, v)) for v in values
+    ):
+        return [[float(x) for x in v] for v in values]
+    raise PydanticCustomError(
+        "bad-expectation",
+        "must be a list of finite numbers or of [x, y] pairs, got {got}",
+        {"got": shown(values)},
+    )
+
+
+Series = Annotated[
+    list[Any],
+    AfterValidator(_numbers_or_pairs),
+    WithJsonSchema({"anyOf": [NUMBERS, PAIRS]}),
+]
+"""One number or one [x, y] pair a sample."""
+
+Samples = Annotated[list[Number], Field(min_length=1)]
+
+
+class Simulation(Strictly):
+    """A free motion from the scene's start: sampled at ``times`` [s], ended by ``until``."""
+
+    until: str | None = None
+    times: Samples
+
+
+class Expectation(Strictly):
+    """Numbers that some outputs should have, and how near they must be.
+
+    Parameters
+    ----------
+    source : where the numbers come from
+    at : coordinates [rad or m] of the drivers, n samples each; or
+    simulate : a free motion, n samples of time
+    want : output name -> n numbers or [x, y] pairs; a single one for one number a run
+    rtol, atol : relative and absolute tolerance; at least one is given
+    friction, tolerance, iterations : how joint friction is solved, see `Mechanism.plan`
+
+    >>> Expectation(source="by hand", at={"crank": [0.0]}, want={"crank.q": [0.0]}, atol=0).samples
+    1
+    """
+
+    source: str
+    at: dict[str, Samples] | None = None
+    simulate: Simulation | None = None
+    want: Annotated[dict[str, Series], Field(min_length=1)]
+    rtol: NotNegative | None = None
+    atol: NotNegative | None = None
+    friction: Literal["none", "single", "successive", "newton"] = "newton"
+    tolerance: Positive | None = None
+    iterations: Annotated[int, Field(strict=True, ge=1)] | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Expectation:
+        if (self.at is None) == (self.simulate is None):
+            raise _incomplete('an expectation has either "at" or "simulate"')
+        if self.rtol is None and self.atol is None:
+            raise _incomplete('an expectation has a tolerance: "rtol", "atol" or both')
+        if self.at is not None and len({len(values) for values in self.at.values()}) != 1:
+            raise _incomplete('"at" has one or more drivers, with equally many values each')
+        for name, values in self.want.items():
+            if len(values) not in (1, self.samples):
+                found = f"{name} has {len(values)} values, the number of samples is {self.samples}"
+                raise _incomplete(found)
+        return self
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        if self.simulate is not None:
+            return len(self.simulate.times)
+        return len(next(iter((self.at or {}).values())))
+
+
+def _incomplete(message: str) -> PydanticCustomError:
+    return mistake("bad-expectation", message)

@@ -1,0 +1,149 @@
+"""The canonical text of a document: one layout for one content, byte for byte.
+
+The document and its sections are always open, one item a line. What fits on a line
+stands on it; what does not is opened, one key a line down to the keys of a block, and
+filled like a paragraph further in.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+from blockmech.errors import FormatError, Problem
+from blockmech.model.problems import path_text
+from blockmech.values import Pair
+
+WIDTH = 100  # characters of a line
+SECTIONS = 2  # levels that are always open: the document and its sections
+KEY_A_LINE = 3  # levels that are opened one item a line: to the keys of a block
+LAST = ("links", "markers", "friction", "slider", "useful")
+"""Fields that many blocks share; they follow the block's own, in this order."""
+
+
+def field_order(model: type[BaseModel]) -> list[str]:
+    """Names of a model's fields as they are written: its own, then inherited, then `LAST`."""
+    names: list[str] = []
+    for cls in model.__mro__:
+        if issubclass(cls, BaseModel):
+            inherited = {n for base in cls.__bases__ for n in getattr(base, "model_fields", ())}
+            names += [n for n in cls.model_fields if n not in inherited and n not in names]
+    return sorted(names, key=lambda n: LAST.index(n) if n in LAST else -1)
+
+
+def plain(value: Any) -> Any:
+    """A model as JSON data: what the author gave, under the names of the file."""
+    if isinstance(value, BaseModel):
+        return {
+            field.alias or name: plain(getattr(value, name))
+            for name, field in ((n, type(value).model_fields[n]) for n in field_order(type(value)))
+            if _is_written(value, name, field)
+        }
+    if isinstance(value, Pair):
+        return value.written
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value
+
+
+def _is_written(model: BaseModel, name: str, field: Any) -> bool:
+    """What was given is written, and always the word that tells the kind of a law."""
+    is_kind = name in ("law", "kind") and len(get_args(field.annotation)) == 1
+    given = name in model.model_fields_set
+    return is_kind or (given and not (getattr(model, name) is None and field.default is None))
+
+
+def canonical_text(document: Mapping[str, Any]) -> str:
+    """The text of a document, lines of up to 100 characters where words allow.
+
+    Raises `FormatError` for values that JSON does not know.
+    """
+    _refuse_strange(document, ())
+    return _text(document, 0, 0) + "\n"
+
+
+def _refuse_strange(value: Any, path: tuple[str | int, ...]) -> None:
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            if not isinstance(key, str):
+                raise _strange(path, "a key must be a text", key)
+            _refuse_strange(item, (*path, key))
+    elif isinstance(value, list | tuple):
+        for k, item in enumerate(value):
+            _refuse_strange(item, (*path, k))
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise _strange(path, "must be a finite number", float(value))
+    elif not isinstance(value, str | int | float | None):
+        raise _strange(path, "must be JSON data", value)
+
+
+def _strange(path: tuple[str | int, ...], rule: str, value: Any) -> FormatError:
+    code = "non-finite" if isinstance(value, float) else "not-json"
+    return FormatError(Problem(code, path_text(path), f"{rule}, got {value!r:.60}"))
+
+
+def _text(value: Any, column: int, depth: int, last: bool = True) -> str:
+    """Text of a value that starts at a column; what is not last leaves room for a comma."""
+    if not isinstance(value, Mapping | list | tuple) or not value:
+        return _flat(value, math.inf) or ""
+    room = WIDTH - column - (not last)
+    if depth >= SECTIONS and (flat := _flat(value, room)) is not None:
+        return flat
+    ends, heads, items = _parts(value)
+    indent = " " * (2 * depth + 2)
+    texts = [
+        head + _text(item, len(indent) + len(head), depth + 1, k == len(items))
+        for k, (head, item) in enumerate(zip(heads, items, strict=True), 1)
+    ]
+    lines = texts if depth < KEY_A_LINE else _filled(texts, WIDTH - len(indent))
+    inside = f",\n{indent}".join(lines)
+    return f"{ends[0]}\n{indent}{inside}\n{indent[2:]}{ends[1]}"
+
+
+def _parts(value: Mapping[str, Any] | list[Any] | tuple[Any, ...]) -> tuple[str, list[str], Any]:
+    """Brackets, what stands in front of each item, and the items."""
+    if isinstance(value, Mapping):
+        return "{}", [f"{_word(key)}: " for key in value], list(value.values())
+    return "[]", [""] * len(value), value
+
+
+def _filled(texts: list[str], room: int) -> list[str]:
+    """Items joined to lines; one that is open itself stands alone."""
+    lines: list[str] = []
+    for text in texts:
+        joined = f"{lines[-1]}, {text}" if lines else text
+        if lines and "\n" not in joined and len(joined) < room:  # and a comma
+            lines[-1] = joined
+        else:
+            lines.append(text)
+    return lines
+
+
+def _flat(value: Any, room: float) -> str | None:
+    """A value on one line, or None where it needs more room."""
+    if not isinstance(value, Mapping | list | tuple):
+        text = _word(value)
+        return text if len(text) <= room else None
+    ends, heads, items = _parts(value)
+    room -= 2 * max(1, len(items))  # the brackets, and ", " between the items
+    texts: list[str] = []
+    for head, item in zip(heads, items, strict=True):
+        part = _flat(item, room - len(head))
+        if part is None:
+            return None
+        room -= len(head) + len(part)
+        texts.append(head + part)
+    return ends[0] + ", ".join(texts) + ends[1]
+
+
+def _word(value: Any) -> str:
+    """A key, text, number, true, false or null."""
+    if isinstance(value, float):
+        return float.__repr__(value)  # the shortest that reads back the same
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,226 @@
+"""Readable assertions about a mechanism: ``assert_graph(g).has_mobility(1).balances()``.
+
+Each raises `AssertionError` with a sentence that says what was expected and what was
+found, and gives itself back, so that they chain. A question that makes no sense (an
+output that there is not) is a `RequestError`, as everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.errors import Problem, RequestError
+from blockmech.model.graph import Graph
+from blockmech.testing.expectations import compared, failure_table
+
+if TYPE_CHECKING:
+    from blockmech.judge.limits import Limits
+    from blockmech.mechanism import Mechanism
+
+ROUNDING = 8 * float(np.finfo(float).eps)
+"""Relative, of a driver coordinate: ends of arcs are found to rounding."""
+
+
+def assert_graph(graph: Graph | str | os.PathLike[str]) -> GraphAssertion:
+    """Start a chain of assertions about a graph, or about a graph file.
+
+    >>> import blockmech as bm
+    >>> g = bm.Graph("crank alone")
+    >>> g.add("frame", bm.Frame(markers={"A": (0, 0)}))
+    >>> g.add("crank", bm.Crank(length=2.0))
+    >>> g.connect("frame.A", "crank.A")
+    >>> assert_graph(g).is_formation_sequence("crank").has_mobility(1)
+    <assertions about crank alone>
+    """
+    return GraphAssertion(graph)
+
+
+class GraphAssertion:
+    """A chain of assertions about one graph; made by `assert_graph`."""
+
+    def __init__(self, graph: Graph | str | os.PathLike[str]) -> None:
+        self._given = graph
+
+    @property
+    def _name(self) -> str:
+        return self._given.name if isinstance(self._given, Graph) else os.fspath(self._given)
+
+    @cached_property
+    def _problems(self) -> list[Problem]:
+        if isinstance(self._given, Graph):
+            return self._given.check()
+        from blockmech.model.document import problems_in
+
+        return problems_in(self._given)
+
+    @cached_property
+    def _mechanism(self) -> Mechanism:
+        __tracebackhide__ = True
+        if self._problems:
+            self._fail("a valid mechanism", _lines(self._problems))
+        graph = self._given if isinstance(self._given, Graph) else Graph.load(self._given)
+        return graph.compile()
+
+    def _fail(self, expected: str, found: str) -> NoReturn:
+        __tracebackhide__ = True
+        raise AssertionError(f"{self._name}: expected {expected}, found {found}")
+
+    # -- structure ---------------------------------------------------------------------------
+
+    def is_formation_sequence(self, *blocks: str) -> GraphAssertion:
+        """The graph is valid, and, if blocks are named, forms in that order (ties by name)."""
+        __tracebackhide__ = True
+        order = tuple(self._mechanism.structure.blocks)
+        if blocks and order != blocks:
+            self._fail(f"the formation sequence {_arrows(blocks)}", _arrows(order))
+        return self
+
+    def has_mobility(self, mobility: int) -> GraphAssertion:
+        """The Chebyshev-Gruebler mobility 3n - 2p is that number."""
+        __tracebackhide__ = True
+        s = self._mechanism.structure
+        if s.mobility != mobility:
+            counts = f"{len(s.links) - 1} moving links, {s.pairs} pairs"
+            self._fail(f"mobility {mobility}", f"{s.mobility} ({counts})")
+        return self
+
+    def fails_with(self, code: str, where: str | None = None) -> GraphAssertion:
+        """The check of the graph or file names a problem with that code (at that address)."""
+        __tracebackhide__ = True
+        if not any(p.code == code and where in (None, p.where) for p in self._problems):
+            place = f" at {where}" if where is not None else ""
+            valid = "no problem: the mechanism is valid"
+            self._fail(
+                f'the problem "{code}"{place}', _lines(self._problems) if self._problems else valid
+            )
+        return self
+
+    # -- motion ------------------------------------------------------------------------------
+
+    def closes_on(
+        self, driver: str, start: float, end: float, at: Mapping[str, float] | None = None
+    ) -> GraphAssertion:
+        """Every group closes while the driver goes from start to end [rad or m].
+
+        Found from the feasible arcs of the driver, not from samples. ``at`` says where
+        other drivers stand, by default where their laws of motion begin.
+        """
+        __tracebackhide__ = True
+        from blockmech.judge.limits import limits
+
+        found = limits(self._mechanism, driver, at)
+        if not _holds(found, start, end):
+            stretch = f"from {start:.9g} to {end:.9g} {found.unit}"
+            self._fail(f"every group to close on {driver}.q {stretch}", str(found))
+        return self
+
+    # -- numbers -----------------------------------------------------------------------------
+
+    def balances(self, **request: Any) -> GraphAssertion:
+        """Forces, moments and powers balance; ``request`` as for `Mechanism.verify`."""
+        __tracebackhide__ = True
+        found = self._mechanism.verify(**request)
+        if found.samples == 0:
+            self._fail("balances", "no sample with an answer to balance")
+        wrong = [r for r in found.rows if not r.ok]
+        if wrong:
+            rows = (f"  {r.name}: {r.value:.3g} where {r.allowed:.3g} is allowed" for r in wrong)
+            self._fail(
+                f"all {len(found.rows)} balances to hold",
+                "\n".join([f"{len(wrong)} that do not (relative error [-])", *rows]),
+            )
+        return self
+
+    def has_output(
+        self,
+        name: str,
+        *,
+        value: Any,
+        rtol: float | None = None,
+        atol: float | None = None,
+        **request: Any,
+    ) -> GraphAssertion:
+        """An output has these values within a tolerance.
+
+        Parameters
+        ----------
+        name : one output, e.g. "dyad.j.omega"
+        value : number, or complex or [x, y] for a vector; one, or one a sample
+        rtol, atol : relative [-] and absolute [unit of the output] tolerance; at least
+            one. A value is met within the larger of ``atol`` and ``rtol`` times its size.
+        request : samples and settings as for `Mechanism.run` (at, times, friction ...)
+
+        Raises `RequestError` for what cannot be asked, `AssertionError` for other values.
+        """
+        __tracebackhide__ = True
+        if not {"at", "times", "samples"} & set(request):
+            raise _wrong("no samples are named", "give at=, times= or samples=")
+        if rtol is None and atol is None:
+            raise _wrong("no tolerance is given", "give rtol=, atol= or both")
+        result = self._mechanism.run(want=[name], **{**request, "on_gap": "mark"})
+        if tuple(result) != (name,):
+            raise _wrong(f"{name} is a pattern", "name one output")
+        kind = result.output(name).kind
+        expected = _expected(value, kind, 1 if kind == "number" else result.n)
+        outcomes = list(compared(result, name, expected, rtol or 0.0, atol or 0.0))
+        if not all(o.ok for o in outcomes):
+            failed = sum(not o.ok for o in outcomes)
+            count = f"{failed} of {len(outcomes)} not met:" if len(outcomes) > 1 else "it not met:"
+            self._fail(f"{name} within its tolerance", f"{count}\n{failure_table(outcomes)}")
+        return self
+
+    def __repr__(self) -> str:
+        return f"<assertions about {self._name}>"
+
+
+def _expected(value: Any, kind: str, count: int) -> NDArray[Any]:
+    """What the caller expects as one number a sample, complex for vectors."""
+    if kind == "matrix":
+        raise _wrong("a matrix over the drivers cannot be expected", "name another output")
+    numbers = np.asarray(value)
+    if kind == "vector" and not np.iscomplexobj(numbers) and numbers.shape[-1:] == (2,):
+        numbers = numbers[..., 0] + 1j * numbers[..., 1]
+    numbers = np.atleast_1d(numbers)
+    fits = np.iscomplexobj(numbers) == (kind == "vector") and numbers.dtype.kind in "iufc"
+    if not fits or numbers.shape != (count,) or not np.isfinite(numbers).all():
+        form = "complex or [x, y]" if kind == "vector" else "a real number"
+        many = f"{count} values" if count > 1 else "one value"
+        raise _wrong(f"value is {value!r}", f"give {many}, each {form} and finite")
+    return numbers.astype(np.complex128 if kind == "vector" else np.float64)
+
+
+def _holds(limits: Limits, start: float, end: float) -> bool:
+    """Whether one feasible arc holds all from start to end."""
+    if limits.whole_turn:
+        return True
+    slack = ROUNDING * max(1.0 if limits.unit == "rad" else 0.0, abs(start), abs(end))
+    for arc in limits.arcs:
+        first = start
+        if limits.unit == "rad" and math.isfinite(arc.length):
+            middle = (arc.start.q + arc.end.q) / 2
+            low = middle + math.remainder((start + end) / 2 - middle, 2 * math.pi)
+            first = low - (end - start) / 2
+        last = first + (end - start)
+        if arc.start.q - slack <= min(first, last) and max(first, last) <= arc.end.q + slack:
+            return True
+    return False
+
+
+def _lines(problems: Iterable[Problem]) -> str:
+    said = [str(p) for p in problems]
+    return said[0] if len(said) == 1 else "\n".join([f"{len(said)} problems:", *said])
+
+
+def _arrows(blocks: Iterable[str]) -> str:
+    return " -> ".join(blocks)
+
+
+def _wrong(found: str, remedy: str) -> RequestError:
+    return RequestError(Problem("bad-request", "has_output", found, "", remedy))

@@ -1,0 +1,59 @@
+"""The conformance suite: does a block keep its contract?
+
+    from blockmech.testing import conformance
+    conformance("geneva.rod", example={"length": 0.2})
+
+makes random motions and a test rig for the block and tests every numbered rule at
+the head of `blockmech.blocks.contract` (of loads: of `blockmech.loads.contract`).
+What fails is named by its rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from blockmech.blocks.contract import REGISTRY, Block, Moving
+from blockmech.errors import RequestError
+from blockmech.loads.contract import Element
+from blockmech.testing.block_rules import BlockRules
+from blockmech.testing.element_rules import ElementRules
+from blockmech.testing.rules import ConformanceError, Report
+
+__all__ = ["ConformanceError", "Report", "conformance"]
+
+
+def conformance(
+    block: str | Block, example: Mapping[str, Any] | None = None, *, seed: int = 0
+) -> Report:
+    """Test a block against the numbered rules of its contract.
+
+    Parameters
+    ----------
+    block : a registered type such as ``"dyad.rrr"``, or a block itself
+    example : parameters of the block to test, where a type is given
+    seed : of the random motions; the same seed gives the same test
+
+    Returns
+    -------
+    Report with the errors that were measured; print it
+
+    Raises
+    ------
+    ConformanceError (an AssertionError) that names every rule that fails, and how
+    RequestError for an unknown type
+
+    >>> conformance("dyad.rrr", example={"l_i": 3.0, "l_j": 4.0}).name
+    'dyad.rrr'
+    """
+    if isinstance(block, str):
+        cls = REGISTRY.get(block)
+        if cls is None:
+            raise RequestError(REGISTRY.unknown(block, "conformance"))
+        block = cls(**(example or {}))
+    name = block.type_name or type(block).__name__
+    if isinstance(block, Element):
+        return ElementRules(block).report(name)
+    if isinstance(block, Moving):
+        return BlockRules(block, seed).report(name)
+    return Report(name)  # a frame has no kernels

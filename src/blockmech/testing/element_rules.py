@@ -1,0 +1,133 @@
+"""The numbered rules of a load, tested between links that move in any way.
+
+The rules stand at the head of `blockmech.loads.contract`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.blocks.crank import Crank
+from blockmech.blocks.frame import Frame
+from blockmech.blocks.slide_drive import SlideDrive
+from blockmech.loads.contract import POSITION_READS, Element, Following
+from blockmech.mechanism import Mechanism
+from blockmech.model.graph import Graph
+from blockmech.model.laws_of_motion import Harmonic
+from blockmech.testing.batches import same_bits
+from blockmech.testing.rules import DERIVATIVE, Checks, derivative
+from blockmech.values import Link, Marker, Place, Vector
+
+TIMES = np.linspace(0.3, 2.3, 9)  # [s]
+Array = NDArray[Any]
+
+
+class ElementRules(Checks):
+    """Rules 1 to 5 of a load."""
+
+    def __init__(self, element: Element) -> None:
+        super().__init__()
+        self.element = element
+        self.mechanism = _rig(element)
+        self.loads = [
+            f"load.{n}.{'force' if t.kind == 'point' else 'couple'}"
+            for n, t in element.terminals.items()
+        ]
+
+    def _run(self, times: Array, want: Any, **more: Any) -> Any:
+        return self.mechanism.run(times=times, want=want, on_gap="mark", **more)
+
+    def terminals(self) -> Iterator[str]:
+        """There is a finite force or couple at each terminal."""
+        found = self._run(TIMES, self.loads)
+        for name in self.loads:
+            if not np.all(np.isfinite(found[name])):
+                yield f"{name} is not finite"
+
+    def readings(self) -> Iterator[str]:
+        """What is read is declared at terminals that exist."""
+        known = {*self.element.terminals, "driver", "time"}
+        for terminal, what in self.element.reads().items():
+            if terminal not in known:
+                yield f"reads {what} at {terminal}, which is no terminal"
+
+    def kernel(self) -> Iterator[str]:
+        """Engines agree, a sample does not depend on its neighbours, powers balance."""
+        scalar, batch = (self._run(TIMES, self.loads, engine=e) for e in ("scalar", "numpy"))
+        alone = self._run(TIMES[4:5], self.loads, engine="numpy")
+        for name in self.loads:
+            scale = float(np.max(abs(batch[name]))) or 1.0
+            yield from self.same(f"scalar {name} against a batch", scalar[name], batch[name], scale)
+            if not same_bits(alone[name], batch[name][4:5]):
+                yield f"{name} of a sample alone is not the same as in a batch"
+        for row in self.mechanism.verify(times=TIMES).rows:
+            self.measured[row.name] = row.value
+            if not row.ok:
+                yield f"{row.name} is off by {row.value:.1e} of its terms"
+
+    def energy(self) -> Iterator[str]:
+        """What the load gives to the links comes out of the stored energy, or is damped."""
+        reads = {x for what in self.element.reads().values() for x in what}
+        if self.element.energy() is None:
+            return
+        power = self._power()
+        stored = "mechanism.potential_energy"
+        rate = derivative(lambda t: {"V": self._run(TIMES + t, stored)[stored]})["V"]
+        scale = float(np.max(abs(rate)) + np.max(abs(power))) or 1.0
+        if reads <= set(POSITION_READS):
+            yield from self.same("power from the stored energy", power, -rate, scale, DERIVATIVE)
+        elif np.any(power + rate > DERIVATIVE * scale):
+            yield "it gives more than it stores"
+
+    def _power(self) -> Array:
+        """Power [W] that the load gives to the links."""
+        total = np.zeros(len(TIMES))
+        for name, (terminal, declared) in zip(
+            self.loads, self.element.terminals.items(), strict=True
+        ):
+            v = (
+                f"turn_{terminal}.hand.v"
+                if declared.kind == "point"
+                else f"turn_{terminal}.crank.omega"
+            )
+            found = self._run(TIMES, (name, v))
+            total = total + (found[name] * np.conj(found[v])).real
+        return total
+
+    rules = {
+        "rule 1 (terminals)": terminals,
+        "rule 2 (readings are declared)": readings,
+        "rule 3 (kernel)": kernel,
+        "rule 4 (energy)": energy,
+    }
+
+
+def _rig(element: Element) -> Mechanism:
+    """Each terminal on a turntable that swings in all three ways."""
+    graph = Graph("rig")
+    graph.add("frame", Frame(markers={"x": Marker(at=Place(0j), angle=0.0)}))
+    for k, terminal in enumerate(element.terminals):
+        upright = {"slider": Link(markers={"y": Marker(at=Place(0j), dir=Vector(1j))})}
+        graph.add(f"x_{terminal}", SlideDrive(links=upright))
+        graph.add(f"y_{terminal}", SlideDrive())
+        table = Link(mass=1.0, markers={"hand": Marker(at=Place(0.3 + 0.1j))})
+        graph.add(f"turn_{terminal}", Crank(links={"crank": table}))
+        graph.connect("frame.x", f"x_{terminal}.S")
+        graph.connect(f"x_{terminal}.y", f"y_{terminal}.S")
+        graph.connect(f"y_{terminal}.S", f"turn_{terminal}.A")
+        for j, way in enumerate(("x", "y", "turn")):
+            law = Harmonic(
+                mean=2.0 * k * (j == 0), amplitude=0.5, frequency=0.2 + 0.05 * j, phase=k + j
+            )
+            graph.drive(f"{way}_{terminal}", law)
+    if isinstance(element, Following) and element.driver is not None:
+        element = element.model_copy(update={"driver": f"turn_{next(iter(element.terminals))}"})
+    graph.add("load", element)
+    for terminal, declared in element.terminals.items():
+        source = "hand" if declared.kind == "point" else "crank"
+        graph.connect(f"turn_{terminal}.{source}", f"load.{terminal}")
+    return graph.compile()

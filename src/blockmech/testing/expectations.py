@@ -1,0 +1,363 @@
+"""Graph files that are tests: the numbers under ``expect``, computed and compared.
+
+A number is met where the distance to it is within its tolerance, the larger of ``atol``
+and ``rtol`` times its size; of a 0, ``rtol`` times the largest size that the entry expects
+of that output. The size of a vector is its length, so a small component beside a large
+one is not held to digits it cannot have. Angles of links are compared modulo a turn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.errors import BlockmechError, FormatError, Problem, RequestError
+from blockmech.model.expect import Expectation
+from blockmech.model.problems import in_file, path_text
+from blockmech.model.refusals import validated
+from blockmech.values import shown
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+    from blockmech.model.graph import Graph
+    from blockmech.result import Result
+
+NEEDS_DYNAMICS = "needs forward dynamics"
+NO_SIZE = "every expected number is 0, so only an atol allows an error"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One expected number, and what came out.
+
+    Attributes
+    ----------
+    output : name of the output
+    unit : of ``expected``, ``got``, ``tolerance`` and ``error``
+    expected : complex x + iy for a vector
+    got : the same, None where there is no answer
+    tolerance : distance that is allowed
+    error : distance between the two, None where there is no answer
+    margin : smallest margin of the groups computed for the sample [-], None if there is none
+    sample : number of the sample in the entry
+    drivers : driver -> coordinate [rad or m] of the sample; empty for one number a run
+    entry : number of the entry in ``expect``
+    reason : why there is no answer, or why the tolerance is 0
+    """
+
+    output: str
+    unit: str
+    expected: complex | float
+    got: complex | float | None
+    tolerance: float
+    error: float | None
+    margin: float | None
+    sample: int
+    drivers: Mapping[str, float]
+    entry: int = 0
+    reason: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the number is met."""
+        return self.error is not None and self.error <= self.tolerance
+
+    def to_dict(self) -> dict[str, Any]:
+        """The outcome as a JSON object; vectors are [x, y]."""
+        return {
+            "output": self.output,
+            "unit": self.unit,
+            "sample": self.sample,
+            "drivers": {f"{d}.q": q for d, q in self.drivers.items()},
+            "expected": _pair(self.expected),
+            "got": _pair(self.got),
+            "tolerance": self.tolerance,
+            "error": self.error,
+            "margin": self.margin,
+            "ok": self.ok,
+            **({"reason": self.reason} if self.reason else {}),
+        }
+
+
+def _pair(x: complex | float | None) -> Any:
+    return [x.real, x.imag] if isinstance(x, complex) else x
+
+
+# -- running ---------------------------------------------------------------------------------
+
+
+def check_expectations(graph: Graph) -> list[Outcome]:
+    """Compute and compare every number that a graph expects; an empty list if it has none.
+
+    Raises
+    ------
+    GraphError if the graph is not complete
+    FormatError, RequestError for entries that ask for what there is not, all at once
+    """
+    expectations = expectations_of(graph)
+    if not expectations:
+        return []
+    mechanism = graph.compile()
+    found: list[Outcome] = []
+    problems: list[Problem] = []
+    for k, expectation in enumerate(expectations):
+        try:
+            found += check_expectation(mechanism, expectation, k)
+        except BlockmechError as error:
+            problems += error.problems
+    if problems:
+        raise RequestError(in_file(problems, graph.file))
+    return found
+
+
+def expectations_of(graph: Graph) -> list[Expectation]:
+    """The entries under ``expect``. Raises `FormatError` for ones written wrongly in Python."""
+    found: list[Expectation] = []
+    problems: list[Problem] = []
+    for k, entry in enumerate(graph.extras.get("expect") or ()):
+        expectation, wrong = validated(Expectation, entry, "an expectation", ("expect", k))
+        found += [expectation] if expectation else []
+        problems += wrong
+    if problems:
+        raise FormatError(in_file(problems, graph.file))
+    return found
+
+
+def check_expectation(
+    mechanism: Mechanism, expectation: Expectation, entry: int = 0
+) -> list[Outcome]:
+    """Compute and compare the numbers of one entry, in the entry's order.
+
+    Only the wanted outputs are computed. Raises `RequestError` with all problems for
+    outputs or drivers that there are not.
+    """
+    problems = [
+        Problem(code, path_text(("expect", entry, "want", name)), found, valid, remedy)
+        for name, values in expectation.want.items()
+        for code, found, valid, remedy in _misfit(mechanism, name, values, expectation.samples)
+    ]
+    if problems:
+        raise RequestError(problems)
+    if expectation.simulate is not None:
+        return list(_untested(mechanism, expectation, entry))
+    try:
+        result = mechanism.run(
+            at=expectation.at,
+            want=tuple(expectation.want),
+            friction=expectation.friction,
+            tolerance=expectation.tolerance,
+            iterations=expectation.iterations,
+            on_gap="mark",
+        )
+    except RequestError as error:
+        where = path_text(("expect", entry))
+        raise RequestError(
+            replace(p, where=f"{where}.{p.where}") for p in error.problems
+        ) from error
+    rtol, atol = expectation.rtol or 0.0, expectation.atol or 0.0
+    return [
+        replace(outcome, entry=entry)
+        for name, values in expectation.want.items()
+        for outcome in compared(result, name, as_numbers(values), rtol, atol)
+    ]
+
+
+def check_closing(mechanism: Mechanism) -> None:
+    """Let every group close where the laws of motion, or else the free motion, begin.
+
+    Raises `AssemblyError` if one does not. A mechanism of whose drivers nothing says where
+    they begin is not tried.
+    """
+    drivers, scene = mechanism.drivers, mechanism.scene
+    groups = [b for b in mechanism.structure.blocks if b not in drivers]
+    want = [f"{b}.margin" for b in groups]
+    if not want:
+        return
+    if all(d in scene.drive for d in drivers):
+        mechanism.run(samples=1, want=want)
+    elif all(d in scene.initial for d in drivers):
+        mechanism.run({d: scene.initial[d].q for d in drivers}, want=want)
+
+
+def as_numbers(values: Sequence[Any]) -> NDArray[Any]:
+    """Numbers (n,), or [x, y] pairs as complex numbers (n,)."""
+    table = np.asarray(values, dtype=np.float64)
+    return table if table.ndim == 1 else table[:, 0] + 1j * table[:, 1]
+
+
+Misfit = tuple[str, str, str, str]
+
+
+def _misfit(
+    mechanism: Mechanism, name: str, values: Sequence[Any], samples: int
+) -> Iterator[Misfit]:
+    """Why these values cannot be those of that output: code, found, valid, remedy."""
+    outputs = mechanism.outputs
+    if name not in outputs:
+        try:
+            matched = outputs.match([name])
+        except RequestError as error:
+            for p in error.problems:
+                yield p.code, p.found, p.valid, p.remedy
+            return
+        remedy = f'write "{matched[0]}"'
+        yield "bad-expectation", "a pattern", "an expectation names one output", remedy
+        return
+    kind = outputs[name].kind
+    if kind == "matrix":
+        found = "a matrix over the drivers cannot be expected"
+        yield "bad-expectation", found, "", "name another output"
+    elif (kind == "vector") != isinstance(values[0], Sequence):
+        is_a = "a vector [x, y]" if kind == "vector" else "a number"
+        yield "bad-expectation", f"the output is {is_a}, got {shown(values[0])}", "", ""
+    count = 1 if kind == "number" else samples
+    if len(values) != count:
+        valid = "one number a run" if kind == "number" else "one value a sample"
+        yield "bad-expectation", f"has {len(values)} values, needs {count}", f"it has {valid}", ""
+
+
+def _untested(mechanism: Mechanism, expectation: Expectation, entry: int) -> Iterator[Outcome]:
+    """What a free motion should give, as not met: nothing computes it yet."""
+    for name, values in expectation.want.items():
+        expected = as_numbers(values)
+        unit = mechanism.outputs[name].unit
+        tolerances = _tolerances(expected, expectation.rtol or 0.0, expectation.atol or 0.0)
+        for i, (wanted, tolerance) in enumerate(
+            zip(expected.tolist(), tolerances.tolist(), strict=True)
+        ):
+            yield Outcome(
+                name, unit, wanted, None, tolerance, None, None, i, {}, entry, NEEDS_DYNAMICS
+            )
+
+
+# -- comparing -------------------------------------------------------------------------------
+
+
+def compared(
+    result: Result, name: str, expected: NDArray[Any], rtol: float, atol: float
+) -> Iterator[Outcome]:
+    """Compare one computed output with its expected values, one outcome for each.
+
+    Parameters
+    ----------
+    result : a run that holds the output
+    expected : (n,) one value a sample, complex for vectors; (1,) for one number a run
+    rtol, atol : relative [-] and absolute [unit of the output] tolerance
+    """
+    output = result.output(name)
+    whole = output.kind == "number"
+    got = np.broadcast_to(result[name], expected.shape)
+    errors = _distances(name, got, expected)
+    tolerances = _tolerances(expected, rtol, atol)
+    margins = _least_margins(result)
+    for i in range(len(expected)):
+        known = bool(np.isfinite(got[i]))
+        reason = "" if known else _why_not(result, None if whole else i)
+        if known and tolerances[i] == 0 and errors[i] > 0 and rtol > 0:
+            reason = NO_SIZE
+        yield Outcome(
+            name,
+            output.unit,
+            expected[i].item(),
+            got[i].item() if known else None,
+            float(tolerances[i]),
+            float(errors[i]) if known else None,
+            _finite(margins.min() if whole else margins[i]),
+            i,
+            {} if whole else {d[:-2]: float(q[i]) for d, q in result.drivers.items()},
+            reason=reason,
+        )
+
+
+def _distances(name: str, got: NDArray[Any], expected: NDArray[Any]) -> NDArray[Any]:
+    """Distance (n,) of what came out from what is expected; of angles, the short way round."""
+    difference = got - expected
+    if name.endswith(".angle"):
+        difference = np.array([math.remainder(x, 2 * math.pi) for x in difference])
+    found: NDArray[Any] = np.abs(difference)
+    return found
+
+
+def _tolerances(expected: NDArray[Any], rtol: float, atol: float) -> NDArray[Any]:
+    """Allowed distances (n,); see the head of this file."""
+    size = np.abs(expected)
+    size = np.where(size == 0, size.max(), size)
+    found: NDArray[Any] = np.maximum(rtol * size, atol)
+    return found
+
+
+def _least_margins(result: Result) -> NDArray[Any]:
+    """Smallest margin (n,) of the groups of each sample, infinite if no group is computed."""
+    rows = list(result.quality.margin.values())
+    if not rows:
+        return np.full(result.n, np.inf)
+    table = np.array([np.broadcast_to(row, result.n) for row in rows], dtype=float)
+    # Behind a group that cannot close, the later ones have no margin.
+    found: NDArray[Any] = np.where(np.isnan(table), np.inf, table).min(axis=0)
+    return found
+
+
+def _finite(x: Any) -> float | None:
+    return float(x) if np.isfinite(x) else None
+
+
+def _why_not(result: Result, sample: int | None) -> str:
+    """Why a sample, or a number of the whole run, has no answer."""
+    quality = result.quality
+    if sample is None:
+        sample = next(iter(quality.gaps), None)
+    if sample is None or quality.status[sample] == "ok":
+        return "not defined there"
+    block = quality.blame[sample]
+    return f"{quality.status[sample]} ({block})" if block else "not defined there"
+
+
+# -- showing ---------------------------------------------------------------------------------
+
+MOST_ROWS = 12
+HEAD = ("output", "sample", "expected", "got", "error", "tolerance", "margin")
+
+
+def failure_table(outcomes: Iterable[Outcome]) -> str:
+    """The numbers that are not met as a table, the worst first."""
+    failed = sorted((o for o in outcomes if not o.ok), key=_badness, reverse=True)
+    rows = [HEAD, *(_row(o) for o in failed[:MOST_ROWS])]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+    if len(failed) > MOST_ROWS:
+        lines.append(f"... and {len(failed) - MOST_ROWS} more")
+    notes = dict.fromkeys(f"{o.output}: {o.reason}" for o in failed if o.reason and o.error)
+    return "\n".join([*lines, *notes])
+
+
+def _badness(outcome: Outcome) -> float:
+    if outcome.error is None or outcome.tolerance == 0:
+        return math.inf
+    return outcome.error / outcome.tolerance
+
+
+def _row(o: Outcome) -> tuple[str, ...]:
+    at = ", ".join(f"{d} = {q:.6g}" for d, q in o.drivers.items())
+    return (
+        f"{o.output} [{o.unit}]" if o.unit else o.output,
+        f"{o.sample}: {at}" if at else str(o.sample),
+        _number(o.expected),
+        o.reason if o.got is None else _number(o.got),
+        "-" if o.error is None else f"{o.error:.3g}",
+        f"{o.tolerance:.3g}",
+        "-" if o.margin is None else f"{o.margin:.3g}",
+    )
+
+
+def _number(x: complex | float) -> str:
+    if isinstance(x, complex):
+        return f"[{x.real:.12g}, {x.imag:.12g}]"
+    return f"{x:.12g}"

@@ -1,0 +1,143 @@
+"""Collectors of graph files, loaded by `pytest_blockmech` where a folder is named.
+
+    [pytest]
+    blockmech_graphs = graphs
+
+Each file in such a folder is a collector and each entry of its ``expect`` a test; a graph
+without any is one test that it closes where its laws of motion begin. Files under
+``broken`` and ``legacy`` are left out. The folders join every run of the whole suite;
+``pytest graphs/watt.json`` and ``pytest "graphs/watt.json::expect[0]"`` run parts.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from blockmech.errors import BlockmechError
+from blockmech.model.graph import Graph
+from blockmech.testing.expectations import (
+    check_closing,
+    check_expectation,
+    expectations_of,
+    failure_table,
+)
+from blockmech.testing.files import is_graph_of
+from pytest_blockmech import FOLDERS
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+    from blockmech.model.expect import Expectation
+
+
+class NotMet(AssertionError):
+    """Expected numbers that came out differently; the text is the table of them."""
+
+
+def join(config: pytest.Config) -> None:
+    """Let the folders take part where the whole suite runs. Raises for a missing folder."""
+    for folder in _folders(config):
+        if not folder.is_dir():
+            raise pytest.UsageError(f"{FOLDERS} names {folder}, which is not a folder")
+        if _runs_all(config) and not _is_named(config, folder):
+            config.args.append(str(folder))
+
+
+def _folders(config: pytest.Config) -> list[Path]:
+    return [Path(_absolute(folder)) for folder in config.getini(FOLDERS)]
+
+
+def _runs_all(config: pytest.Config) -> bool:
+    """Whether the run is of all test paths, named or not, and not of some tests."""
+    if config.args_source is pytest.Config.ArgsSource.TESTPATHS:
+        return True
+    whole = {_absolute(config.rootpath / p) for p in config.getini("testpaths")}
+    return (whole or {_absolute(config.rootpath)}) <= set(_named(config))
+
+
+def _is_named(config: pytest.Config, folder: Path) -> bool:
+    return any(folder.is_relative_to(path) for path in _named(config))
+
+
+def _named(config: pytest.Config) -> Iterator[str]:
+    return (_absolute(config.invocation_params.dir / arg) for arg in config.args)
+
+
+def _absolute(path: Path) -> str:
+    return os.path.abspath(path)  # not resolve(): an argument may be "file::test", no path
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> GraphFile | None:
+    """A collector for a graph file in one of the folders."""
+    if any(is_graph_of(folder, file_path) for folder in _folders(parent.config)):
+        found: GraphFile = GraphFile.from_parent(parent, path=file_path)
+        return found
+    return None
+
+
+class GraphFile(pytest.File):  # type: ignore[misc]
+    """A graph file; its tests are its expectations."""
+
+    @cached_property
+    def graph(self) -> Graph:
+        """The graph. Raises `FormatError` or `GraphError`."""
+        return Graph.load(self.path)
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The mechanism, compiled once for all entries."""
+        return self.graph.compile()
+
+    def collect(self) -> Iterable[GraphTest]:
+        """One test for each entry; a wrong file is one failing test and stops no other."""
+        try:
+            expectations = expectations_of(self.graph)
+        except BlockmechError as error:
+            yield self._test("reads", partial(_refuse, error))
+            return
+        if not expectations:
+            yield self._test("closes", lambda: check_closing(self.mechanism))
+        for k, expectation in enumerate(expectations):
+            yield self._test(f"expect[{k}]", partial(self._check, k, expectation))
+
+    def _test(self, name: str, body: Callable[[], None]) -> GraphTest:
+        found: GraphTest = GraphTest.from_parent(self, name=name, body=body)
+        return found
+
+    def _check(self, k: int, expectation: Expectation) -> None:
+        outcomes = check_expectation(self.mechanism, expectation, k)
+        failed = sum(not o.ok for o in outcomes)
+        if failed:
+            head = f"{failed} of {len(outcomes)} numbers are not met ({expectation.source})"
+            raise NotMet(f"{head}\n\n{failure_table(outcomes)}")
+
+
+class GraphTest(pytest.Item):  # type: ignore[misc]
+    """One test of a graph file."""
+
+    def __init__(self, *, body: Callable[[], None], **node: Any) -> None:
+        super().__init__(**node)
+        self._body = body
+
+    def runtest(self) -> None:
+        """Run it; a failure is an exception."""
+        self._body()
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """What is wrong with the file or its numbers, without a traceback."""
+        if isinstance(excinfo.value, NotMet | BlockmechError):
+            return f"{self.nodeid}\n{excinfo.value}"
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Where the test stands."""
+        return self.path, None, f"{self.path.name}: {self.name}"
+
+
+def _refuse(error: BlockmechError) -> None:
+    raise error

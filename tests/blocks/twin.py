@@ -1,0 +1,176 @@
+"""The same mechanism for the independent judge: a compiled mechanism as a multibody system.
+
+Links are named ``block.link``, joints ``block.joint``, drivers and elements like
+their blocks; "frame" is the fixed link. The assembly mode is told by poses alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+import blockmech as bm
+from blockmech.blocks.contract import BuiltIn, Line
+from blockmech.model.structure import JointRef, LinkRef
+
+from tests.independent import multibody as mb
+
+
+class Twin:
+    """A mechanism and its multibody system."""
+
+    def __init__(self, mechanism):
+        self.mechanism = mechanism
+        self.structure = mechanism.structure
+        self.system = mb.System(
+            links={str(link): self._link(link) for link in self._moving()},
+            joints=dict(self._joints()),
+            drivers={d: self._driver(d) for d in self.structure.drivers},
+            loads={
+                name: self._load(name, element)
+                for name, element in self.structure.elements.items()
+            },
+            gravity=pair(mechanism.scene.gravity.z),
+        )
+
+    def _moving(self):
+        return [link for link in self.structure.links if link != self.structure.frame_link]
+
+    def _name(self, link):
+        return "frame" if link == self.structure.frame_link else str(link)
+
+    def _link(self, link):
+        p = self.structure.properties(link)
+        return mb.Link(p.mass, p.inertia, pair(p.cm.z))
+
+    def _place(self, marker):
+        """Place and angle of a marker in its link's frame."""
+        declared = self.structure.marker(marker)
+        if isinstance(declared, BuiltIn):
+            block = self.structure.block(marker.block)
+            return (getattr(block, declared.along) if declared.along else 0.0, 0.0), 0.0
+        return pair(declared.at.z), float(np.angle(declared.direction))
+
+    def _joints(self):
+        for name, block in self.structure.blocks.items():
+            for joint in block.joints.values():
+                yield f"{name}.{joint.name}", self._joint(JointRef(name, joint.name), block, joint)
+
+    def _joint(self, ref, block, joint):
+        earlier, later = self.structure.earlier_link(ref), self.structure.later_link(ref)
+        friction = block.friction.get(joint.name)
+        if joint.outer:
+            at, angle = self._place(self.structure.feeds[ref])
+        elif joint.kind == "P":
+            at, angle = on_line(block, joint, earlier.link)
+        else:
+            at, angle = self._pin(block, joint, earlier.link), 0.0
+        if joint.kind == "P":
+            own_at, own_angle = on_line(block, joint, later.link)
+        else:
+            own_at, own_angle = self._pin(block, joint, later.link), 0.0
+        return mb.Joint(
+            joint.kind,
+            (self._name(earlier), self._name(later)),
+            (at, own_at),
+            (angle, own_angle),
+            slider=int(block.slider_owner(joint.name) == "later"),
+            friction=friction
+            and mb.Friction(friction.coefficient, friction.radius or 0.0, friction.guide_length),
+        )
+
+    def _pin(self, block, joint, link):
+        """Place of a pin on a link: the built-in marker there that bears the joint's name."""
+        for name in (joint.name, f"{joint.name}j"):
+            on, marker = block.markers_of().get(name, ("", None))
+            if on == link:
+                return (getattr(block, marker.along) if marker.along else 0.0, 0.0)
+        raise LookupError(f"no marker for joint {joint.name} on link {link}")
+
+    def _driver(self, name):
+        return mb.Driver(joint=f"{name}.{self.structure.blocks[name].drive}")
+
+    def _load(self, name, element):
+        held = {t: self.structure.holds[JointRef(name, t)] for t in element.terminals}
+        links = tuple(self._name(m.on) for m in held.values())
+        places = tuple(self._place(m)[0] for m in held.values())
+        if isinstance(element, bm.Force):
+            return mb.Force(links[0], places[0], pair(element.force.z), element.axes)
+        if isinstance(element, bm.Couple):
+            return mb.Couple(links[0], element.moment)
+        if isinstance(element, bm.Spring):
+            numbers = element.stiffness, element.free_length, element.damping
+            return mb.Spring(links, places, *numbers)
+        numbers = element.stiffness, element.rest_angle, element.damping
+        return mb.TorsionSpring(*numbers, links=links)
+
+    # -- the judge's answer at a sample ----------------------------------------------------
+
+    def judge(self, q, qd, qdd, friction=True):
+        """Everything at one sample: driver coordinates, rates and accelerations (d,)."""
+        poses = mb.assemble(self.system, self._guess(q), self._coordinates(q), refine=True)
+        rates = mb.rates(self.system, poses, qd)
+        accelerations = mb.accelerations(self.system, poses, rates, qdd)
+        found = mb.reactions(self.system, poses, rates, accelerations, friction=friction)
+        names = list(self.system.links)
+        return Verdict(
+            dict(zip(names, poses, strict=True)),
+            dict(zip(names, rates, strict=True)),
+            dict(zip(names, accelerations, strict=True)),
+            found,
+            mb.conditioning(self.system, poses),
+        )
+
+    def _coordinates(self, q):
+        """The judge's driver coordinates: it does not know of offsets."""
+        offsets = []
+        for name in self.structure.drivers:
+            ref = JointRef(name, self.structure.blocks[name].drive)
+            turn = 0.0
+            if self.structure.joint(ref).kind == "R":
+                turn = self._place(self.structure.feeds[ref])[1]
+            offsets.append(turn + self.structure.blocks[name].offset)
+        return np.asarray(q, float) + offsets
+
+    def _guess(self, q):
+        """Poses by blockmech itself: they fix the assembly mode, the judge refines them."""
+        want = [f"{link}.{x}" for link in self._moving() for x in ("p", "angle")]
+        at = dict(zip(self.structure.drivers, q, strict=True))
+        run = self.mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), want=want)
+        rows = [
+            (run[f"{link}.p"][0].real, run[f"{link}.p"][0].imag, run[f"{link}.angle"][0])
+            for link in self._moving()
+        ]
+        # A crank's angle is its coordinate, which counts turns.
+        poses = np.array(rows)
+        coordinates = self._coordinates(q)
+        for k, name in enumerate(self.structure.drivers):
+            block = self.structure.blocks[name]
+            ref = JointRef(name, block.drive)
+            earlier = self.structure.earlier_link(ref)
+            if block.rotary:
+                base = 0.0
+                if earlier != self.structure.frame_link:
+                    base = poses[self._moving().index(earlier), 2]
+                row = self._moving().index(LinkRef(name, block.link_names[0]))
+                poses[row, 2] = base + coordinates[k]
+        return poses
+
+
+class Verdict(NamedTuple):
+    """Poses, rates, accelerations (3,) by link, forces, and the condition of the Jacobian."""
+
+    poses: dict
+    rates: dict
+    accelerations: dict
+    forces: mb.Reactions
+    condition: float
+
+
+def on_line(block, joint, link):
+    """Place and angle of a P joint's line on one of the block's links."""
+    turn = joint.lines.get(link, Line()).turn
+    return pair(block.slider_place(joint.name, link)), getattr(block, turn) if turn else 0.0
+
+
+def pair(z):
+    return (z.real, z.imag)

@@ -1,0 +1,87 @@
+"""Calling the command line inside this process, and files for it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import blockmech as bm
+from blockmech.cli import main
+from examples.wire_ruiz import fourbar
+
+
+class Said(NamedTuple):
+    """What a call answered."""
+
+    code: int
+    out: str
+    err: str
+
+
+Call = Callable[..., Said]
+
+
+@pytest.fixture
+def call(capsys: pytest.CaptureFixture[str]) -> Call:
+    """``call("run", file)``: exit code, standard output and standard error of the command."""
+
+    def calling(*words: str | os.PathLike[str]) -> Said:
+        capsys.readouterr()
+        code = main([os.fspath(word) for word in words])
+        return Said(code, *capsys.readouterr())
+
+    return calling
+
+
+@pytest.fixture
+def ruiz(tmp_path: Path) -> Path:
+    """A file of the paper's four-bar."""
+    path = tmp_path / "ruiz.json"
+    fourbar().save(path)
+    return path
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    """A file of a four-bar whose dyad is too short for half of the turn."""
+    g = bm.Graph("short", drive={"crank": bm.ConstantRate(rate=1.0)})
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
+    g.add("crank", bm.Crank(length=2.0))
+    g.add("dyad", bm.RRR(l_i=2.5, l_j=2.5))
+    for wire in (("frame.A", "crank.A"), ("crank.B", "dyad.B"), ("frame.D", "dyad.D")):
+        g.connect(*wire)
+    path = tmp_path / "short.json"
+    g.save(path)
+    return path
+
+
+@pytest.fixture
+def fivebar(tmp_path: Path) -> Path:
+    """A file of a mechanism with two drivers, without a law of motion."""
+    g = bm.Graph("fivebar")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
+    for name, pivot in (("left", "A"), ("right", "D")):
+        g.add(name, bm.Crank(length=1.0))
+        g.connect(f"frame.{pivot}", f"{name}.A")
+    g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0))
+    g.connect("left.B", "dyad.B")
+    g.connect("right.B", "dyad.D")
+    path = tmp_path / "fivebar.json"
+    g.save(path)
+    return path
+
+
+@pytest.fixture
+def slide(tmp_path: Path) -> Path:
+    """A file of a slider alone, driven along the frame's x axis."""
+    g = bm.Graph("slide", drive={"table": bm.ConstantRate(rate=1.0)})
+    g.add("frame", bm.Frame(markers={"S": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
+    g.add("table", bm.SlideDrive(links={"slider": bm.Link(mass=2.0)}))
+    g.connect("frame.S", "table.S")
+    path = tmp_path / "slide.json"
+    g.save(path)
+    return path

@@ -1,0 +1,61 @@
+"""``blocks`` and ``schema``: lists and schemas come from the registry."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from blockmech.blocks import REGISTRY
+from blockmech.export import result_schema
+
+
+def test_blocks_lists_every_registered_type_with_its_joints(call):
+    said = call("blocks")
+    assert (said.code, said.err) == (0, "")
+    described = {part.split()[0]: part for part in said.out.split("\n\n")}
+    assert list(described) == list(REGISTRY)
+    for name, text in described.items():
+        for joint in REGISTRY[name].joints:
+            assert f"  joint       {joint}: " in text
+
+
+def test_blocks_gives_parameters_with_units_and_defaults(call):
+    text = call("blocks").out
+    rrr = next(part for part in text.split("\n\n") if part.startswith("dyad.rrr"))
+    assert "  parameter   l_i [m]\n" in rrr
+    assert "  parameter   branch = 1\n" in rrr
+    crank = next(part for part in text.split("\n\n") if part.startswith("driver.crank"))
+    assert "  parameter   length [m], optional\n" in crank
+    assert "  parameter   offset [rad] = 0.0\n" in crank
+
+
+def test_schema_of_a_result_is_that_of_python(call):
+    said = call("schema", "result")
+    assert (said.code, said.err) == (0, "")
+    assert json.loads(said.out) == result_schema()
+
+
+@pytest.mark.parametrize("words", [[], ["graph"]])
+def test_schema_of_a_graph_accepts_a_graph(call, ruiz, words):
+    schema = json.loads(call("schema", *words).out)
+    Draft202012Validator.check_schema(schema)
+    Draft202012Validator(schema).validate(json.loads(ruiz.read_text()))
+
+
+def test_a_printed_result_keeps_the_printed_schema(call, ruiz):
+    schema = json.loads(call("schema", "result").out)
+    Draft202012Validator(schema).validate(json.loads(call("run", ruiz, "--json").out))
+
+
+def test_joint_documents_have_no_schema_yet(call):
+    said = call("schema", "joints")
+    assert said.code == 2
+    assert "not there yet" in said.err
+
+
+def test_an_unknown_document_is_refused(call):
+    said = call("schema", "wires")
+    assert said.code == 2
+    assert "wires" in said.err

@@ -1,0 +1,196 @@
+"""The border of the command line: exit codes, wrong files, pipes, consoles, Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import blockmech as bm
+from blockmech.cli import main
+
+PYTHON = (sys.executable, "-m", "blockmech")
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="pipes and devices of POSIX")
+
+
+def started(*words: str | os.PathLike[str], **more) -> subprocess.Popen[bytes]:
+    """The real command in its own process."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL}
+    return subprocess.Popen([*PYTHON, *map(os.fspath, words)], **{**pipes, **more})
+
+
+def test_the_real_command_gives_exit_codes_and_streams(ruiz, short, tmp_path):
+    cases = [(["--at", "1"], ruiz, 0), ([], short, 1), ([], tmp_path / "none.json", 2)]
+    running = [started("run", file, *words, "--json") for words, file, _ in cases]
+    answers = [process.communicate(timeout=60) for process in running]
+    assert [process.returncode for process in running] == [code for _, _, code in cases]
+    assert json.loads(answers[0][0]) == bm.Graph.load(ruiz).run(at=[1.0]).to_dict()
+    assert json.loads(answers[1][0])["quality"]["status"].count("no-assembly") > 0
+    assert answers[2][0] == b""
+    assert not any(b"Traceback" in err for _, err in answers)
+
+
+def test_version_is_that_of_the_package(call):
+    assert call("--version") == (0, f"blockmech {bm.__version__}\n", "")
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["run", "--help"], ["blocks", "-h"]])
+def test_help_names_the_command(call, words):
+    said = call(*words)
+    assert "Usage: blockmech" in said.out + said.err
+    assert said.code == (2 if not words else 0)  # a call without a command is not complete
+
+
+def test_an_unknown_command_is_one_sentence(call):
+    said = call("simulatte", "x.json")
+    assert said.code == 2
+    assert "simulatte" in said.err
+    assert said.err.count("\n") == 1
+
+
+def no_json(path: Path) -> Path:
+    path.write_text("# not JSON\n")
+    return path
+
+
+def empty(path: Path) -> Path:
+    path.touch()
+    return path
+
+
+def binary(path: Path) -> Path:
+    path.write_bytes(bytes(range(256)) * 100)
+    return path
+
+
+def directory(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+def missing(path: Path) -> Path:
+    return path
+
+
+@pytest.mark.parametrize("command", ["run", "check", "verify", "draw"])
+@pytest.mark.parametrize("made", [no_json, empty, binary, directory, missing])
+def test_a_wrong_file_is_one_message_and_exit_code_2(call, tmp_path, command, made):
+    file = made(tmp_path / "wrong.json")
+    before = os.listdir(tmp_path)
+    more = ("-o", tmp_path / "x.svg") if command == "draw" else ()
+    said = call(command, file, *more)
+    assert said.code == 2
+    assert said.out == ""
+    assert said.err.startswith("[")
+    assert "wrong.json" in said.err
+    assert said.err.count("\n") == 1
+    assert "Traceback" not in said.err
+    assert os.listdir(tmp_path) == before
+
+
+def test_debug_shows_the_traceback_wherever_it_stands(call, tmp_path):
+    for words in (("--debug", "run", tmp_path / "x"), ("run", tmp_path / "x", "--debug")):
+        said = call(*words)
+        assert said.code == 2
+        assert said.err.startswith("Traceback")
+        assert "FormatError" in said.err
+
+
+def test_a_fault_of_blockmech_is_not_blamed_on_the_file(call, ruiz, monkeypatch):
+    def fault(path):
+        raise ZeroDivisionError("fault")
+
+    monkeypatch.setattr(bm.Graph, "load", fault)
+    said = call("run", ruiz)
+    assert said.code == 3
+    assert "ZeroDivisionError: fault" in said.err
+    assert "report" in said.err
+
+
+@POSIX
+def test_a_reader_that_leaves_early_is_no_error(ruiz):
+    process = started("run", ruiz, "--samples", "5000", "--csv", "-")
+    assert process.stdout
+    assert process.stdout.readline().startswith(b"crank.q [rad],")
+    process.stdout.close()
+    assert process.stderr
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait(timeout=60) == 0
+
+
+@POSIX
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device that is always full")
+def test_a_full_disk_is_one_message(ruiz):
+    with open("/dev/full", "wb") as full:
+        process = started("run", ruiz, stdout=full)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert err.decode().startswith("[cannot-write] standard output: no space left")
+    assert err.count(b"\n") == 1
+
+
+@POSIX
+def test_ctrl_c_ends_without_a_traceback(ruiz, tmp_path):
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    process = started("run", ruiz, "--samples", "5000", "--csv", pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        select.select([reader], [], [], 60)
+        assert os.read(reader, 100).startswith(b"crank.q [rad],")
+        time.sleep(0.1)  # the command now waits for room in the pipe
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    finally:
+        os.close(reader)
+    assert process.returncode == 130
+    assert out == b""
+    assert err.decode().splitlines() == ["interrupted, nothing further is written"]
+
+
+def test_old_consoles_get_a_question_mark_for_letters_they_lack(tmp_path):
+    g = bm.Graph("größe_𝛼", drive={"кривошип": bm.ConstantRate(rate=1.0)})
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("кривошип", bm.Crank(length=1.0))
+    g.connect("frame.A", "кривошип.A")
+    g.save(tmp_path / "x.json")
+    env = {**os.environ, "PYTHONIOENCODING": "cp1252", "PYTHONUTF8": "0"}
+    running = [started(*words, tmp_path / "x.json", env=env) for words in (["check"], ["run"])]
+    running.append(started("run", tmp_path / "x.json", "--want", "foo", env=env))
+    running.append(started("run", tmp_path / "x.json", "--at", "1", "--json", env=env))
+    answers = [process.communicate(timeout=60) for process in running]
+    assert [process.returncode for process in running] == [0, 0, 2, 0]
+    assert "größe_?".encode("cp1252") in answers[0][0]
+    assert "????????".encode("cp1252") in answers[1][0]
+    assert json.loads(answers[3][0]) == g.run(at=[1.0]).to_dict()
+
+
+def test_main_reads_the_words_of_the_process(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["blockmech", "--version"])
+    assert main() == 0
+    assert capsys.readouterr().out == f"blockmech {bm.__version__}\n"
+
+
+def test_importing_blockmech_leaves_the_command_line_out():
+    code = (
+        "import sys, blockmech; print(sorted({'typer', 'rich', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert done.stdout.strip() == b"[]"
+
+
+def test_a_run_that_draws_nothing_leaves_matplotlib_out(ruiz):
+    code = (
+        "import sys; from blockmech.cli import main; code = main(['run', sys.argv[1]]);"
+        "sys.exit(code or 10 * ('matplotlib' in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(ruiz)], capture_output=True)
+    assert done.returncode == 0

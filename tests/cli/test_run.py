@@ -1,0 +1,269 @@
+"""``blockmech run``: the same numbers as Python, and files written whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.export import table
+
+DEGREES = math.pi / 180
+
+
+def computed(file, **request):
+    """What Python computes, as JSON data."""
+    return bm.Graph.load(file).compile().run(on_gap="mark", **request).to_dict()
+
+
+def test_run_alone_prints_a_table_and_writes_nothing(call, ruiz, tmp_path):
+    said = call("run", ruiz)
+    assert said.code == 0
+    assert said.out == table(bm.Graph.load(ruiz).run()) + "\n"
+    assert said.err == ""
+    assert os.listdir(tmp_path) == ["ruiz.json"]
+
+
+REQUESTS = [
+    ([], {}),
+    (["--samples", "7"], {"samples": 7}),
+    (["--at", "0,1,60deg"], {"at": [0.0, 1.0, 60 * DEGREES]}),
+    (["--at", "-0.5"], {"at": [-0.5]}),
+    (["--at", "crank=1e0rad"], {"at": [1.0]}),
+    (["--at", "0:90deg:4"], {"at": np.linspace(0, 90 * DEGREES, 4)}),
+    (["--at", "5,0:2:3"], {"at": [5.0, 0.0, 1.0, 2.0]}),
+    (["--times", "0:0.5:11"], {"times": np.linspace(0, 0.5, 11)}),
+    (["--times", "0.1s,200ms"], {"times": [0.1, 0.2]}),
+    (["--friction", "none"], {"friction": "none"}),
+    (["--friction", "single"], {"friction": "single"}),
+    (
+        ["--friction", "successive", "--iterations", "2"],
+        {"friction": "successive", "iterations": 2},
+    ),
+    (
+        ["--friction", "successive", "--tolerance", "1e-9"],
+        {"friction": "successive", "tolerance": 1e-9},
+    ),
+    (["--friction", "successive"], {"friction": "successive", "tolerance": 1e-3}),
+    (["--want", "crank.drive,*.reaction"], {"want": ["crank.drive", "*.reaction"]}),
+    (["--want", "dyad.C.p", "--want", "dyad.margin"], {"want": ["dyad.C.p", "dyad.margin"]}),
+    (["--static"], {"static": True}),
+    (["--engine", "scalar", "--samples", "3"], {"engine": "scalar", "samples": 3}),
+    (["--engine", "numpy", "--samples", "3"], {"engine": "numpy", "samples": 3}),
+    (
+        ["--precision", "complex64", "--samples", "3"],
+        {"precision": "complex64", "samples": 3},
+    ),
+]
+
+
+@pytest.mark.parametrize(("words", "request_"), REQUESTS, ids=lambda x: " ".join(x))
+def test_json_equals_the_run_in_python(call, ruiz, words, request_):
+    said = call("run", ruiz, "--json", *words)
+    assert (said.code, said.err) == (0, "")
+    assert json.loads(said.out) == computed(ruiz, **request_)
+
+
+def test_several_drivers_are_given_by_name(call, fivebar):
+    said = call("run", fivebar, "--at", "right=2,2.5", "--at", "left=20deg", "--json")
+    assert said.code == 0
+    at = {"left": [20 * DEGREES], "right": [2.0, 2.5]}
+    assert json.loads(said.out) == computed(fivebar, at=at)
+
+
+@pytest.mark.parametrize("text", ["0.1", "0.1m", "100mm"])
+def test_a_slide_is_given_in_metres(call, slide, text):
+    said = call("run", slide, "--at", text, "--json")
+    assert said.code == 0
+    assert json.loads(said.out) == computed(slide, at=[0.1])
+
+
+def test_a_slide_is_not_given_in_degrees(call, slide):
+    said = call("run", slide, "--at", "10deg")
+    assert said.code == 2
+    assert '"10deg" is not a number' in said.err
+    assert "m or mm" in said.err
+
+
+def test_flags_do_not_change_the_exit_code(call, ruiz):
+    said = call("run", ruiz, "--at", "0")
+    assert said.code == 0
+    assert "flag zero-relative-speed at dyad.C" in said.out
+
+
+# -- gaps ------------------------------------------------------------------------------
+
+
+def test_a_sample_without_an_answer_gives_exit_code_1_and_the_rest(call, short):
+    said = call("run", short, "--at", "0.3,3,6", "--json")
+    assert said.code == 1
+    assert json.loads(said.out) == computed(short, at=[0.3, 3.0, 6.0])
+    assert "no answer at 1 of 3 samples" in said.err
+    assert "no-assembly at dyad, 1 sample: crank.q = 3 rad" in said.err
+
+
+def test_the_table_names_gaps(call, short):
+    said = call("run", short)
+    assert said.code == 1
+    assert "no-assembly" in said.out
+    assert "nan" not in said.out
+
+
+def test_gaps_can_be_refused_and_then_nothing_is_written(call, short, tmp_path):
+    said = call("run", short, "--on-gap", "raise", "--csv", tmp_path / "x.csv")
+    assert said.code == 1
+    assert said.out == ""
+    assert said.err.startswith("[no-assembly] dyad at crank.q = ")
+    assert "Traceback" not in said.err
+    assert os.listdir(tmp_path) == ["short.json"]
+
+
+def test_a_run_can_stop_before_the_first_gap(call, short):
+    said = call("run", short, "--at", "0.3,0.4,3,6", "--on-gap", "stop", "--json")
+    assert said.code == 1
+    assert json.loads(said.out) == computed(short, at=[0.3, 0.4])
+
+
+# -- files ------------------------------------------------------------------------------
+
+
+def test_csv_is_that_of_python(call, ruiz, tmp_path):
+    said = call("run", ruiz, "--samples", "9", "--csv", tmp_path / "x.csv")
+    assert said.code == 0
+    assert said.out.splitlines()[-1] == f"wrote {tmp_path / 'x.csv'}"
+    text = bm.Graph.load(ruiz).run(samples=9).to_csv()
+    assert (tmp_path / "x.csv").read_bytes() == text.encode()
+    assert call("run", ruiz, "--samples", "9", "--csv", "-").out == text
+
+
+def test_csv_can_be_spelled_for_other_spreadsheets(call, ruiz):
+    words = ("--at", "1", "--want", "crank.drive", "--csv", "-")
+    said = call("run", ruiz, *words, "--separator", ";", "--decimal", ",")
+    assert said.out.splitlines() == [
+        "crank.q [rad];time [s];crank.drive [N m];status",
+        f"1,0;0,1;{bm.Graph.load(ruiz).run(at=1)['crank.drive'][0]};ok".replace(".", ","),
+    ]
+    said = call("run", ruiz, *words, "--separator", "tab")
+    assert said.out.splitlines()[0].split("\t")[-1] == "status"
+
+
+def test_degrees_are_named_in_the_units(call, ruiz):
+    words = ("run", ruiz, "--at", "90deg", "--want", "dyad.i.angle", "--deg")
+    assert "[deg]" in call(*words).out
+    head, row = csv.reader(call(*words, "--csv", "-").out.splitlines())
+    angle = bm.Graph.load(ruiz).run(at=math.pi / 2)["dyad.i.angle"][0]
+    assert dict(zip(head, row, strict=True)) == {
+        "crank.q [deg]": "90.0",
+        "time [s]": repr(math.pi / 20),
+        "dyad.i.angle [deg]": repr(math.degrees(angle)),
+        "status": "ok",
+    }
+
+
+@pytest.mark.parametrize("option", ["--csv", "--plot", "--out"])
+def test_a_place_that_cannot_be_written_leaves_nothing(call, ruiz, tmp_path, option):
+    (tmp_path / "file").write_text("old")
+    place = "file" if option == "--out" else "missing/x.svg"
+    if option == "--out":
+        said = call("run", ruiz, option, tmp_path / place)
+    else:
+        said = call("run", ruiz, option, tmp_path / place)
+    assert said.code == 2
+    assert said.out == ""
+    assert said.err.startswith("[cannot-write]")
+    assert str(tmp_path / place) in said.err
+    assert said.err.count("\n") == 1
+    assert sorted(os.listdir(tmp_path)) == ["file", "ruiz.json"]
+    assert (tmp_path / "file").read_text() == "old"
+
+
+def test_out_writes_a_folder_of_results_and_pictures(call, ruiz, tmp_path):
+    said = call("run", ruiz, "--samples", "25", "--out", tmp_path / "new" / "ruiz")
+    assert said.code == 0
+    place = tmp_path / "new" / "ruiz"
+    names = sorted(os.listdir(place))
+    assert {"results.csv", "result.json"} < set(names)
+    assert [line for line in said.out.splitlines() if line.startswith("wrote ")] == [
+        f"wrote {place / name}" for name in names
+    ]
+    result = bm.Graph.load(ruiz).run(samples=25)
+    assert json.loads((place / "result.json").read_text()) == result.to_dict()
+    assert (place / "results.csv").read_text() == result.to_csv()
+    pictures = [name for name in names if not name.startswith("result")]
+    assert pictures
+    assert all((place / name).stat().st_size > 1000 for name in pictures)
+
+
+# -- the call is wrong --------------------------------------------------------------------
+
+WRONG_CALLS = [
+    (["--at", "abc"], '--at abc: "abc" is not a number'),
+    (["--at", "1,,2"], '"" is not a number'),
+    (["--at", "nan"], '"nan" is not a number'),
+    (["--at", "1e999"], '"1e999" is not a number'),
+    (["--at", "60grad"], '"60grad" is not a number'),
+    (["--at", "0:1"], '"0:1" is not a range'),
+    (["--at", "0:1:0"], '"0" is not a count'),
+    (["--at", "0:1:1e3"], '"1e3" is not a count'),
+    (["--at", "0:1:99999999999"], "is not a count"),
+    (["--at", "arm=1"], 'no driver "arm"'),
+    (["--at", "1", "--at", "crank=2"], "crank is given twice"),
+    (["--at", "1", "--samples", "3"], "name the samples in one way only"),
+    (["--times", "0:1"], "not a range"),
+    (["--samples", "0"], "--samples"),
+    (["--samples", "1e3"], "--samples"),
+    (["--friction", "Newton"], 'no friction method "Newton"'),
+    (["--iterations", "3"], "iterations"),
+    (["--friction", "successive", "--tolerance", "nan"], "tolerance"),
+    (["--friction", "successive", "--tolerance", "-1"], "tolerance"),
+    (["--want", "crank.drve"], 'did you mean "crank.drive"?'),
+    (["--engine", "quantum"], 'no engine "quantum"'),
+    (["--precision", "complex32"], "complex32"),
+    (["--on-gap", "skip"], "on_gap"),
+    (["--json", "--deg"], "JSON results are in SI units"),
+    (["--json", "--csv", "x.csv"], "only one of them"),
+    (["--csv", "-", "--separator", "x"], "separator"),
+    (["--csv", "-", "--decimal", ","], "separator"),
+    (["--frobnicate"], "--frobnicate"),
+    (["--at"], "--at"),
+    (["second.json"], "second.json"),
+]
+
+
+@pytest.mark.parametrize(("words", "part"), WRONG_CALLS, ids=lambda x: " ".join(x))
+def test_a_wrong_call_is_one_sentence_and_exit_code_2(
+    call, ruiz, tmp_path, monkeypatch, words, part
+):
+    monkeypatch.chdir(tmp_path)
+    said = call("run", ruiz, *words)
+    assert said.code == 2
+    assert said.out == ""
+    assert part in said.err
+    assert said.err.count("\n") == 1
+    assert "Traceback" not in said.err
+    assert os.listdir(tmp_path) == ["ruiz.json"]
+
+
+def test_all_wrong_drivers_are_named_at_once(call, fivebar):
+    said = call("run", fivebar, "--at", "lift=1", "--at", "right=x")
+    assert said.code == 2
+    assert len(said.err.splitlines()) == 2
+
+
+def test_a_driver_without_a_law_asks_for_samples(call, fivebar):
+    said = call("run", fivebar)
+    assert said.code == 2
+    assert "[no-law] scene.drive.left" in said.err
+    assert "[no-law] scene.drive.right" in said.err
+
+
+def test_explain_shows_the_plan_and_computes_nothing(call, ruiz):
+    said = call("run", ruiz, "--explain", "--want", "dyad.C.p")
+    assert said.code == 0
+    assert said.out == bm.Graph.load(ruiz).compile().explain("dyad.C.p") + "\n"
+    assert said.out.startswith("2 kernel calls for 1 output")

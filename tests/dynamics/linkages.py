@@ -1,0 +1,186 @@
+"""Small hand-written linkages for the tests: J_red, tau_red, dJ_red/dq, margin.
+
+One text serves batches and single poses: points are complex numbers, ``sqrt`` and
+``exp`` come from NumPy or from the standard library. Nothing of the package is used
+but the reduced system that the numbers are handed over in.
+"""
+
+from __future__ import annotations
+
+import cmath
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics.reduced import ReducedSystem, Sample
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+
+
+def recorded(name: str) -> Any:
+    """Reference numbers of a mechanism, made outside the project."""
+    return json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def _root(x: float) -> float:
+    return math.sqrt(x) if x >= 0.0 else math.nan
+
+
+BATCH = SimpleNamespace(expi=lambda q: np.exp(1j * q), sqrt=np.sqrt, hyp=np.abs, low=np.minimum)
+SINGLE = SimpleNamespace(expi=lambda q: cmath.exp(1j * q), sqrt=_root, hyp=abs, low=min)
+
+
+def cross(a: Any, b: Any) -> Any:
+    return a.real * b.imag - a.imag * b.real
+
+
+def dot(a: Any, b: Any) -> Any:
+    return a.real * b.real + a.imag * b.imag
+
+
+class Moving(NamedTuple):
+    """A vector with its derivative in the driver; the second one only where wanted."""
+
+    p: Any
+    v: Any = 0.0
+    a: Any = 0.0
+
+
+def add(x: Moving, y: Moving) -> Moving:
+    return Moving(x.p + y.p, x.v + y.v, x.a + y.a)
+
+
+def times(z: complex, x: Moving) -> Moving:
+    return Moving(z * x.p, z * x.v, z * x.a)
+
+
+def dyad(m: Any, B: Moving, D: Moving, li: float, lj: float, branch: int, second: bool) -> Any:
+    """RRR dyad: vectors BC and DC, (rate, acceleration) of both links, margin."""
+    d = D.p - B.p
+    r = m.hyp(d)
+    outer, inner = li + lj, li - lj
+    area2 = (outer - r) * (outer + r) * (r - abs(inner)) * (r + abs(inner))
+    det = branch * m.sqrt(area2) / 2
+    u = (d / r) * ((inner * outer / r + r) / 2 + 1j * (det / r))
+    w = u - d
+    rhs = D.v - B.v
+    oi, oj = dot(rhs, w) / det, dot(rhs, u) / det
+    margin = area2 / (2 * li * lj) ** 2
+    if not second:
+        bc, dc = Moving(u, 1j * oi * u), Moving(w, 1j * oj * w)
+        return bc, dc, (oi, 0.0), (oj, 0.0), margin
+    rhs = D.a - B.a + oi * oi * u - oj * oj * w
+    ai, aj = dot(rhs, w) / det, dot(rhs, u) / det
+    bc = Moving(u, 1j * oi * u, (1j * ai - oi * oi) * u)
+    dc = Moving(w, 1j * oj * w, (1j * aj - oj * oj) * w)
+    return bc, dc, (oi, ai), (oj, aj), margin
+
+
+Parts = Callable[[Any, Any, bool], tuple[Any, Any, Any, Any]]  # -> J, tau, dJ, margin
+
+
+def reduced(parts: Parts, **more: Any) -> ReducedSystem:
+    """A reduced system from the text of a linkage."""
+
+    def sample(q: Any, wanted: frozenset[str]) -> Sample:
+        with np.errstate(all="ignore"):
+            J, tau, dJ, margin = parts(BATCH, q, "dJ" in wanted)
+        return Sample(J, tau, margin, dJ if "dJ" in wanted else None)
+
+    def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
+        try:
+            J, tau, dJ, margin = parts(SINGLE, q, True)
+        except ZeroDivisionError:
+            return math.nan, math.nan, math.nan, 0.0
+        return J, tau, dJ, margin
+
+    return ReducedSystem(sample=sample, one=one, **more)
+
+
+def watt_parts(m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
+    """The Watt six-bar of Durango et al. 2014, Table 1: rods, gravity 9.81 m/s2 down."""
+    e = m.expi(q)
+    A, O4 = Moving(e, 1j * e, -e), Moving(1.6 + 0j)
+    ab, _, (o3, l3), (o4, l4), m1 = dyad(m, A, O4, 1.5, 1.5, 1, second)
+    B = add(A, ab)
+    C, D = times(0.5, add(A, B)), times(0.5, add(B, O4))
+    ce, _, (o5, l5), (o6, l6), m2 = dyad(m, C, D, 1.0, 1.0, 1, second)
+    E = add(C, ce)
+    J, tau, dJ = 0.25 + 0.0833, -9.81 * A.v.imag / 2, 0.0
+    rods = (
+        (1.5, 0.2813, C, o3, l3),
+        (1.5, 0.2813, D, o4, l4),
+        (1.0, 0.0833, times(0.5, add(C, E)), o5, l5),
+        (1.0, 0.0833, times(0.5, add(D, E)), o6, l6),
+    )
+    for mass, inertia, G, o, al in rods:
+        J = J + mass * dot(G.v, G.v) + inertia * o * o
+        tau = tau - mass * 9.81 * G.v.imag
+        if second:
+            dJ = dJ + 2 * (mass * dot(G.v, G.a) + inertia * o * al)
+    return J, tau, dJ, m.low(m1, m2)
+
+
+def watt(**more: Any) -> ReducedSystem:
+    """The Watt six-bar."""
+    return reduced(watt_parts, **more)
+
+
+@dataclass(frozen=True)
+class Squeezer:
+    """Andrews' squeezer: a crank and three RRR dyads that meet at P; couple and spring."""
+
+    couple: float = 0.033
+
+    def __call__(self, m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
+        e = m.expi(q)
+        F = times(0.007, Moving(e, 1j * e, -e))
+        B, A = Moving(-0.03635 + 0.03273j), Moving(-0.06934 - 0.00227j)
+        fp, bp, w2, w3, m1 = dyad(m, F, B, 0.028, 0.035, 1, second)
+        P = add(F, fp)
+        pg, ag, w4, w5, m2 = dyad(m, P, A, 0.02, 0.04, -1, second)
+        ph, ah, w6, w7, m3 = dyad(m, P, A, 0.02, 0.04, 1, second)
+        G, H = add(P, pg), add(P, ph)
+        # centres of mass [m] along the unit directions that the joints give
+        e3 = times(1 / -0.035j, bp)
+        e7 = times(1 / -0.04j, ah)
+        bodies = (
+            (0.04325, 2.194e-6, times(0.00092 / 0.007, F), (1.0, 0.0)),
+            (0.00365, 4.41e-7, add(F, times(-0.0115 / -0.028, fp)), w2),
+            (0.02373, 5.255e-6, add(B, times(0.01043 - 0.01874j, e3)), w3),
+            (0.00706, 5.667e-7, add(G, times(-0.00579j / -0.02j, times(-1, pg))), w4),
+            (0.07050, 1.169e-5, add(A, times((0.02308 + 0.00916j) / 0.04, ag)), w5),
+            (0.00706, 5.667e-7, add(H, times(0.00579 / 0.02, times(-1, ph))), w6),
+            (0.05498, 1.912e-5, add(A, times(-0.00449 - 0.01228j, e7)), w7),
+        )
+        J, dJ = 0.0, 0.0
+        for mass, inertia, g, (o, al) in bodies:
+            J = J + mass * dot(g.v, g.v) + inertia * o * o
+            if second:
+                dJ = dJ + 2 * (mass * dot(g.v, g.a) + inertia * o * al)
+        tip = add(B, times(0.02 - 0.018j, e3))
+        pull = 0.014 + 0.072j - tip.p
+        length = m.hyp(pull)
+        tau = self.couple + 4530.0 * (1 - 0.07785 / length) * dot(pull, tip.v)
+        return J, tau, dJ, m.low(m1, m.low(m2, m3))
+
+
+def squeezer(couple: float = 0.033, **more: Any) -> ReducedSystem:
+    """Andrews' squeezer mechanism."""
+    return reduced(Squeezer(couple), **more)
+
+
+def pendulum(couple: float = 0.0, **more: Any) -> ReducedSystem:
+    """A point mass 1 kg at 1 m, gravity 1 m/s2, q from the lowest place, and a couple [N m]."""
+
+    def parts(m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
+        sine = m.expi(q).imag
+        return 1.0 + 0 * sine, couple - sine, 0 * sine, 1.0 + 0 * sine
+
+    return reduced(parts, **more)
