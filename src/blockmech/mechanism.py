@@ -138,7 +138,7 @@ class Mechanism:
             want, friction=friction, tolerance=tolerance, iterations=iterations, static=static
         )
         taken = make_samples(self.structure, self.scene, at, samples, times, rates, accelerations)
-        values, name = self._evaluate(plan, taken, engine, precision, chunk)
+        values, name = self.evaluate(plan, taken, engine, precision, chunk)
         settings = {
             "friction": friction,
             "tolerance": tolerance,
@@ -148,9 +148,15 @@ class Mechanism:
         result = Result(self, plan, taken, values, name, settings)
         return result if on_gap == "mark" else result.without_gaps(on_gap)
 
-    def _evaluate(
-        self, plan: Plan, taken: Samples, engine: str, precision: str, chunk: int | None
+    def evaluate(
+        self,
+        plan: Plan,
+        taken: Samples,
+        engine: str = "auto",
+        precision: str = "complex128",
+        chunk: int | None = None,
     ) -> tuple[tuple[Any, ...], str]:
+        """Values of a plan's program at samples, and the engine that was taken."""
         if engine == "auto":
             few = taken.n <= SCALAR_UP_TO and precision == "complex128"
             engine = "scalar" if few else "numpy"
@@ -183,6 +189,12 @@ class Mechanism:
         from blockmech.judge.verify import verify
 
         return verify(self, **request)
+
+    def simulate(self, until: Any = None, **request: Any) -> Result:
+        """Move under the scene's loads; see `blockmech.dynamics.simulation.simulate`."""
+        from blockmech.dynamics.simulation import simulate
+
+        return simulate(self, until, **request)
 
     def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
         """Feasible arcs of a driver; see `blockmech.judge.limits.limits`."""

@@ -216,7 +216,11 @@ class Schedule:
 
 def _identifier(name: str) -> str:
     word = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return f"{word}_" if not word or word[0].isdigit() else word
+    return f"_{word}" if not word or word[0].isdigit() else word
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 @dataclass(frozen=True)
@@ -254,7 +258,8 @@ class Plan:
 
     def explain(self) -> str:
         """The schedule as text: per stage the blocks in order, and the kernel calls."""
-        rows = [f"{self.calls} kernel calls for {len(self.want)} outputs"]
+        calls, outputs = _counted(self.calls, "kernel call"), _counted(len(self.want), "output")
+        rows = [f"{calls} for {outputs}"]
         for stage in STAGES:
             blocks = [
                 e.block + (f" (unit rate of {e.driver})" if e.driver else "")

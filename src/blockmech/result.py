@@ -28,6 +28,7 @@ from blockmech.quality import NO_ASSEMBLY, Quality, assess
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
+    from blockmech.dynamics.motion import Motion
     from blockmech.mechanism import Mechanism
     from blockmech.outputs import Output
 
@@ -50,12 +51,14 @@ class Result(Mapping[str, NDArray[Any]]):
         values: tuple[Any, ...],
         engine: str,
         settings: Mapping[str, Any],
+        motion: Motion | None = None,
     ) -> None:
         self.mechanism = mechanism
         self.plan = plan
         self.samples = samples
         self.engine = engine
         self.settings = dict(settings)
+        self.motion = motion  # of a simulation: how it moved, its events and its error
         self._values = values
         self._read: dict[str, Any] = {}
 
@@ -252,17 +255,21 @@ class Result(Mapping[str, NDArray[Any]]):
     def _first(self, n: int) -> Result:
         values = tuple(_cut(self._column(i), n) for i in range(len(self._values)))
         taken = self.samples.first(n)
-        return Result(self.mechanism, self.plan, taken, values, self.engine, self.settings)
+        return Result(
+            self.mechanism, self.plan, taken, values, self.engine, self.settings, self.motion
+        )
 
     # -- more of the same run -----------------------------------------------------
 
     def rerun(self, *want: str) -> Result:
         """Other outputs at the same samples with the same settings; gaps are marked."""
         plan = self.mechanism.plan(want, **self.settings)
-        values, engine = self.mechanism._evaluate(
+        values, engine = self.mechanism.evaluate(
             plan, self.samples, self.engine, "complex128", None
         )
-        return Result(self.mechanism, plan, self.samples, values, engine, self.settings)
+        return Result(
+            self.mechanism, plan, self.samples, values, engine, self.settings, self.motion
+        )
 
     def wire(self, source: str, target: str) -> dict[str, Any]:
         """What travels along a wire: forward motion, backward wrench; see `blockmech.wires`."""
@@ -279,7 +286,7 @@ class Result(Mapping[str, NDArray[Any]]):
         found = {}
         for name in self:
             if name in other:
-                mine, theirs = np.asarray(self[name]), np.asarray(other[name])
+                mine, theirs = np.atleast_1d(self[name]), np.atleast_1d(other[name])
                 if mine.shape != theirs.shape:
                     what = f"has shape {mine.shape} here and {theirs.shape} there"
                     raise RequestError(

@@ -127,6 +127,14 @@ def test_a_run_can_stop_before_the_first_gap(call, short):
     said = call("run", short, "--at", "0.3,0.4,3,6", "--on-gap", "stop", "--json")
     assert said.code == 1
     assert json.loads(said.out) == computed(short, at=[0.3, 0.4])
+    assert "no answer at 1 of 4 samples" in said.err
+
+
+def test_a_table_that_stops_before_a_gap_is_followed_by_why(call, short):
+    said = call("run", short, "--at", "0.3,0.4,3,6", "--on-gap", "stop")
+    assert said.code == 1
+    assert "2 samples" in said.out
+    assert "no-assembly at dyad, 1 sample: crank.q = 3 rad" in said.err
 
 
 # -- files ------------------------------------------------------------------------------
@@ -169,10 +177,7 @@ def test_degrees_are_named_in_the_units(call, ruiz):
 def test_a_place_that_cannot_be_written_leaves_nothing(call, ruiz, tmp_path, option):
     (tmp_path / "file").write_text("old")
     place = "file" if option == "--out" else "missing/x.svg"
-    if option == "--out":
-        said = call("run", ruiz, option, tmp_path / place)
-    else:
-        said = call("run", ruiz, option, tmp_path / place)
+    said = call("run", ruiz, "--samples", "9", option, tmp_path / place)
     assert said.code == 2
     assert said.out == ""
     assert said.err.startswith("[cannot-write]")
@@ -197,6 +202,32 @@ def test_out_writes_a_folder_of_results_and_pictures(call, ruiz, tmp_path):
     pictures = [name for name in names if not name.startswith("result")]
     assert pictures
     assert all((place / name).stat().st_size > 1000 for name in pictures)
+
+
+@pytest.mark.parametrize("name", ["x.svg", "x.png", "x.pdf"])
+def test_plot_draws_the_wanted_outputs(call, ruiz, tmp_path, name):
+    words = ("--samples", "9", "--want", "crank.drive", "--plot", tmp_path / name)
+    said = call("run", ruiz, *words)
+    assert said.code == 0
+    assert said.out.splitlines()[-1] == f"wrote {tmp_path / name}"
+    assert (tmp_path / name).stat().st_size > 1000
+
+
+def test_plot_names_the_unit_of_the_angle(call, ruiz, tmp_path):
+    words = ("run", ruiz, "--samples", "9", "--want", "dyad.margin", "--plot", tmp_path / "x.svg")
+    call(*words)
+    radians = (tmp_path / "x.svg").read_text(encoding="utf-8")
+    call(*words, "--deg")
+    degrees = (tmp_path / "x.svg").read_text(encoding="utf-8")
+    assert "crank.q [rad]" in radians
+    assert "crank.q [°]" in degrees
+
+
+def test_a_run_that_stops_at_once_still_writes_its_head(call, short, tmp_path):
+    said = call("run", short, "--at", "3", "--on-gap", "stop", "--csv", tmp_path / "x.csv")
+    assert said.code == 1
+    assert (tmp_path / "x.csv").read_text().splitlines()[0].startswith("crank.q [rad],")
+    assert len((tmp_path / "x.csv").read_text().splitlines()) == 1
 
 
 # -- the call is wrong --------------------------------------------------------------------

@@ -10,12 +10,13 @@ import blockmech
 from blockmech.cli.check import check, verify
 from blockmech.cli.describe import blocks, schema
 from blockmech.cli.draw import draw
+from blockmech.cli.limits import limits
 from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.terminal import say
 from blockmech.cli.test import test
 
-COMMANDS = (run, check, draw, verify, test, new, blocks, schema)
+COMMANDS = (run, check, draw, verify, limits, test, new, blocks, schema)
 
 
 def command() -> Any:

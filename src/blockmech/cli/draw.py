@@ -2,33 +2,47 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
+from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.graphs import At, GraphFile
 from blockmech.cli.terminal import patience, say
 from blockmech.model.graph import Graph
 
+Picture = Annotated[
+    str,
+    typer.Option(
+        "--output", "-o", metavar="PICTURE", help="png, svg or pdf; gif or html for an animation."
+    ),
+]
+Kind = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KIND",
+        help="diagram, mechanism or animation; by default what PICTURE and --at say.",
+    ),
+]
 
-class Kind(StrEnum):
-    """Kinds of pictures."""
 
-    diagram = "diagram"
-    mechanism = "mechanism"
-    animation = "animation"
+def draw(file: GraphFile, picture: Picture, kind: Kind = None, at: At = None) -> None:
+    """Draw the block diagram, the mechanism at poses, or an animation.
 
+    A diagram may be drawn of an unfinished graph: joints without a wire are red.
+    """
+    from blockmech.draw import MOVING
+    from blockmech.draw import draw as drawn
 
-def draw(
-    file: GraphFile,
-    picture: Annotated[
-        str, typer.Option("--output", "-o", metavar="PICTURE", help="png, svg, pdf, gif or html.")
-    ],
-    kind: Annotated[Kind | None, typer.Option(help="What to draw.")] = None,
-    at: At = None,
-) -> None:
-    """Draw a graph file."""
-    graph = Graph.load(file)
-    raise NotImplementedError
+    if kind is None:
+        moving = Path(picture).suffix.lower() in MOVING
+        kind = "animation" if moving else "mechanism" if at else "diagram"
+    subject: Any = Graph.load(file)
+    given: Any = at  # which a diagram refuses
+    if kind in ("mechanism", "animation"):
+        subject = compiled(file)
+        given = coordinates(subject, at or [])
+    with patience("drawing"):
+        path = drawn(subject, picture, kind, given)  # type: ignore[arg-type]
+    say(f"wrote {path}")

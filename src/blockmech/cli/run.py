@@ -96,25 +96,29 @@ def run(
     given = coordinates(mechanism, at or [])
     taken = {"at": given, "samples": samples, "times": times(at_times)}
     how = {"engine": engine, "precision": precision}
-    result, whole = _computed(mechanism, {**plan, **taken, **how}, on_gap)
+    result, gaps = _computed(mechanism, {**plan, **taken, **how}, on_gap, deg)
     cells = {"tab": "\t"}.get(separator, separator)
     spelling: dict[str, Any] = {"separator": cells, "decimal": decimal, "degrees": deg}
     if json or csv == "-":
         pour(json_chunks(result) if json else csv_chunks(result, **spelling))
-        note(*gap_lines(result, deg))
+        note(*gaps)
     else:
-        written = _written(result, spelling, out, csv, plot, names)
+        written = _written(result, spelling, out, csv, plot)
         say("\n".join([table(result, degrees=deg), *(f"wrote {path}" for path in written)]))
-    if not whole:
+        if on_gap == "stop":  # the table does not reach them
+            note(*gaps)
+    if gaps:
         raise typer.Exit(1)
 
 
-def _computed(mechanism: Mechanism, request: dict[str, Any], on_gap: str) -> tuple[Result, bool]:
-    """The result, and whether every sample has an answer."""
+def _computed(
+    mechanism: Mechanism, request: dict[str, Any], on_gap: str, degrees: bool
+) -> tuple[Result, list[str]]:
+    """The result, and lines about samples without an answer."""
     with patience("computing"):
         result = mechanism.run(**request, on_gap="mark")
-        whole = not result.quality.gaps
-        return (result if on_gap == "mark" else result.without_gaps(on_gap)), whole
+        gaps = gap_lines(result, degrees)
+        return (result if on_gap == "mark" else result.without_gaps(on_gap)), gaps
 
 
 def _written(
@@ -123,14 +127,17 @@ def _written(
     out: str | None,
     csv: str | None,
     plot: str | None,
-    names: tuple[str, ...],
 ) -> list[Path]:
     """Write what is asked for; the paths written."""
     if csv is not None:
-        write_csv(csv_chunks(result, **spelling), csv)
+        with patience("writing"):
+            write_csv(csv_chunks(result, **spelling), csv)
         return [Path(csv)]
     if plot is not None:
-        raise NotImplementedError
+        from blockmech.draw import plot as plotted
+
+        with patience("drawing"):
+            return [plotted(result, plot, degrees=spelling["degrees"])]
     return [] if out is None else _folder(result, spelling, out)
 
 
@@ -143,7 +150,7 @@ def _folder(result: Result, spelling: dict[str, Any], out: str) -> list[Path]:
         with writing(draft / "result.json") as stream:
             for chunk in json_chunks(result):
                 stream.write(chunk.encode())
-        run_pictures(result, draft)
+        run_pictures(result, draft, degrees=spelling["degrees"])
         names = sorted(path.name for path in draft.iterdir())
     return [Path(out) / name for name in names]
 

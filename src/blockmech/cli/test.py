@@ -13,7 +13,7 @@ import typer
 
 from blockmech.cli.check import AsJson
 from blockmech.cli.terminal import note, patience, say
-from blockmech.errors import BlockmechError, Problem, RequestError
+from blockmech.errors import BlockmechError, Problem
 from blockmech.model.expect import Expectation
 from blockmech.model.graph import Graph
 from blockmech.testing.expectations import (
@@ -52,7 +52,7 @@ def test(
     that a number is not met, 2 that a file is wrong.
     """
     with patience("testing"):
-        tested = [_tested(file) for file in _files(paths)]
+        tested = list(_runs(paths))
     wrong = any(t.problems for t in tested)
     failed = any(t.failed for t in tested)
     if json:
@@ -67,20 +67,20 @@ def test(
         raise typer.Exit(2 if wrong else 1)
 
 
-def _files(paths: list[str]) -> list[str]:
-    """The graph files that paths name, each once. Raises `RequestError` for what is not there."""
-    found: dict[str, None] = {}
-    problems = []
+def _runs(paths: list[str]) -> Iterator[_Tested]:
+    """Every graph file that paths name, each once; a path without any is noted."""
+    done: set[str] = set()
     for path in paths:
         folder = Path(path)
         files = [os.fspath(p) for p in graphs_of(folder)] if folder.is_dir() else [path]
         if not files:
             valid = f"graph files end in .json; those under {' and '.join(LEFT_OUT)} are left out"
-            problems.append(Problem("no-file", path, "no graph file in this folder", valid))
-        found.update(dict.fromkeys(files))
-    if problems:
-        raise RequestError(problems)
-    return list(found)
+            problem = Problem("no-file", "", "no graph file in this folder", valid, file=path)
+            yield _Tested(path, problems=[problem])
+        for file in files:
+            if file not in done:
+                done.add(file)
+                yield _tested(file)
 
 
 def _tested(file: str) -> _Tested:
@@ -133,9 +133,13 @@ def _summary(tested: list[_Tested]) -> str:
     silent = sum(not t.entries and not t.problems for t in tested)
     wrong = sum(bool(t.problems) for t in tested)
     parts = [f"{len(entries) - failed} ok", f"{failed} failed"]
-    parts += [f"{silent} files without expectations"] if silent else []
-    parts += [f"{wrong} wrong files"] if wrong else []
+    parts += [f"{_files(silent)} without expectations"] if silent else []
+    parts += [f"{_files(wrong)} wrong"] if wrong else []
     return ", ".join(parts)
+
+
+def _files(count: int) -> str:
+    return "1 file" if count == 1 else f"{count} files"
 
 
 def _data(tested: _Tested) -> dict[str, Any]:

@@ -35,7 +35,7 @@ from blockmech.draw.mechanism import (
     sizes,
     write,
 )
-from blockmech.draw.motion import Motion, closes, moves, moves_of_result
+from blockmech.draw.motion import closes, moves, moves_of_result
 from blockmech.draw.paper import shown_name, styled, text_width, wrapped
 from blockmech.draw.shapes import Shape, Stage, stage_of
 from blockmech.draw.sketch import Pin, Spot, sketch_of
@@ -119,7 +119,7 @@ def reel_of(
 
 
 def _check(frames: int, seconds: float) -> None:
-    wrong = []
+    wrong: list[tuple[str, object, str]] = []
     if not isinstance(frames, int) or not 2 <= frames <= 2000:
         wrong.append(("frames", frames, "a whole number from 2 to 2000"))
     if not isinstance(seconds, int | float) or not 0 < seconds < math.inf:
@@ -134,7 +134,7 @@ def _check(frames: int, seconds: float) -> None:
 def _frame(reel: Reel, k: int) -> tuple[list[Shape], list[tuple[str, complex, str]]]:
     """Shapes of a frame, and its words: text, place [m], colour."""
     stage = reel.stage
-    words = []
+    words: list[tuple[str, complex, str]] = []
     for pin in stage.sketch.pins if len(stage.sketch.pins) <= NAMES else ():
         text = ", ".join(map(shown_name, pin.names))
         words.append((text, _beside_pin(stage, pin, k, text), ink.INK))

@@ -7,11 +7,10 @@ wires name.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from blockmech.blocks.contract import Block, DrivingLink, Moving
+from blockmech.blocks.contract import DrivingLink, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.draw.layout import Box, Ends
 from blockmech.draw.palette import SMALL, TEXT
@@ -19,9 +18,11 @@ from blockmech.draw.paper import shown_name, text_width
 from blockmech.errors import listed
 from blockmech.loads.contract import Element
 from blockmech.mechanism import Mechanism
-from blockmech.model.graph import Graph, UnknownBlock, Wire
+from blockmech.model.diagram import UnknownBlock, Wire
+from blockmech.model.graph import Graph
 
 Kind = Literal["frame", "driver", "group", "element", "unknown", "missing"]
+MOST = 40  # blocks in a diagram; a page holds no more
 PAD = 5.0  # [pt] between a box's edge and its words
 
 
@@ -110,14 +111,27 @@ def content_of(graph: Graph) -> Content:
         subtitle = f"not complete – {found}"
     else:
         subtitle = graph.structure().formula.replace("->", "→")
-    named = dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))])
+    named = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
+    if len(named) > MOST:
+        subtitle = f"first {MOST} of {len(named)} blocks – {subtitle}"
+        named = _first(graph, named)
+    drawn = [w for w in wires if w.source in named and w.target in named]
+    fed = {(w.target, w.port) for w in wires}
     return Content(
         title=graph.title or graph.name,
         subtitle=subtitle,
         complete=not problems,
-        blocks=tuple(_shown(graph, name, wires) for name in named),
-        flows=tuple(_flow(graph, w) for w in wires),
+        blocks=tuple(_shown(graph, name, drawn, fed) for name in named),
+        flows=tuple(_flow(graph, w) for w in drawn),
     )
+
+
+def _first(graph: Graph, named: list[str]) -> list[str]:
+    """The first blocks: of a valid graph in the order of formation, else as they were added."""
+    if not graph.check():
+        s = graph.structure()
+        named = [s.frame, *s.blocks, *s.elements]
+    return named[:MOST]
 
 
 def _ends(wire: Wire) -> Ends | None:
@@ -127,12 +141,12 @@ def _ends(wire: Wire) -> Ends | None:
     return Ends(source, marker, target, port) if all((source, marker, target, port)) else None
 
 
-def _shown(graph: Graph, name: str, wires: Iterable[Ends]) -> Shown:
+def _shown(graph: Graph, name: str, wires: list[Ends], fed: set[tuple[str, str]]) -> Shown:
     block = graph.blocks.get(name)
-    fed = [w.port for w in wires if w.target == name]
     declared, pair = _ports(block)
+    named = [w.port for w in wires if w.target == name]
     ports = tuple(
-        Port(p, pair.get(p, ""), wired=p in fed) for p in dict.fromkeys([*declared, *fed])
+        Port(p, pair.get(p, ""), wired=(name, p) in fed) for p in dict.fromkeys([*declared, *named])
     )
     markers = tuple(w.marker for w in wires if w.source == name)
     if isinstance(block, Frame):

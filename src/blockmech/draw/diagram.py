@@ -58,8 +58,8 @@ def draw_diagram(graph: Graph) -> Diagram:
     placed = _placed(content, graph)
     legend = _legend_entries(content, bool(placed.backward))
     width = max(placed.width + 2 * MARGIN, ink.COLUMN)
-    title = wrapped(shown_name(content.title, 90), ink.TEXT, width - 2 * MARGIN)
-    subtitle = wrapped(shown_name(content.subtitle, 2000), ink.SMALL, width - 2 * MARGIN)
+    title = wrapped(shown_name(content.title, 90), ink.TEXT, width - 2 * MARGIN, bold=True)
+    subtitle = wrapped(shown_name(content.subtitle, 1200), ink.SMALL, width - 2 * MARGIN)
     rows = _legend_rows(legend, width - 2 * MARGIN)
     top = MARGIN + (ROW + 1) * len(title) + LINE * len(subtitle) + 6
     bottom = 8 + LINE * len(rows) + MARGIN
@@ -123,7 +123,7 @@ def _honour(placed: Placed, view: dict[str, Point], content: Content) -> None:
         new, was = placed.boxes[flow.ends.source], old[flow.ends.source]
         placed.markers[i] = (x - was.x + new.x, y - was.y + new.y)
         end = placed.ports[flow.ends.target, flow.ends.port]
-        placed.ways[i] = way_between(placed.markers[i], end, i)
+        placed.ways[i] = way_between(placed.markers[i], end, i, placed.boxes.values())
     corners = [p for way in placed.ways.values() for p in way]
     corners += [(r.x + r.width, r.y + r.height) for r in placed.boxes.values()]
     left = min(0.0, min(x for x, _ in corners) - MARGIN)
@@ -188,7 +188,13 @@ def _draw_block(drawn: Diagram, block: Shown) -> None:
     style: dict[str, Any] = {"ha": "center", "zorder": 4}
     style |= backed if block.kind == "unknown" else {}
     _write(
-        drawn, middle, r.y + 0.55 * ROW, shown_name(block.name), fontsize=size, weight="bold", **style
+        drawn,
+        middle,
+        r.y + 0.55 * ROW,
+        shown_name(block.name),
+        fontsize=size,
+        weight="bold",
+        **style,
     )
     words = shown_name(block.words)
     if small:
@@ -203,9 +209,7 @@ def _draw_block(drawn: Diagram, block: Shown) -> None:
         _draw_drive(drawn, r, block.drive)
 
 
-def _draw_port(
-    drawn: Diagram, block: Shown, name: str, pair: str, label: str, wired: bool
-) -> None:
+def _draw_port(drawn: Diagram, block: Shown, name: str, pair: str, label: str, wired: bool) -> None:
     x, y = drawn.placed.ports[block.name, name]
     address = f"{block.name}.{name}"
     colour = ink.INK if wired else ink.ALARM
@@ -223,7 +227,13 @@ def _draw_pin(drawn: Diagram, x: float, y: float, pair: str, colour: str, what: 
     from matplotlib.patches import Circle, Polygon
     from matplotlib.patches import Rectangle as Patch
 
-    style = {"facecolor": ink.PAPER, "edgecolor": colour, "linewidth": 0.9, "zorder": 5, "label": what}
+    style: dict[str, Any] = {
+        "facecolor": ink.PAPER,
+        "edgecolor": colour,
+        "linewidth": 0.9,
+        "zorder": 5,
+        "label": what,
+    }
     if pair == "R":
         drawn.axes.add_patch(Circle((x, y), PIN, **style))
     elif pair == "P":
@@ -282,7 +292,7 @@ def _draw_arrow(drawn: Diagram, way: Sequence[Point], colour: str, what: str) ->
         lw=1.0,
         solid_joinstyle="round",
         solid_capstyle="butt",
-        zorder=3,
+        zorder=1.8,
         label=what,
     )
     half = 0.42 * HEAD
@@ -343,7 +353,9 @@ def _legend_rows(
     return rows
 
 
-def _draw_legend(drawn: Diagram, rows: Sequence[Sequence[tuple[str, str, float]]], y: float) -> None:
+def _draw_legend(
+    drawn: Diagram, rows: Sequence[Sequence[tuple[str, str, float]]], y: float
+) -> None:
     for row in rows:
         for kind, text, x0 in row:
             x = MARGIN + x0

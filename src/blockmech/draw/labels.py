@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ class Crowd:
 
     def add_line(self, places: Sequence[complex], weight: float = 1.0) -> None:
         """Stand in for a line through places [pt]; NaN interrupts it."""
-        for a, b in zip(places, places[1:], strict=False):
+        for a, b in pairwise(places):
             length = abs(b - a)
             if math.isfinite(length):
                 n = max(1, math.ceil(length / STEP))
@@ -116,7 +117,7 @@ class Crowd:
         return found
 
     def _costs(self, label: Label, tried: _Candidates) -> NDArray[np.float64]:
-        cost = NEAR * tried.gap + LEADER * (tried.gap > FAR)
+        cost: NDArray[np.float64] = NEAR * tried.gap + LEADER * (tried.gap > FAR)
         cost += OUTSIDE * (1 - tried.shared(self.page) / tried.area)
         for other in self.labels:
             cost += COVERED * (tried.shared(other) > 0)
@@ -165,16 +166,20 @@ class _Candidates:
         x, y = self.centre.real, self.centre.imag
         wide = np.minimum(x + self.half, r.right) - np.maximum(x - self.half, r.left)
         tall = np.minimum(y + self.high, r.top) - np.maximum(y - self.high, r.bottom)
-        return np.maximum(wide, 0) * np.maximum(tall, 0)
+        area: NDArray[np.float64] = np.maximum(wide, 0) * np.maximum(tall, 0)
+        return area
 
     def covers(self, z: NDArray[np.complex128]) -> NDArray[np.bool_]:
         """(n, points) whether a point lies on the label."""
         dx = np.abs(self.centre.real[:, None] - z.real)
         dy = np.abs(self.centre.imag[:, None] - z.imag)
-        return (dx < self.half) & (dy < self.high)
+        inside: NDArray[np.bool_] = (dx < self.half) & (dy < self.high)
+        return inside
 
     def leads_over(self, r: Rect) -> NDArray[np.bool_]:
         """(n,) whether the way from the anchor to the label runs over a rectangle."""
         steps = self.anchor + (self.centre - self.anchor) * np.linspace(0, 1, 12)[:, None]
         inside = (steps.real > r.left) & (steps.real < r.right)
-        return (inside & (steps.imag > r.bottom) & (steps.imag < r.top)).any(axis=0)
+        inside &= (steps.imag > r.bottom) & (steps.imag < r.top)
+        some: NDArray[np.bool_] = inside.any(axis=0)
+        return some

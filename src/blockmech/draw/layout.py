@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 SWEEPS = 12  # more change nothing on diagrams of a hundred blocks
@@ -148,7 +149,7 @@ def _slots(
             chain.append(Slot(f"wire {i}"))
             layers[k].append(chain[-1])
         chain.append(at[wire.target])
-        for a, b in zip(chain, chain[1:], strict=False):
+        for a, b in pairwise(chain):
             passing = (a.box is None) + (b.box is None)
             segments.append(Segment(i, a, b, weight=(1, 2, 8)[passing]))
             a.right.append(len(segments) - 1)
@@ -213,9 +214,7 @@ def _pins(made: Layered, wires: Sequence[Ends]) -> None:
                 continue
             ports = {name: k for k, name in enumerate(slot.box.ports)}
             last = len(ports)
-            came = {
-                wires[segments[s].wire].port: place[id(segments[s].source)] for s in slot.left
-            }
+            came = {wires[segments[s].wire].port: place[id(segments[s].source)] for s in slot.left}
             order = sorted(ports, key=lambda p: (came.get(p, last + len(place)), ports[p]))
             for s in slot.left:
                 segments[s].into = order.index(wires[segments[s].wire].port)

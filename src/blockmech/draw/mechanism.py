@@ -15,7 +15,7 @@ from blockmech.draw import palette as ink
 from blockmech.draw import shapes
 from blockmech.draw.labels import Crowd, Label, Rect
 from blockmech.draw.motion import Motion, marker_place, moves
-from blockmech.draw.paper import new_figure, shown_name, styled, wrapped
+from blockmech.draw.paper import new_figure, scaled_unit, shown_name, styled, wrapped
 from blockmech.draw.shapes import Shape, Stage, stage_of
 from blockmech.draw.sketch import LoadMark, Sketch, Spot, shown_markers, sketch_of
 from blockmech.errors import Problem, RequestError, close_match, listed
@@ -25,9 +25,11 @@ from blockmech.model.structure import Structure
 Paths = Mapping[str, NDArray[np.complex128]]
 
 SWEEP = 241  # samples of a path
+PATHS = 8  # that are drawn if none are named
+CROWDED = 40  # joints from which they have no names
 MANY = 9  # labels from which the picture is two columns wide
 PAGE = 2 * ink.COLUMN + 14.0  # [pt] width of two columns
-LEFT, RIGHT, BOTTOM, TOP = 34.0, 8.0, 27.0, 8.0  # [pt] around the axes
+LEFT, RIGHT, BOTTOM, TOP = 41.0, 8.0, 27.0, 8.0  # [pt] around the axes
 LINE = 10.5  # [pt] height of a line of the caption
 LOWEST, TALLEST = 110.0, 330.0  # [pt] height of the axes
 EDGE = 16.0  # [pt] free inside the axes
@@ -185,12 +187,13 @@ def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
 
 def _usual_paths(s: Structure) -> list[str]:
     own = [str(m) for m in shown_markers(s) if m.on != s.frame_link]
-    return own or [
+    inner = [
         f"{name}.{j.name}"
         for name, block in s.blocks.items()
         for j in block.joints.values()
         if not j.outer and j.kind == "R"
     ]
+    return (own or inner)[-PATHS:]  # the last ones are the mechanism's outputs
 
 
 # -- the paper ---------------------------------------------------------------------------
@@ -287,7 +290,7 @@ def _artist(scale: Scale, shape: Shape) -> Any:
     from matplotlib.patches import Polygon
 
     x, y = [z.real for z in shape.points], [z.imag for z in shape.points]
-    common = {"zorder": shape.order, "label": shape.what}
+    common: dict[str, Any] = {"zorder": shape.order, "label": shape.what}
     if shape.kind == "area":
         patch = Polygon(
             list(zip(x, y, strict=True)),
@@ -350,10 +353,11 @@ def _stands(crowd: Crowd, scale: Scale, shape: Shape) -> None:
 def _labels(scale: Scale, stage: Stage, k: int) -> list[Label]:
     """Names of joints and drivers, names and sizes of loads; pins first."""
     found = []
-    for pin in stage.sketch.pins:
+    joints = len(stage.sketch.pins) + len(stage.sketch.sliders)
+    for pin in stage.sketch.pins if joints < CROWDED else ():
         text = "\n".join(map(shown_name, pin.names))
         found.append(Label(text, (scale.points(stage.place(pin.spot, k)),), clearance=shapes.PIN))
-    for slider in stage.sketch.sliders:
+    for slider in stage.sketch.sliders if joints < CROWDED else ():
         z = scale.points(stage.place(slider.point, k))
         found.append(Label(shown_name(slider.name), (z,), clearance=shapes.BLOCK[1] + 2))
     for name, way in shapes.drive_ways(stage, k).items():
@@ -370,7 +374,10 @@ def load_text(stage: Stage, load: LoadMark, k: int) -> str:
     values = stage.efforts[load.name]
     size = float(abs(values[0][k])) if values is not None else math.nan
     name = shown_name(load.name)
-    return f"{name} {size:.4g} {load.unit}" if math.isfinite(size) else name
+    if not math.isfinite(size):
+        return name
+    factor, unit = scaled_unit(load.unit, size)
+    return f"{name} {size * factor:.4g} {unit}"
 
 
 def _load_label(scale: Scale, stage: Stage, load: LoadMark, k: int) -> list[Label]:

@@ -9,16 +9,14 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
-import os
+import math
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from blockmech.draw.palette import DPI, STYLE
-from blockmech.errors import Problem, RequestError
 
-STILL = (".png", ".svg", ".pdf")
+PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
 @contextlib.contextmanager
@@ -26,11 +24,17 @@ def styled() -> Iterator[None]:
     """Draw in blockmech's style, whatever the user's own settings are."""
     import matplotlib
 
-    with matplotlib.rc_context(), warnings.catch_warnings():
-        # A script that the font lacks is shown as boxes; that is no reason to warn.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+    with matplotlib.rc_context(), _any_script():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
+        yield
+
+
+@contextlib.contextmanager
+def _any_script() -> Iterator[None]:
+    """A script that the font lacks is shown as boxes; that is no reason to warn."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
         yield
 
 
@@ -65,7 +69,8 @@ def _unit_width(text: str, bold: bool) -> float:
     from matplotlib.textpath import text_to_path
 
     font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal", size=100)
-    width, _, _ = text_to_path.get_text_width_height_descent(text, font, False)
+    with _any_script():
+        width, _, _ = text_to_path.get_text_width_height_descent(text, font, False)
     return float(width) / 100
 
 
@@ -77,16 +82,32 @@ def shown_name(name: str, most: int = 24) -> str:
     return line
 
 
-def wrapped(text: str, size: float, width: float, joint: str = " ") -> list[str]:
-    """Text as lines of at most a width [pt], broken at ``joint`` only."""
+def wrapped(text: str, size: float, width: float, bold: bool = False) -> list[str]:
+    """Text as lines of at most a width [pt], broken at spaces only."""
     lines: list[str] = []
-    for word in text.split(joint):
-        longer = f"{lines[-1]}{joint}{word}" if lines else word
-        if lines and text_width(longer, size) <= width:
+    for word in text.split(" "):
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and text_width(longer, size, bold) <= width:
             lines[-1] = longer
         else:
             lines.append(word)
     return lines
+
+
+def scaled_unit(unit: str, largest: float) -> tuple[float, str]:
+    """A factor and a unit with a prefix, so that a force, power or energy reads well.
+
+    >>> scaled_unit("N m", 12000.0)
+    (0.001, 'kN m')
+    """
+    plain = unit.split()[0].split("/")[0] if unit else ""
+    if plain not in ("N", "W", "J") or not 0 < largest < math.inf:
+        return 1.0, unit
+    power = 3 * math.floor(math.log10(largest * 1.0000001) / 3)
+    if power == 3 and largest < 5000:
+        power = 0  # 1200 N reads as well as 1.2 kN
+    power = min(max(power, -9), 9)
+    return 10.0**-power, PREFIXES[power] + unit
 
 
 def rendered(figure: Any, suffix: str, dpi: int = DPI) -> bytes:
@@ -96,19 +117,3 @@ def rendered(figure: Any, suffix: str, dpi: int = DPI) -> bytes:
     with styled():  # how text and identities are written is settled now, not while drawing
         figure.savefig(buffer, format=suffix[1:], dpi=dpi, metadata=date.get(suffix))
     return buffer.getvalue()
-
-
-def suffix_of(path: str | os.PathLike[str], valid: tuple[str, ...], what: str) -> str:
-    """The path's suffix in lower case. Raises `RequestError` where it is not among ``valid``."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in valid:
-        raise RequestError(
-            Problem(
-                "unknown-suffix",
-                str(path),
-                f'{what} is not written as "{suffix}"' if suffix else "the file has no suffix",
-                f"{what}: {', '.join(valid)}",
-                "choose one of these suffixes",
-            )
-        )
-    return suffix

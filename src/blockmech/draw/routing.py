@@ -10,8 +10,9 @@ Sources: Hashimoto & Stevens 1971 (left-edge rule), Deutsch 1976 (doglegs).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 from blockmech.draw.layout import Ends, Layered, Slot
@@ -136,7 +137,8 @@ def _climbs(
         here = {id(slot) for slot in made.layers[channel]}
         for s in made.segments:
             if id(s.source) in here and s.rows[0] != s.rows[1]:
-                found.append(Climb(s.wire, *map(float, s.rows)))
+                start, end = s.rows
+                found.append(Climb(s.wire, float(start), float(end)))
     for i, (out, into) in made.backward.items():
         source, target = made.slot(wires[i].source), made.slot(wires[i].target)
         if made.layer[wires[i].source] == channel:
@@ -237,12 +239,36 @@ def _way(
     return way
 
 
-def way_between(start: Point, end: Point, k: int = 0) -> list[Point]:
-    """A plain way for boxes that the user placed; k sets wires side by side."""
+def way_between(
+    start: Point, end: Point, k: int = 0, boxes: Iterable[Rectangle] = ()
+) -> list[Point]:
+    """A plain way between boxes that the user placed, through as few of them as it can.
+
+    ``k`` sets wires side by side.
+    """
     (x1, y1), (x2, y2) = start, end
+    boxes, aside = list(boxes), (k % 3 - 1) * TRACK / 2
+    out, into = x1 + STUB + aside, x2 - STUB + aside
+    steps = [j / 8 for j in (4, 3, 5, 2, 6, 1, 7, 0, 8)]  # the middle first
+    ways = []
     if x2 - x1 >= 2 * STUB:
-        x = (x1 + x2) / 2 + (k % 3 - 1) * TRACK / 2
-        return [start, (x, y1), (x, y2), end] if y1 != y2 else [start, end]
-    out, into = x1 + STUB + (k % 3) * TRACK / 2, x2 - STUB - (k % 3) * TRACK / 2
-    y = (y1 + y2) / 2 + (k % 3) * TRACK / 2
-    return [start, (out, y1), (out, y), (into, y), (into, y2), end]
+        if y1 == y2:
+            ways.append([start, end])
+        for t in steps:
+            x = out + (into - out) * t
+            ways.append([start, (x, y1), (x, y2), end])
+    edges = [y for r in boxes for y in (r.y - ROW + aside, r.y + r.height + ROW + aside)]
+    for y in [(y1 + y2) / 2 + aside, *edges]:
+        ways.append([start, (out, y1), (out, y), (into, y), (into, y2), end])
+    return min(ways, key=lambda way: sum(_runs_through(way, r) for r in boxes))
+
+
+def _runs_through(way: Sequence[Point], r: Rectangle) -> bool:
+    near = STUB / 3  # so that ports beside the wire stay free
+    return any(
+        min(xa, xb) < r.x + r.width + near
+        and max(xa, xb) > r.x - near
+        and min(ya, yb) < r.y + r.height
+        and max(ya, yb) > r.y
+        for (xa, ya), (xb, yb) in pairwise(way)
+    )

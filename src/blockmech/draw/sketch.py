@@ -123,7 +123,7 @@ def sketch_of(motion: Motion) -> Sketch:
         _body(s, link, places) for link, places in points.items() if link != s.frame_link
     )
     loads = tuple(_load(s, name) for name in s.elements)
-    return Sketch(bodies, _merged(s, pins), sliders, loads, tuple(_drives(s)))
+    return Sketch(bodies, _merged(motion, pins), sliders, loads, tuple(_drives(s)))
 
 
 def _pin_spot(s: Structure, ref: JointRef) -> Spot | None:
@@ -144,19 +144,35 @@ def _seen_from(motion: Motion, link: LinkRef, spot: Spot) -> complex:
     return complex(known[0]) if len(known) else 0j
 
 
-def _merged(s: Structure, pins: Iterable[tuple[JointRef, Spot]]) -> tuple[Pin, ...]:
-    """Pins at one place become one; a name is short where that is clear."""
-    at: dict[Spot, list[JointRef]] = {}
+def _merged(motion: Motion, pins: Iterable[tuple[JointRef, Spot]]) -> tuple[Pin, ...]:
+    """Pins that stay at one place become one; a name is short where that is clear."""
+    s = motion.structure
+    groups: list[tuple[Spot, list[JointRef]]] = []
     for ref, spot in pins:
-        at.setdefault(spot, []).append(ref)
-    used = [ref.name for refs in at.values() for ref in refs]
+        for other, refs in groups:
+            if _together(motion, spot, other):
+                refs.append(ref)
+                break
+        else:
+            groups.append((spot, [ref]))
+    used = [ref.name for _, refs in groups for ref in refs]
     found = []
-    for spot, refs in at.items():
+    for spot, refs in groups:
         names = dict.fromkeys(r.name if used.count(r.name) == 1 else str(r) for r in refs)
         joined = {link for r in refs for link in (s.earlier_link(r), s.later_link(r))}
-        links = tuple(sorted(joined))
-        found.append(Pin(tuple(names), spot, spot.link == s.frame_link, links))
+        grounded = s.frame_link in joined
+        found.append(Pin(tuple(names), spot, grounded, tuple(sorted(joined))))
     return tuple(found)
+
+
+def _together(motion: Motion, one: Spot, other: Spot) -> bool:
+    """Whether two spots are the same place at every sample."""
+    if one == other:
+        return True
+    a, b = motion.at(*one), motion.at(*other)
+    known = np.isfinite(a) & np.isfinite(b)
+    size = float(np.abs(a[known]).max(initial=0.0))
+    return bool(known.any() and np.abs(a - b)[known].max() <= 1e-6 * size)
 
 
 def _slider(motion: Motion, ref: JointRef, name: str) -> Slider:
@@ -249,7 +265,7 @@ def hull(places: Iterable[complex], close: float = 0.0) -> tuple[complex, ...]:
 
 
 def _right_turn(a: complex, b: complex, c: complex, close: float) -> bool:
-    return cross(b - a, c - b) <= close * abs(c - a)
+    return bool(cross(b - a, c - b) <= close * abs(c - a))
 
 
 def _load(s: Structure, name: str) -> LoadMark:

@@ -433,7 +433,7 @@ def _errors(track: Conservative, elapsed: float) -> tuple[float, float]:
     """Error of the clock at the end of the run [s], and of the standstills [rad or m]."""
     end = float(track.clock(np.array([track.t0 + elapsed]))[0])
     seconds = track.line.error(max(end, track.c0), elapsed)
-    return seconds + 4 * EPS * (elapsed + abs(track.t0)), track.line.first.end_error
+    return seconds + EPS * (elapsed + abs(track.t0)), track.line.first.end_error
 
 
 def _events(track: Conservative, t_end: float, end: str) -> tuple[Event, ...]:

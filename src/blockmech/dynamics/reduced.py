@@ -184,6 +184,24 @@ class Metered:
         return Cost(self.samples, self.calls, self.singles)
 
 
+@dataclass
+class MeteredSystems:
+    """Several drivers, with the evaluations counted; one per run."""
+
+    systems: ReducedSystems
+    singles: int = 0
+
+    def terms(self, q: Floats, qd: Floats, t: float) -> Terms:
+        """Terms of the equation of motion at one state, counted."""
+        self.singles += 1
+        return self.systems.terms(q, qd, t)
+
+    @property
+    def cost(self) -> Cost:
+        """Evaluations so far."""
+        return Cost(singles=self.singles)
+
+
 def feasible(sample: Sample) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Where a batch is possible: margin above zero and everything finite."""
     return np.asarray(

@@ -104,7 +104,9 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
     if len(mechanism.drivers) != 1:
         raise RequestError(
             Problem(
-                "drivers", mechanism.name, f"it has {len(mechanism.drivers)} drivers, not one",
+                "drivers",
+                mechanism.name,
+                f"it has {len(mechanism.drivers)} drivers, not one",
             )
         )
     (driver,) = mechanism.drivers
@@ -149,15 +151,29 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
     )
 
 
+def refuse_no_inertia(mechanism: Mechanism) -> None:
+    """Refuse a mechanism that cannot be accelerated because nothing has mass."""
+    links = mechanism.structure.links
+    if not any(mechanism.structure.properties(link).massive for link in links):
+        raise RequestError(
+            Problem(
+                "no-inertia",
+                mechanism.name,
+                "no link has mass or inertia, so loads set no motion",
+                "",
+                'give links "mass" and "inertia"',
+            )
+        )
+
+
 def reduced_systems(mechanism: Mechanism) -> ReducedSystems:
-    """The equations of motion of a mechanism with several drivers."""
+    """The equations of motion of a mechanism with several drivers, M q'' + c = Q."""
     drivers = mechanism.drivers
     k = len(drivers)
-    values = _Values(mechanism, ("mechanism.M", "mechanism.Q", *(f"{d}.bias" for d in drivers)))
-    layout = values.plan.layout
-    M_at, Q_at = layout["mechanism.M"], layout["mechanism.Q"]
-    c_at = [values.place[f"{d}.bias"] for d in drivers]
-    energy = _Values(mechanism, ("mechanism.potential_energy",))
+    idle = tuple(f"{d}.drive_by_reduction" for d in drivers)  # c - Q, at q'' = 0
+    values = _Values(mechanism, ("mechanism.M", *idle))
+    M_at = values.plan.layout["mechanism.M"]
+    rest_at = [values.place[name] for name in idle]
 
     def state(q: Array, qd: Array, t: float) -> dict[str, float]:
         found = {"t": t}
@@ -167,18 +183,8 @@ def reduced_systems(mechanism: Mechanism) -> ReducedSystems:
 
     def terms(q: Array, qd: Array, t: float) -> Terms:
         found = values.one(state(q, qd, t))
-        numbers = [float(x) if not isinstance(x, complex) else 0.0 for x in found]
-        return Terms(
-            np.array([numbers[i] for i in M_at]).reshape(k, k),
-            np.array([numbers[i] for i in c_at]),
-            np.array([numbers[i] for i in Q_at]),
-            values.margin_of_one(found),
-        )
-
-    def potential(q: Array) -> float:
-        found = energy.one(state(q, q * 0.0, 0.0))
-        return float(found[energy.place["mechanism.potential_energy"]])
+        M = np.array([float(found[i]) for i in M_at]).reshape(k, k)
+        rest = np.array([float(found[i]) for i in rest_at])
+        return Terms(M, rest, np.zeros(k), values.margin_of_one(found))
 
     return ReducedSystems(k, terms, depends_on(mechanism))
-
-

@@ -131,7 +131,7 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
         possible = bool(mesh.possible.all())
         return Stretch(low, high, quad, np.inf, 0.0, np.inf, possible)
     reducible = float(quad.truncation.sum()) + quad.lost_time
-    rounding = quad.rounded_time + 4 * EPS * T
+    rounding = quad.rounded_time + 2 * EPS * T
     ends, end_error = [low, high], 0.0
     for side, end in enumerate(ends):
         if not end.free or len(anchors) < 2:

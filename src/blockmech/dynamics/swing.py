@@ -210,7 +210,7 @@ def _judged(
         noise += EPS * inside[1]
     doubt = noise + a * unresolved((tau @ large.tail).ravel()) * 8 / n
     J_ends = (J @ r.ends[:, :2]).tolist()
-    reducible, rounding, end_error, steps, shift = tail, 4 * EPS * T, 0.0, [0.0, 0.0], 0.0
+    reducible, rounding, end_error, steps, shift = tail, 2 * EPS * T, 0.0, [0.0, 0.0], 0.0
     for side, end in enumerate((low, high)):
         if not end.free:
             continue

@@ -16,6 +16,7 @@ from blockmech.export.columns import columns, known_time
 from blockmech.export.files import AnyPath, writing
 
 if TYPE_CHECKING:
+    from blockmech.dynamics.motion import Motion
     from blockmech.result import Result
 
 FORMAT, VERSION = "blockmech/result", 1
@@ -104,7 +105,45 @@ def _head(result: Result) -> dict[str, Any]:
         "drivers": {name: _values(q) for name, q in result.drivers.items()},
     }
     time = known_time(result)
-    return head if time is None else {**head, "time": _values(time)}
+    if time is not None:
+        head["time"] = _values(time)
+    if result.motion is not None:
+        head |= _motion(result, result.motion)
+    return head
+
+
+def _motion(result: Result, motion: Motion) -> dict[str, Any]:
+    """How a simulation moved: its events, and method, error and what ended it."""
+    names = list(result.drivers)
+    events = []
+    for event in motion.events:
+        q, qd = np.atleast_1d(event.q), np.atleast_1d(event.qd)
+        states = {
+            name.replace(".q", ending): _finite(x)
+            for values, ending in ((q, ".q"), (qd, ".rate"))
+            for name, x in zip(names, values, strict=True)
+        }
+        events.append({"kind": event.kind, "time": _finite(event.t), **states})
+    about = {
+        "method": motion.method,
+        "why": motion.why,
+        "regime": motion.regime,
+        "status": motion.status,
+        "end": motion.end,
+        "end_time": _finite(motion.t_end),
+        "error": _finite(motion.error),
+        "time_error": _finite(motion.time_error),
+        "accuracy": motion.accuracy,
+        "reached": motion.reached,
+        "evaluations": motion.cost.evaluations,
+        "notes": list(motion.notes),
+        "facts": {name: _finite(x) for name, x in motion.facts.items()},
+    }
+    return {"events": events, "motion": about}
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None
 
 
 def _output(result: Result, name: str) -> dict[str, Any]:

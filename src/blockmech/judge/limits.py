@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
 
 SAMPLES = 720  # of a turn: every half degree
+FEWEST = 16
 TURNS, UNLIMITED = "turn", "unlimited"
 TINY = 1e-15  # [rad or m] shown as zero
 
@@ -130,10 +131,17 @@ class Limits:
         word = "feasible arc" + ("s" if len(self.arcs) > 1 else "")
         return f"{word} of {name}: {', '.join(map(str, self.arcs))} {self.unit}"
 
-    def __str__(self) -> str:
-        return "\n".join(self._lines())
+    def text(self, degrees: bool = False) -> str:
+        """The arcs, their ends and change points, one a line."""
+        turned = degrees and self.unit == "rad"
+        return "\n".join(
+            self._lines(180 / math.pi if turned else 1.0, "deg" if turned else self.unit)
+        )
 
-    def _lines(self) -> Iterable[str]:
+    def __str__(self) -> str:
+        return self.text()
+
+    def _lines(self, scale: float, unit: str) -> Iterable[str]:
         held = ", ".join(f"{d}.q = {q:.9g}" for d, q in self.held.items())
         count = "turns fully" if self.whole_turn else f"{len(self.arcs) or 'no'} feasible arc"
         plural = "s" if len(self.arcs) > 1 else ""
@@ -141,17 +149,18 @@ class Limits:
         if self.nearest:
             near = self.nearest
             yield (
-                f"  {near.block} never closes; it comes nearest at {near.q:.6g} {self.unit}, "
+                f"  {near.block} never closes; it comes nearest at {near.q * scale:.6g} {unit}, "
                 f"margin {near.margin:.4g}"
             )
         for arc in self.arcs:
             if not self.whole_turn:
+                start, end = (_shown(e.q * scale) for e in (arc.start, arc.end))
                 yield (
-                    f"  from {_shown(arc.start.q)} ({arc.start}) to {_shown(arc.end.q)} "
-                    f"({arc.end}), {arc.length:.6g} {self.unit} long"
+                    f"  from {start} ({arc.start}) to {end} ({arc.end}), "
+                    f"{arc.length * scale:.6g} {unit} long"
                 )
             for p in arc.change_points:
-                yield f"  change point at {_shown(p.q)} {self.unit} ({p})"
+                yield f"  change point at {_shown(p.q * scale)} {unit} ({p})"
 
     def to_dict(self) -> dict[str, Any]:
         """The limits as a JSON object."""
@@ -196,8 +205,10 @@ def limits(
 
     Raises
     ------
-    RequestError for an unknown driver, or others without a place
+    RequestError for an unknown driver, others without a place, or too few samples
     """
+    if samples < FEWEST:
+        raise _error("samples", f"got {samples}", f"give at least {FEWEST}")
     moved, held = _request(mechanism, driver, dict(at or {}))
     closure = Closure(mechanism, moved, held, _groups(mechanism.structure, blocks))
     block = mechanism.structure.blocks[moved]

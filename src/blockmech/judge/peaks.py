@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 
 GOLDEN = (math.sqrt(5) - 1) / 2
+REACHES = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.0, 0.5)  # half widths tried, in brackets
 SURE = 1e-12  # of a bracket: an error of the place that needs no better
 HALVINGS = 200  # more than any bracket of doubles of like size has
 NODES = 32
@@ -104,7 +105,7 @@ def turning_place(
     """
     best: Turning | None = None
     low, high = bracket
-    for reach in (16.0, 8.0, 4.0, 2.0, 1.0, 0.5):
+    for reach in REACHES:
         grown = (reach - 0.5) * (high - low)
         a, b = max(widest[0], low - grown), min(widest[1], high + grown)
         found = _turning_in(function, a, b, bracket, sign)

@@ -42,7 +42,7 @@ def text_of(path: str | os.PathLike[str]) -> str:
         return _decoded(_bytes_of(Path(path)))
     except FormatError as error:
         raise FormatError(in_file(error.problems, shown)) from error.__cause__
-    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+    except (OSError, ValueError) as error:
         raise FormatError(in_file([_not_opened(error)], shown)) from error
 
 
@@ -68,12 +68,12 @@ def _bytes_of(path: Path) -> bytes:
     return raw
 
 
-def _not_opened(error: Exception) -> Problem:
-    if isinstance(error, FileNotFoundError | NotADirectoryError):
+def _not_opened(error: OSError | ValueError) -> Problem:
+    if isinstance(error, FileNotFoundError | NotADirectoryError | ValueError):  # null in the name
         return Problem("no-file", "", "no such file", "", "check the name and the folder")
     if isinstance(error, PermissionError):
         return Problem("no-permission", "", "you may not read it", "", "ask its owner")
-    reason = getattr(error, "strerror", None) or str(error)
+    reason = error.strerror or str(error)
     return Problem("unreadable", "", f"it cannot be read: {reason.lower()}")
 
 
@@ -128,7 +128,10 @@ def data_of(text: str) -> tuple[dict[str, Any], list[Problem]]:
                 'a graph file is {"format": "blockmech/graph", ...}',
             )
         )
-    return data, list(islice(_misfits(text), MOST + 1)) if odd else []
+    misfits = list(islice(_misfits(text), MOST + 1)) if odd else []
+    if any(problem.code == "wrong-encoding" for problem in misfits):
+        raise FormatError(misfits)  # half characters break what they are handed to
+    return data, misfits
 
 
 _TOO_DEEP = Problem(

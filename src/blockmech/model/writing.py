@@ -72,19 +72,18 @@ def _refuse_strange(value: Any, path: tuple[str | int, ...]) -> None:
     if isinstance(value, Mapping):
         for key, item in value.items():
             if not isinstance(key, str):
-                raise _strange(path, "a key must be a text", key)
+                raise _strange("not-json", path, "a key must be a text", key)
             _refuse_strange(item, (*path, key))
     elif isinstance(value, list | tuple):
         for k, item in enumerate(value):
             _refuse_strange(item, (*path, k))
     elif isinstance(value, float) and not math.isfinite(value):
-        raise _strange(path, "must be a finite number", float(value))
+        raise _strange("non-finite", path, "must be a finite number", float(value))
     elif not isinstance(value, str | int | float | None):
-        raise _strange(path, "must be JSON data", value)
+        raise _strange("not-json", path, "must be JSON data", value)
 
 
-def _strange(path: tuple[str | int, ...], rule: str, value: Any) -> FormatError:
-    code = "non-finite" if isinstance(value, float) else "not-json"
+def _strange(code: str, path: tuple[str | int, ...], rule: str, value: Any) -> FormatError:
     return FormatError(Problem(code, path_text(path), f"{rule}, got {value!r:.60}"))
 
 

@@ -320,7 +320,7 @@ def _why_not(result: Result, sample: int | None) -> str:
 # -- showing ---------------------------------------------------------------------------------
 
 MOST_ROWS = 12
-HEAD = ("output", "sample", "expected", "got", "error", "tolerance", "margin")
+HEAD = ("output", "sample: drivers [rad, m]", "expected", "got", "error", "tolerance", "margin")
 
 
 def failure_table(outcomes: Iterable[Outcome]) -> str:

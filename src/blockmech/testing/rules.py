@@ -11,7 +11,7 @@ import numpy as np
 ROUNDING = 1e-11  # [-] of the largest term: some 100 operations, margins down to 1e-4
 STEP = 4e-3  # [s] of differences; the motions change over about a second
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)  # central difference of order 8
-DERIVATIVE = 1e-7  # [-] of differences: (4 STEP / 0.3 s)^8 where the motion is smooth over 0.3 s
+DERIVATIVE = 1e-9  # [-] of differences: 8! (STEP / T)^8 for a motion that changes over T = 0.2 s
 
 
 class ConformanceError(AssertionError):

@@ -1,0 +1,58 @@
+"""``blockmech limits``: how far each driver can go, and which group ends it."""
+
+from __future__ import annotations
+
+import json as text_of
+from typing import Annotated
+
+import typer
+
+from blockmech.cli.check import AsJson
+from blockmech.cli.graphs import GraphFile, compiled
+from blockmech.cli.numbers import coordinates
+from blockmech.cli.terminal import patience, say
+from blockmech.errors import Problem, RequestError
+
+
+def limits(
+    file: GraphFile,
+    driver: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only this driver; by default each.")
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[DRIVER=]NUMBER",
+            help="Where another driver is held; by default where its law begins.",
+        ),
+    ] = None,
+    deg: Annotated[bool, typer.Option("--deg", help="Angles in degrees in the text.")] = False,
+    json: AsJson = False,
+) -> None:
+    """Find the arcs of each driver on which the mechanism closes."""
+    if json and deg:
+        raise _bad("--deg", "JSON results are in SI units", "leave it out")
+    mechanism = compiled(file)
+    held = {}
+    for name, row in (coordinates(mechanism, at or []) or {}).items():
+        if len(row) != 1:
+            raise _bad(f"--at {name}", f"it names {len(row)} places", "give one number")
+        held[name] = row[0]
+    moving = mechanism.drivers if driver is None else (driver,)
+    for name in held:
+        if moving == (name,):
+            raise _bad(f"--at {name}", "this driver is the one that moves", "hold another one")
+    with patience("searching"):
+        found = [
+            mechanism.limits(moved, {d: q for d, q in held.items() if d != moved})
+            for moved in moving or (None,)
+        ]
+    if json:
+        rows = [f.to_dict() for f in found]
+        say(text_of.dumps({"file": file, "limits": rows}, indent=2))
+    else:
+        say("\n".join(f.text(degrees=deg) for f in found))
+
+
+def _bad(where: str, found: str, remedy: str) -> RequestError:
+    return RequestError(Problem("bad-request", where, found, "", remedy))

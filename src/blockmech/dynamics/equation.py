@@ -1,0 +1,187 @@
+r"""The equation of motion as a right-hand side y' = f(t, y), for integrators in time.
+
+One driver:       y = (q, q', W),       J q'' = tau_all - J' q'^2 / 2
+k drivers:        y = (q, q', W),       M q'' = Q - c,    q and q' of length k
+
+W is the work of all loads since the start: the kinetic energy must have grown by as
+much, so the balance of energy is at hand at no cost.
+
+The right-hand side of one driver reads either the kernels, one pose at a time, or the
+reduced table. Impossible poses give NaN, never an exception.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.reduced import Metered, MeteredSystems, Terms
+from blockmech.dynamics.table import Table, tabulated
+
+RightSide: TypeAlias = Callable[[float, Any], Any]
+
+PROBES = 2  # states at which the split of the effort is checked before it is trusted
+AGREES = 1e-9
+
+
+@dataclass(frozen=True)
+class Equation:
+    """A right-hand side, and what an integrator has to know of it.
+
+    Attributes
+    ----------
+    drivers : k
+    rhs : (t, y) -> y', sequences of 2k + 1 floats
+    margin : y -> smallest margin, or None where it stays safely above zero
+    kinetic : y -> kinetic energy [J]
+    speed : [rad/s or m/s] a typical speed, for the tolerances
+    source : "kernels" or "table", and the table's error where there is one
+    """
+
+    drivers: int
+    rhs: RightSide
+    margin: Callable[[Any], float] | None
+    kinetic: Callable[[Any], float]
+    speed: float
+    source: str
+    table_error: float = 0.0
+
+
+def from_kernels(meter: Metered, q0: float, qd0: float, t0: float) -> Equation:
+    """One driver, every evaluation by the scalar kernels."""
+    one = meter.one
+
+    def rhs(t: float, y: Any) -> tuple[float, float, float]:
+        q, qd = float(y[0]), float(y[1])
+        J, tau, dJ, margin = one(q, qd, t)
+        if not (margin > 0 and J > 0):
+            return math.nan, math.nan, math.nan
+        return qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd
+
+    def margin(y: Any) -> float:
+        return one(float(y[0]), float(y[1]), t0).margin
+
+    def kinetic(y: Any) -> float:
+        return 0.5 * one(float(y[0]), 0.0, t0).J * float(y[1]) ** 2
+
+    start = one(q0, qd0, t0)
+    speed = abs(qd0) + math.sqrt(2 * abs(start.tau) / start.J) if start.J > 0 else 1.0
+    return Equation(1, rhs, margin, kinetic, speed or 1.0, "kernels")
+
+
+def from_table(meter: Metered, table: Table, qd0: float) -> Equation:
+    """One driver, the position-dependent parts from the reduced table."""
+    parts = table.parts()
+    extra = meter.system.rate_load_one
+    if extra is None:
+
+        def rhs(t: float, y: Any) -> tuple[float, float, float]:
+            q, qd, _ = y.tolist()
+            J, dJ, tau, damping = parts(q)
+            tau -= damping * qd
+            return qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd
+
+    else:
+
+        def rhs(t: float, y: Any) -> tuple[float, float, float]:
+            q, qd, _ = y.tolist()
+            J, dJ, tau, damping = parts(q)
+            tau += extra(q, qd, t) - damping * qd
+            return qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd
+
+    def kinetic(y: Any) -> float:
+        return 0.5 * parts(float(y[0]))[0] * float(y[1]) ** 2
+
+    J = min(row[0][0] for row in table.rows)
+    tau = max(abs(row[2][0]) for row in table.rows)
+    speed = abs(qd0) + math.sqrt(2 * tau / J)
+    return Equation(1, rhs, None, kinetic, speed or 1.0, "table", table.error)
+
+
+def splits(meter: Metered, q0: float, qd0: float, t0: float) -> bool:
+    """Whether the effort is what the system says it is made of; checked at a few states."""
+    system = meter.system
+    if "rate" in system.depends_on and not system.damped and system.rate_load_one is None:
+        return False
+    if "time" in system.depends_on and system.rate_load_one is None:
+        return False
+    if system.depends_on <= {"q"}:
+        return True
+    wanted = frozenset({"damping"}) if system.damped else frozenset()
+    for i in range(1, PROBES + 1):
+        q, qd, t = q0 + 0.7 * i, (qd0 or 1.0) * (1.0 + 0.37 * i), t0 + 0.23 * i
+        whole = meter.one(q, qd, t).tau
+        sample = meter.sample(np.array([q]), wanted)
+        found = float(sample.tau[0])
+        if sample.damping is not None:
+            found -= float(sample.damping[0]) * qd
+        if system.rate_load_one is not None:
+            found += system.rate_load_one(q, qd, t)
+        if math.isfinite(whole) and not abs(found - whole) <= AGREES * (abs(found) + abs(whole)):
+            return False
+    return True
+
+
+def one_driver(meter: Metered, q0: float, qd0: float, t0: float, accuracy: float) -> Equation:
+    """The cheaper right-hand side that is good enough: the table, else the kernels."""
+    system = meter.system
+    low, high = system.bounds
+    unbounded = math.isinf(low) and math.isinf(high)
+    if system.period is not None and unbounded and not system.knots and splits(meter, q0, qd0, t0):
+        table = tabulated(meter, max(accuracy / 100, 1e-13))
+        if table is not None:
+            return from_table(meter, table, qd0)
+    return from_kernels(meter, q0, qd0, t0)
+
+
+def several_drivers(meter: MeteredSystems, q0: Floats, qd0: Floats, t0: float) -> Equation:
+    """k drivers: M q'' = Q - c by Cholesky, in plain Python."""
+    k = meter.systems.drivers
+    terms = meter.terms
+
+    def rhs(t: float, y: Any) -> list[float]:
+        q, qd = y[:k], y[k : 2 * k]
+        M, c, Q, margin = terms(q, qd, t)
+        if not margin > 0:
+            return [math.nan] * (2 * k + 1)
+        loads, rates = Q.tolist(), qd.tolist()
+        right = [a - b for a, b in zip(loads, c.tolist(), strict=True)]
+        power = sum(a * b for a, b in zip(loads, rates, strict=True))
+        return [*rates, *cholesky_solved(M.tolist(), right), power]
+
+    def margin(y: Any) -> float:
+        return terms(y[:k], y[k : 2 * k], t0).margin
+
+    def kinetic(y: Any) -> float:
+        found: Terms = terms(y[:k], y[k : 2 * k], t0)
+        return 0.5 * float(y[k : 2 * k] @ found.M @ y[k : 2 * k])
+
+    first = terms(q0, qd0, t0)
+    falls = np.abs(first.Q) / np.diag(first.M)
+    speed = float(np.abs(qd0).max() + np.sqrt(2 * falls.max()))
+    return Equation(k, rhs, margin, kinetic, speed or 1.0, "kernels")
+
+
+def cholesky_solved(M: list[list[float]], right: list[float]) -> list[float]:
+    """Solve M x = right, M symmetric and positive definite; NaN where it is not."""
+    k = len(right)
+    L = [[0.0] * k for _ in range(k)]
+    x = list(right)
+    for i in range(k):
+        for j in range(i + 1):
+            s = M[i][j] - sum(L[i][m] * L[j][m] for m in range(j))
+            if i > j:
+                L[i][j] = s / L[j][j]
+            elif s > 0:
+                L[i][i] = math.sqrt(s)
+            else:
+                return [math.nan] * k
+        x[i] = (x[i] - sum(L[i][m] * x[m] for m in range(i))) / L[i][i]
+    for i in reversed(range(k)):
+        x[i] = (x[i] - sum(L[m][i] * x[m] for m in range(i + 1, k))) / L[i][i]
+    return x

@@ -1,0 +1,103 @@
+"""LSODA without its wrapper: for runs to a given time that nothing interrupts.
+
+`scipy.integrate.odeint` stays in compiled code between evaluations, so a step costs
+little more than its right-hand sides. It keeps no dense output; times asked for later
+are reached by running again, which gives the same numbers because the steps do not
+depend on the outputs.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.integrate import Leg, Run, Task, balance
+from blockmech.dynamics.motion import Event
+
+GRID = 65  # outputs among which standstills are looked for
+MOST_STEPS = 100_000  # between two outputs
+POLISH = 6  # Newton steps for a standstill
+
+
+def uninterrupted(task: Task) -> bool:
+    """Whether nothing can end the run before its time."""
+    system = task.system
+    if system is None or task.until.goal != "time" or task.watches or task.time_knots:
+        return False
+    stopped = any(np.isfinite(stop) for stop in system.stops)
+    return not (system.knots or stopped or task.equation.margin is not None)
+
+
+def replayed(task: Task, tolerance: float) -> Run:
+    """One LSODA run to the time asked for."""
+    count = 0
+    right = task.equation.rhs
+
+    def rhs(t: float, y: Any) -> Any:
+        nonlocal count
+        count += 1
+        return right(t, y)
+
+    def dense(times: Floats) -> Floats:
+        order = np.argsort(times)
+        y = _solved(task, rhs, task.y0, np.append(task.t0, times[order]), tolerance)
+        back = np.empty_like(order)
+        back[order] = np.arange(order.size)
+        return np.asarray(y[1:][back].T)
+
+    grid = np.linspace(task.t0, task.t_max, GRID)
+    y = _solved(task, rhs, task.y0, grid, tolerance)
+    evaluations = count
+    end = y[-1]
+    good = bool(np.isfinite(end).all())
+    return Run(
+        drivers=1,
+        legs=(Leg(task.t0, task.t_max, dense),),
+        events=tuple(_standstills(task, rhs, grid, y, tolerance)) if good else (),
+        status="reached" if good else "failed",
+        end="time" if good else "impossible pose",
+        t_end=task.t_max,
+        y_end=end,
+        evaluations=evaluations,
+        balance=balance(task, end, float(np.abs(y[:, -1]).max())) if good else np.nan,
+    )
+
+
+def _solved(task: Task, rhs: Any, y0: Floats, times: Floats, tolerance: float) -> Floats:
+    """States (m, n) at growing times, the first of which is that of y0."""
+    from scipy.integrate import odeint
+
+    rtol, atol = task.tolerances(tolerance)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the states are looked at instead
+        found, info = odeint(
+            rhs, y0, times, rtol=rtol, atol=atol, tfirst=True, mxstep=MOST_STEPS, full_output=True
+        )
+    if info["message"] != "Integration successful.":
+        found[-1] = np.nan
+    return np.asarray(found)
+
+
+def _standstills(
+    task: Task, rhs: Any, grid: Floats, y: Floats, tolerance: float
+) -> list[Event]:
+    """Changes of sign of the rate between outputs, by Newton's method in time."""
+    found = []
+    rate = y[:, 1]
+    for i in np.flatnonzero(rate[:-1] * rate[1:] < 0).tolist():
+        t, state = float(grid[i]), y[i]
+        low, high = t, float(grid[i + 1])
+        guess = low + (high - low) * rate[i] / (rate[i] - rate[i + 1])
+        for _ in range(POLISH):
+            state = _solved(task, rhs, y[i], np.array([low, guess]), tolerance)[-1]
+            acceleration = rhs(guess, state)[1]
+            step = float(state[1]) / acceleration if acceleration else 0.0
+            t = min(max(guess - step, low), high)
+            if abs(t - guess) <= 1e-15 * (1 + abs(t)):
+                break
+            guess = t
+        found.append(Event("standstill", guess, float(state[0]), 0.0))
+    return found

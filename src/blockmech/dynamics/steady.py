@@ -1,0 +1,248 @@
+r"""The periodic steady state of a machine with speed-dependent loads.
+
+Fourier collocation on one turn: with D the differentiation matrix of n equidistant
+nodes,
+
+    (D K)_i = T(x_i, w_i),       w = sqrt(2 K / J),
+
+by Newton's method, started from the constant speed at which the mean power vanishes.
+An error of the energy is multiplied every turn by
+
+    exp( integral over the turn of (dT/dw) / (J w) dx ),
+
+the multiplier: below 1 the motion is stable. Where the collocation fails, the return
+map K -> K one turn later is solved by secants, each map one march.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.dense import place, when
+from blockmech.dynamics.march import as_quadrature, effort, effort_slope, march
+from blockmech.dynamics.mesh import View
+from blockmech.dynamics.passage import End, Place
+from blockmech.dynamics.patches import Patch, Path
+from blockmech.dynamics.quadrature import EPS
+from blockmech.dynamics.reduced import feasible
+
+SIZES = (33, 65, 129, 257, 513)
+NEWTON_STEPS = 20
+SPEEDS = np.geomspace(1e-3, 1e4, 141)  # [rad/s or m/s] searched for the start
+MAPS = 30  # turns of the return map
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One turn of a periodic motion as Fourier series in x.
+
+    slowness : (n,) 1/w [s/rad or s/m] at equidistant nodes, n odd
+    period : [rad or m]
+    """
+
+    low: End
+    high: End
+    period: float
+    slowness: Floats
+    error: float
+    end_error: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Time of a turn [s]."""
+        return float(self.period * self.slowness.mean())
+
+    @property
+    def fastest(self) -> float:
+        """Largest speed at the nodes [rad/s or m/s]."""
+        return float(1 / self.slowness.min())
+
+    def when(self, x: Floats) -> Floats:
+        """Time [s] since x = 0 at places x (m,)."""
+        c = np.fft.rfft(self.slowness) / self.slowness.size
+        k = np.arange(1, c.size)
+        angle = 2 * math.pi / self.period
+        waves = np.exp(1j * np.outer(x, k * angle)) - 1
+        return np.asarray(c[0].real * x + 2 * (waves @ (c[1:] / (1j * k * angle))).real)
+
+    def place(self, time: Floats) -> Place:
+        """Place and speed at times (m,) [s] within the turn."""
+        c = np.fft.rfft(self.slowness) / self.slowness.size
+        k = np.arange(1, c.size)
+        angle = 2 * math.pi / self.period
+        grid = np.linspace(0.0, self.period, 2 * self.slowness.size + 1)
+        x = np.interp(time, self.when(grid), grid)
+        for _ in range(8):
+            slowness = self._slowness(x, c, k, angle)
+            step = (time - self.when(x)) / slowness
+            x = x + step
+            if not np.abs(step).max() > 1e-9 * self.period:
+                break
+        return Place(x, 1 / self._slowness(x, c, k, angle))
+
+    @staticmethod
+    def _slowness(x: Floats, c: Floats, k: Floats, angle: float) -> Floats:
+        return np.asarray(c[0].real + 2 * (np.exp(1j * np.outer(x, k * angle)) @ c[1:]).real)
+
+
+class Steady(NamedTuple):
+    """A periodic motion found."""
+
+    turn: Turn
+    multiplier: float
+    how: str  # "collocation" or "return map"
+    start: float  # constant speed it was started from [rad/s or m/s]
+
+
+def steady(view: View, accuracy: float) -> list[Steady]:
+    """All periodic motions along growing x that the starts lead to, fastest last."""
+    period = view.meter.system.period
+    if period is None:
+        return []
+    patch = _nodes(view, period, SIZES[0])
+    if not patch.possible:
+        return []
+    found: list[Steady] = []
+    for speed in _balanced(view, patch):
+        motion = _collocated(view, period, speed, patch, accuracy) or _returned(view, period, speed)
+        if motion and all(abs(motion.turn.total / f.turn.total - 1) > 1e-6 for f in found):
+            found.append(motion)
+    return found
+
+
+def _nodes(view: View, period: float, n: int) -> Patch:
+    x = np.arange(n) * (period / n)
+    wanted = frozenset({"damping"}) if view.meter.system.damped else frozenset()
+    sample = view.meter.sample(view.q(x), wanted)
+    return Patch(
+        low=0.0,
+        high=period,
+        length=period,
+        root=False,
+        x=x,
+        slope=np.ones(n),
+        J=np.asarray(sample.J),
+        tau=view.sign * sample.tau,
+        damping=np.zeros(n) if sample.damping is None else sample.damping,
+        possible=bool(feasible(sample).all()),
+    )
+
+
+def _balanced(view: View, patch: Patch) -> list[float]:
+    """Constant speeds at which the mean power over a turn vanishes."""
+
+    def power(w: float) -> float:
+        return float(effort(view, patch, 0.0, np.full(patch.x.size, w)).mean())
+
+    values = np.array([power(w) for w in SPEEDS.tolist()])
+    found = []
+    for i in np.flatnonzero(values[:-1] * values[1:] < 0).tolist():
+        low, high = float(SPEEDS[i]), float(SPEEDS[i + 1])
+        rising = values[i + 1] > 0
+        for _ in range(40):
+            middle = (low + high) / 2
+            if (power(middle) > 0) == rising:
+                high = middle
+            else:
+                low = middle
+        found.append((low + high) / 2)
+    return found
+
+
+def _collocated(
+    view: View, period: float, speed: float, patch: Patch, accuracy: float
+) -> Steady | None:
+    """Newton on n nodes, n growing until the series of 1/w has ended."""
+    K = patch.J * speed**2 / 2
+    for n in SIZES:
+        if n != patch.x.size:
+            K = np.maximum(_resampled(K, n), 1e-3 * K.min())
+            patch = _nodes(view, period, n)
+            if not patch.possible:
+                return None
+        solved = _newton(view, period, patch, K)
+        if solved is None:
+            if n == SIZES[0]:
+                continue
+            return None
+        K, gain = solved
+        slowness = np.sqrt(patch.J / (2 * K))
+        size = np.abs(np.fft.rfft(slowness)) / n
+        tail = float(size[-max(2, size.size // 8) :].max())
+        turn = Turn(End(0.0), End(period), period, slowness, period * (2 * tail + 4 * EPS * size[0]))
+        if turn.error * turn.fastest <= accuracy or tail <= 1e-15 * size[0]:
+            return Steady(turn, math.exp(period * float(gain.mean())), "collocation", speed)
+    return None
+
+
+def _newton(view: View, period: float, patch: Patch, K: Floats) -> tuple[Floats, Floats] | None:
+    D = _derivative(patch.x.size) * (2 * math.pi / period)
+    for _ in range(NEWTON_STEPS):
+        w = np.sqrt(2 * K / patch.J)
+        here = effort(view, patch, 0.0, w)
+        gain = effort_slope(view, patch, 0.0, w, here) / (patch.J * w)
+        change = np.linalg.solve(D - np.diag(gain), D @ K - here)
+        if not np.isfinite(change).all():
+            return None
+        new = np.where(change < K, K - change, K / 4)
+        size = float(np.abs(new - K).max() / new.max())
+        K = new
+        if size < 1e-9:  # the next step, which is not made, would be its square
+            return K, gain
+    return None
+
+
+@cache
+def _derivative(n: int) -> Floats:
+    """d/dx of trigonometric interpolation on n (odd) nodes of [0, 2 pi): (n, n)."""
+    i = np.arange(n)
+    distance = (i[:, None] - i) * (math.pi / n)
+    with np.errstate(divide="ignore"):
+        D = (-1.0) ** (i[:, None] - i) / (2 * np.sin(distance))
+    np.fill_diagonal(D, 0.0)
+    return np.asarray(D)
+
+
+def _resampled(f: Floats, n: int) -> Floats:
+    """Samples of the trigonometric interpolant on more nodes."""
+    return np.asarray(np.fft.irfft(np.fft.rfft(f), n) * (n / f.size))
+
+
+def _returned(view: View, period: float, speed: float) -> Steady | None:
+    """Fixed point of the return map by secants, each map a march of one turn."""
+    path = Path(view, 32, 4)
+
+    def after(K: float) -> float:
+        run = march(path, K, 0.0, 1e-13, lambda x, _: x >= period * (1 - 1e-9))
+        return run.panels[-1].K_end if run.reason == "done" else math.nan
+
+    J0 = view.meter.one(view.origin).J
+    K = J0 * speed**2 / 2
+    new = after(K)
+    for _ in range(MAPS):
+        if not math.isfinite(new):
+            return None
+        other = after(new)
+        slope = (other - new) / (new - K) if new != K else 0.0
+        K, new = new, other
+        if slope < 1 and math.isfinite(slope):
+            K = K + (new - K) / (1 - slope)
+            new = after(K)
+        if abs(new - K) <= 1e-13 * K:
+            break
+    else:
+        return None
+    n = SIZES[-2]
+    run = march(path, K, 0.0, 1e-13, lambda x, _: x >= period * (1 - 1e-9))
+    x = np.arange(n) * (period / n)
+    quad = as_quadrature(run.panels)
+    rate = place(quad, when(quad, x)).rate
+    multiplier = math.prod(p.fading for p in run.panels)
+    turn = Turn(End(0.0), End(period), period, 1 / rate, 1e-10 * quad.total)
+    return Steady(turn, multiplier, "return map", speed)

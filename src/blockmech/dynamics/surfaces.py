@@ -1,0 +1,107 @@
+"""Surfaces in state space at which an integration in time stops or takes note.
+
+SciPy finds one change of sign per step from its dense output. A surface on which the
+integration starts must not fire at once: it is given the direction in which it can only
+be crossed on the way back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.until import Watch
+
+Value: TypeAlias = Callable[[float, Any], float]
+
+DEAD_CENTRE = 1e-6  # margin at which a run is stopped
+ON = 1e-12  # relative distance within which a state counts as on a surface
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A named function of time and state whose sign matters.
+
+    kind : "standstill", "goal", "end stop", "dead centre", "knot", or a user's name
+    direction : sign of the change that counts, 0 for both
+    terminal : whether the integration stops there
+    """
+
+    kind: str
+    value: Value
+    direction: int = 0
+    terminal: bool = True
+
+
+def driver_at(kind: str, q: float, terminal: bool = True) -> Surface:
+    """The driver coordinate reaches q [rad or m]."""
+    return Surface(kind, lambda t, y: float(y[0]) - q, 0, terminal)
+
+
+def standstill(terminal: bool) -> Surface:
+    """The driver stops."""
+    return Surface("standstill", lambda t, y: float(y[1]), 0, terminal)
+
+
+def near_dead_centre(equation: Equation) -> list[Surface]:
+    """The margin falls to 1e-6; none where the equation never comes near."""
+    margin = equation.margin
+    if margin is None:
+        return []
+    return [Surface("dead centre", lambda t, y: margin(y) - DEAD_CENTRE, -1)]
+
+
+def watched(watch: Watch, k: int) -> Surface:
+    """A user's event."""
+
+    def value(t: float, y: Any) -> float:
+        if k == 1:
+            return watch.surface(t, float(y[0]), float(y[1]))
+        return watch.surface(t, y[:k], y[k : 2 * k])
+
+    return Surface(watch.name, value, watch.direction, watch.terminal)
+
+
+def knots_around(q: float, knots: Sequence[float], period: float | None) -> list[Surface]:
+    """The next knots above and below q, and the one it is on."""
+    if not knots:
+        return []
+    if period is not None:
+        turn = math.floor(q / period)
+        knots = [k % period + period * (turn + n) for k in knots for n in (-1, 0, 1)]
+    near = ON * max(1.0, abs(q))
+    above = [k for k in knots if k > q + near]
+    below = [k for k in knots if k < q - near]
+    here = [k for k in knots if abs(k - q) <= near]
+    chosen = ([min(above)] if above else []) + ([max(below)] if below else []) + here[:1]
+    return [driver_at("knot", k) for k in chosen]
+
+
+def armed(surface: Surface, equation: Equation, t: float, y: Any) -> Callable[[float, Any], float]:
+    """The surface as SciPy wants it; not firing where the integration starts on it."""
+    direction = surface.direction
+    value = surface.value
+    here = value(t, y)
+    rates = equation.rhs(t, y)
+    scale = max(abs(float(x)) for x in y) + 1e-300
+    if abs(here) <= ON * scale and all(math.isfinite(r) for r in rates):
+        step = 1e-7 * scale / (max(abs(r) for r in rates) + 1e-300)
+        ahead = y + step * _array(rates)
+        leaving = value(t + step, ahead) - here
+        direction = -1 if leaving > 0 else 1 if leaving < 0 else direction
+
+    def event(t: float, y: Any) -> float:
+        return value(t, y)
+
+    event.direction = direction  # type: ignore[attr-defined]
+    event.terminal = surface.terminal  # type: ignore[attr-defined]
+    return event
+
+
+def _array(rates: Any) -> Any:
+    import numpy as np
+
+    return np.asarray(rates, dtype=np.float64)

@@ -1,0 +1,282 @@
+"""Every registered block keeps its contract, and the suite notices blocks that do not."""
+
+from __future__ import annotations
+
+from typing import ClassVar, NamedTuple
+
+import pytest
+
+import blockmech as bm
+from blockmech.blocks.contract import REGISTRY, Kernels
+from blockmech.blocks.rrp import RRP
+from blockmech.blocks.rrr import RRR
+from blockmech.plane import hyp, maximum, mul, where
+from blockmech.testing.conformance import ConformanceError, conformance
+from blockmech.typing import LinkPosition, Slide
+
+# Two of each at least: both branches, all offsets, sliders' points on either link. The
+# second of a pair that has one is the mirror image of the first.
+EXAMPLES = {
+    "frame": [{}],
+    "driver.crank": [{"length": 2.0}, {"offset": 0.3}, {"offset": -0.3}],
+    "driver.slide": [{"offset": 0.2}, {"offset": -0.4, "slider": "earlier"}],
+    "dyad.rrr": [
+        {"l_i": 3.0, "l_j": 4.0},
+        {"l_i": 3.0, "l_j": 4.0, "branch": -1},
+        {"l_i": 0.2, "l_j": 0.05},
+    ],
+    "dyad.rrp": [
+        {"l": 3.0},
+        {"l": 3.0, "h": 0.4, "x_S": 0.5},
+        {"l": 3.0, "h": -0.4, "x_S": 0.5},
+        {"l": 0.1, "h": 0.3, "x_S": -0.2, "branch": -1, "slider": "earlier"},
+    ],
+    "dyad.rpr": [
+        {},
+        {"h_i": 0.3, "h_j": -0.2, "x_S": 0.4},
+        {"h_i": -0.3, "h_j": 0.2, "x_S": 0.4},
+        {"h_i": 0.3, "h_j": 0.1, "x_S": -0.6, "branch": -1, "slider": "i"},
+    ],
+    "dyad.prp": [
+        {},
+        {"h1": 0.3, "h2": -0.2, "x_S1": 0.4, "x_S2": -0.3},
+        {"h1": -0.3, "h2": 0.2, "x_S1": 0.4, "x_S2": -0.3},
+        {"h1": 2.0, "h2": 1.0, "slider": {"S1": "earlier", "S2": "earlier"}},
+    ],
+    "dyad.rpp": [
+        {"beta": 1.5707963267948966},
+        {"beta": -0.7, "h_i": 0.3, "h_j": -0.2, "x_S1": 0.4, "x_S": -0.3},
+        {"beta": 0.7, "h_i": -0.3, "h_j": 0.2, "x_S1": 0.4, "x_S": -0.3},
+        {"beta": 2.5, "h_i": 0.3, "x_S1": 1.4, "slider": {"S1": "i", "S": "earlier"}},
+    ],
+    "load.force": [{"force": (1.0, 2.0)}, {"force": (1.0, 2.0), "axes": "link"}],
+    "load.couple": [{"moment": 2.0}],
+    "load.spring": [
+        {"stiffness": 5.0},
+        {"stiffness": 5.0, "free_length": 0.3},
+        {"stiffness": 5.0, "free_length": 0.3, "damping": 2.0},
+        {"stiffness": 5.0, "damping": 2.0},
+        {"stiffness": 0.0, "free_length": 0.3, "damping": 2.0},
+    ],
+    "load.torsion_spring": [
+        {"stiffness": 3.0, "rest_angle": 0.2},
+        {"stiffness": 3.0, "rest_angle": 0.2, "damping": 2.0},
+        {"stiffness": 0.0, "damping": 2.0},
+    ],
+    "load.motor": [
+        {"law": {"kind": "constant", "value": 2.0}},
+        {"law": {"kind": "polynomial", "of": "rate", "coefficients": [1.0, -2.0]}},
+        {"law": {"kind": "polynomial", "coefficients": [0.0, 1.0]}, "driver": "any"},
+        {"law": {"kind": "dc", "stall_moment": 2.0, "no_load_speed": 9.0}},
+        {"law": {"kind": "fourier", "of": "time", "period": 0.7, "sines": [1.0, 2.0]}},
+    ],
+    "load.thrust": [
+        {"law": {"kind": "constant", "value": 2.0}},
+        {"law": {"kind": "polynomial", "of": "rate", "coefficients": [1.0, -2.0]}},
+        {"law": {"kind": "polynomial", "coefficients": [1.0, -2.0]}, "direction": (1.0, 2.0)},
+        {
+            "law": {"kind": "polynomial", "of": "rate", "coefficients": [1.0, -2.0]},
+            "direction": (1.0, 2.0),
+        },
+        {
+            "law": {"kind": "table", "arguments": [0.0, 2.0], "values": [1.0, 3.0], "turns": 1},
+            "driver": "any",
+        },
+    ],
+}
+CASES = [
+    pytest.param(name, example, id=f"{name} {example}")
+    for name, examples in EXAMPLES.items()
+    for example in examples
+]
+
+
+def test_every_block_of_the_package_has_an_example_here():
+    own = {n for n in REGISTRY if REGISTRY[n].__module__.startswith("blockmech.")}
+    assert own <= set(EXAMPLES)
+
+
+@pytest.mark.parametrize(("name", "example"), CASES)
+def test_block_keeps_its_contract(name, example):
+    report = conformance(name, example)
+    assert report.name == name
+    assert report.measured or name == "frame"
+
+
+def test_report_tells_what_was_measured():
+    text = str(conformance("dyad.rrp", {"l": 3.0}))
+    assert text.startswith("dyad.rrp keeps its contract")
+    assert "power through block with friction" in text
+
+
+def test_unknown_type_is_named_with_its_nearest():
+    with pytest.raises(bm.RequestError, match=r"dyad\.rrr"):
+        conformance("dyad.rrx")
+
+
+# -- blocks that break one rule each ------------------------------------------------------
+
+
+def rrr(**changed):
+    """An RRR dyad with some kernels replaced."""
+    stages = ("position", "velocity", "acceleration", "reactions")
+    kernels = {n: changed.get(n, getattr(RRR.kernels, n)) for n in stages}
+
+    class Broken(RRR):
+        pass
+
+    Broken.kernels = Kernels(**kernels)
+    return Broken(l_i=3.0, l_j=4.0)
+
+
+def rrp(**changed):
+    """An RRP dyad with some kernels replaced."""
+    stages = ("position", "velocity", "acceleration", "reactions")
+    kernels = {n: changed.get(n, getattr(RRP.kernels, n)) for n in stages}
+
+    class Broken(RRP):
+        kernels_: ClassVar[Kernels] = Kernels(**kernels)
+
+    Broken.kernels = Broken.kernels_
+    return Broken(l=3.0, h=0.4, x_S=0.2)
+
+
+def swapped(D, B, p):
+    """Takes its joints in the wrong order."""
+    return RRR.kernels.position(D, B, p)
+
+
+CALLS = [0]
+
+
+def forgetful(pose, v_B, v_D, p):
+    """Remembers earlier calls."""
+    CALLS[0] += 1
+    vel = RRR.kernels.velocity(pose, v_B, v_D, p)
+    return vel._replace(i=vel.i._replace(om=vel.i.om + CALLS[0]))
+
+
+def longer(B, D, p):
+    """Puts the origin of link j beside its joint."""
+    pose = RRR.kernels.position(B, D, p)
+    return pose._replace(j=LinkPosition(pose.j.o + mul(pose.j.e, 0.01), pose.j.e))
+
+
+def proud(B, D, p):
+    """Thinks that it always closes."""
+    pose = RRR.kernels.position(B, D, p)
+    return pose._replace(margin=maximum(pose.margin, 0.5))
+
+
+def square_root(B, D, p):
+    """Has a margin that is not the squared one: far from zero near the edge."""
+    pose = RRR.kernels.position(B, D, p)
+    return pose._replace(margin=where(pose.margin > 0.0, 0.1 + 0.9 * pose.margin, pose.margin))
+
+
+def hasty(pose, v_B, v_D, p):
+    """Turns link j a bit too fast."""
+    vel = RRR.kernels.velocity(pose, v_B, v_D, p)
+    return vel._replace(j=vel.j._replace(om=1.001 * vel.j.om))
+
+
+def curved(pose, v_B, v_D, p):
+    """Is not linear, and wrong by that."""
+    vel = RRR.kernels.velocity(pose, v_B, v_D, p)
+    return vel._replace(i=vel.i._replace(om=vel.i.om + 1e-6 * vel.i.om * vel.i.om))
+
+
+def rateless(pose, v_B, v_S, p):
+    """Does not tell its sliding rate."""
+    vel = RRP.kernels.velocity(pose, v_B, v_S, p)
+
+    class Motion(NamedTuple):
+        i: object
+        j: object
+
+    return Motion(vel.i, vel.j)
+
+
+def without_coriolis(pose, vel, a_B, a_S, p):
+    """Forgets Coriolis."""
+    return RRP.kernels.acceleration(pose, vel._replace(S=0.0 * vel.S), a_B, a_S, p)
+
+
+def constant_load(pose, load_i, load_j, p):
+    """Has a load of its own."""
+    found = RRR.kernels.reactions(pose, load_i, load_j, p)
+    return found._replace(B=found.B + mul(pose.u, 1e-3))
+
+
+def bare(pose, load_i, load_j, p):
+    """Gives a number for what a guide transmits."""
+    found = RRP.kernels.reactions(pose, load_i, load_j, p)
+    return found._replace(S=found.S.N)
+
+
+def about_the_wrong_point(pose, load_i, load_j, p):
+    """Gives the guide couple about the slider's point, not about the link's origin."""
+    found = RRP.kernels.reactions(pose, load_i, load_j, p)
+    return found._replace(S=Slide(found.S.N, found.S.C - p.x_S * found.S.N))
+
+
+def lopsided(pose, load_i, load_j, p):
+    """Pushes with a wrong force at D."""
+    found = RRR.kernels.reactions(pose, load_i, load_j, p)
+    return found._replace(D=mul(found.D, 1 + 1e-9))
+
+
+def whole_batch(B, D, p):
+    """Looks at the other samples."""
+    pose = RRR.kernels.position(B, D, p)
+    mean = getattr(hyp(D - B), "mean", lambda: hyp(D - B))()
+    return pose._replace(margin=pose.margin * (1 + 1e-9 * mean))
+
+
+def mended(pose, v_B, v_D, p):
+    """Makes zero of NaN."""
+    vel = RRR.kernels.velocity(pose, v_B, v_D, p)
+    om = where(vel.i.om == vel.i.om, vel.i.om, 0.0)
+    return vel._replace(i=vel.i._replace(om=om))
+
+
+def bold(B, D, p):
+    """Closes where it cannot, in one engine: raises nothing, gives zero angles."""
+    pose = RRR.kernels.position(B, D, p)
+    e = pose.i.e
+    fixed = mul(B, 0.0) + e if isinstance(B, complex) else e
+    return pose._replace(i=LinkPosition(B, fixed if fixed == fixed else 1 + 0j))
+
+
+BROKEN = [
+    (rrr(position=swapped), "rule 1"),
+    (rrr(velocity=forgetful), "rule 2"),
+    (rrr(position=longer), "rule 3"),
+    (rrr(position=proud), "rule 3"),
+    (rrr(position=square_root), "rule 3"),
+    (rrr(velocity=hasty), "rule 4"),
+    (rrr(velocity=curved), "rule 4"),
+    (rrp(velocity=rateless), "rule 4"),
+    (rrp(acceleration=without_coriolis), "rule 5"),
+    (rrr(reactions=constant_load), "rule 6"),
+    (rrp(reactions=bare), "rule 6"),
+    (rrr(position=whole_batch), "rule 7"),
+    (rrr(velocity=mended), "rule 8"),
+    (rrr(position=bold), "rule 9"),
+    (rrp(reactions=about_the_wrong_point), "rule 10"),
+    (rrr(reactions=lopsided), "rule 10"),
+]
+
+
+@pytest.mark.parametrize(
+    ("block", "rule"), BROKEN, ids=[f"{r}: {next(iter(k.__doc__.splitlines()))}" for k, r in [
+        (swapped, "1"), (forgetful, "2"), (longer, "3"), (proud, "3"), (square_root, "3"),
+        (hasty, "4"), (curved, "4"), (rateless, "4"), (without_coriolis, "5"),
+        (constant_load, "6"), (bare, "6"), (whole_batch, "7"), (mended, "8"), (bold, "9"),
+        (about_the_wrong_point, "10"), (lopsided, "10"),
+    ]]
+)
+def test_broken_rule_is_named(block, rule):
+    with pytest.raises(ConformanceError) as caught:
+        conformance(block)
+    assert f"\n{rule} (" in str(caught.value)

@@ -1,0 +1,16 @@
+"""Hypothesis profiles: deterministic in CI, fresh examples elsewhere; a failure prints its blob."""
+
+import os
+
+from hypothesis import HealthCheck, settings
+
+SHARED = {
+    "deadline": None,  # machines differ
+    "print_blob": True,
+    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large],
+}
+settings.register_profile("ci", derandomize=True, **SHARED)
+settings.register_profile("local", **SHARED)
+settings.load_profile(
+    os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.get("CI") else "local")
+)

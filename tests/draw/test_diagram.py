@@ -1,0 +1,307 @@
+"""The block diagram as a picture."""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import matplotlib
+import pytest
+from matplotlib.colors import to_hex
+
+import blockmech as bm
+from blockmech.draw import diagram_svg, palette
+from blockmech.draw.diagram import PIN, Diagram, draw_diagram, shifted
+from blockmech.draw.paper import styled
+from blockmech.model.diagram import UnknownBlock
+from blockmech.model.graph import Graph
+from tests.draw.scenes import cyclic, quick_return, rocking_slide, slider_crank, unfinished
+from tests.wiring import chain, ruiz, toggle, watt, wire
+
+TOUCH = 0.3  # [px of 1/72 in] by which boxes of glyphs may be wider than their ink
+SVG = "{http://www.w3.org/2000/svg}"
+LONG = "a name that goes on and on for much longer than any box should be"
+
+
+def odd_names() -> Graph:
+    """Names that a picture could choke on."""
+    g = Graph("odd", title="<script>alert(1)</script> & more")
+    g.add("frame", bm.Frame(markers={"$A_1$": (0.0, 0.0), "D]]>": (5.0, 0.0)}))
+    g.add(LONG, bm.Crank(length=2.0))
+    g.add("<dyad>&\"'", bm.RRR(l_i=6.0, l_j=3.0))
+    g.add("中文\\n", bm.Force(force=(0.0, -1.0)))
+    return wire_by_pairs(
+        g,
+        ("frame.$A_1$", f"{LONG}.A"),
+        (f"{LONG}.B", "<dyad>&\"'.B"),
+        ("frame.D]]>", "<dyad>&\"'.D"),
+        ("<dyad>&\"'.C", "中文\\n.at"),
+    )
+
+
+def wire_by_pairs(g: Graph, *pairs: tuple[str, str]) -> Graph:
+    for source, target in pairs:
+        g.connect(source, target)
+    return g
+
+
+def twelve() -> Graph:
+    """Twelve blocks: a chain of six dyads with springs, a force and a couple."""
+    g = chain(6)
+    g.add("spring", bm.Spring(stiffness=100.0))
+    g.add("tie", bm.Spring(stiffness=100.0))
+    g.add("press", bm.Force(force=(0.0, -10.0)))
+    g.add("couple", bm.Couple(moment=-3.0))
+    return wire(
+        g,
+        "dyad00001.E spring.a",
+        "dyad00004.E spring.b",
+        "frame.D0 tie.a",
+        "dyad00003.E tie.b",
+        "dyad00005.E press.at",
+        "dyad00002.j couple.on",
+    )
+
+
+SCENES = {
+    f.__name__: f
+    for f in (
+        *(ruiz, watt, toggle, twelve, slider_crank, quick_return, rocking_slide),
+        *(unfinished, cyclic, odd_names),
+    )
+}
+
+
+@pytest.fixture(params=SCENES)
+def drawn(request: pytest.FixtureRequest) -> Diagram:
+    return draw_diagram(SCENES[request.param]())
+
+
+def extents(diagram: Diagram, artists) -> list:
+    """Bounding boxes in points, y upward, as the renderer sees them."""
+    with styled():
+        diagram.figure.set_dpi(72)
+        diagram.figure.canvas.draw()
+        renderer = diagram.figure.canvas.get_renderer()
+        return [a.get_window_extent(renderer) for a in artists]
+
+
+def overlapping(boxes) -> list[tuple[int, int]]:
+    return [
+        (i, j)
+        for (i, a), (j, b) in itertools.combinations(enumerate(boxes), 2)
+        if min(a.x1, b.x1) - max(a.x0, b.x0) > TOUCH and min(a.y1, b.y1) - max(a.y0, b.y0) > TOUCH
+    ]
+
+
+def labelled(diagram: Diagram, start: str) -> list:
+    found = [*diagram.axes.patches, *diagram.axes.lines]
+    return [a for a in found if str(a.get_label()).startswith(start)]
+
+
+def test_no_label_lies_on_another(drawn):
+    found = overlapping(extents(drawn, drawn.labels))
+    assert not [(drawn.labels[i].get_text(), drawn.labels[j].get_text()) for i, j in found]
+
+
+def test_every_label_is_on_the_page(drawn):
+    width, height = (72 * inches for inches in drawn.figure.get_size_inches())
+    for box in extents(drawn, drawn.labels):
+        assert box.x0 >= 0
+        assert box.y0 >= 0
+        assert box.x1 <= width
+        assert box.y1 <= height
+
+
+def test_no_box_lies_on_another(drawn):
+    assert not overlapping(extents(drawn, labelled(drawn, "box:")))
+
+
+def test_no_box_covers_a_label_that_is_not_its_own(drawn):
+    """Each label is inside a box or outside it, never across its edge."""
+    boxes = extents(drawn, labelled(drawn, "box:"))
+    for label, text in zip(extents(drawn, drawn.labels), drawn.labels, strict=True):
+        for box in boxes:
+            apart = (
+                label.x1 < box.x0 + TOUCH
+                or label.x0 > box.x1 - TOUCH
+                or label.y1 < box.y0 + TOUCH
+                or label.y0 > box.y1 - TOUCH
+            )
+            inside = label.x0 > box.x0 and label.x1 < box.x1 and label.y0 > box.y0
+            assert apart or (inside and label.y1 < box.y1), text.get_text()
+
+
+def test_every_wire_runs_from_its_marker_to_its_port(drawn):
+    ports = {str(a.get_label()).split(":", 1)[1]: a for a in labelled(drawn, "port:")}
+    places = drawn.placed.ports
+    for i, flow in enumerate(drawn.content.flows):
+        way, ends = drawn.placed.ways[i], flow.ends
+        assert way[-1] == places[ends.target, ends.port]
+        assert way[0] == drawn.placed.markers[i]
+        assert f"{ends.target}.{ends.port}" in ports
+    for line in labelled(drawn, "forward:"):
+        address = line.get_label().split(" -> ")
+        if len(address) == 2:  # the drive's arrow has no wire
+            x, y = line.get_xydata()[0]
+            block, _, marker = address[0].removeprefix("forward:").partition(".")
+            starts = [
+                drawn.placed.markers[i]
+                for i, f in enumerate(drawn.content.flows)
+                if (f.ends.source, f.ends.marker) == (block, marker)
+            ]
+            assert any(abs(x - a) + abs(y - b) < 2 * PIN for a, b in starts)
+
+
+def test_motion_flows_forward_and_force_back_in_two_colours():
+    drawn = draw_diagram(ruiz())
+    forward, back = labelled(drawn, "forward:"), labelled(drawn, "back:")
+    assert {to_hex(a.get_color()) for a in forward} == {palette.FORWARD.lower()}
+    assert {to_hex(a.get_color()) for a in back} == {palette.BACK.lower()}
+    assert len(forward) == 3 + 1, "three joints, and the coordinate of the drive"
+    assert len(back) == 5 + 1, "three joints, two loads, and the driving moment"
+    words = {t.get_text() for t in drawn.labels}
+    assert {"q [rad]", "τ [N m]"} <= words
+
+
+def test_a_load_that_reads_its_marker_gets_motion_forward():
+    drawn = draw_diagram(rocking_slide())
+    heads = {a.get_label() for a in labelled(drawn, "forward:")}
+    assert "forward:dyad.E -> spring.b" in heads
+    assert "forward:dyad.j -> couple.on" not in heads
+
+
+def test_joints_say_their_pair_type():
+    words = {t.get_text() for t in draw_diagram(slider_crank()).labels}
+    assert {"A (R)", "B (R)", "S (P)"} <= words
+
+
+def test_the_structural_formula_is_the_subtitle():
+    words = [t.get_text() for t in draw_diagram(ruiz()).labels]
+    assert words[1] == "I(crank: 0,1) → II RRR(dyad: 2,3)"
+
+
+def test_a_joint_without_a_wire_is_red_and_others_are_not():
+    drawn = draw_diagram(unfinished())
+    red = palette.ALARM.lower()
+    unwired = labelled(drawn, "unwired:")
+    assert {a.get_label() for a in unwired} == {"unwired:dyad.D", "unwired:load.at"}
+    assert {to_hex(a.get_edgecolor()) for a in unwired} == {red}
+    assert all(to_hex(a.get_edgecolor()) != red for a in labelled(drawn, "port:"))
+    texts = {t.get_text(): to_hex(t.get_color()) for t in drawn.labels}
+    assert texts["D (R)"] == red
+    assert texts["A (R)"] != red
+    assert not labelled(draw_diagram(ruiz()), "unwired:")
+
+
+def test_a_block_of_unknown_type_is_hatched_and_keeps_its_wires():
+    drawn = draw_diagram(unfinished())
+    (rod,) = labelled(drawn, "box:rod")
+    assert rod.get_hatch()
+    assert [a.get_label() for a in labelled(drawn, "port:rod")] == ["port:rod.X"]
+    (crank,) = labelled(drawn, "box:crank")
+    assert not crank.get_hatch()
+
+
+def test_an_unfinished_graph_says_what_is_missing():
+    words = " ".join(t.get_text() for t in draw_diagram(unfinished()).labels)
+    assert "not complete" in words
+    assert "dyad.D" in words
+
+
+def test_the_wire_that_closes_a_cycle_is_red():
+    drawn = draw_diagram(cyclic())
+    (wrong,) = labelled(drawn, "cycle:")
+    assert to_hex(wrong.get_color()) == palette.ALARM.lower()
+
+
+def test_a_graph_without_blocks_can_be_drawn():
+    assert "no-frame" in diagram_svg(Graph("empty"))
+
+
+def test_names_come_back_from_the_svg_as_they_are():
+    root = ElementTree.fromstring(diagram_svg(odd_names()))
+    texts = [t.text for t in root.iter(f"{SVG}text")]
+    assert "<dyad>&\"'" in texts
+    assert "$A_1$" in texts
+    assert any(t and t.startswith("<script>") for t in texts)
+    assert not list(root.iter(f"{SVG}script"))
+
+
+def test_control_characters_leave_the_svg_well_formed():
+    g = Graph("bell \x07 and \x00")
+    g.add("frame", bm.Frame())
+    g.add("x", UnknownBlock("a\x1bb", {}))
+    root = ElementTree.fromstring(diagram_svg(g))
+    assert any("\\x07" in (t.text or "") for t in root.iter(f"{SVG}text"))
+
+
+def test_the_same_graph_gives_the_same_svg_in_any_process():
+    code = (
+        "from tests.draw.test_diagram import twelve\n"
+        "from blockmech.draw import diagram_svg\n"
+        "import hashlib; print(hashlib.sha256(diagram_svg(twelve()).encode()).hexdigest())"
+    )
+    made = set()
+    for seed in ("1", "2"):
+        run = subprocess.run(
+            [sys.executable, "-c", code],
+            env={**__import__("os").environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        made.add(run.stdout)
+    assert len(made) == 1
+    assert "<dc:date>" not in diagram_svg(ruiz())
+
+
+def test_the_users_settings_neither_matter_nor_change():
+    before = diagram_svg(ruiz())
+    with matplotlib.rc_context({"font.size": 30, "svg.fonttype": "path", "text.color": "red"}):
+        assert diagram_svg(ruiz()) == before
+        assert matplotlib.rcParams["font.size"] == 30
+
+
+def test_a_mechanism_has_the_same_boxes_as_its_graph():
+    g = ruiz()
+    one, other = draw_diagram(g), ElementTree.fromstring(diagram_svg(g.compile()))
+    texts = {t.text for t in other.iter(f"{SVG}text")}
+    assert {b.name for b in one.content.blocks} <= texts
+
+
+def test_a_notebook_shows_the_diagram():
+    assert ElementTree.fromstring(ruiz()._repr_svg_()).tag == f"{SVG}svg"
+
+
+def test_places_that_the_author_gave_are_honoured():
+    g = ruiz()
+    g.extras["view"] = {"frame": [0, 0], "crank": [150, 40], "dyad": [300, 90]}
+    boxes = draw_diagram(g).placed.boxes
+    assert boxes["crank"].x - boxes["frame"].x == 150
+    assert boxes["dyad"].y - boxes["frame"].y == 90
+    assert boxes["couple"].y > boxes["dyad"].y + boxes["dyad"].height, "the others stand below"
+
+
+def test_a_very_long_chain_is_cut_and_says_so():
+    drawn = draw_diagram(chain(100))
+    assert len(drawn.content.blocks) == 40
+    assert drawn.labels[1].get_text().startswith("first 40 of 102 blocks")
+    assert not labelled(drawn, "unwired:")
+
+
+def test_a_way_that_is_moved_aside_keeps_its_corners():
+    moved = shifted([(0.0, 0.0), (10.0, 0.0), (10.0, 20.0), (30.0, 20.0)], 1.0)
+    assert moved == [(0.0, -1.0), (11.0, -1.0), (11.0, 19.0), (30.0, 19.0)]
+
+
+def test_drawing_needs_no_pyplot_and_importing_no_matplotlib():
+    code = (
+        "import sys, blockmech, blockmech.draw\n"
+        "assert 'matplotlib' not in sys.modules\n"
+        "g = blockmech.Graph('g'); g.add('frame', blockmech.Frame()); g._repr_svg_()\n"
+        "assert 'matplotlib' in sys.modules and 'matplotlib.pyplot' not in sys.modules"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,189 @@
+"""Places of a block diagram: layers, order, rows and ways of the wires."""
+
+from __future__ import annotations
+
+import itertools
+import random
+
+import pytest
+
+from blockmech.draw.layout import Box, Ends, arrange, isotonic_medians, layers_of
+from blockmech.draw.routing import (
+    Climb,
+    Placed,
+    Point,
+    Rectangle,
+    assign_tracks,
+    place,
+    way_between,
+)
+
+TOLERANCE = 1e-9  # [pt] rounding of sums of a few hundred points
+
+
+def boxes_of(*names: str, ports: int = 2) -> list[Box]:
+    joints = tuple(f"p{k}" for k in range(ports))
+    return [Box("frame", 40.0, first=True), *(Box(n, 50.0, joints) for n in names)]
+
+
+def random_diagram(seed: int) -> tuple[list[Box], list[Ends]]:
+    """A random diagram; every port is fed once, now and then by a later box."""
+    r = random.Random(seed)
+    n = r.randint(2, 14)
+    names = [f"b{k}" for k in range(n)]
+    boxes = [Box("frame", 40.0, first=True)]
+    wires = []
+    for k, name in enumerate(names):
+        ports = tuple(f"p{j}" for j in range(r.randint(1, 4)))
+        boxes.append(Box(name, r.uniform(30, 90), ports, r.choice((1, 2)), r.choice((0, 2))))
+        earlier = ["frame", *names[:k]]
+        for port in ports:
+            later = r.random() < 0.05 and k + 1 < n
+            source = r.choice(names[k + 1 :]) if later else r.choice([*earlier[-4:], "frame"])
+            if r.random() > 0.1:
+                wires.append(Ends(source, f"m{len(wires)}", name, port))
+    return boxes, wires
+
+
+def pieces(way: list[Point]) -> list[tuple[Point, Point]]:
+    return [(a, b) for a, b in itertools.pairwise(way) if a != b]
+
+
+def lie_on_each_other(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
+    """Whether two right-angled pieces share more than a point."""
+    for across, along in ((0, 1), (1, 0)):
+        level = [p[across] for p in (*one, *other)]
+        if max(level) - min(level) < TOLERANCE:
+            a, b = sorted(p[along] for p in one)
+            c, d = sorted(p[along] for p in other)
+            return min(b, d) - max(a, c) > TOLERANCE
+    return False
+
+
+def crossings(placed: Placed) -> int:
+    """Number of crossings of wires."""
+    count = 0
+    for one, other in itertools.combinations(placed.ways.values(), 2):
+        for (a, b), (c, d) in itertools.product(pieces(one), pieces(other)):
+            flat, upright = ((a, b), (c, d)) if a[1] == b[1] else ((c, d), (a, b))
+            xs, ys = sorted(p[0] for p in flat), sorted(p[1] for p in upright)
+            count += xs[0] < upright[0][0] < xs[1] and ys[0] < flat[0][1] < ys[1]
+    return count
+
+
+def test_layers_are_the_topological_generations():
+    wires = [
+        Ends("frame", "A", "a", "p0"),
+        Ends("a", "B", "b", "p0"),
+        Ends("frame", "D", "b", "p1"),
+    ]
+    layer, backward = layers_of(boxes_of("b", "a"), wires)
+    assert layer == {"frame": 0, "a": 1, "b": 2}
+    assert not backward
+
+
+def test_a_box_that_nothing_feeds_does_not_stand_with_the_frame():
+    layer, _ = layers_of(boxes_of("a"), [])
+    assert layer == {"frame": 0, "a": 1}
+
+
+def test_a_cycle_is_cut_at_one_wire():
+    wires = [Ends("frame", "A", "a", "p0"), Ends("b", "C", "a", "p1"), Ends("a", "C", "b", "p0")]
+    layer, backward = layers_of(boxes_of("a", "b"), wires)
+    assert layer["a"] < layer["b"]
+    assert backward == {1}
+
+
+def test_boxes_that_are_named_in_a_bad_order_are_sorted_until_no_wires_cross():
+    names = ["a", "b", "c", "d"]
+    boxes = boxes_of(*names, *(f"{n}2" for n in reversed(names)), ports=1)
+    wires = [Ends("frame", n, n, "p0") for n in names]
+    wires += [Ends(n, "C", f"{n}2", "p0") for n in names]
+    assert crossings(place(arrange(boxes, wires), wires)) == 0
+
+
+def test_a_chain_runs_in_one_row():
+    names = [f"b{k}" for k in range(6)]
+    wires = [Ends(a, "C", b, "p0") for a, b in itertools.pairwise(["frame", *names])]
+    placed = place(arrange(boxes_of(*names, ports=1), wires), wires)
+    assert all(len(way) == 2 for way in placed.ways.values())
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
+    boxes, wires = random_diagram(seed)
+    placed = place(arrange(boxes, wires), wires)
+    for one, other in itertools.combinations(placed.boxes.values(), 2):
+        apart_x = one.x + one.width < other.x or other.x + other.width < one.x
+        apart_y = one.y + one.height < other.y or other.y + other.height < one.y
+        assert apart_x or apart_y
+    for i, wire in enumerate(wires):
+        way = placed.ways[i]
+        source, target = placed.boxes[wire.source], placed.boxes[wire.target]
+        assert way[0] == placed.markers[i]
+        assert way[-1] == placed.ports[wire.target, wire.port]
+        assert way[0][0] == pytest.approx(source.x + source.width, abs=TOLERANCE)
+        assert way[-1][0] == pytest.approx(target.x, abs=TOLERANCE)
+        assert source.y < way[0][1] < source.y + source.height
+        assert target.y < way[-1][1] < target.y + target.height
+        for (x1, y1), (x2, y2) in pieces(way):
+            assert abs(x1 - x2) < TOLERANCE or abs(y1 - y2) < TOLERANCE, "right angles only"
+            for r in placed.boxes.values():
+                outside_x = (
+                    max(x1, x2) <= r.x + TOLERANCE or min(x1, x2) >= r.x + r.width - TOLERANCE
+                )
+                outside_y = max(y1, y2) <= r.y or min(y1, y2) >= r.y + r.height
+                assert outside_x or outside_y, f"wire {wire} runs through a box"
+    for one, other in itertools.combinations(placed.ways.values(), 2):
+        for a, b in itertools.product(pieces(one), pieces(other)):
+            assert not lie_on_each_other(a, b)
+
+
+def test_two_wires_that_swap_their_rows_are_told_apart_by_a_dogleg():
+    climbs = [Climb(0, 1.0, 4.0), Climb(1, 4.0, 1.0)]
+    assert assign_tracks(climbs) == 3
+    legs = sorted((c for c in climbs if c.leg), key=lambda c: c.leg)
+    (whole,) = (c for c in climbs if not c.leg)
+    assert [c.leg for c in legs] == [1, 2]
+    assert legs[0].track < whole.track < legs[1].track
+    assert legs[0].end == legs[1].start != whole.start
+
+
+def test_isotonic_medians_are_the_best_of_all_tries():
+    r = random.Random(7)
+    for _ in range(60):
+        wishes = [
+            [(r.randint(0, 5), r.choice((1, 2, 8))) for _ in range(r.randint(1, 3))]
+            for _ in range(4)
+        ]
+
+        def cost(rows: tuple[int, ...], wishes=wishes) -> int:
+            pairs = zip(rows, wishes, strict=True)
+            return sum(w * abs(row - value) for row, wish in pairs for value, w in wish)
+
+        found = isotonic_medians(wishes)
+        assert found == sorted(found)
+        best = min(cost(t) for t in itertools.combinations_with_replacement(range(6), 4))
+        assert cost(tuple(found)) == best
+
+
+def test_a_number_without_wishes_follows_its_neighbour():
+    assert isotonic_medians([[], [(3, 1)], [], [(5, 1)]]) == [3, 3, 3, 5]
+    assert isotonic_medians([[], []]) == [0, 0]
+
+
+def test_a_plain_way_goes_around_a_box_in_the_middle():
+    box = Rectangle(40.0, 10.0, 20.0, 20.0)
+    way = way_between((0.0, 0.0), (100.0, 40.0), 1, [box])
+    assert all(not (40 <= x <= 60 and 10 <= y <= 30) for x, y in way)
+    straight_through = way_between((0.0, 0.0), (100.0, 40.0), 1)
+    assert straight_through[1][0] == 50
+
+
+@pytest.mark.parametrize("end", [(100.0, 40.0), (100.0, 0.0), (-50.0, 30.0)])
+def test_a_plain_way_has_right_angles_and_enters_from_the_left(end):
+    way = way_between((0.0, 0.0), end)
+    assert (way[0], way[-1]) == ((0.0, 0.0), end)
+    assert all(a[0] == b[0] or a[1] == b[1] for a, b in itertools.pairwise(way))
+    assert way[1][0] > way[0][0]
+    assert way[-2][0] < way[-1][0]

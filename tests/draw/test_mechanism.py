@@ -1,0 +1,316 @@
+"""The mechanism at poses as a picture."""
+
+from __future__ import annotations
+
+import cmath
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from PIL import Image
+
+import blockmech as bm
+from blockmech.draw import draw, mechanism_svg, palette
+from blockmech.draw.labels import Crowd, Label, Rect
+from blockmech.draw.mechanism import Picture, draw_mechanism
+from blockmech.draw.motion import moves
+from blockmech.draw.paper import rendered, styled
+from blockmech.draw.shapes import load_ways, stage_of, zigzag
+from blockmech.draw.sketch import hull, sketch_of
+from blockmech.model.structure import LinkRef
+from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
+from tests.wiring import chain, ruiz, toggle, watt
+
+ROUNDING = 1e-9  # of a mechanism's size: positions and angles through cosines and back
+PIXEL = 1.5  # [px] of a label's box that may be beside its ink
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+SCENES = {
+    f.__name__: f for f in (ruiz, watt, toggle, fourbar, slider_crank, quick_return, rocking_slide)
+}
+
+
+def artists(picture: Picture, start: str) -> list:
+    found = [*picture.axes.lines, *picture.axes.patches]
+    return [a for a in found if str(a.get_label()).startswith(start)]
+
+
+def pins(picture: Picture) -> dict[str, complex]:
+    """Names of joints -> places in metres, as drawn."""
+    return {
+        a.get_label().removeprefix("pin:"): complex(*a.get_xydata()[0])
+        for a in artists(picture, "pin:")
+    }
+
+
+@pytest.fixture(params=SCENES)
+def picture(request: pytest.FixtureRequest) -> Picture:
+    return draw_mechanism(SCENES[request.param]().compile())
+
+
+def test_a_metre_is_as_long_upward_as_sideways(picture):
+    picture.figure.canvas.draw()
+    origin, right, up = picture.axes.transData.transform([(0, 0), (1, 0), (0, 1)])
+    assert abs(right[0] - origin[0]) == pytest.approx(abs(up[1] - origin[1]), rel=ROUNDING)
+    assert picture.axes.get_aspect() == 1
+
+
+def test_the_axes_say_metres(picture):
+    assert picture.axes.get_xlabel() == "x [m]"
+    assert picture.axes.get_ylabel() == "y [m]"
+
+
+def test_no_label_lies_on_another_and_all_are_on_the_page(picture):
+    with styled():
+        picture.figure.canvas.draw()
+        renderer = picture.figure.canvas.get_renderer()
+        boxes = [t.get_window_extent(renderer) for t in picture.labels]
+    frame = picture.axes.get_window_extent()
+    for a, b in itertools.combinations(boxes, 2):
+        apart = min(a.x1, b.x1) - max(a.x0, b.x0) < PIXEL
+        assert apart or min(a.y1, b.y1) - max(a.y0, b.y0) < PIXEL
+    for box in boxes:
+        assert box.x0 >= frame.x0 - PIXEL
+        assert box.x1 <= frame.x1 + PIXEL
+        assert box.y0 >= frame.y0 - PIXEL
+        assert box.y1 <= frame.y1 + PIXEL
+
+
+def test_everything_drawn_of_the_mechanism_is_within_the_axes(picture):
+    x0, x1 = picture.axes.get_xlim()
+    y0, y1 = picture.axes.get_ylim()
+    for start in ("link:", "pin:", "faint:", "slider:"):
+        for artist in artists(picture, start):
+            points = artist.get_xydata() if hasattr(artist, "get_xydata") else artist.get_xy()
+            assert (x0 < points[:, 0]).all()
+            assert (points[:, 0] < x1).all()
+            assert (y0 < points[:, 1]).all()
+            assert (points[:, 1] < y1).all()
+
+
+def test_joints_stand_where_the_run_puts_them():
+    mechanism = ruiz().compile()
+    drawn = pins(draw_mechanism(mechanism, at=1.0))
+    run = mechanism.run(at=1.0, want=["*.p"])
+    assert drawn["A"] == 0
+    assert drawn["D"] == 5.5
+    assert drawn["B"] == pytest.approx(run["crank.B.p"][0], abs=ROUNDING)
+    assert drawn["C"] == pytest.approx(run["dyad.C.p"][0], abs=ROUNDING)
+
+
+def test_a_pin_of_several_joints_is_drawn_once_with_all_names():
+    picture = draw_mechanism(watt().compile())
+    chained = draw_mechanism(chain(2).compile())
+    assert len(artists(picture, "pin:")) == 7
+    names = [t.get_text() for t in chained.labels]
+    assert "A" in names, "a name that is clear is short"
+    assert "dyad00000.B" in names
+
+
+def test_a_link_of_three_points_is_a_plate_and_one_of_two_a_bar():
+    picture = draw_mechanism(ruiz().compile(), at=1.0)
+    (plate,) = artists(picture, "link:dyad.i")
+    (bar,) = artists(picture, "link:dyad.j")
+    assert len(plate.get_xy()) == 3 + 1, "a closed triangle B, C, S"
+    assert len(bar.get_xydata()) == 2
+    run = ruiz().run(at=1.0, want=["dyad.S.p"])
+    assert min(abs(complex(*p) - run["dyad.S.p"][0]) for p in plate.get_xy()) < ROUNDING
+
+
+def test_further_poses_are_faint():
+    picture = draw_mechanism(ruiz().compile(), at=[1.0, 2.0, 3.0])
+    assert len(artists(picture, "link:")) == 3
+    assert len(artists(picture, "faint:")) == 2 * 3
+    texts = [t.get_text() for t in picture.figure.texts]
+    assert texts == ["crank.q\u00a0= 57.3° (faint: 114.6°, 171.9°)"]
+
+
+def test_a_slider_is_drawn_on_its_guide():
+    mechanism = slider_crank().compile()
+    picture = draw_mechanism(mechanism, at=0.7)
+    (block,) = artists(picture, "slider:S")
+    middle = block.get_xy()[:-1].mean(axis=0)
+    piston = mechanism.run(at=0.7, want=["rod.C.p"])["rod.C.p"][0]
+    assert complex(*middle) == pytest.approx(piston, abs=ROUNDING)
+    assert middle[1] == pytest.approx(-0.02, abs=ROUNDING)
+
+
+def test_a_guide_covers_the_whole_travel_of_its_slider():
+    mechanism = slider_crank().compile()
+    motion = moves(mechanism, samples=721)
+    (slider,) = sketch_of(motion).sliders
+    places = motion.at(*slider.point)
+    ends = [slider.end(k).real for k in (0, 1)]
+    assert ends[0] == pytest.approx(places.real.min(), abs=ROUNDING)
+    assert ends[1] == pytest.approx(places.real.max(), abs=ROUNDING)
+
+
+def test_a_fixed_sleeve_stays_at_its_marker_and_the_rod_moves_through_it():
+    motion = moves(slider_crank("earlier").compile(), samples=9)
+    (slider,) = sketch_of(motion).sliders
+    assert slider.point.link == motion.structure.frame_link
+    assert slider.guide.link == LinkRef("rod", "j")
+    line = motion.at(slider.guide.link, slider.guide.at + 0.3 * slider.direction)
+    assert line.imag == pytest.approx(np.full(9, -0.02), abs=ROUNDING)
+
+
+def test_a_slider_between_moving_links_stays_on_both():
+    motion = moves(quick_return().compile(), samples=33)
+    (slider,) = sketch_of(motion).sliders
+    block = motion.at(*slider.point)
+    foot = motion.at(slider.guide.link, slider.guide.at)
+    line = motion.axis[slider.guide.link] * slider.direction
+    assert ((block - foot) * np.conj(line)).imag == pytest.approx(np.zeros(33), abs=ROUNDING)
+
+
+def test_pivots_and_guides_of_the_frame_have_ground():
+    assert len(artists(draw_mechanism(ruiz().compile()), "ground")) == 2 * 2
+    assert len(artists(draw_mechanism(slider_crank().compile()), "ground")) == 2 + 1
+    assert len(artists(draw_mechanism(quick_return().compile()), "ground")) == 2 * 2
+
+
+def test_a_force_points_where_it_pushes_and_says_how_hard():
+    picture = draw_mechanism(ruiz().compile(), at=1.0)
+    (shaft,) = artists(picture, "load:weightlike")
+    (start, end) = (complex(*p) for p in shaft.get_xydata())
+    assert cmath.phase(end - start) == pytest.approx(-math.pi / 2, abs=ROUNDING)
+    assert to_hex(shaft.get_color()) == palette.LOAD.lower()
+    assert {"weightlike 1000 N", "couple 250 N m"} <= {t.get_text() for t in picture.labels}
+
+
+@pytest.mark.parametrize("moment", [-250.0, 250.0])
+def test_a_couple_turns_the_way_of_its_sign(moment):
+    g = fourbar()
+    g.add("couple", bm.Couple(moment=moment))
+    g.connect("dyad.j", "couple.on")
+    motion = moves(g.compile(), 1.0)
+    stage = stage_of(sketch_of(motion), motion, 0.01)
+    ((way),) = load_ways(stage, stage.sketch.loads[0], 0)
+    middle = sum(way) / len(way)
+    turned = sum(cmath.phase((b - middle) / (a - middle)) for a, b in itertools.pairwise(way))
+    assert math.copysign(1, turned) == math.copysign(1, moment)
+
+
+def test_a_spring_is_a_zigzag_between_its_markers():
+    mechanism = rocking_slide().compile()
+    picture = draw_mechanism(mechanism)
+    (spring,) = artists(picture, "spring:")
+    points = [complex(*p) for p in spring.get_xydata()]
+    k = picture.shown[0]
+    motion = picture.stage.motion
+    ends = [complex(motion.at(*spot)[k]) for spot in picture.stage.sketch.loads[1].spots]
+    assert points[0] == pytest.approx(ends[0], abs=ROUNDING)
+    assert points[-1] == pytest.approx(ends[1], abs=ROUNDING)
+    side = [((p - points[0]) / (points[-1] - points[0])).imag for p in points[2:-2]]
+    assert all(a * b < 0 for a, b in itertools.pairwise(side))
+
+
+def test_a_spring_of_no_length_is_still_drawn():
+    assert zigzag(1j, 1j, 0.01) == [1j, 1j]
+
+
+def test_forces_of_loads_are_those_of_the_force_pass():
+    motion = moves(rocking_slide().compile(), samples=5)
+    at_a, at_b = motion.efforts("spring")
+    stretch = motion.at(*sketch_of(motion).loads[1].spots[1])
+    assert np.abs(at_a) == pytest.approx(400.0 * (np.abs(stretch) - 0.5))
+    assert at_a == pytest.approx(-at_b)
+
+
+def test_paths_show_feasible_parts_only():
+    mechanism = fourbar(rocker=1.8).compile()
+    picture = draw_mechanism(mechanism)
+    (path,) = artists(picture, "path of dyad.C")
+    drawn = np.isfinite(path.get_xydata()[:, 0])
+    reached = mechanism.run(samples=len(drawn), want=["dyad.C.p"], on_gap="mark")
+    assert (drawn == np.isfinite(reached["dyad.C.p"])).all()
+    assert 0 < drawn.sum() < len(drawn)
+
+
+def test_named_markers_are_traced_and_unknown_ones_refused():
+    picture = draw_mechanism(ruiz().compile(), trace=["dyad.C", "crank.B"])
+    assert len(artists(picture, "path of")) == 2
+    with pytest.raises(bm.RequestError, match="unknown-marker") as error:
+        draw_mechanism(ruiz().compile(), trace=["dyad.X", "frame.A", "dyad.C"])
+    assert [p.where for p in error.value.problems] == ["dyad.X", "frame.A"]
+
+
+def test_a_pose_out_of_reach_is_refused_in_the_words_of_a_run():
+    with pytest.raises(bm.AssemblyError) as error:
+        draw_mechanism(fourbar(rocker=1.8).compile(), at=0.0)
+    assert error.value.failure.block == "dyad"
+
+
+def test_a_mechanism_that_never_closes_is_refused():
+    with pytest.raises(bm.AssemblyError):
+        draw_mechanism(fourbar(rocker=0.1).compile())
+
+
+def test_without_a_range_poses_must_be_named():
+    g = fourbar()
+    g.scene = g.scene.model_copy(update={"drive": {}})
+    with pytest.raises(bm.RequestError, match="range of driver crank is not known"):
+        draw_mechanism(g.compile())
+    assert set(pins(draw_mechanism(g.compile(), at=1.0))) == set("ABCD")
+
+
+def test_a_law_of_time_needs_no_rates_for_a_named_pose():
+    picture = draw_mechanism(rocking_slide().compile(), at=0.5)
+    assert abs(pins(picture)["B"]) == pytest.approx(0.5, abs=ROUNDING)
+
+
+def test_gravity_and_its_direction_are_in_the_caption():
+    texts = " ".join(t.get_text() for t in draw_mechanism(slider_crank().compile()).figure.texts)
+    assert "gravity 9.81\u00a0m/s² ↓" in texts
+    assert not [t for t in draw_mechanism(ruiz().compile()).figure.texts if "grav" in t.get_text()]
+
+
+def test_the_same_mechanism_gives_the_same_picture(tmp_path):
+    assert mechanism_svg(ruiz()) == mechanism_svg(ruiz().compile())
+    assert "dc:date" not in mechanism_svg(ruiz())
+    for suffix in (".png", ".pdf"):
+        one, two = (draw(ruiz(), tmp_path / f"{k}{suffix}", kind="mechanism") for k in (1, 2))
+        assert one.read_bytes() == two.read_bytes()
+
+
+def test_the_picture_is_as_wide_as_a_papers_column(tmp_path):
+    with Image.open(draw(ruiz(), tmp_path / "m.png", kind="mechanism")) as image:
+        assert image.width / 300 * 2.54 == pytest.approx(8.5, abs=0.05)
+
+
+@pytest.mark.parametrize("path", sorted(GRAPHS.glob("*.json")), ids=lambda p: p.stem)
+def test_every_graph_of_the_gallery_is_drawn(path):
+    picture = draw_mechanism(bm.Graph.load(path).compile())
+    links = {b.link for b in picture.stage.sketch.bodies}
+    moving = set(picture.stage.motion.structure.links) - {picture.stage.motion.structure.frame_link}
+    assert links == moving
+    assert len(rendered(picture.figure, ".png", 72)) > 2000
+
+
+def test_a_mechanism_without_drivers_is_a_truss_and_can_be_drawn():
+    g = bm.Graph("truss")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (1.0, 0.0)}))
+    g.add("dyad", bm.RRR(l_i=1.0, l_j=1.0))
+    g.connect("frame.A", "dyad.B")
+    g.connect("frame.D", "dyad.D")
+    drawn = pins(draw_mechanism(g.compile()))
+    assert drawn["C"] == pytest.approx(complex(0.5, math.sqrt(0.75)), abs=ROUNDING)
+
+
+def test_the_hull_is_convex_and_keeps_no_inner_point():
+    square = [0j, 1 + 0j, 1 + 1j, 1j]
+    assert set(hull([*square, 0.5 + 0.5j, 0.5 + 0j])) == set(square)
+    assert set(hull([0j, 1 + 1j, 2 + 2j])) == {0j, 2 + 2j}
+    assert hull([3j, 3j]) == (3j,)
+
+
+def test_a_label_avoids_what_is_drawn_and_other_labels():
+    crowd = Crowd(Rect(0, 0, 200, 100))
+    crowd.add_line([100 + 50j, 200 + 50j], 5.0)
+    wanted = [Label("one", (100 + 50j,)), Label("two", (100 + 50j,))]
+    (_, one), (_, two) = crowd.place(wanted)
+    assert one.rect.overlap(two.rect) == 0
+    for spot in (one, two):
+        assert not (spot.rect.bottom < 50 < spot.rect.top and spot.rect.right > 100)

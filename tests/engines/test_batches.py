@@ -1,0 +1,121 @@
+"""One engine, one sample, one answer: alone, in any batch, order and chunk."""
+
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blockmech.testing.strategies import Options, Seeded, mechanisms, random_mechanism
+
+from tests.wiring import ruiz, same_bits, swept, toggle, watt
+
+EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
+
+
+def picked(request, order):
+    return {**request, "at": {d: q[order] for d, q in request["at"].items()}}
+
+
+def rows(result, order):
+    return {k: v[order] for k, v in result.items() if np.ndim(v)}
+
+
+@EACH_ENGINE
+@given(case=mechanisms(Options(groups=(1, 3))), seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_sample_is_the_same_alone_in_any_batch_and_in_any_order(engine, case, seed):
+    mech, n = case.graph.compile(), 11
+    request = swept(case, n, seed)
+    whole = mech.run(**request, engine=engine)
+    order = np.array(random.Random(seed).sample(range(n), n))
+    shuffled = mech.run(**picked(request, order), engine=engine)
+    assert same_bits(rows(whole, order), shuffled) == []
+    for k in range(n):
+        alone = mech.run(**picked(request, [k]), engine=engine)
+        assert same_bits(rows(whole, [k]), alone) == []
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 3, 7, 64, 100, 1000])
+@pytest.mark.parametrize("make", [ruiz, toggle, lambda: watt(spring=2.0, friction=True)])
+def test_chunks_change_no_bit(make, chunk):
+    mech = make().compile()
+    whole = mech.run(samples=100, engine="numpy")
+    assert same_bits(whole, mech.run(samples=100, engine="numpy", chunk=chunk)) == []
+
+
+def test_long_batch_over_the_default_chunk_is_the_short_one():
+    mech = ruiz().compile()
+    q = np.linspace(0.0, 20.0, 20_001)
+    long = mech.run(at=q, want=["crank.drive", "dyad.C.reaction", "frame.D.p", "dyad.j.alpha"])
+    for part in (slice(0, 5), slice(8190, 8195), slice(16383, 16386), slice(20_000, 20_001)):
+        short = mech.run(at=q[part], engine="numpy", want=list(long))
+        assert same_bits(rows(long, part), short) == []
+
+
+@EACH_ENGINE
+def test_crank_angles_of_any_size_share_a_batch_without_harm(engine):
+    # A vector loop that falls back for large angles must not do so for their neighbours.
+    q = np.array([0.3, 1e15, 0.31, -7e14, 2.5, 1e9, 6.0, 123456789.5, 1e300, 4.0])
+    mech = ruiz().compile()
+    whole = mech.run(at=q, engine=engine)
+    for k in range(len(q)):
+        assert same_bits(rows(whole, [k]), mech.run(at=q[[k]], engine=engine)) == []
+
+
+@EACH_ENGINE
+def test_samples_that_repeat_repeat_their_answer(engine):
+    q = np.tile([0.3, 1.7, 5.5], 9)
+    r = ruiz().run(at=q, engine=engine)
+    for name, values in r.items():
+        if np.ndim(values):
+            assert np.array_equal(values, np.tile(values[:3], 9)), name
+
+
+@EACH_ENGINE
+def test_impossible_samples_do_not_touch_their_neighbours(engine):
+    apart = 0
+    for seed in range(6):
+        case = random_mechanism(Seeded(seed), Options(groups=(3, 4), kinds=("dyad.rrr",)))
+        mech, request = case.graph.compile(), swept(case, 40)
+        whole = mech.run(**request, engine=engine)
+        good = np.array([s == "ok" for s in whole.quality.status])
+        apart += 3 < good.sum() < 37
+        kept = mech.run(**picked(request, good), engine=engine)
+        assert kept.quality.status == ("ok",) * int(good.sum())
+        assert same_bits(rows(whole, good), kept) == []
+    assert apart >= 3  # there was something to keep apart
+
+
+def test_self_locked_samples_do_not_touch_their_neighbours():
+    mech = ruiz(radius=3.75).compile()  # f' r = 1.5 m: many crank angles lock
+    q = np.linspace(0.05, 6.2, 30)
+    whole = mech.run(at=q, engine="numpy", on_gap="mark")
+    good = np.array([s == "ok" for s in whole.quality.status])
+    assert 3 < good.sum() < 27
+    assert same_bits(rows(whole, good), mech.run(at=q[good], engine="numpy")) == []
+
+
+def test_engine_is_chosen_by_the_number_of_samples():
+    mech = ruiz().compile()
+    assert mech.run(at=1.0).engine == "scalar"
+    assert mech.run(samples=24).engine == "scalar"
+    assert mech.run(samples=25).engine == "numpy"
+    assert mech.run(at=1.0, precision="complex64").engine == "numpy"
+
+
+def test_arrays_of_a_result_are_the_users_own():
+    mech = ruiz().compile()
+    for engine in ("scalar", "numpy"):
+        r = mech.run(at=[1.0, 2.0], engine=engine, want=["crank.drive", "crank.q"])
+        r["crank.drive"][0] = 0.0
+        again = mech.run(at=[1.0, 2.0], engine=engine, want=["crank.drive"])
+        assert again["crank.drive"][0] != 0.0
+
+
+def test_arrays_of_the_request_are_left_alone():
+    q = np.array([1.0, 2.0, 3.0])
+    r = ruiz().run(at=q, engine="numpy")
+    q[:] = 0.0
+    assert np.array_equal(r["crank.q"], [1.0, 2.0, 3.0])

@@ -1,0 +1,166 @@
+"""Single, double and extended precision: one kernel text, no number of another width inside."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blockmech.engines import NumpyEngine
+from blockmech.engines.numpy import Planar
+from blockmech.testing.strategies import Options, Seeded, random_mechanism
+
+from tests.wiring import ruiz, same_bits, toggle, watt
+
+SINGLE = float(np.finfo(np.float32).eps)
+EXTENDED = float(np.finfo(np.longdouble).eps)
+WIDTH = {"complex64": np.float32, "complex128": np.float64, "clongdouble": np.longdouble}
+MAKERS = {"ruiz": ruiz, "toggle": toggle, "watt": lambda: watt(spring=2.0, friction=True)}
+EACH_GRAPH = pytest.mark.parametrize("name", MAKERS)
+# Errors of a long formula in ulps of the precision: some 50 operations, each times a
+# condition below 10 (margins of these mechanisms are above 0.02).
+ULPS = 500
+
+
+def leaves(value, where=""):
+    """All arrays and NumPy numbers in a nested value; Python numbers adapt to any width."""
+    if isinstance(value, Planar):
+        yield f"{where}.x", value.real
+        yield f"{where}.y", value.imag
+    elif isinstance(value, tuple):
+        names = getattr(value, "_fields", range(len(value)))
+        for name, part in zip(names, value, strict=True):
+            yield from leaves(part, f"{where}.{name}")
+    elif isinstance(value, np.ndarray | np.generic):
+        yield where, value
+
+
+def every_value(plan, precision, inputs, n):
+    """Name -> value of every line of a program, the parameters included."""
+    head, _, _ = plan.program.source.rpartition("    return ")
+    traced = replace(plan.program, source=f"{head}    return (locals(),)\n")
+    return NumpyEngine(traced, precision).run(inputs, n)[0][0]
+
+
+@pytest.mark.parametrize("friction", ["none", "single", "successive", "newton"])
+@pytest.mark.parametrize("precision", WIDTH)
+@EACH_GRAPH
+def test_no_number_of_another_width_gets_in(name, precision, friction):
+    mech = MAKERS[name]().compile()
+    plan = mech.plan("*", friction=friction)
+    inputs = mech.run(samples=7, want="*.q").samples.inputs
+    for line, value in every_value(plan, precision, inputs, 7).items():
+        if line in plan.program.angles:
+            assert value.dtype == np.float64  # until sine and cosine are taken
+            continue
+        for where, part in leaves(value, line):
+            assert part.dtype in (WIDTH[precision], np.bool_), where
+
+
+def test_no_double_gets_in_where_continuation_repairs_samples():
+    mech = ruiz(radius=2.0).compile()  # f' r = 0.8 m: beyond the certificate
+    plan = mech.plan("*")
+    q = {"q_0": np.linspace(0.05, 6.2, 9), "qd_0": np.full(9, 10.0), "qdd_0": np.zeros(9)}
+    for line, value in every_value(plan, "complex64", q, 9).items():
+        for where, part in leaves(value, line):
+            assert line in plan.program.angles or part.dtype in (np.float32, np.bool_), where
+
+
+def relative(found, exact):
+    return {
+        k: np.max(np.abs(found[k] - exact[k])) / (np.max(np.abs(exact[k])) or 1.0)
+        for k in exact
+        if np.ndim(exact[k])
+    }
+
+
+@EACH_GRAPH
+def test_single_precision_is_right_to_single_precision(name):
+    mech = MAKERS[name]().compile()
+    exact = mech.run(samples=9, engine="numpy")
+    found = mech.run(samples=9, precision="complex64")
+    worst = relative(found, exact)
+    assert max(worst.values()) <= ULPS * SINGLE, max(worst, key=worst.get)
+    assert found.quality.status == exact.quality.status
+
+
+@EACH_GRAPH
+def test_results_of_single_precision_are_single(name):
+    r = MAKERS[name]().run(samples=3, precision="complex64")
+    kinds = {k: r[k].dtype for k in r if np.ndim(r[k])}
+    driver = next(iter(r.mechanism.drivers))
+    computed = {k: t for k, t in kinds.items() if not k.startswith(f"{driver}.q")}
+    wide = {k for k, t in computed.items() if t not in (np.float32, np.complex64)}
+    constant = {k for k in wide if np.ptp(r[k].real) == 0 == np.ptp(r[k].imag)}
+    assert wide == constant  # structural zeros are Python's, of no width
+
+
+@EACH_GRAPH
+def test_extended_precision_agrees_with_double_to_double(name):
+    mech = MAKERS[name]().compile()
+    exact = mech.run(samples=9, precision="clongdouble")
+    found = mech.run(samples=9, engine="numpy")
+    worst = relative(found, exact)
+    assert max(worst.values()) <= ULPS * np.finfo(float).eps, max(worst, key=worst.get)
+
+
+@pytest.mark.skipif(EXTENDED > 1e-18, reason="long double is no wider than double here")
+@EACH_GRAPH
+def test_extended_precision_is_extended(name):
+    # Two routes to the driving effort part at the precision they are computed in.
+    r = MAKERS[name]().run(samples=9, precision="clongdouble", friction="none")
+    driver = r.mechanism.drivers[0]
+    one, other = r[f"{driver}.drive"], r[f"{driver}.drive_by_reduction"]
+    assert one.dtype == np.longdouble
+    assert np.max(np.abs(one - other)) <= ULPS * EXTENDED * np.max(np.abs(one))
+    assert r["mechanism.shaking_force"].dtype == np.clongdouble
+
+
+def test_crank_angle_stays_double_in_single_precision():
+    # 1e8 + 0.3 rad has no sense in single precision: neighbours there are 8 rad apart.
+    q = 1e8 + 0.3
+    exact = ruiz().run(at=q, want=["dyad.C.p", "crank.q"])
+    found = ruiz().run(at=q, want=["dyad.C.p", "crank.q"], precision="complex64")
+    assert abs(found["dyad.C.p"][0] - exact["dyad.C.p"][0]) < 20 * SINGLE * 7.0
+    assert found["crank.q"][0] == q
+
+
+@pytest.mark.parametrize("precision", WIDTH)
+def test_batch_and_chunk_change_no_bit_in_any_precision(precision):
+    mech = watt(spring=2.0, friction=True).compile()
+    whole = mech.run(samples=50, precision=precision, engine="numpy")
+    chunked = mech.run(samples=50, precision=precision, engine="numpy", chunk=7)
+    assert same_bits(whole, chunked) == []
+    alone = mech.run(at=whole["crank.q"][[13]], precision=precision, engine="numpy")
+    assert same_bits(alone, {k: v[[13]] for k, v in whole.items() if np.ndim(v)} | rest(alone)) == []
+
+
+def rest(result):
+    return {k: v for k, v in result.items() if not np.ndim(v)}
+
+
+def test_random_mechanisms_lose_no_sample_in_single_precision():
+    for seed in range(25):
+        case = random_mechanism(Seeded(seed), Options(groups=(1, 2), least_margin=0.1))
+        mech = case.graph.compile()
+        double = mech.run(**case.request, on_gap="mark")
+        single = mech.run(**case.request, precision="complex64", on_gap="mark")
+        assert single.quality.status == double.quality.status, seed
+
+
+def test_pair_without_load_has_no_friction_in_single_precision():
+    # Newton divides by the load of each pair: 1e-300 N is not a single-precision number.
+    graph = ruiz()
+    graph.blocks.pop("weightlike")
+    graph.blocks.pop("couple")
+    graph.wires[:] = graph.wires[:3]
+    r = graph.run(at=1.0, rates=10.0, static=True, precision="complex64")
+    assert r.quality.status == ("ok",)
+    g = watt(massive=False, gravity=False, friction=True)
+    import blockmech as bm
+
+    g.add("nothing", bm.Force(force=(0.0, 0.0)))
+    g.connect("last.K6", "nothing.at")
+    for precision in WIDTH:
+        r = g.run(at=[1.0, 2.0], precision=precision, engine="numpy")
+        assert r.quality.status == ("ok", "ok")
+        assert np.all(r["last.C.reaction"] == 0)

@@ -1,0 +1,329 @@
+"""What a wrong file says: one clear message for each mistake, whatever the file.
+
+``graphs/broken`` has a file for every code that the content of a file can cause, and
+``tests/data/messages`` what blockmech says to it. The other codes are caused here.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import sys
+import time
+from contextlib import suppress
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import blockmech
+from blockmech.blocks.contract import REGISTRY
+from blockmech.errors import BlockmechError, FormatError, listed
+from blockmech.model.document import dumps, load, loads, problems_in
+from blockmech.model.problems import FILE_CODES, LONGEST, MOST
+from blockmech.model.reading import LARGEST
+
+ROOT = Path(__file__).resolve().parents[1]
+BROKEN = sorted((ROOT / "graphs" / "broken").iterdir())
+MESSAGES = Path(__file__).resolve().parent / "data" / "messages"
+GOOD = (ROOT / "graphs" / "ruiz_fourbar.json").read_text(encoding="utf-8")
+
+SOON = 5.0  # [s] in which any file is answered
+EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "300"))  # 10000 is the full run
+
+FOLLOWS = {  # files in which a mistake has consequences, or that have more than one on purpose
+    "bad_address",
+    "many_mistakes",
+    "misspelt_key",
+    "no_frame",
+    "not_a_marker",
+}
+
+
+def said_about(path):
+    """The messages, without what differs between machines and with installed packages."""
+    text = "\n".join(map(str, problems_in(path))) + "\n"
+    return text.replace(str(path), path.name).replace(listed(REGISTRY, 30), "(all types)")
+
+
+def codes(path):
+    return [problem.code for problem in problems_in(path)]
+
+
+# Files of the repository.
+
+
+@pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)
+def test_a_broken_file_says_what_is_recorded(path):
+    recorded = (MESSAGES / f"{path.stem}.txt").read_text(encoding="utf-8")
+    assert said_about(path) == recorded
+
+
+@pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)
+def test_one_mistake_is_one_message(path):
+    number = len(problems_in(path))
+    assert number > 1 if path.stem in FOLLOWS else number == 1
+
+
+@pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)
+def test_every_message_names_the_file_and_stays_on_one_line(path):
+    for problem in problems_in(path):
+        assert problem.file == str(path)
+        assert str(problem).isprintable()
+        assert str(problem).startswith(f"[{problem.code}] {path}: ")
+
+
+def test_every_recorded_message_has_its_file():
+    assert {p.stem for p in MESSAGES.iterdir()} == {p.stem for p in BROKEN}
+
+
+def test_all_mistakes_of_a_file_are_said_at_once():
+    found = codes(ROOT / "graphs" / "broken" / "many_mistakes.json")
+    kinds = {"wrong-type", "wrong-value", "missing-key", "unknown-key"}
+    assert kinds | {"unknown-marker", "unknown-joint", "unwired-joint"} == set(found)
+
+
+# Files that a repository cannot hold.
+
+
+def no_such_file(folder):
+    return folder / "missing.json"
+
+
+def a_name_that_is_no_file_name(folder):
+    return folder / "null\0byte.json"
+
+
+def a_folder(folder):
+    return folder
+
+
+def a_hundred_megabytes_of_garbage(folder):
+    path = folder / "garbage.json"
+    with path.open("wb") as stream:
+        stream.truncate(100_000_000)
+    return path
+
+
+def a_file_of_someone_else(folder):
+    path = folder / "secret.json"
+    path.write_text(GOOD, encoding="utf-8")
+    path.chmod(0)
+    if os.access(path, os.R_OK):
+        pytest.skip("this user may read everything")
+    return path
+
+
+def a_name_that_is_too_long(folder):
+    if sys.platform == "win32":
+        pytest.skip("Windows says that there is no such file")
+    return folder / ("x" * 300 + ".json")
+
+
+MADE = {
+    no_such_file: "no-file",
+    a_name_that_is_no_file_name: "no-file",
+    a_folder: "not-a-file",
+    a_hundred_megabytes_of_garbage: "too-large",
+    a_file_of_someone_else: "no-permission",
+    a_name_that_is_too_long: "unreadable",
+}
+
+
+@pytest.mark.parametrize("make", MADE, ids=lambda make: make.__name__)
+def test_a_file_that_cannot_be_read_is_one_message(make, tmp_path):
+    path = make(tmp_path)
+    started = time.perf_counter()
+    with pytest.raises(FormatError) as raised:
+        load(path)
+    assert time.perf_counter() - started < SOON
+    (problem,) = raised.value.problems
+    assert problem.code == MADE[make]
+    assert problem.file.startswith(str(tmp_path))
+
+
+# No code without a file, none that nobody declared.
+
+
+def test_every_code_that_a_file_can_cause_is_caused():
+    caused = {code for path in BROKEN for code in codes(path)} | set(MADE.values())
+    assert caused == set(FILE_CODES)
+
+
+NOT_FROM_FILES = {
+    "bad-point",  # from_points
+    "broken-plugin",  # an installed package
+    "dead-centre",  # from_points
+    "duplicate-block",  # Graph.add; in a file it is a duplicate key
+    "idle-driver",  # a remark
+    "not-a-block",  # Graph.add
+    "not-a-law",  # Graph.drive
+    "not-json",  # data added in Python
+    "unreachable",  # a remark
+    "unused-marker",  # a remark
+}
+
+
+def test_every_code_in_the_source_is_declared():
+    source = Path(blockmech.__file__).parent
+    rooms = [source / "values.py"]
+    rooms += [
+        p for room in ("model", "blocks", "loads", "friction") for p in (source / room).glob("*.py")
+    ]
+    makers = {"Problem", "mistake", "PydanticCustomError", "unknown_name", "_must", "_strange"}
+    found = {
+        call.args[0].value
+        for path in rooms
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(call, ast.Call)
+        and getattr(call.func, "id", "") in makers
+        and call.args
+        and isinstance(call.args[0], ast.Constant)
+    }
+    assert found - set(FILE_CODES) == NOT_FROM_FILES
+
+
+# Floods: large files in which everything is wrong.
+
+
+def spoilt(place, flood):
+    """The four-bar with something put in after a place."""
+    return GOOD.replace(place, place + flood, 1)
+
+
+FLOODS = {
+    "brackets": lambda: "[" * LARGEST,
+    "digits": lambda: "7" * LARGEST,
+    "a text without end": lambda: '"' + "x" * (LARGEST - 1),
+    "bytes": lambda: bytes(range(256)) * (LARGEST // 256),
+    "keys": lambda: spoilt("{", "".join(f'"{n:06}":1,' for n in range(LARGEST // 12))),
+    "a long key": lambda: GOOD.replace("inertia", "x" * (LARGEST - 5000), 1),
+    "wires that are none": lambda: spoilt('"wires": [', "3," * (LARGEST // 20)),
+    "blocks that are none": lambda: spoilt(
+        '"blocks": {', "".join(f'"{n:06}":{{}},' for n in range(LARGEST // 13))
+    ),
+    "NaN": lambda: spoilt('"gravity": [', "NaN," * (LARGEST // 5)),
+    "keys given again": lambda: spoilt('"blocks": {', '"crank":1,' * (LARGEST // 12)),
+}
+
+
+@pytest.mark.parametrize("name", FLOODS)
+def test_a_flood_is_answered_soon_and_shortly(name, tmp_path):
+    text = FLOODS[name]()
+    path = tmp_path / "flood.json"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    assert path.stat().st_size <= LARGEST
+    started = time.perf_counter()
+    problems = problems_in(path)
+    assert time.perf_counter() - started < SOON
+    assert 1 <= len(problems) <= MOST + 1
+    assert max(len(str(problem)) for problem in problems) < 5 * LONGEST
+
+
+# Made documents: whatever stands in a file, it is read or refused with a message.
+
+WORDS = st.sampled_from(
+    (
+        *("frame", "crank", "dyad", "type", "dyad.rrr", "driver.crank", "links", "i", "A", "at"),
+        *("law", "polar", "from", "to", "crank.A", "frame.A", "a.b.c", ".", ""),
+        *("\ud800", "\n", "x" * 200),
+    )
+)
+NUMBERS = st.one_of(
+    st.integers(-3, 3),
+    st.integers(min_value=10**300, max_value=10**320),
+    st.floats(allow_nan=True, allow_infinity=True),
+)
+SCALARS = st.one_of(st.none(), st.booleans(), NUMBERS, WORDS, st.text(max_size=5))
+DATA = st.recursive(
+    SCALARS,
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(WORDS | st.text(), inner, max_size=4)
+    ),
+    max_leaves=12,
+)
+
+
+def places(data, path=()):
+    """Paths to all objects, lists and values of a document."""
+    yield path
+    if isinstance(data, dict | list):
+        for key, item in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from places(item, (*path, key))
+
+
+PLACES = [path for path in places(json.loads(GOOD)) if path]
+
+
+@st.composite
+def spoilt_documents(draw):
+    """The four-bar with some places replaced, removed, renamed or copied elsewhere."""
+    data = json.loads(GOOD)
+    for path in draw(st.lists(st.sampled_from(PLACES), min_size=1, max_size=4)):
+        with suppress(LookupError, TypeError, AttributeError):  # it is gone by now
+            box = data
+            for key in path[:-1]:
+                box = box[key]
+            what = draw(st.sampled_from(["replace", "remove", "rename", "copy"]))
+            if what == "replace":
+                box[path[-1]] = draw(DATA)
+            elif what == "copy":
+                source = draw(st.sampled_from(PLACES))
+                item = json.loads(GOOD)
+                for key in source:
+                    item = item[key]
+                box[path[-1]] = item
+            else:
+                item = box.pop(path[-1])
+                if what == "rename" and isinstance(box, dict):
+                    box[draw(WORDS | st.text(max_size=3))] = item
+    return json.dumps(data)
+
+
+@st.composite
+def spoilt_texts(draw):
+    """The text of the four-bar with pieces cut out, put in or given twice."""
+    text = GOOD
+    for _ in range(draw(st.integers(1, 4))):
+        a, b = sorted(draw(st.tuples(*[st.integers(0, len(text))] * 2)))
+        b = min(b, a + draw(st.sampled_from([0, 1, 5, 50, 5000])))
+        piece = draw(st.one_of(st.just(""), st.just(text[a:b] * 2), st.text(max_size=5), WORDS))
+        text = text[:a] + piece + text[b:]
+    return text
+
+
+DOCUMENTS = st.one_of(
+    DATA.map(json.dumps),
+    spoilt_documents(),
+    spoilt_texts(),
+    st.text(),
+    st.binary(),
+    spoilt_texts().map(lambda text: text.encode("utf-16", "surrogatepass")),
+)
+
+
+@settings(
+    max_examples=EXAMPLES,
+    deadline=timedelta(seconds=SOON),
+    suppress_health_check=list(HealthCheck),
+)
+@given(document=DOCUMENTS)
+def test_a_made_document_is_read_or_refused(document, tmp_path_factory):
+    path = tmp_path_factory.getbasetemp() / "made.json"
+    raw = document if isinstance(document, bytes) else document.encode(errors="surrogatepass")
+    path.write_bytes(raw)
+    graph, refusal = None, None
+    try:
+        graph = load(path)
+    except BlockmechError as error:
+        refusal = error
+    if graph is None:
+        assert {problem.code for problem in refusal.problems} <= set(FILE_CODES)
+        assert str(refusal).replace("\n", "").isprintable()
+        return
+    text = dumps(graph)
+    assert dumps(loads(text)) == text
+    assert graph.check() or graph.compile().drivers

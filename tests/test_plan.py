@@ -1,0 +1,307 @@
+"""What a request costs: the kernel calls of the Watt six-bar, and that pruning changes nothing else.
+
+The counts are those of the port contract for a crank and two RRR dyads: positions cost one
+call a block, velocities and accelerations one more each, the force pass one call for every
+block that carries a load; what nobody asks for costs nothing.
+"""
+
+import random
+import time
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+
+from tests.wiring import chain, rewired, ruiz, same_bits, toggle, watt
+
+ALL = ["*.omega", "*.p"]
+
+
+def calls(graph, *want, **settings):
+    return graph.compile().plan(want, **settings).calls
+
+
+def stages(graph, *want, **settings):
+    plan = graph.compile().plan(want, **settings)
+    return {s: plan.count(s) for s in {e.stage for e in plan.entries}}
+
+
+# ---- kernel calls, all links massive, weight on -----------------------------------------
+
+MASSIVE = [
+    ("position of the first dyad", ["first.C.p"], 2),
+    ("position of the last dyad", ["last.C.p"], 3),
+    ("velocities of all", ["*.omega"], 6),
+    ("accelerations of the first dyad", ["first.i.alpha", "first.j.alpha"], 6),
+    ("accelerations of all", ["*.alpha"], 9),
+    ("reactions of the last dyad", ["last.*.reaction"], 10),
+    ("reactions of the first dyad", ["first.*.reaction"], 11),
+    ("driving moment by reactions", ["crank.drive"], 12),
+    ("driving moment by reduction", ["crank.drive_by_reduction"], 9),
+    ("J_red alone", ["crank.J_red"], 6),
+    ("tau_red alone", ["crank.tau_red"], 6),
+]
+
+
+@pytest.mark.parametrize(("want", "count"), [x[1:] for x in MASSIVE], ids=[x[0] for x in MASSIVE])
+def test_kernel_calls_of_the_massive_sixbar(want, count):
+    assert calls(watt(), *want) == count
+
+
+WEIGHTLESS = dict(massive=False, gravity=False)
+LIGHT = [
+    ("reactions of the first dyad", {"force": True}, ["first.*.reaction"], 3),
+    ("reactions of the last dyad", {"force": True}, ["last.*.reaction"], 0),
+    ("driving moment by reactions", {"force": True}, ["crank.drive"], 4),
+    ("driving moment by reduction", {"force": True}, ["crank.drive_by_reduction"], 4),
+    ("spring, first dyad", {"spring": 0.0}, ["first.*.reaction"], 5),
+    ("damper, first dyad", {"spring": 3.0}, ["first.*.reaction"], 8),
+    ("friction, first dyad", {"force": True, "friction": True}, ["first.*.reaction"], 5),
+    ("friction, driving moment", {"force": True, "friction": True}, ["crank.drive"], 6),
+]
+
+
+@pytest.mark.parametrize(
+    ("options", "want", "count"), [x[1:] for x in LIGHT], ids=[x[0] for x in LIGHT]
+)
+def test_kernel_calls_of_the_massless_sixbar(options, want, count):
+    assert calls(watt(**WEIGHTLESS, **options), *want) == count
+
+
+def test_friction_costs_two_velocities_and_nothing_where_it_is_switched_off():
+    g = watt(**WEIGHTLESS, force=True, friction=True)
+    assert stages(g, "first.*.reaction") == {"position": 2, "velocity": 2, "force": 1}
+    assert stages(g, "first.*.reaction", friction="none") == {"position": 2, "force": 1}
+
+
+def test_positions_ask_for_no_velocity_and_no_force():
+    for g in (ruiz(), watt(spring=3.0, friction=True), toggle()):
+        assert set(stages(g, "*.p", "*.angle", "*.margin")) == {"position"}
+
+
+def test_velocities_ask_for_no_acceleration_and_no_force():
+    for g in (ruiz(), watt(spring=3.0, friction=True), toggle()):
+        assert set(stages(g, "*.v", "*.omega", "*.slip")) == {"position", "velocity"}
+
+
+def test_static_request_asks_for_no_acceleration():
+    g = watt(friction=True)
+    assert "acceleration" not in stages(g, "*.reaction", static=True)
+    assert "acceleration" in stages(g, "*.reaction")
+
+
+def test_static_request_without_friction_asks_for_no_velocity():
+    assert set(stages(watt(), "*.reaction", static=True)) == {"position", "force"}
+
+
+def test_relative_rate_asks_for_both_links_only():
+    assert stages(watt(), "first.D.slip") == {"position": 2, "velocity": 2}
+    assert stages(watt(), "crank.A.slip") == {}
+
+
+def test_frame_reaction_asks_for_the_blocks_on_the_frame():
+    # shaking force: crank and first dyad stand on the frame, the last dyad loads the first
+    assert stages(watt(), "mechanism.shaking_force")["force"] == 3
+
+
+def test_reduction_asks_for_no_force_kernel():
+    for g in (ruiz(), watt(spring=3.0), toggle()):
+        want = "*.drive_by_reduction"
+        assert "force" not in stages(g, want, "*.J_red", "*.tau_red")
+
+
+def test_damper_makes_the_reduction_ask_for_velocities():
+    assert "velocity" not in stages(watt(spring=0.0), "crank.tau_red")
+    assert stages(watt(spring=3.0), "crank.tau_red")["velocity"] == 3
+
+
+def test_echo_of_the_driver_costs_nothing():
+    assert calls(watt(), "crank.q", "crank.rate", "crank.acceleration") == 0
+
+
+def test_no_wish_costs_nothing():
+    assert calls(watt()) == 0
+    assert len(watt().run(at=1.0, want=[])) == 0
+
+
+# ---- structural zeros -------------------------------------------------------------------
+
+
+def test_block_without_load_is_a_structural_zero():
+    r = watt(**WEIGHTLESS, force=True, friction=True).run(at=[0.3, 1.0, 2.0])
+    for joint in "BCD":
+        for what in ("reaction", "friction", "friction_power"):
+            assert np.all(r[f"last.{joint}.{what}"] == 0)
+    assert np.all(r["first.B.reaction"] != 0)
+
+
+def test_mass_makes_a_block_active_only_where_something_accelerates_or_weighs():
+    light = watt(gravity=False)
+    assert calls(light, "last.*.reaction") == 10
+    assert calls(light, "last.*.reaction", static=True) == 0
+    assert calls(watt(), "last.*.reaction", static=True) == 4
+
+
+def test_load_on_the_frame_alone_loads_nothing():
+    g = watt(**WEIGHTLESS)
+    g.add("push", bm.Force(force=(1.0, 2.0)))
+    g.connect("frame.O2", "push.at")
+    assert calls(g, "*.reaction") == 0
+    r = g.run(at=1.0)
+    assert r["mechanism.shaking_force"][0] == 1 + 2j
+    assert r["crank.drive"][0] == 0
+
+
+# ---- pruning changes nothing but cost ---------------------------------------------------
+
+SUBJECTS = {
+    "ruiz": (ruiz, {"at": [0.0, 0.7, 3.0]}),
+    "watt": (lambda: watt(spring=3.0, force=True, friction=True), {"at": [0.2, 1.9, 4.0]}),
+    "toggle": (toggle, {"at": [0.05, 0.3, 0.55]}),
+}
+
+
+@pytest.mark.parametrize("engine", ["scalar", "numpy"])
+@pytest.mark.parametrize("name", SUBJECTS)
+def test_each_output_alone_is_the_same_to_the_last_bit(name, engine):
+    make, request = SUBJECTS[name]
+    mech = make().compile()
+    whole = mech.run(**request, engine=engine)
+    for output in whole:
+        alone = mech.run(**request, engine=engine, want=output)
+        assert same_bits(alone, whole) == []
+
+
+def test_pairs_of_outputs_are_the_same_as_alone():
+    mech, order = toggle().compile(), random.Random(3)
+    whole = mech.run(at=[0.1, 0.4])
+    names = list(whole)
+    for _ in range(40):
+        some = order.sample(names, 5)
+        assert same_bits(mech.run(at=[0.1, 0.4], want=some), whole) == []
+
+
+def test_static_and_friction_settings_do_not_leak_into_each_other():
+    mech = watt(friction=True, force=True).compile()
+    before = mech.run(at=[1.0, 2.0])
+    for settings in ({"static": True}, {"friction": "none"}, {"friction": "single"}):
+        mech.run(at=[1.0, 2.0], **settings)
+    assert same_bits(mech.run(at=[1.0, 2.0]), before) == []
+
+
+# ---- the same plan for any order of writing ---------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("name", SUBJECTS)
+def test_order_of_blocks_and_wires_changes_no_bit(name, seed):
+    make, request = SUBJECTS[name]
+    graph = make()
+    other = rewired(graph, random.Random(seed))
+    one, two = graph.compile(), other.compile()
+    assert one.plan("crank.*" if name != "toggle" else "ram.*").program == two.plan(
+        "crank.*" if name != "toggle" else "ram.*"
+    ).program
+    assert same_bits(one.run(**request), two.run(**request)) == []
+
+
+def test_order_of_wishes_changes_no_bit():
+    mech = watt(friction=True).compile()
+    one = mech.run(at=[1.0], want=["crank.drive", "last.C.reaction", "first.C.p"])
+    two = mech.run(at=[1.0], want=["first.C.p", "crank.drive", "last.C.reaction"])
+    assert list(one) == list(two)
+    assert same_bits(one, two) == []
+
+
+# ---- explain ----------------------------------------------------------------------------
+
+
+def test_explain_prints_the_schedule_and_the_calls():
+    text = watt(**WEIGHTLESS, force=True, friction=True).compile().explain("crank.drive")
+    assert text == (
+        "6 kernel calls for 1 output\n"
+        "  position             2  crank, first\n"
+        "  velocity             2  crank, first\n"
+        "  force                2  crank, first"
+    )
+
+
+def test_explain_names_the_driver_of_unit_rates():
+    text = ruiz().compile().explain(["crank.J_red"])
+    assert "unit velocity        2  crank (unit rate of crank), dyad (unit rate of crank)" in text
+
+
+def test_plan_is_kept_and_not_made_twice():
+    mech = watt().compile()
+    assert mech.plan("crank.drive") is mech.plan("crank.drive")
+    assert mech.plan("crank.drive") is not mech.plan("crank.drive", friction="none")
+
+
+# ---- names of blocks are the user's -----------------------------------------------------
+
+NAMES = [
+    {"dyad": "rrr"},  # the dyad's own module
+    {"dyad": "rpr"},
+    {"weightlike": "forces"},  # a module of the passes
+    {"weightlike": "load", "couple": "forces"},
+    {"crank": "rrr", "dyad": "crank"},
+    {"dyad": "a b", "crank": "a_b", "weightlike": "a_b_2"},  # alike but for a space
+    {"dyad": "zz", "crank": "zz_2", "weightlike": "zz 2", "couple": "zz-2"},
+    {"dyad": "margin:x"},
+    {"dyad": "rest:x", "crank": "friction:x"},
+    {"dyad": "mechanism"},
+    {"dyad": "class", "crank": "lambda"},
+    {"dyad": "P", "crank": "q", "weightlike": "t"},
+    {"dyad": "ZERO", "crank": "ONE", "couple": "program"},
+    {"dyad": "Kurbelschwinge größer", "crank": "曲柄"},
+    {"dyad": "*", "crank": "[a]"},
+    {"dyad": "1", "crank": "2"},
+]
+
+
+@pytest.mark.parametrize("names", NAMES, ids=lambda names: ",".join(names.values()))
+def test_any_name_of_a_block_gives_the_same_answer(names):
+    graph = ruiz()
+    wanted = graph.run(at=1.3)
+    other = bm.Graph("renamed")
+    for name, block in graph.blocks.items():
+        other.add(names.get(name, name), block)
+    for wire in graph.wires:
+        ends = [end.split(".") for end in (wire.source, wire.target)]
+        other.connect(*(f"{names.get(block, block)}.{port}" for block, port in ends))
+    other.drive(names.get("crank", "crank"), graph.scene.drive["crank"])
+    for engine in ("scalar", "numpy"):
+        found = other.run(at=1.3, engine=engine)
+        assert found.quality.status == ("ok",)
+        crank, dyad = names.get("crank", "crank"), names.get("dyad", "dyad")
+        for what in ("B.reaction", "C.friction", "transmission_angle", "J_red"):
+            assert found[f"{dyad}.{what}"][0] == pytest.approx(wanted[f"dyad.{what}"][0], rel=1e-12)
+        assert found[f"{crank}.drive"][0] == pytest.approx(wanted["crank.drive"][0], rel=1e-12)
+
+
+# ---- long chains ------------------------------------------------------------------------
+
+
+def test_thousand_dyads_compile_and_run_without_deep_recursion(capsys):
+    start = time.perf_counter()
+    mech = chain(1000).compile()
+    compiled = time.perf_counter()
+    one = mech.run(at=1.0, want=["crank.drive", "mechanism.kinetic_energy"])
+    done = time.perf_counter()
+    many = mech.run(at=[1.0, 1.1], engine="numpy", want=["crank.drive", "dyad00999.C.reaction"])
+    with capsys.disabled():
+        print(
+            f"\n1,000 dyads: wired and compiled in {compiled - start:.2f} s, planned and "
+            f"solved at one pose in {done - compiled:.2f} s, {one.plan.calls} kernel calls"
+        )
+    assert one.plan.calls == 4 * 1001
+    assert one["crank.drive"][0] == many["crank.drive"][0]
+    assert mech.structure.formula.count("->") == 1000
+
+
+def test_everything_of_a_long_chain_with_friction_runs():
+    r = chain(250, friction=True).run(at=1.0)
+    assert r.quality.status == ("ok",)
+    assert r["mechanism.kinetic_energy"][0] > 0
+    assert r["mechanism.friction_power"][0] > 0

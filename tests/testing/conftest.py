@@ -1,0 +1,54 @@
+"""Mechanisms whose numbers are known without blockmech."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import blockmech as bm
+from examples.wire_ruiz import fourbar
+
+REFERENCE = Path(__file__).parents[1] / "data" / "ruiz_fourbar.json"
+
+
+@pytest.fixture
+def arm() -> bm.Graph:
+    """A crank of 2 m at 3 rad/s: its end B is at 2 (cos q, sin q), at 6 m/s across."""
+    g = bm.Graph("arm", drive={"crank": bm.ConstantRate(rate=3.0)})
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("crank", bm.Crank(length=2.0))
+    g.connect("frame.A", "crank.A")
+    return g
+
+
+@pytest.fixture
+def ruiz() -> bm.Graph:
+    """The paper's four-bar."""
+    return fourbar()
+
+
+@pytest.fixture
+def short() -> bm.Graph:
+    """A four-bar whose dyad, two links of 2.5 m, cannot reach while B is over 5 m from D.
+
+    With B = 2 (cos q, sin q) and D = (5.5, 0), |BD|^2 = 34.25 - 22 cos q, so it closes for
+    cos q >= 9.25 / 22.
+    """
+    g = bm.Graph("short", drive={"crank": bm.ConstantRate(rate=1.0)})
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
+    g.add("crank", bm.Crank(length=2.0))
+    g.add("dyad", bm.RRR(l_i=2.5, l_j=2.5))
+    g.connect("frame.A", "crank.A")
+    g.connect("crank.B", "dyad.B")
+    g.connect("frame.D", "dyad.D")
+    return g
+
+
+@pytest.fixture(scope="session")
+def rows() -> list[dict[str, Any]]:
+    """The four-bar at crank 0, 1, ..., 6 rad by an independent multibody solution."""
+    found: list[dict[str, Any]] = json.loads(REFERENCE.read_text())["rows"]
+    return found

@@ -1,0 +1,182 @@
+"""``blockmech test``: one line an entry, a table for what fails, exit codes for machines."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import NamedTuple
+
+import pytest
+
+from blockmech.cli import main
+
+MET = {"source": "by hand", "at": {"crank": [0.0]}, "want": {"crank.B.p": [[2.0, 0.0]]}, "atol": 0}
+MISSED = {
+    "source": "a slip",
+    "at": {"crank": [0.0, 1.0]},
+    "want": {"crank.q": [0.0, 1.5], "crank.rate": [3.0, 3.0]},
+    "atol": 1e-3,
+}
+
+
+class Said(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def call(capsys):
+    """``call(path, ...)``: exit code, standard output and standard error of ``blockmech test``."""
+
+    def calling(*words):
+        capsys.readouterr()
+        code = main(["test", *map(os.fspath, words)])
+        return Said(code, *capsys.readouterr())
+
+    return calling
+
+
+@pytest.fixture
+def file(arm, tmp_path):
+    """``file(name, entries)``: a file of the crank with these expectations."""
+
+    def writing(name, *entries):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        arm.extras["expect"] = list(entries)
+        arm.save(path)
+        return path
+
+    return writing
+
+
+def test_what_is_met_is_one_line_an_entry(call, file):
+    path = file("arm.json", MET, MET)
+    said = call(path)
+    assert (said.code, said.err) == (0, "")
+    assert said.out.splitlines() == [
+        f"ok     {path} expect[0]: 1 number (by hand)",
+        f"ok     {path} expect[1]: 1 number (by hand)",
+        "2 ok, 0 failed",
+    ]
+
+
+def test_what_fails_is_a_table_and_exit_code_1(call, file):
+    path = file("arm.json", MET, MISSED)
+    said = call(path)
+    assert (said.code, said.err) == (1, "")
+    lines = said.out.splitlines()
+    assert lines[1] == f"FAILS  {path} expect[1]: 1 of 4 numbers (a slip)"
+    heads = ("output", "expected", "got", "tolerance", "margin")
+    assert all(word in lines[2] for word in heads)
+    row = ["crank.q", "[rad]", "1:", "crank", "=", "1", "1.5", "1", "0.5", "0.001", "-"]
+    assert lines[3].split() == row
+    assert lines[4:] == ["1 ok, 1 failed"]
+
+
+def test_a_long_table_is_cut_with_the_worst_first(call, file):
+    angles = [0.01 * k for k in range(40)]
+    want = {"crank.q": [0.0] * 40}
+    entry = {"source": "a slip", "at": {"crank": angles}, "want": want, "atol": 1e-3}
+    lines = call(file("arm.json", entry)).out.splitlines()
+    assert lines[0].endswith("expect[0]: 39 of 40 numbers (a slip)")
+    assert "crank = 0.39" in lines[2]
+    assert lines[-2].strip() == "... and 27 more"
+
+
+def test_a_graph_without_expectations_is_named(call, file):
+    path = file("arm.json")
+    said = call(path)
+    assert said.code == 0
+    assert said.out.splitlines() == [
+        f"-      {path}: no expectations",
+        "0 ok, 0 failed, 1 file without expectations",
+    ]
+
+
+def test_a_free_motion_is_not_passed_silently(call, file):
+    motion = {"source": "by hand", "simulate": {"times": [0.0]}, "want": {"crank.q": [0.0]}}
+    said = call(file("arm.json", {**motion, "atol": 1.0}))
+    assert said.code == 1
+    assert "needs forward dynamics" in said.out
+
+
+def test_a_folder_is_taken_with_its_folders_but_not_those_that_are_wrong_on_purpose(
+    call, file, tmp_path
+):
+    taken = [file(f"graphs/{name}", MET) for name in ("a.json", "more/b.json")]
+    for name in ("broken/c.json", "more/legacy/d.json"):
+        file(f"graphs/{name}", MISSED)
+    (tmp_path / "graphs" / "notes.txt").write_text("no graph")
+    said = call(tmp_path / "graphs")
+    assert said.code == 0
+    assert said.out.splitlines()[:-1] == [
+        f"ok     {path} expect[0]: 1 number (by hand)" for path in taken
+    ]
+
+
+def test_a_broken_folder_is_taken_where_it_is_named(call, file, tmp_path):
+    file("broken/c.json", MISSED)
+    assert call(tmp_path / "broken").code == 1
+
+
+def test_a_file_named_twice_runs_once(call, file, tmp_path):
+    path = file("graphs/a.json", MET)
+    assert call(path, tmp_path / "graphs", path).out.splitlines()[-1] == "1 ok, 0 failed"
+
+
+def test_wrong_files_are_exit_code_2_and_stop_no_other(call, file, tmp_path):
+    good = file("good.json", MET)
+    unknown = file("unknown.json", MET, {**MET, "want": {"crank.qq": [0.0]}})
+    spoiled = tmp_path / "spoiled.json"
+    spoiled.write_text("{")
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    said = call(spoiled, unknown, tmp_path / "missing.json", empty, good)
+    assert said.code == 2
+    assert said.out.splitlines() == [
+        f"wrong  {spoiled}",
+        f"ok     {unknown} expect[0]: 1 number (by hand)",
+        f"wrong  {unknown}",
+        f"wrong  {tmp_path / 'missing.json'}",
+        f"wrong  {empty}",
+        f"ok     {good} expect[0]: 1 number (by hand)",
+        "2 ok, 0 failed, 4 files wrong",
+    ]
+    heads = [
+        f"[truncated] {spoiled}: ",
+        f"[unknown-output] {unknown}: ",
+        f"[no-file] {tmp_path / 'missing.json'}: ",
+        f"[no-file] {empty}: ",
+    ]
+    lines = said.err.splitlines()
+    assert [line[: len(head)] for line, head in zip(lines, heads, strict=True)] == heads
+
+
+def test_no_path_is_a_wrong_call(call):
+    said = call()
+    assert said.code == 2
+    assert "PATH" in said.err
+
+
+def test_everything_is_there_as_data(call, file):
+    path = file("arm.json", MET, MISSED)
+    said = call(path, "--json")
+    assert (said.code, said.err) == (1, "")
+    data = json.loads(said.out)
+    assert data["ok"] is False
+    (only,) = data["files"]
+    assert (only["file"], only["graph"], only["ok"]) == (str(path), "arm", False)
+    assert [(e["entry"], e["source"], e["ok"]) for e in only["entries"]] == [
+        (0, "by hand", True),
+        (1, "a slip", False),
+    ]
+    assert [o["ok"] for o in only["entries"][1]["outcomes"]] == [True, False, True, True]
+
+
+def test_problems_are_there_as_data(call, tmp_path):
+    said = call(tmp_path / "missing.json", "--json")
+    assert (said.code, said.err) == (2, "")
+    (only,) = json.loads(said.out)["files"]
+    assert only["problems"][0]["code"] == "no-file"

@@ -1,0 +1,248 @@
+"""The numbers under ``expect``: computed, compared, and never met by silence."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+import blockmech as bm
+from blockmech.testing import check_expectations
+
+ROUNDING = 1e-14  # a few ulps of numbers of size 1 to 10
+OWN_SIZE = 1e-11  # of reactions with friction, what the project promises
+
+
+def expecting(graph, at, want, **settings):
+    """The graph with one entry."""
+    entry = {"source": "by hand", "at": at, "want": want, **settings}
+    graph.extras["expect"] = [*graph.extras.get("expect", []), entry]
+    return graph
+
+
+def only(outcomes):
+    assert len(outcomes) == 1
+    return outcomes[0]
+
+
+def test_numbers_of_an_independent_solution_are_met(ruiz, rows):
+    want = {
+        "dyad.j.omega": [r["omega"]["3"] for r in rows],
+        "dyad.B.reaction": [r["reactions"]["B"] for r in rows],
+        "crank.drive": [r["driving_moment"] for r in rows],
+    }
+    expecting(ruiz, {"crank": [r["crank"] for r in rows]}, want, rtol=OWN_SIZE)
+    outcomes = check_expectations(ruiz)
+    assert [o.output for o in outcomes] == [name for name in want for _ in rows]
+    assert all(o.ok for o in outcomes), outcomes
+
+
+def test_the_friction_method_of_the_entry_is_used(ruiz, rows):
+    at = {"crank": [r["crank"] for r in rows]}
+    smooth = {"crank.drive": [r["frictionless_driving_moment"] for r in rows]}
+    expecting(ruiz, at, smooth, rtol=OWN_SIZE, friction="none")
+    expecting(ruiz, at, smooth, rtol=OWN_SIZE)
+    outcomes = check_expectations(ruiz)
+    assert all(o.ok for o in outcomes if o.entry == 0)
+    assert not any(o.ok for o in outcomes if o.entry == 1)
+
+
+def test_fixed_iterations_of_the_entry_are_used(ruiz, rows):
+    first = rows[0]["iterates"][1]["driving_moment"]
+    settings = {"rtol": OWN_SIZE, "friction": "successive", "iterations": 1}
+    expecting(ruiz, {"crank": [0.0]}, {"crank.drive": [first]}, **settings)
+    assert only(check_expectations(ruiz)).ok
+
+
+def test_an_outcome_holds_all_that_a_reader_needs(arm):
+    expecting(arm, {"crank": [1.0, 0.0]}, {"crank.B.v": [[0.0, 0.0], [0.0, 6.5]]}, atol=0.25)
+    first, second = check_expectations(arm)
+    assert second.expected == 6.5j
+    assert second.got == 6j
+    assert (second.unit, second.sample, second.drivers) == ("m/s", 1, {"crank": 0.0})
+    assert (second.error, second.tolerance, second.ok) == (0.5, 0.25, False)
+    assert second.to_dict() == {
+        "output": "crank.B.v",
+        "unit": "m/s",
+        "sample": 1,
+        "drivers": {"crank.q": 0.0},
+        "expected": [0.0, 6.5],
+        "got": [0.0, 6.0],
+        "tolerance": 0.25,
+        "error": 0.5,
+        "margin": None,
+        "ok": False,
+    }
+    json.dumps(first.to_dict(), allow_nan=False)
+
+
+def test_the_margin_is_the_smallest_of_the_groups_at_the_sample(short):
+    expecting(short, {"crank": [0.0, 1.0]}, {"dyad.C.p": [[0.0, 0.0]] * 2}, atol=10.0)
+    margins = [o.margin for o in check_expectations(short)]
+    # sin^2 of the angle at C, by the law of cosines with sides 2.5, 2.5 and BD
+    cosines = [1 - (34.25 - 22 * math.cos(q)) / 12.5 for q in (0.0, 1.0)]
+    assert margins == pytest.approx([1 - c * c for c in cosines], rel=ROUNDING)
+
+
+def test_several_drivers_stand_where_the_entry_says():
+    g = bm.Graph("fivebar")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
+    for name, pivot in (("left", "A"), ("right", "D")):
+        g.add(name, bm.Crank(length=1.0))
+        g.connect(f"frame.{pivot}", f"{name}.A")
+    g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0))
+    g.connect("left.B", "dyad.B")
+    g.connect("right.B", "dyad.D")
+    # Cranks upright, then both turned in: C is over the middle of B and D.
+    at = {"left": [math.pi / 2, 0.0], "right": [math.pi / 2, math.pi]}
+    tops = [[2.0, 1.0 + math.sqrt(5.0)], [2.0, math.sqrt(8.0)]]
+    expecting(g, at, {"dyad.C.p": tops}, rtol=ROUNDING)
+    outcomes = check_expectations(g)
+    assert all(o.ok for o in outcomes)
+    assert outcomes[1].drivers == {"left": 0.0, "right": math.pi}
+
+
+# -- tolerances ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("rtol", "met"), [(0.11, True), (0.09, False)])
+def test_rtol_is_relative_to_the_expected_number(arm, rtol, met):
+    expecting(arm, {"crank": [0.0]}, {"crank.rate": [10 / 3]}, rtol=rtol)
+    assert only(check_expectations(arm)).tolerance == pytest.approx(rtol * 10 / 3)
+    assert only(check_expectations(arm)).ok is met
+
+
+def test_the_larger_of_two_tolerances_counts(arm):
+    expecting(arm, {"crank": [0.0]}, {"crank.rate": [3.0]}, rtol=1e-3, atol=0.5)
+    assert only(check_expectations(arm)).tolerance == 0.5
+
+
+def test_a_vector_is_as_large_as_its_length(arm):
+    # At q = pi the y of B is 2 sin(pi) = 2.4e-16 in doubles, but 0 by hand.
+    expecting(arm, {"crank": [math.pi]}, {"crank.B.p": [[-2.0, 0.0]]}, rtol=ROUNDING)
+    assert only(check_expectations(arm)).ok
+
+
+def test_a_zero_is_as_large_as_the_largest_number_beside_it(arm):
+    turn = [0.0, math.pi / 2, math.pi]
+    want = {"crank.B.p": [[2.0, 0.0], [0.0, 2.0], [-2.0, 0.0]], "crank.q": turn}
+    expecting(arm, {"crank": turn}, want, rtol=ROUNDING)
+    outcomes = check_expectations(arm)
+    assert all(o.ok for o in outcomes)
+    zero = next(o for o in outcomes if o.output == "crank.q" and o.expected == 0)
+    assert zero.tolerance == ROUNDING * math.pi
+
+
+def test_zeros_alone_are_met_exactly_or_say_what_is_missing(arm):
+    expecting(arm, {"crank": [0.0]}, {"crank.q": [0.0], "crank.rate": [0.0]}, rtol=1e-3)
+    exact, off = check_expectations(arm)
+    assert exact.ok
+    assert not off.ok
+    assert "atol" in off.reason
+
+
+def test_angles_are_compared_modulo_a_turn(arm):
+    at = [math.pi, 4.0]
+    expecting(arm, {"crank": at}, {"crank.crank.angle": [-math.pi, 4.0 + 2 * math.pi]}, rtol=1e-12)
+    assert all(o.ok for o in check_expectations(arm))
+
+
+def test_driver_coordinates_are_not_compared_modulo_a_turn(arm):
+    expecting(arm, {"crank": [0.0]}, {"crank.q": [2 * math.pi]}, rtol=1e-3)
+    assert not only(check_expectations(arm)).ok
+
+
+# -- no answer -------------------------------------------------------------------------------
+
+
+def test_a_sample_without_an_answer_is_not_met_and_says_why(short):
+    expecting(short, {"crank": [0.0, 3.0]}, {"dyad.C.p": [[3.75, 1.8]] * 2}, atol=1e9)
+    reached, lost = check_expectations(short)
+    assert reached.ok
+    assert not lost.ok
+    assert (lost.got, lost.error) == (None, None)
+    assert lost.reason == "no-assembly (dyad)"
+    assert lost.margin < 0
+
+
+def test_outputs_that_exist_there_are_met_beside_one_that_does_not(short):
+    expecting(short, {"crank": [3.0]}, {"crank.q": [3.0], "dyad.C.p": [[0.0, 0.0]]}, atol=1.0)
+    driver, lost = check_expectations(short)
+    assert driver.ok
+    assert not lost.ok
+
+
+def test_a_free_motion_is_not_met_until_it_can_be_computed(arm):
+    motion = {"source": "by hand", "simulate": {"times": [0.0, 1.0]}, "atol": 1.0}
+    arm.extras["expect"] = [{**motion, "want": {"crank.q": [0.0, 3.0]}}]
+    outcomes = check_expectations(arm)
+    assert [o.expected for o in outcomes] == [0.0, 3.0]
+    assert [o.ok for o in outcomes] == [False, False]
+    assert {o.reason for o in outcomes} == {"needs forward dynamics"}
+
+
+def test_a_graph_without_expectations_has_no_outcome(arm):
+    assert check_expectations(arm) == []
+
+
+# -- one number a run, structural constants ----------------------------------------------------
+
+
+def test_a_number_of_the_whole_run_is_one_value(arm):
+    arm.blocks["crank"] = bm.Crank(
+        length=2.0,
+        links={"crank": bm.Link(mass=1.0, cm=(1.0, 0.0))},
+    )
+    arm.add("load", bm.Couple(moment=-5.0))
+    arm.connect("crank.crank", "load.on")
+    want = {"mechanism.friction_efficiency": [1.0]}  # nothing rubs
+    expecting(arm, {"crank": [0.0, 1.0, 2.0]}, want, rtol=ROUNDING)
+    assert only(check_expectations(arm)).ok
+
+
+def test_a_point_of_the_frame_stands_still_in_every_sample(arm):
+    expecting(arm, {"crank": [0.0, 1.0]}, {"frame.A.p": [[0.0, 0.0]] * 2}, atol=0.0)
+    assert [o.ok for o in check_expectations(arm)] == [True, True]
+
+
+# -- wrong entries ---------------------------------------------------------------------------
+
+
+def test_all_mistakes_of_all_entries_are_named_at_once(arm):
+    expecting(arm, {"crank": [0.0]}, {"crank.qq": [0.0], "crank.B.p": [1.0]}, atol=1.0)
+    expecting(arm, {"crnk": [0.0]}, {"crank.q": [0.0]}, atol=1.0)
+    expecting(arm, {"crank": [0.0]}, {"crank.q": [[0.0, 0.0]], "crank.*": [0.0]}, atol=1.0)
+    expecting(arm, {"crank": [0.0, 1.0]}, {"crank.q": [0.0]}, atol=1.0)
+    with pytest.raises(bm.RequestError) as caught:
+        check_expectations(arm)
+    assert [(p.code, p.where) for p in caught.value.problems] == [
+        ("unknown-output", 'expect[0].want["crank.qq"]'),
+        ("bad-expectation", 'expect[0].want["crank.B.p"]'),
+        ("bad-request", "expect[1].at"),
+        ("bad-expectation", 'expect[2].want["crank.q"]'),
+        ("bad-expectation", 'expect[2].want["crank.*"]'),
+        ("bad-expectation", 'expect[3].want["crank.q"]'),
+    ]
+    assert "crnk" in str(caught.value)
+
+
+def test_an_entry_written_wrongly_in_python_is_refused_like_one_in_a_file(arm):
+    arm.extras["expect"] = [{"source": "by hand", "at": {"crank": [0.0]}, "want": {"crank.q": [0]}}]
+    with pytest.raises(bm.FormatError) as caught:
+        check_expectations(arm)
+    problem = only(caught.value.problems)
+    assert (problem.code, problem.where) == ("bad-expectation", "expect[0]")
+
+
+def test_an_unfinished_graph_is_refused(arm):
+    arm.add("load", bm.Couple(moment=1.0))
+    expecting(arm, {"crank": [0.0]}, {"crank.q": [0.0]}, atol=0.0)
+    with pytest.raises(bm.GraphError):
+        check_expectations(arm)
+
+
+def test_expectations_survive_a_file(arm, tmp_path):
+    expecting(arm, {"crank": [0.0]}, {"crank.B.p": [[2.0, 0.0]]}, atol=0.0)
+    arm.save(tmp_path / "arm.json")
+    assert only(check_expectations(bm.Graph.load(tmp_path / "arm.json"))).ok

@@ -1,0 +1,212 @@
+"""The pytest plugin: one ini line makes tests of graph files, and without it nothing happens."""
+
+from __future__ import annotations
+
+import pytest
+
+import blockmech as bm
+
+pytest_plugins = ["pytester"]
+
+MET = {"source": "by hand", "at": {"crank": [0.0]}, "want": {"crank.B.p": [[2.0, 0.0]]}, "atol": 0}
+MISSED = {
+    "source": "a slip",
+    "at": {"crank": [0.0, 1.0]},
+    "want": {"crank.q": [0.0, 1.5]},
+    "atol": 1e-3,
+}
+
+
+@pytest.fixture
+def file(arm, pytester):
+    """``file(name, *entries)``: a file of the crank with these expectations."""
+
+    def writing(name, *entries):
+        path = pytester.path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        arm.extras["expect"] = list(entries)
+        arm.save(path)
+        return path
+
+    return writing
+
+
+@pytest.fixture
+def graphs(pytester, file):
+    """A project with one ini line, one passing and one failing entry, and a test module."""
+    pytester.makeini("[pytest]\nblockmech_graphs = graphs\n")
+    pytester.makepyfile(test_own="def test_own():\n    pass\n")
+    file("graphs/arm.json", MET, MISSED)
+
+
+def run(pytester, *words):
+    """Run pytest in this process, without a plugin that would import hypothesis each time."""
+    return pytester.runpytest("-p", "no:hypothesispytest", *words)
+
+
+def ran(pytester, *words):
+    """Node ids that a run collects, e.g. ``graphs/arm.json::expect[0]``."""
+    said = run(pytester, *words, "--collect-only", "-q")
+    return [line for line in said.outlines if "::" in line]
+
+
+# -- outcomes --------------------------------------------------------------------------------
+
+
+def test_each_expectation_is_a_test(pytester, graphs):
+    said = run(pytester, "-v")
+    said.assert_outcomes(passed=2, failed=1)
+    said.stdout.fnmatch_lines(
+        [
+            "*graphs/arm.json::expect?0? PASSED*",
+            "*graphs/arm.json::expect?1? FAILED*",
+            "*test_own.py::test_own PASSED*",
+        ]
+    )
+
+
+def test_a_failure_shows_the_numbers_and_no_traceback(pytester, graphs):
+    said = run(pytester, "graphs")
+    said.stdout.fnmatch_lines(
+        [
+            "*1 of 2 numbers are not met (a slip)",
+            "output *sample: drivers* expected *got *error *tolerance *margin",
+            "crank.q [[]rad[]] *1: crank = 1 *1.5 *1 *0.5 *0.001 *-",
+        ]
+    )
+    said.stdout.no_fnmatch_line("*Traceback*")
+    said.stdout.no_fnmatch_line("*.py:*")
+
+
+def test_a_free_motion_is_not_passed_silently(pytester, graphs, file):
+    motion = {"source": "by hand", "simulate": {"times": [0.0]}, "want": {"crank.q": [0.0]}}
+    file("graphs/arm.json", {**motion, "atol": 1.0})
+    said = run(pytester, "graphs")
+    said.assert_outcomes(failed=1)
+    said.stdout.fnmatch_lines(["*needs forward dynamics*"])
+
+
+def test_a_graph_without_expectations_is_a_test_that_it_closes(pytester, graphs, file):
+    file("graphs/arm.json")
+    assert ran(pytester, "graphs") == ["graphs/arm.json::closes"]
+    run(pytester, "graphs").assert_outcomes(passed=1)
+
+
+def test_a_graph_that_does_not_close_at_its_start_fails(pytester, graphs, short):
+    short.scene.drive["crank"] = bm.ConstantRate(rate=1.0, start=3.0)
+    short.save(pytester.path / "graphs" / "arm.json")
+    said = run(pytester, "graphs")
+    said.assert_outcomes(failed=1)
+    said.stdout.fnmatch_lines(["*no-assembly*dyad*crank.q = 3 rad*"])
+    said.stdout.no_fnmatch_line("*Traceback*")
+
+
+def test_an_unfinished_graph_fails_with_its_problems(pytester, graphs, arm):
+    arm.add("couple", bm.Couple(moment=1.0))
+    arm.extras["expect"] = [MET]
+    arm.save(pytester.path / "graphs" / "arm.json")
+    said = run(pytester, "graphs")
+    said.assert_outcomes(failed=1)
+    said.stdout.fnmatch_lines(["*unwired-joint*couple.on*"])
+
+
+def test_a_wrong_file_fails_alone(pytester, graphs):
+    (pytester.path / "graphs" / "spoiled.json").write_text("{")
+    said = run(pytester)
+    said.assert_outcomes(passed=2, failed=2)
+    said.stdout.fnmatch_lines(["*spoiled.json::reads*", "*truncated*line 1, column 2*"])
+
+
+def test_a_wrong_expectation_fails_alone(pytester, graphs, file):
+    file("graphs/arm.json", MET, {**MET, "want": {"crank.qq": [0.0]}})
+    said = run(pytester, "graphs")
+    said.assert_outcomes(passed=1, failed=1)
+    said.stdout.fnmatch_lines(["*unknown-output*crank.qq*"])
+
+
+# -- which files -----------------------------------------------------------------------------
+
+
+def test_broken_legacy_and_other_files_are_left_out(pytester, graphs, file):
+    for name in ("graphs/broken/a.json", "graphs/more/legacy/b.json", "elsewhere/c.json"):
+        file(name, MET)
+    (pytester.path / "graphs" / "notes.txt").write_text("no graph")
+    file("graphs/more/d.json", MET)
+    assert ran(pytester) == [
+        "graphs/arm.json::expect[0]",
+        "graphs/arm.json::expect[1]",
+        "graphs/more/d.json::expect[0]",
+        "test_own.py::test_own",
+    ]
+
+
+def test_several_folders_may_be_named(pytester, graphs, file):
+    pytester.makeini("[pytest]\nblockmech_graphs = graphs other/graphs\n")
+    file("other/graphs/a.json", MET)
+    assert ran(pytester, "other") == ["other/graphs/a.json::expect[0]"]
+    assert len(ran(pytester)) == 4
+
+
+def test_one_test_of_a_graph_can_be_named(pytester, graphs):
+    one = "graphs/arm.json::expect[0]"
+    assert ran(pytester, one) == [one]
+    assert ran(pytester, "-k", "arm and expect") == [one, "graphs/arm.json::expect[1]"]
+
+
+@pytest.mark.parametrize("words", [[], ["tests"], ["graphs", "tests"]])
+def test_the_folders_join_a_run_of_all_test_paths(pytester, graphs, words):
+    pytester.makeini("[pytest]\ntestpaths = tests\nblockmech_graphs = graphs\n")
+    (pytester.mkdir("tests") / "test_more.py").write_text("def test_more():\n    pass\n")
+    assert sorted(ran(pytester, *words)) == [
+        "graphs/arm.json::expect[0]",
+        "graphs/arm.json::expect[1]",
+        "tests/test_more.py::test_more",
+    ]
+
+
+def test_the_folders_do_not_join_a_run_of_some_tests(pytester, graphs):
+    pytester.makeini("[pytest]\ntestpaths = tests\nblockmech_graphs = graphs\n")
+    (pytester.mkdir("tests") / "test_more.py").write_text("def test_more():\n    pass\n")
+    for word in ("tests/test_more.py", "tests/test_more.py::test_more"):
+        assert ran(pytester, word) == ["tests/test_more.py::test_more"]
+
+
+def test_a_folder_inside_the_test_paths_runs_once(pytester, graphs, file):
+    pytester.makeini("[pytest]\ntestpaths = tests\nblockmech_graphs = tests/graphs\n")
+    file("tests/graphs/a.json", MET)
+    assert ran(pytester) == ["tests/graphs/a.json::expect[0]"]
+
+
+def test_a_folder_that_is_not_there_is_a_usage_error(pytester, graphs):
+    pytester.makeini("[pytest]\nblockmech_graphs = grafs\n")
+    said = run(pytester)
+    assert said.ret == pytest.ExitCode.USAGE_ERROR
+    said.stderr.fnmatch_lines(["*blockmech_graphs names *grafs, which is not a folder*"])
+
+
+def test_workers_of_xdist_run_the_same_tests(pytester, graphs):
+    pytest.importorskip("xdist")
+    pytester.makeini("[pytest]\ntestpaths = tests\nblockmech_graphs = graphs\n")
+    (pytester.mkdir("tests") / "test_more.py").write_text("def test_more():\n    pass\n")
+    run(pytester, "-n", "2").assert_outcomes(passed=2, failed=1)
+
+
+# -- not configured --------------------------------------------------------------------------
+
+
+def test_without_the_ini_line_nothing_is_collected(pytester, graphs):
+    pytester.makeini("[pytest]\n")
+    assert ran(pytester) == ["test_own.py::test_own"]
+
+
+def test_without_the_ini_line_pytest_does_not_import_blockmech(pytester):
+    pytester.makepyfile(
+        """
+        import sys
+
+        def test_not_imported():
+            assert "pytest_blockmech" in sys.modules
+            assert "blockmech" not in sys.modules
+        """
+    )
+    pytester.runpytest_subprocess().assert_outcomes(passed=1)
