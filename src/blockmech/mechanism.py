@@ -22,6 +22,7 @@ from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
 
 if TYPE_CHECKING:
+    from blockmech.dynamics.reduced import ReducedSystem, ReducedSystems
     from blockmech.judge.extremes import Extremes
     from blockmech.judge.limits import Limits
     from blockmech.judge.stroke import Stroke
@@ -195,6 +196,13 @@ class Mechanism:
         from blockmech.dynamics.simulation import simulate
 
         return simulate(self, until, **request)
+
+    @cached_property
+    def reduced(self) -> ReducedSystem | ReducedSystems:
+        """The reduced system of forward dynamics; kept, so asking again costs nothing."""
+        from blockmech.dynamics.reduction import reduced_system, reduced_systems
+
+        return reduced_system(self) if len(self.drivers) == 1 else reduced_systems(self)
 
     def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
         """Feasible arcs of a driver; see `blockmech.judge.limits.limits`."""

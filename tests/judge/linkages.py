@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import mpmath
+
 import blockmech as bm
 from blockmech.model.graph import Graph
 
@@ -83,16 +85,12 @@ def fivebar() -> Graph:
 def fourbar_limits(crank: float, coupler: float, rocker: float, frame: float) -> list[float]:
     """Crank angles in (0, pi) at which the dyad is folded or extended, by the cosine law.
 
-    The half-angle form with factored differences keeps all digits, so plain doubles do:
-    tan^2(q/2) = (R - |a - d|)(R + |a - d|) / ((a + d - R)(a + d + R)), R = |b -+ c|.
+    cos q = (a^2 + d^2 - R^2) / (2 a d), R = |b -+ c|, in 40 digits.
     """
-    a, b, c, d = crank, coupler, rocker, frame
-    found = []
-    for R in (abs(b - c), b + c):
-        up, down = (R - abs(a - d)) * (R + abs(a - d)), (a + d - R) * (a + d + R)
-        if up > 0 and down > 0:
-            found.append(2 * math.atan2(math.sqrt(up), math.sqrt(down)))
-    return found
+    with mpmath.workdps(40):
+        a, b, c, d = map(mpmath.mpf, (crank, coupler, rocker, frame))
+        cosines = [(a * a + d * d - R * R) / (2 * a * d) for R in (b - c, b + c)]
+        return [float(mpmath.acos(x)) for x in cosines if abs(x) < 1]
 
 
 def end_error(crank: float, frame: float, q: float) -> float:

@@ -20,7 +20,7 @@ PLACE = 1e-13
 of 32 values, magnified by their number and by 1 / width of the interpolant (at least 0.14 rad),
 2e-16 * 32 / 0.14 = 5e-14; twice that."""
 ROUNDINGS = 16
-"""Half-ulp roundings between the lengths and a place of a dyad on a crank, magnified by
+"""Roundings between the lengths and a place of a dyad on a crank, magnified by
 1/sqrt(margin), which is below 2 for the linkages here unless a test says otherwise."""
 
 

@@ -29,7 +29,7 @@ from tests.judge.linkages import (
 
 TURN = 2 * math.pi
 ROUNDINGS = 8
-"""Half-ulp roundings between the lengths and the sign of a margin: sine and cosine (2),
+"""Roundings between the lengths and the sign of a margin: sine and cosine (2),
 two products (2), difference, squares, sum and root of |BD| (3), sum of the lengths (1)."""
 
 

@@ -13,10 +13,12 @@ from blockmech.cli.draw import draw
 from blockmech.cli.limits import limits
 from blockmech.cli.new import new
 from blockmech.cli.run import run
+from blockmech.cli.simulate import simulate
 from blockmech.cli.terminal import say
 from blockmech.cli.test import test
+from blockmech.cli.trade import trade
 
-COMMANDS = (run, check, draw, verify, limits, test, new, blocks, schema)
+COMMANDS = (run, simulate, check, draw, verify, limits, trade, test, new, blocks, schema)
 
 
 def command() -> Any:
@@ -49,5 +51,5 @@ def _shared(
         bool, typer.Option("--debug", help="Show the traceback of an error, anywhere.")
     ] = False,
 ) -> None:
-    """Planar mechanisms as block diagrams: run, check and draw a graph file."""
+    """Planar mechanisms as block diagrams: run, simulate, check and draw a graph file."""
     # --debug is read by `main`, which also takes it after the command.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable
-from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -16,6 +16,8 @@ from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.export.files import AnyPath, writing
 
 if TYPE_CHECKING:
+    from blockmech.draw.animation import Reel
+    from blockmech.draw.mechanism import Scale
     from blockmech.mechanism import Mechanism
     from blockmech.model.graph import Graph
     from blockmech.result import Result
@@ -80,7 +82,8 @@ def draw(
             )
         )
     if what == "animation":
-        return animate(subject, path, at, trace=trace, degrees=degrees).saved()
+        animate(subject, path, at, trace=trace, degrees=degrees)
+        return Path(path)
     from blockmech.draw.paper import rendered
 
     if what == "diagram":
@@ -112,17 +115,28 @@ def mechanism_svg(
     return rendered(draw_mechanism(_mechanism(subject), at, trace).figure, ".svg").decode()
 
 
-@dataclass(frozen=True)
 class Animation:
     """An animation; a notebook shows its player. ``path`` is its file, if there is one."""
 
-    html: str
-    path: Path | None = None
+    def __init__(self, reel: Reel, scale: Scale, path: Path | None = None) -> None:
+        self.path = path
+        self._reel = reel
+        self._scale = scale
 
-    def saved(self) -> Path:
-        """Path of the file that it was written to."""
-        assert self.path is not None
-        return self.path
+    @cached_property
+    def html(self) -> str:
+        """The player as one HTML document that loads nothing from elsewhere."""
+        from blockmech.draw.animation import page
+
+        return page(self._reel, self._scale)
+
+    def save(self, path: AnyPath) -> Animation:
+        """The animation in a .gif or .html file; raises the errors of `draw`."""
+        from blockmech.draw.animation import gif
+
+        suffix = _kind_and_suffix(path, "animation")[1]
+        data = self.html.encode() if suffix == ".html" else gif(self._reel, self._scale)
+        return Animation(self._reel, self._scale, _write(path, data))
 
     def _repr_html_(self) -> str:
         inside = html.escape(self.html, quote=True)
@@ -153,17 +167,15 @@ def animate(
     Poses that do not close are left out; a motion that does not return to its start is
     played to and fro. Raises the errors of `draw`.
     """
-    from blockmech.draw.animation import gif, page, reel_of
+    from blockmech.draw.animation import reel_of
     from blockmech.result import Result
 
-    suffix = "" if path is None else _kind_and_suffix(path, "animation")[1]
+    if path is not None:
+        _kind_and_suffix(path, "animation")  # before anything is computed
     mover = subject if isinstance(subject, Result) else _mechanism(subject)
     reel, scale = reel_of(mover, at, frames=frames, seconds=seconds, trace=trace, degrees=degrees)
-    player = page(reel, scale)
-    if path is None:
-        return Animation(player)
-    data = gif(reel, scale) if suffix == ".gif" else player.encode()
-    return Animation(player, _write(path, data))
+    made = Animation(reel, scale)
+    return made if path is None else made.save(path)
 
 
 def run_pictures(

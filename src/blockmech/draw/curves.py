@@ -12,7 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.draw.panels import Abscissa, Array, Curve, Panel
 from blockmech.draw.paper import shown_name
 from blockmech.errors import Problem, RequestError
@@ -58,17 +57,17 @@ def without_friction(result: Result) -> Result | None:
 def drive_panels(result: Result, twin: Result | None) -> tuple[Panel, ...]:
     """The driving moment or force of each driver ([R10] Fig. 12)."""
     panels = []
-    for name, block in result.mechanism.structure.blocks.items():
-        if isinstance(block, DrivingLink) and f"{name}.drive" in result:
-            curve = _curve(result, twin, f"{name}.drive", "")
-            if not _lives(curve):
-                continue
-            what = "driving moment" if block.rotary else "driving force"
-            of = f" of {shown_name(name)}" if len(result.mechanism.drivers) > 1 else ""
-            panels.append(Panel(what + of, block.effort_unit(), (curve,)))
-            if curve.without is not None:  # often too small to be seen between the two
-                share = Curve("", curve.values - curve.without)
-                panels.append(Panel(f"due to friction{of}", block.effort_unit(), (share,)))
+    drivers = result.mechanism.drivers
+    for name in (d for d in drivers if f"{d}.drive" in result):
+        curve, unit = _curve(result, twin, f"{name}.drive", ""), result.unit(f"{name}.drive")
+        if not _lives(curve):
+            continue
+        what = "driving force" if unit == "N" else "driving moment"
+        of = f" of {shown_name(name)}" if len(drivers) > 1 else ""
+        panels.append(Panel(what + of, unit, (curve,)))
+        if curve.without is not None:  # often too small to be seen between the two
+            share = Curve("", curve.values - curve.without)
+            panels.append(Panel(f"due to friction{of}", unit, (share,)))
     return tuple(panels)
 
 

@@ -7,7 +7,6 @@ behind. matplotlib is imported when the first picture is drawn.
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
 import math
 import warnings
@@ -60,18 +59,13 @@ def new_page(width: float, height: float) -> tuple[Any, Any]:
 
 def text_width(text: str, size: float, bold: bool = False) -> float:
     """Width [pt] of one line of text."""
-    return _unit_width(text, bold) * size
-
-
-@functools.cache
-def _unit_width(text: str, bold: bool) -> float:
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
-    font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal", size=100)
+    font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal", size=size)
     with _any_script():
         width, _, _ = text_to_path.get_text_width_height_descent(text, font, False)
-    return float(width) / 100
+    return float(width)
 
 
 def shown_name(name: str, most: int = 24) -> str:

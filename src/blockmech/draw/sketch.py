@@ -286,6 +286,8 @@ def _drives(s: Structure) -> Iterable[DriveMark]:
         block = s.blocks[name]
         drive: str = getattr(block, "drive", "")
         own = LinkRef(name, block.link_names[0])
+        if drive not in block.joints:
+            continue
         if block.joints[drive].kind == "R":
             marker = s.feeds[JointRef(name, drive)]
             yield DriveMark(name, True, Spot(marker.on, marker_place(s, marker)), own)

@@ -1,27 +1,27 @@
-"""Integration in time by SciPy, leg by leg: events, knots, dead centres, and honest ends.
+"""Integration in time, leg by leg: events, knots, dead centres, and honest ends.
 
-A leg is what one call of the solver covers. It ends at the goal, at a knot of a load
+A leg is what one call of an integrator covers. It ends at the goal, at a knot of a load
 (a kink inside a step would silently cost the order), at a standstill when swings are
-counted, or where the mechanism ends: at a stop or a dead centre. A solver's word that
-it succeeded is not taken: the end state is looked at.
+counted, or where the mechanism ends: at a stop or a dead centre. An integrator's word
+that it succeeded is not taken: the end state is looked at.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from blockmech.dynamics import dop853, wrapped
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.legs import Ask, Hit, Leg, TooMany
 from blockmech.dynamics.motion import Event, State
 from blockmech.dynamics.reduced import TURN, ReducedSystem
 from blockmech.dynamics.surfaces import (
     Surface,
-    armed,
     driver_at,
     knots_around,
     near_dead_centre,
@@ -31,20 +31,55 @@ from blockmech.dynamics.surfaces import (
 from blockmech.dynamics.until import Until, Watch
 
 Method: TypeAlias = Literal["dop853", "lsoda", "radau"]
+Ending: TypeAlias = Literal["reached", "ended", "failed"]
 
-SCIPY_NAMES = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
-FINEST = 2.3e-14  # SciPy refuses smaller relative tolerances
 MOST_EVALUATIONS = 400_000
 MOST_LEGS = 100_000
 FOREVER = 1e9  # [s] for goals without a time
 
 
-class Leg(NamedTuple):
-    """What one call of the solver covers: dense(t (m,)) -> y (n, m)."""
+@dataclass(frozen=True)
+class Task:
+    """What is to be integrated; the same at every tolerance.
 
+    ``y0`` is (q, q', 0), (2k + 1,); ``system`` is None with several drivers.
+    """
+
+    equation: Equation
+    system: ReducedSystem | None
+    y0: Floats
     t0: float
-    t1: float
-    dense: Callable[[Floats], Floats]
+    until: Until
+    watches: tuple[Watch, ...] = ()
+    time_knots: tuple[float, ...] = ()
+
+    @property
+    def t_max(self) -> float:
+        """Latest time [s]."""
+        return self.t0 + (self.until.value if self.until.goal == "time" else FOREVER)
+
+    @property
+    def stops(self) -> int:
+        """Standstills wanted, 0 where they do not end the run."""
+        goal = self.until.goal
+        return int(self.until.value) if goal == "swings" else int(goal == "standstill")
+
+    def surfaces(self, q: float) -> list[Surface]:
+        """Surfaces of a leg that starts at the coordinate q [rad or m]."""
+        found = [watched(w, self.equation.drivers) for w in self.watches]
+        found += near_dead_centre(self.equation)
+        if self.system is None:
+            return found
+        goal, value = self.until.goal, self.until.value
+        found.append(standstill(terminal=self.stops > 0))
+        if goal == "angle":
+            found.append(driver_at("goal", value))
+        if goal == "turns":
+            q0 = float(self.y0[0])
+            found += [driver_at("goal", q0 + way * value * TURN) for way in (1, -1)]
+        ends = [stop for stop in self.system.stops if math.isfinite(stop)]
+        found += [driver_at("end stop", stop) for stop in ends]
+        return found + knots_around(q, self.system.knots, self.system.period)
 
 
 @dataclass(frozen=True)
@@ -59,7 +94,7 @@ class Run:
     drivers: int
     legs: tuple[Leg, ...]
     events: tuple[Event, ...]
-    status: Literal["reached", "ended", "failed"]
+    status: Ending
     end: str
     t_end: float
     y_end: Floats
@@ -80,58 +115,8 @@ class Run:
         return State(y[:k].T, y[k : 2 * k].T)
 
 
-@dataclass(frozen=True)
-class Task:
-    """What is to be integrated; the same at every tolerance."""
-
-    equation: Equation
-    system: ReducedSystem | None  # None with several drivers
-    y0: Floats
-    t0: float
-    until: Until
-    watches: tuple[Watch, ...] = ()
-    time_knots: tuple[float, ...] = ()
-
-    @property
-    def t_max(self) -> float:
-        """Latest time [s]."""
-        return self.t0 + (self.until.value if self.until.goal == "time" else FOREVER)
-
-    def surfaces(self, q: float) -> list[Surface]:
-        """Surfaces of a leg that starts at the coordinate q [rad or m]."""
-        k = self.equation.drivers
-        found = [watched(w, k) for w in self.watches] + near_dead_centre(self.equation)
-        if self.system is None:
-            return found
-        goal, value = self.until.goal, self.until.value
-        found.append(standstill(goal in ("standstill", "swings")))
-        if goal == "angle":
-            found.append(driver_at("goal", value))
-        if goal == "turns":
-            q0 = float(self.y0[0])
-            found += [driver_at("goal", q0 + way * value * TURN) for way in (1, -1)]
-        low, high = self.system.stops
-        found += [driver_at("end stop", stop) for stop in (low, high) if math.isfinite(stop)]
-        return found + knots_around(q, self.system.knots, self.system.period)
-
-    def tolerances(self, tolerance: float) -> tuple[Any, Any]:
-        """rtol and atol by component: never relative to an angle that may grow."""
-        k, w = self.equation.drivers, self.equation.speed
-        rest = max(tolerance, FINEST)
-        energy = max(self.equation.kinetic(self.y0), 1e-300)
-        rtol = np.array([FINEST] * k + [rest] * (k + 1))
-        atol = np.array([rest] * k + [rest * w] * k + [rest * max(energy, w * w * 1e-6)])
-        return rtol, atol
-
-
-class _TooMany(Exception):
-    """More evaluations than a run may take."""
-
-
 def run(task: Task, method: Method, tolerance: float, most: int = MOST_EVALUATIONS) -> Run:
     """Integrate at one tolerance until the goal or whatever ends the motion before."""
-    from scipy.integrate import solve_ivp
-
     count = 0
     right = task.equation.rhs
 
@@ -139,105 +124,109 @@ def run(task: Task, method: Method, tolerance: float, most: int = MOST_EVALUATIO
         nonlocal count
         count += 1
         if count > most:
-            raise _TooMany
+            raise TooMany
         return right(t, y)
 
-    rtol, atol = task.tolerances(tolerance)
-    if method == "radau":  # takes one relative tolerance only
-        rtol = max(tolerance, FINEST)
-    turned = 0.0
     legs: list[Leg] = []
     events: list[Event] = []
-    t, y, stops = task.t0, task.y0.copy(), 0
+    t, y, stops, turned = task.t0, task.y0.copy(), 0, 0.0
     stations = sorted(s for s in task.time_knots if task.t0 < s < task.t_max) + [task.t_max]
-
-    def result(status: Literal["reached", "ended", "failed"], end: str) -> Run:
-        return Run(
-            drivers=task.equation.drivers,
-            legs=tuple(legs) or (_standing(t, y),),
-            events=tuple(sorted(events, key=lambda e: e.t)),
-            status=status,
-            end=end,
-            t_end=t,
-            y_end=y,
-            evaluations=count,
-            balance=balance(task, y, turned),
-        )
-
-    while len(legs) < MOST_LEGS:
-        if not all(math.isfinite(x) for x in right(t, y)):
-            return result("failed", "impossible pose")
-        surfaces = task.surfaces(float(y[0]))
-        functions = [armed(s, task.equation, t, y) for s in surfaces]
+    status: Ending | None = None
+    end = ""
+    while status is None:
+        if len(legs) >= MOST_LEGS:
+            status, end = "failed", f"more than {MOST_LEGS} legs"
+            break
+        if not np.isfinite(right(t, y)).all():
+            status, end = "failed", "impossible pose"
+            break
         station = next(s for s in stations if s > t)
-        step = TURN / 4 / task.equation.speed if task.system and task.system.knots else np.inf
-        try:
-            solution = solve_ivp(
-                rhs,
-                (t, station),
-                y,
-                method=SCIPY_NAMES[method],
-                rtol=rtol,
-                atol=atol,
-                dense_output=True,
-                events=functions,
-                max_step=step,
-            )
-        except _TooMany:
-            return result("failed", f"more than {most} evaluations")
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-            return result("failed", "impossible pose")
-        end = solution.y[:, -1]
-        if not np.isfinite(end).all():
-            return result("failed", "impossible pose")
-        legs.append(Leg(t, float(solution.t[-1]), solution.sol))
-        turned = max(turned, float(np.abs(solution.y[-1]).max()))
-        hits = _hits(task, surfaces, solution, t)
-        events += [e for e, s in hits if s.kind != "knot" and s.kind != "goal"]
-        before, t, y = y, float(solution.t[-1]), end.copy()
-        last = next((s for _, s in hits if s.terminal and _.t == t), None)
-        if solution.status == -1:
-            return result("failed", _failure(task, y))
-        if last is None:
-            if t >= task.t_max:
-                return result("reached", "time")
-            continue  # a knot in time
-        if last.kind == "goal":
-            return result("reached", task.until.goal)
-        if last.kind == "dead centre":
-            return result("ended", "dead centre")
-        if last.kind == "end stop":
-            return result("ended", "end stop")
-        if last.kind == "standstill":
+        surfaces = task.surfaces(float(y[0]))
+        ask = Ask(task.equation, rhs, t, y, station, surfaces, tolerance, _longest(task))
+        leg = _leg(ask, method)
+        if isinstance(leg, str):
+            status, end = "failed", leg
+            break
+        legs.append(leg)
+        turned = max(turned, leg.turned)
+        events += _events(task, leg)
+        before, t, y = y, leg.t1, leg.y1.copy()
+        if leg.failed:
+            status, end = "failed", _failure(task, y)
+            break
+        last = leg.hits[-1] if leg.hits and leg.hits[-1].surface.terminal else None
+        if last is not None and last.surface.kind == "standstill":
             stops += 1
             y[1] = 0.0
-            if stops >= (task.until.value if task.until.goal == "swings" else 1):
-                return result("reached", task.until.goal)
-            if abs(y[0] - before[0]) <= 10 * tolerance:
-                return result("ended", "rest")
-        elif last.kind != "knot":
-            return result("reached", last.kind)
-    return result("failed", f"more than {MOST_LEGS} legs")
+            if stops < task.stops and abs(y[0] - before[0]) <= 10 * tolerance:
+                status, end = "ended", "rest"
+        if status is None:
+            status, end = _verdict(task, last, t, stops)
+    return Run(
+        drivers=task.equation.drivers,
+        legs=tuple(legs) or (_standing(t, y),),
+        events=tuple(events),
+        status=status,
+        end=end,
+        t_end=t,
+        y_end=y,
+        evaluations=count,
+        balance=balance(task, y, turned),
+    )
+
+
+def _leg(ask: Ask, method: Method) -> Leg | str:
+    """A leg, or why there is none."""
+    try:
+        if method == "dop853" and ask.equation.drivers == 1:
+            leg = dop853.integrate(ask)
+        else:
+            leg = wrapped.integrate(ask, method)
+    except TooMany:
+        return "more evaluations than allowed"
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+        return "impossible pose"
+    return leg if np.isfinite(leg.y1).all() else "impossible pose"
+
+
+def _verdict(task: Task, last: Hit | None, t: float, stops: int) -> tuple[Ending | None, str]:
+    """Whether the run is over after a leg, and by what name."""
+    kind = last.surface.kind if last else ""
+    if last is None:
+        return ("reached", "time") if t >= task.t_max else (None, "")
+    if kind == "knot" or (kind == "standstill" and stops < task.stops):
+        return None, ""
+    if kind in ("dead centre", "end stop"):
+        return "ended", kind
+    return "reached", task.until.goal if kind in ("goal", "standstill") else kind
+
+
+def _longest(task: Task) -> float:
+    """Longest step [s]: a quarter turn where a knot could be passed twice in one."""
+    if task.system is None or not task.system.knots:
+        return math.inf
+    return TURN / 4 / task.equation.speed
+
+
+def _events(task: Task, leg: Leg) -> list[Event]:
+    k = task.equation.drivers
+    return [
+        Event(
+            hit.surface.kind,
+            hit.t,
+            float(hit.y[0]) if k == 1 else hit.y[:k],
+            float(hit.y[1]) if k == 1 else hit.y[k : 2 * k],
+        )
+        for hit in leg.hits
+        if hit.surface.kind not in ("knot", "goal")
+    ]
 
 
 def _standing(t: float, y: Floats) -> Leg:
-    return Leg(t, t, lambda times: np.repeat(y[:, None], times.size, axis=1))
+    def dense(times: Floats) -> Floats:
+        return np.repeat(y[:, None], times.size, axis=1)
 
-
-def _hits(
-    task: Task, surfaces: Sequence[Surface], solution: Any, t0: float
-) -> list[tuple[Event, Surface]]:
-    """Events of a leg with their surfaces, without those at its very beginning."""
-    k = task.equation.drivers
-    found = []
-    tiny = 4 * np.finfo(float).eps * max(abs(t0), abs(float(solution.t[-1])))
-    for surface, times, states in zip(surfaces, solution.t_events, solution.y_events, strict=True):
-        for t, y in zip(times, states, strict=True):
-            if t - t0 <= tiny:
-                continue
-            q, qd = (float(y[0]), float(y[1])) if k == 1 else (y[:k], y[k : 2 * k])
-            found.append((Event(surface.kind, float(t), q, qd), surface))
-    return found
+    return Leg(t, t, y, dense, (), False, 0.0)
 
 
 def _failure(task: Task, y: Floats) -> str:

@@ -9,32 +9,23 @@ Sources: [D14] Eqs. 1-6; `numerics.md` is the project's own derivation.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.blocks.contract import DrivingLink
+from blockmech.dynamics.knots import knots_of
 from blockmech.dynamics.reduced import TURN, ReducedSystem, ReducedSystems, Sample, Terms
+from blockmech.dynamics.split import depends_on, load_size, own_loads, period_of, straight
 from blockmech.engines import NumpyEngine, ScalarEngine
 from blockmech.errors import Problem, RequestError, listed
-from blockmech.loads.contract import VELOCITY_READS
 from blockmech.mechanism import Mechanism
 from blockmech.plan import Plan
 
 Array = NDArray[np.float64]
-RATE_READS = frozenset({*VELOCITY_READS, "qd"})
-
-
-def depends_on(mechanism: Mechanism) -> frozenset[str]:
-    """What the loads of a scene depend on: "q" always, "rate" and "time" where declared."""
-    found = {"q"}
-    for element in mechanism.structure.elements.values():
-        for reads in element.reads().values():
-            found |= {"rate"} if RATE_READS & set(reads) else set()
-            found |= {"time"} if "t" in reads else set()
-    return frozenset(found)
 
 
 def refuse_friction(mechanism: Mechanism) -> None:
@@ -65,19 +56,23 @@ class _Values:
 
     def __init__(self, mechanism: Mechanism, want: Iterable[str]) -> None:
         self.plan: Plan = mechanism.plan(tuple(want), friction="none")
-        self._batch = NumpyEngine(self.plan.program)
-        self._one = ScalarEngine(self.plan.program)
-        self._names = self.plan.program.inputs
+        program = self.plan.program
+        self._batch, self._one = NumpyEngine(program), ScalarEngine(program)
+        self._names = program.inputs
         self._margins = self.plan.verdicts[0]
         self.place = {name: i[0] for name, i in self.plan.layout.items() if i}
 
-    def batch(self, inputs: dict[str, Any], n: int) -> tuple[Any, ...]:
+    def batch(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
         """All values of n states."""
-        return self._batch.run({name: inputs[name] for name in self._names}, n)
+        return self._batch.run(inputs, n)
 
-    def one(self, inputs: dict[str, float]) -> tuple[Any, ...]:
-        """All values of one state."""
-        return self._one.one([inputs[name] for name in self._names])
+    def of(self, names: Sequence[str]) -> Callable[..., tuple[Any, ...]]:
+        """The values of one state as a function of the inputs in this order."""
+        one = self._one.one
+        if self._names == tuple(names):
+            return lambda *given: one(given)
+        order = [names.index(name) for name in self._names]
+        return lambda *given: one([given[i] for i in order])
 
     def margin(self, values: tuple[Any, ...], n: int) -> Array:
         """Smallest margin (n,) over all groups; 1 where there is none."""
@@ -87,11 +82,13 @@ class _Values:
         return found
 
     def margin_of_one(self, values: tuple[Any, ...]) -> float:
-        """Smallest margin of one state."""
+        """Smallest margin of one state; NaN if one is."""
         found = 1.0
         for i in self._margins:
-            m = float(values[i])
+            m = values[i]
             if not m >= found:
+                if m != m:
+                    return math.nan
                 found = m
         return found
 
@@ -102,59 +99,86 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
     Raises `RequestError` where it has not exactly one driver, or no inertia at all.
     """
     if len(mechanism.drivers) != 1:
-        raise RequestError(
-            Problem(
-                "drivers",
-                mechanism.name,
-                f"it has {len(mechanism.drivers)} drivers, not one",
-            )
-        )
+        found = f"it has {len(mechanism.drivers)} drivers, not one"
+        raise RequestError(Problem("drivers", mechanism.name, found))
+    refuse_no_inertia(mechanism)
     (driver,) = mechanism.drivers
-    block = mechanism.structure.blocks[driver]
+    structure, scene = mechanism.structure, mechanism.scene
+    block = structure.blocks[driver]
     assert isinstance(block, DrivingLink)
+    depends = depends_on(structure)
+    period = period_of(structure, driver, block.rotary)
+    span = TURN if block.rotary else _length(mechanism)
+    crooked = not all(map(straight, structure.elements.values()))
+    own = own_loads(structure, scene, driver) if crooked else None
     J, tau, dJ = f"{driver}.J_red", f"{driver}.tau_red", f"{driver}.dJ_red"
     plain, slope = _Values(mechanism, (J, tau)), _Values(mechanism, (J, tau, dJ))
-    depends = depends_on(mechanism)
+    damped = "rate" in depends and (own is not None or not crooked)
 
-    def state(q: Any, qd: Any, t: Any) -> dict[str, Any]:
-        return {"q_0": q, "qd_0": qd, "qdd_0": qd, "t": t}
+    def effort(q: Array, qd: Array, t: float) -> Array:
+        given = {"q_0": q, "qd_0": qd, "t": np.full(q.shape, t)}
+        return np.asarray(plain.batch(given, q.size)[plain.place[tau]])
 
     def sample(q: Array, wanted: frozenset[str]) -> Sample:
         values = slope if "dJ" in wanted else plain
-        n, rest = len(q), np.zeros(len(q))
-        found = values.batch(state(q, rest, rest), n)
+        n, rest = q.size, np.zeros(q.size)
+        found = values.batch({"q_0": q, "qd_0": rest, "t": rest}, n)
+        at = values.place
         damping = None
         if "damping" in wanted:
-            moved = plain.batch(state(q, rest + 1.0, rest), n)
-            damping = found[values.place[tau]] - moved[plain.place[tau]]
+            damping = found[at[tau]] - effort(q, rest + 1.0, 0.0)
+            if own is not None:
+                damping = damping + own.one(1.0, 0.0)
         return Sample(
-            found[values.place[J]],
-            found[values.place[tau]],
+            found[at[J]],
+            found[at[tau]],
             values.margin(found, n),
-            found[values.place[dJ]] if "dJ" in wanted else None,
+            found[at[dJ]] if "dJ" in wanted else None,
             damping,
         )
 
+    single = slope.of(("q_0", "qd_0", "t"))
+    i, j, k = (slope.place[name] for name in (J, tau, dJ))
+    margin_of = slope.margin_of_one
+
     def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
-        found = slope.one(state(q, qd, t))
-        at = slope.place
-        numbers = (float(found[at[J]]), float(found[at[tau]]), float(found[at[dJ]]))
-        return (*numbers, slope.margin_of_one(found))
+        found = single(q, qd, t)
+        return found[i], found[j], found[k], margin_of(found)
+
+    def rest_of(q: Array, qd: Array, t: float) -> Array:
+        if own is not None:
+            return own.batch(qd, t)
+        return effort(q, qd, t) - effort(q, 0 * qd, 0.0)
 
     return ReducedSystem(
         sample=sample,
         one=one,
         kind="rotation" if block.rotary else "translation",
-        period=TURN if block.rotary else None,
+        period=period,
         depends_on=depends,
-        damped="rate" in depends,
+        damped=damped,
+        rate_load=rest_of if crooked else None,
+        rate_load_one=None if own is None else lambda q, qd, t: own.one(qd, t),
+        rate_load_kernels=own is None,
+        knots=knots_of(structure, scene, driver, period, span),
+        span=span,
+        load_size=load_size(structure, scene, driver),
     )
+
+
+def _length(mechanism: Mechanism) -> float:
+    """A length [m] over which things change: the largest that the blocks declare."""
+    found = [0.0]
+    for block in mechanism.structure.blocks.values():
+        for name in ("length", "l_i", "l_j"):
+            found.append(float(getattr(block, name, 0.0) or 0.0))
+    return max(found) or 1.0
 
 
 def refuse_no_inertia(mechanism: Mechanism) -> None:
     """Refuse a mechanism that cannot be accelerated because nothing has mass."""
-    links = mechanism.structure.links
-    if not any(mechanism.structure.properties(link).massive for link in links):
+    structure = mechanism.structure
+    if not any(structure.properties(link).massive for link in structure.links):
         raise RequestError(
             Problem(
                 "no-inertia",
@@ -168,23 +192,22 @@ def refuse_no_inertia(mechanism: Mechanism) -> None:
 
 def reduced_systems(mechanism: Mechanism) -> ReducedSystems:
     """The equations of motion of a mechanism with several drivers, M q'' + c = Q."""
+    refuse_no_inertia(mechanism)
     drivers = mechanism.drivers
     k = len(drivers)
     idle = tuple(f"{d}.drive_by_reduction" for d in drivers)  # c - Q, at q'' = 0
-    values = _Values(mechanism, ("mechanism.M", *idle))
-    M_at = values.plan.layout["mechanism.M"]
-    rest_at = [values.place[name] for name in idle]
-
-    def state(q: Array, qd: Array, t: float) -> dict[str, float]:
-        found = {"t": t}
-        for i in range(k):
-            found |= {f"q_{i}": float(q[i]), f"qd_{i}": float(qd[i]), f"qdd_{i}": 0.0}
-        return found
+    values = _Values(mechanism, ("mechanism.M", "mechanism.Q", *idle))
+    M_at, Q_at = (values.plan.layout[f"mechanism.{name}"] for name in "MQ")
+    idle_at = [values.place[name] for name in idle]
+    names = [f"{what}_{i}" for what in ("q", "qd", "qdd") for i in range(k)]
+    single = values.of((*names, "t"))
+    still = [0.0] * k
 
     def terms(q: Array, qd: Array, t: float) -> Terms:
-        found = values.one(state(q, qd, t))
+        found = single(*map(float, q), *map(float, qd), *still, t)
         M = np.array([float(found[i]) for i in M_at]).reshape(k, k)
-        rest = np.array([float(found[i]) for i in rest_at])
-        return Terms(M, rest, np.zeros(k), values.margin_of_one(found))
+        Q = np.array([float(found[i]) for i in Q_at])
+        c = Q + np.array([float(found[i]) for i in idle_at])
+        return Terms(M, c, Q, values.margin_of_one(found))
 
-    return ReducedSystems(k, terms, depends_on(mechanism))
+    return ReducedSystems(k, terms, depends_on(mechanism.structure))

@@ -16,13 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integrate import FINEST, Method, Run, Task, run
+from blockmech.dynamics.integrate import Method, Run, Task, run
+from blockmech.dynamics.legs import FINEST
 from blockmech.dynamics.replay import replayed, uninterrupted
 
 RATIO = 1 / 50
 COARSEST = 1e-3
 COMPARED = 20  # common times
-LSODA_LOSS = 1e-3  # its error is that much larger than its tolerance
+GAIN = {"dop853": 1 / 50, "radau": 1 / 10, "lsoda": 1e-3}  # tolerance for a target, roughly
 
 
 class Refined(NamedTuple):
@@ -39,7 +40,7 @@ def tolerances(method: Method, accuracy: float, counted: bool) -> Iterator[float
     """Tolerances to try, one after the other, down to what SciPy accepts."""
     tolerance = COARSEST
     if not counted:
-        tolerance = accuracy * (LSODA_LOSS if method == "lsoda" else 1 / 3)
+        tolerance = max(accuracy * GAIN[method], FINEST / RATIO)
     while tolerance > FINEST:
         yield tolerance
         tolerance *= RATIO
@@ -66,7 +67,9 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
             if best.reached or now.end.startswith("more than"):
                 return best
         before = now
-    assert best is not None
+    if best is None:
+        assert before is not None
+        best = Refined(before, math.inf, math.inf, FINEST, False)
     return best
 
 

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integrate import Leg, Run, Task, balance
+from blockmech.dynamics.integrate import Run, Task, balance
+from blockmech.dynamics.legs import Leg, scales
 from blockmech.dynamics.motion import Event
 
 GRID = 65  # outputs among which standstills are looked for
@@ -55,7 +56,7 @@ def replayed(task: Task, tolerance: float) -> Run:
     good = bool(np.isfinite(end).all())
     return Run(
         drivers=1,
-        legs=(Leg(task.t0, task.t_max, dense),),
+        legs=(Leg(task.t0, task.t_max, end, dense, (), not good, 0.0),),
         events=tuple(_standstills(task, rhs, grid, y, tolerance)) if good else (),
         status="reached" if good else "failed",
         end="time" if good else "impossible pose",
@@ -70,7 +71,7 @@ def _solved(task: Task, rhs: Any, y0: Floats, times: Floats, tolerance: float) -
     """States (m, n) at growing times, the first of which is that of y0."""
     from scipy.integrate import odeint
 
-    rtol, atol = task.tolerances(tolerance)
+    rtol, atol = scales(task.equation, task.y0, tolerance)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the states are looked at instead
         found, info = odeint(
@@ -90,7 +91,7 @@ def _standstills(
     for i in np.flatnonzero(rate[:-1] * rate[1:] < 0).tolist():
         t, state = float(grid[i]), y[i]
         low, high = t, float(grid[i + 1])
-        guess = low + (high - low) * rate[i] / (rate[i] - rate[i + 1])
+        guess = float(low + (high - low) * rate[i] / (rate[i] - rate[i + 1]))
         for _ in range(POLISH):
             state = _solved(task, rhs, y[i], np.array([low, guess]), tolerance)[-1]
             acceleration = rhs(guess, state)[1]

@@ -1,9 +1,4 @@
-"""Surfaces in state space at which an integration in time stops or takes note.
-
-SciPy finds one change of sign per step from its dense output. A surface on which the
-integration starts must not fire at once: it is given the direction in which it can only
-be crossed on the way back.
-"""
+"""Surfaces in state space at which an integration in time stops or takes note."""
 
 from __future__ import annotations
 
@@ -12,6 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+import numpy as np
+
+from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.until import Watch
 
@@ -80,28 +78,21 @@ def knots_around(q: float, knots: Sequence[float], period: float | None) -> list
     return [driver_at("knot", k) for k in chosen]
 
 
-def armed(surface: Surface, equation: Equation, t: float, y: Any) -> Callable[[float, Any], float]:
-    """The surface as SciPy wants it; not firing where the integration starts on it."""
-    direction = surface.direction
-    value = surface.value
-    here = value(t, y)
-    rates = equation.rhs(t, y)
-    scale = max(abs(float(x)) for x in y) + 1e-300
-    if abs(here) <= ON * scale and all(math.isfinite(r) for r in rates):
-        step = 1e-7 * scale / (max(abs(r) for r in rates) + 1e-300)
-        ahead = y + step * _array(rates)
-        leaving = value(t + step, ahead) - here
-        direction = -1 if leaving > 0 else 1 if leaving < 0 else direction
+def leaving(surface: Surface, t: float, y: Floats, rates: Floats) -> int:
+    """Direction that counts for an integration that starts at (t, y) with these rates.
 
-    def event(t: float, y: Any) -> float:
-        return value(t, y)
-
-    event.direction = direction  # type: ignore[attr-defined]
-    event.terminal = surface.terminal  # type: ignore[attr-defined]
-    return event
+    A surface on which it starts must not fire at once: it counts on the way back only.
+    """
+    here = surface.value(t, y)
+    scale = float(np.abs(y).max()) + 1e-300
+    if not abs(here) <= ON * scale or not np.isfinite(rates).all():
+        return surface.direction
+    step = 1e-7 * scale / (float(np.abs(rates).max()) + 1e-300)
+    gone = surface.value(t + step, y + step * rates) - here
+    return -1 if gone > 0 else 1 if gone < 0 else surface.direction
 
 
-def _array(rates: Any) -> Any:
-    import numpy as np
-
-    return np.asarray(rates, dtype=np.float64)
+def crosses(before: float, after: float, direction: int) -> bool:
+    """Whether a surface's value changes sign in the direction that counts."""
+    up, down = before <= 0 <= after and before < after, before >= 0 >= after and before > after
+    return (up and direction >= 0) or (down and direction <= 0)

@@ -232,7 +232,7 @@ class NumpyEngine:
             return Planar(self._room(value.real, n), self._room(value.imag, n))
         if np.ndim(value) == 0:  # the same for all samples
             return np.broadcast_to(value, (n,))
-        return np.empty(n, self.dtype)
+        return np.empty(n, value.dtype)
 
 
 def _fill(room: Any, part: slice, value: Any) -> None:

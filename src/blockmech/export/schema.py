@@ -33,10 +33,16 @@ def result_schema() -> dict[str, Any]:
                     "items": number,
                     "description": "[s], where the request says it",
                 },
+                "events": {
+                    "type": "array",
+                    "items": {"$ref": "#/$defs/event"},
+                    "description": "of a simulation, in the order of time",
+                },
+                "motion": {"$ref": "#/$defs/motion"},
                 "outputs": _map({"$ref": "#/$defs/output"}),
                 "quality": {"$ref": "#/$defs/quality"},
             },
-            optional=("time",),
+            optional=("time", "events", "motion"),
         ),
         "$defs": {
             "value": value,
@@ -59,6 +65,8 @@ def result_schema() -> dict[str, Any]:
                     "flags": {"type": "array", "items": {"$ref": "#/$defs/flag"}},
                 }
             ),
+            "event": _event(number),
+            "motion": _motion(number),
             "flag": _record(
                 {
                     "sample": {"type": "integer", "minimum": 0},
@@ -76,6 +84,40 @@ def result_schema() -> dict[str, Any]:
             ),
         },
     }
+
+
+def _event(number: dict[str, Any]) -> dict[str, Any]:
+    """Something that happened: beside kind and time the state, ``<driver>.q`` and ``.rate``."""
+    return {
+        "type": "object",
+        "properties": {
+            "kind": {"type": "string"},
+            "time": {"type": "number", "description": "[s]"},
+        },
+        "required": ["kind", "time"],
+        "additionalProperties": number,
+    }
+
+
+def _motion(number: dict[str, Any]) -> dict[str, Any]:
+    """How a simulation moved."""
+    return _record(
+        {
+            "method": {"type": "string"},
+            "why": {"type": "string"},
+            "regime": {"type": "string"},
+            "status": {"enum": ["reached", "ended", "rest", "failed"]},
+            "end": {"type": "string", "description": "the named reason"},
+            "end_time": {**number, "description": "[s]"},
+            "error": {**number, "description": "estimated bound [rad or m]"},
+            "time_error": {**number, "description": "of the end [s]"},
+            "accuracy": {**number, "description": "the target, null without one"},
+            "reached": {"type": "boolean", "description": "whether the target is met"},
+            "evaluations": {"type": "integer", "minimum": 0},
+            "notes": {"type": "array", "items": {"type": "string"}},
+            "facts": _map(number),
+        }
+    )
 
 
 def _record(properties: dict[str, Any], optional: tuple[str, ...] = ()) -> dict[str, Any]:

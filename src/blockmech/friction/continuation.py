@@ -173,7 +173,11 @@ def continue_from_zero(
         if new[-2] <= 0.0:
             return _ended(eq, Outcome.ASYMPTOTE, _asymptote(eq, v, contacts, tangent, step), count)
         if ahead[-1] <= 0.0:
-            return _ended(eq, Outcome.FOLD, _fold(eq, v, contacts, tangent, step), count)
+            top = _fold(eq, v, contacts, tangent, step)
+            full = _at_full(eq, v, top, contacts) if top[-1] >= 1.0 else None
+            if full is not None and full[-2] > 0.0:  # lambda 1 is this side of the fold
+                return _polish(eq, full, count)
+            return _ended(eq, Outcome.FOLD, top[-1], count)
         if new[-1] >= 1.0:
             return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
         if kink:
@@ -267,8 +271,8 @@ def _asymptote(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: 
     return float((v if moved is None else moved[0])[-1])
 
 
-def _fold(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
-    """Largest lambda on the path between v and one step further."""
+def _fold(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> Array:
+    """The point of largest lambda on the path between v and one step further."""
     side = _side(eq, v, contacts, tangent)
 
     def turned_back(x: Array) -> bool:
@@ -276,7 +280,7 @@ def _fold(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float
 
     low, _ = _last_before(eq, v, contacts, tangent, step, turned_back)
     moved = _correct(eq, v, contacts, tangent, low)
-    return float((v if moved is None else moved[0])[-1])
+    return v if moved is None else moved[0]
 
 
 def _at_full(eq: _Equations, v: Array, new: Array, contacts: Array) -> Array | None:

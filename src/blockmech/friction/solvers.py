@@ -147,7 +147,7 @@ def _successive(
                 break
     P = contraction_bound(k, edges, rows)
     late = going if iterations is None else (P < 0.0)
-    outcome = where(late, Outcome.NOT_CONVERGED + count * 0.0, count * 0.0)
+    outcome = where(late, float(Outcome.NOT_CONVERGED), count * 0.0)
     t = tuple(where(late, NAN, x) for x in t)
     solution = Solution(t, g, count, residual, where(count > 1.0, ratio, P), outcome, P * 0.0 + 1.0)
     if iterations is not None:
@@ -197,7 +197,8 @@ def _slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:
         along_N = where(F.real < 0.0, -influence.real, influence.real)
         along_C = where(F.imag < 0.0, -influence.imag, influence.imag)
         return where(abs(F.real) >= abs(F.imag), along_N, along_C)
-    return (F.real * influence.real + F.imag * influence.imag) / maximum(g, 1e-300)
+    along = F.real * influence.real + F.imag * influence.imag
+    return along / where(g > 0.0, g, 1.0)
 
 
 def eliminate(A: list[list[Real]], b: list[Real]) -> list[Real]:

@@ -19,17 +19,8 @@ from numpy.typing import NDArray
 
 from blockmech.errors import Problem, RequestError
 from blockmech.judge.cycle import Cycle, cycle_of
-from blockmech.judge.extremes import (
-    EPS,
-    Extreme,
-    Signal,
-    Turn,
-    extreme_at,
-    parts_of,
-    signal_of,
-    stretches,
-    turns_of,
-)
+from blockmech.judge.extremes import Extreme, extreme_at, parts_of
+from blockmech.judge.follow import EPS, Signal, Turn, signal_of, stretches, turns_of
 from blockmech.judge.peaks import Floats, last_place, turning_place
 
 if TYPE_CHECKING:

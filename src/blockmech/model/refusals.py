@@ -5,6 +5,7 @@ One problem per mistake, each with its path in the JSON document.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
@@ -147,13 +148,12 @@ def _too_short(place: _Place, line: Any) -> Iterator[Problem]:
 
 
 def _choice(place: _Place, line: Any) -> Iterator[Problem]:
-    allowed = [
-        x
-        for m in _members(place.root, place.here)
-        for x in (*m.get("enum", ()), *([m["const"]] if "const" in m else ()))
-    ]
-    said, words = line["input"], [x for x in allowed if isinstance(x, str)]
-    found = f"{place.name} must be {' or '.join(map(shown, allowed))}, got {shown(said)}"
+    said, allowed = line["input"], line["ctx"]["expected"].replace("'", '"')
+    words = re.findall(r'"([^"]*)"', allowed)
+    if line["loc"][-1] == "[key]":
+        yield unknown_key(place.where, place.owner, str(said), words)
+        return
+    found = f"{place.name} must be {allowed}, got {shown(said)}"
     remedy = close_match(said, words) if isinstance(said, str) else ""
     yield Problem("wrong-value", place.where, found, "", remedy)
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from blockmech.errors import FormatError, Problem
 from blockmech.model.problems import path_text
@@ -35,28 +36,37 @@ def field_order(model: type[BaseModel]) -> list[str]:
     return sorted(names, key=lambda n: LAST.index(n) if n in LAST else -1)
 
 
-def plain(value: Any) -> Any:
-    """A model as JSON data: what the author gave, under the names of the file."""
+def plain(value: Any, tag: str = "") -> Any:
+    """A model as JSON data: what the author gave, under the names of the file.
+
+    ``tag`` is the key by which a reader tells the kind of the model; it is always written.
+    """
     if isinstance(value, BaseModel):
-        return {
-            field.alias or name: plain(getattr(value, name))
-            for name, field in ((n, type(value).model_fields[n]) for n in field_order(type(value)))
-            if _is_written(value, name, field)
-        }
+        data = {}
+        for name in field_order(type(value)):
+            field, item = type(value).model_fields[name], getattr(value, name)
+            given = name in value.model_fields_set and not (item is None and field.default is None)
+            if given or name == tag:
+                data[field.alias or name] = plain(item, _tag(field))
+        return data
     if isinstance(value, Pair):
         return value.written
     if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
+        return {key: plain(item, tag) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [plain(item, tag) for item in value]
     return value
 
 
-def _is_written(model: BaseModel, name: str, field: Any) -> bool:
-    """What was given is written, and always the word that tells the kind of a law."""
-    is_kind = name in ("law", "kind") and len(get_args(field.annotation)) == 1
-    given = name in model.model_fields_set
-    return is_kind or (given and not (getattr(model, name) is None and field.default is None))
+def _tag(field: FieldInfo) -> str:
+    """The key that tells the kinds of model in a field apart, or nothing."""
+    inside: list[Any] = [field]
+    while inside:
+        part = inside.pop()
+        if isinstance(part, FieldInfo) and isinstance(part.discriminator, str):
+            return part.discriminator
+        inside += get_args(part.annotation if part is field else part)
+    return ""
 
 
 def canonical_text(document: Mapping[str, Any]) -> str:

@@ -64,7 +64,10 @@ class BlockRules(Checks):
         """Random motions, and those of them in which the block closes well."""
         for scale in (1.0, 3.0, 0.3, 10.0, 0.1):
             motions = rig.random_motions(self.block, 4000, scale * self.size, seed)
-            pose = leaves(self.subject.position(motions))
+            try:
+                pose = leaves(self.subject.position(motions))
+            except Exception as error:  # a broken kernel may fail in any way
+                raise self._unclosed(f"position raised {type(error).__name__}: {error}") from error
             good = finite(pose)
             if isinstance(self.block, AssurGroup) and "margin" in pose:
                 margin = np.broadcast_to(pose["margin"], good.shape)
@@ -73,10 +76,15 @@ class BlockRules(Checks):
             if len(found) >= 4 * SAMPLES:
                 self.size *= scale
                 return motions, self._slow(rig.only(motions, found))
-        raise ConformanceError(
-            f"{type(self.block).__name__} breaks its contract\n"
-            "rule 3 (positions): no pose was found in which the block closes: "
-            "position is wrong, or the example hardly ever closes"
+        raise self._unclosed(
+            "no pose was found in which the block closes: position is wrong, "
+            "or the example hardly ever closes"
+        )
+
+    def _unclosed(self, why: str) -> ConformanceError:
+        name = type(self.block).__name__
+        return ConformanceError(
+            f"{name} breaks its contract\nrule 3 (positions close the joints): {why}"
         )
 
     def _slow(self, motions: Motions) -> Motions:

@@ -1,0 +1,113 @@
+"""``blockmech simulate``: let a mechanism move under its loads, and show or write how."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from blockmech.cli.graphs import GraphFile, compiled
+from blockmech.cli.numbers import times
+from blockmech.cli.output import (
+    Csv,
+    Decimal,
+    Degrees,
+    Json,
+    Out,
+    Plot,
+    Separator,
+    Times,
+    Want,
+    names_of,
+    one_of,
+    option,
+    refused,
+    switch,
+    written,
+)
+from blockmech.cli.terminal import note, patience, pour, say
+from blockmech.export import csv_chunks, gap_lines, json_chunks, table
+from blockmech.export.motions import motion_lines
+from blockmech.mechanism import EVERYTHING
+from blockmech.result import Result
+
+Until = Annotated[
+    str | None,
+    option("standstill, swings=3, turns=3, time=2, angle=6.28 or steady.", "GOAL"),
+]
+Friction = Annotated[str | None, option("none leaves joint friction out.", "none")]
+Method = Annotated[
+    str,
+    option("auto, energy, spectral, dop853, lsoda, radau, rk4 or euler_q.", "METHOD"),
+]
+Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]
+Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
+Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
+
+DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
+
+
+def simulate(
+    file: GraphFile,
+    until: Until = None,
+    at_times: Times = None,
+    want: Want = None,
+    friction: Friction = None,
+    method: Method = "auto",
+    accuracy: Accuracy = None,
+    step: Step = None,
+    json: Json = False,
+    out: Out = None,
+    csv: Csv = None,
+    plot: Plot = None,
+    deg: Degrees = False,
+    separator: Separator = ",",
+    decimal: Decimal = ".",
+    explain: Explain = False,
+) -> None:
+    """Move a mechanism from the scene's start under its loads, and print a table.
+
+    Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that the
+    motion ended before some wanted time, or that none could be computed.
+    """
+    one_of(json=json, out=out is not None, csv=csv is not None, plot=plot is not None)
+    if json and deg:
+        raise refused("--deg", "JSON results are in SI units", "leave it out")
+    mechanism = compiled(file)
+    names = names_of(want) or (EVERYTHING if out is not None else DRIVERS)
+    if explain:
+        say(mechanism.explain(names, friction="none"))
+        return
+    given = times(at_times)
+    with patience("simulating"):
+        result = mechanism.simulate(
+            until,
+            method=method,
+            accuracy=accuracy,
+            step=step,
+            times=given,
+            want=names,
+            friction=friction,
+        )
+        gaps = gap_lines(result, deg)
+    cells = {"tab": "\t"}.get(separator, separator)
+    spelling: dict[str, Any] = {"separator": cells, "decimal": decimal, "degrees": deg}
+    lines = motion_lines(result, deg)
+    if json or csv == "-":
+        pour(json_chunks(result) if json else csv_chunks(result, **spelling))
+        note(*gaps)
+    else:
+        from blockmech.draw.simulation import simulation_pictures
+
+        paths = written(result, spelling, out, csv, plot, simulation_pictures)
+        shown = [table(result, degrees=deg), "", *lines, *(f"wrote {path}" for path in paths)]
+        say("\n".join(shown))
+    if gaps or _unanswered(result, given):
+        raise typer.Exit(1)
+
+
+def _unanswered(result: Result, given: list[float] | None) -> bool:
+    """Whether the motion failed, or ended before a time that was asked for."""
+    motion = result.motion
+    assert motion is not None
+    return motion.status == "failed" or (given is not None and max(given) > motion.t_end)

@@ -1,0 +1,235 @@
+"""Work and precision: the error over what it costs, the habit of the field's papers.
+
+Log-log, one series a method, the Pareto front as a broad line behind, the floor of the
+reference hatched. Above the cost in seconds, below in kernel evaluations.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from blockmech.draw import palette as ink
+from blockmech.draw.paper import new_figure, rendered, shown_name, styled, text_width, wrapped
+from blockmech.export.files import writing
+
+if TYPE_CHECKING:
+    from blockmech.judge.trade.points import Point, Trade
+
+PANEL = 150.0  # [pt] height of a panel's axes
+LEFT, RIGHT, TOP, BETWEEN = 38.0, 8.0, 5.0, 30.0  # [pt]
+XLABEL = 27.0  # [pt] below a panel
+LINE = 9.5  # [pt] of caption and legend
+LABEL = 6.0  # [pt] size of the settings' labels
+MARKS = "osD^vPX*<>hp"
+RING = 3.4  # [pt] size of a point
+COSTS = (("seconds", "time of one run [s]"), ("evaluations", "kernel evaluations [–]"))
+
+
+class Box(NamedTuple):
+    """A rectangle in points of the panel."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def meets(self, other: Box) -> bool:
+        """Whether two rectangles overlap."""
+        return (
+            self.x < other.x + other.width
+            and other.x < self.x + self.width
+            and self.y < other.y + other.height
+            and other.y < self.y + self.height
+        )
+
+
+def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:
+    """Write the picture of a trade; the suffix says the format (png, svg, pdf)."""
+    from blockmech.draw import STILL, _suffix
+
+    suffix = _suffix(path, STILL, "a plot")
+    data = rendered(trade_figure(trade), suffix)
+    with writing(path) as stream:
+        stream.write(data)
+    return Path(path)
+
+
+def trade_figure(trade: Trade) -> Any:
+    """The picture of a trade, a column wide."""
+    inside = ink.COLUMN - LEFT - RIGHT
+    caption = [
+        line
+        for text in _caption(trade)
+        for line in wrapped(text, ink.SMALL, ink.COLUMN - 10)
+    ]
+    series = {name: _finite(points) for name, points in trade.series().items()}
+    series = {name: points for name, points in series.items() if points}
+    rows = _legend_rows(series, inside)
+    head = LINE * len(rows) + 4
+    foot = LINE * len(caption) + 6
+    height = TOP + head + 2 * PANEL + BETWEEN + XLABEL + foot
+    with styled():
+        figure = new_figure(ink.COLUMN, height)
+        top = height - TOP - head
+        for cost, words in COSTS:
+            box = (LEFT / ink.COLUMN, (top - PANEL) / height, inside / ink.COLUMN, PANEL / height)
+            axes = figure.add_axes(box)
+            _panel(axes, trade, series, cost, inside)
+            axes.set_xlabel(words, labelpad=1)
+            axes.set_ylabel("error [–]", labelpad=2)
+            top -= PANEL + BETWEEN
+        _legend(figure, rows, series, height)
+        for i, line in enumerate(caption):
+            y = (foot - LINE * (i + 1)) / height
+            figure.text(5 / ink.COLUMN, y, line, fontsize=ink.SMALL, color=ink.INK)
+    return figure
+
+
+def _caption(trade: Trade) -> list[str]:
+    floor = trade.reference.floor
+    hollow = " A symbol on the hatching: no difference from the reference was seen."
+    return [
+        f"{shown_name(trade.mechanism, 40)}, {trade.question}. Error: {trade.measure}, against "
+        f"{trade.reference.method}, checked by {trade.reference.check}; hatched below {floor:.0e}, "
+        "where nothing can be told."
+        + (hollow if any(p.below for p in trade.points) else "")
+        + " Bars: fastest to slowest of at least 5 warm runs, symbols: median. Evaluations: "
+        f"{trade.counted}. Broad grey line: Pareto front."
+    ]
+
+
+def _finite(points: Sequence[Point]) -> list[Point]:
+    return [p for p in points if 0 < p.error < math.inf]
+
+
+def _panel(
+    axes: Any, trade: Trade, series: dict[str, list[Point]], cost: str, inside: float
+) -> None:
+    points = [p for row in series.values() for p in row]
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    if not points:
+        return
+    floor = trade.reference.floor
+    xs = [getattr(p, cost) for p in points]
+    if cost == "seconds":
+        xs += [p.low for p in points] + [p.high for p in points]
+    top = max(max(p.error for p in points), floor)
+    axes.set_xlim(min(xs) / 1.6, max(xs) * 2.2)
+    span = math.log10(top / floor)
+    axes.set_ylim(floor / 10 ** max(0.09 * span, 0.4), top * 10 ** max(0.07 * span, 0.4))
+    front = trade.pareto if cost == "seconds" else trade.pareto_by_evaluations
+    axes.step(
+        [getattr(p, cost) for p in front], [p.error for p in front],
+        where="post", color=ink.PALE, lw=5, zorder=1, solid_capstyle="round",
+    )  # fmt: skip
+    axes.axhspan(1e-300, floor, facecolor="none", edgecolor=ink.GREY, hatch="////", lw=0, zorder=0)
+    axes.axhline(floor, color=ink.GREY, lw=0.7, zorder=1.5)
+    for i, row in enumerate(series.values()):
+        colour, dashes = ink.curve_style(i)
+        x, y = [getattr(p, cost) for p in row], [p.error for p in row]
+        if cost == "seconds":
+            bars = np.array([[p.seconds - p.low for p in row], [p.high - p.seconds for p in row]])
+            axes.errorbar(
+                x, y, xerr=np.maximum(bars, 0), fmt="none", ecolor=colour, elinewidth=0.5, zorder=2
+            )
+        (line,) = axes.plot(
+            x, y, color=colour, lw=0.9, marker=MARKS[i % len(MARKS)], ms=RING,
+            mfc=ink.PAPER, mew=0.8, zorder=3,
+        )  # fmt: skip
+        if dashes:
+            line.set_dashes(dashes)
+    _label(axes, points, front, cost, inside)
+    axes.grid(True, color=ink.PALE, lw=0.3)
+    axes.set_axisbelow(True)
+    axes.minorticks_off()
+
+
+def _label(
+    axes: Any, points: list[Point], front: Sequence[Point], cost: str, inside: float
+) -> None:
+    """Write settings beside their points, front first, where there is room."""
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+
+    def place(p: Point) -> tuple[float, float]:
+        fx = math.log(getattr(p, cost) / x0) / math.log(x1 / x0)
+        fy = math.log(p.error / y0) / math.log(y1 / y0)
+        return fx * inside, fy * PANEL
+
+    taken = [Box(x - 2, y - 2, 4, 4) for x, y in map(place, points)]
+    first = set(map(id, front))
+    said: set[str] = set()
+    for p in sorted(points, key=lambda p: id(p) not in first):
+        text = short(p)
+        x, y = place(p)
+        key = f"{text} {x:.0f} {y:.0f}"
+        if not text or key in said:
+            continue
+        w, h = text_width(text, LABEL), LABEL
+        spots = (
+            Box(x + 4, y - h / 2, w, h), Box(x - w - 4, y - h / 2, w, h),
+            Box(x - w / 2, y + 4, w, h), Box(x - w / 2, y - h - 4, w, h),
+            Box(x + 3, y + 3, w, h), Box(x + 3, y - h - 3, w, h),
+            Box(x - w - 3, y + 3, w, h), Box(x - w - 3, y - h - 3, w, h),
+        )  # fmt: skip
+        for spot in spots:
+            fits = 0 <= spot.x <= inside - w and 0 <= spot.y <= PANEL - h
+            if fits and not any(spot.meets(box) for box in taken):
+                taken.append(spot)
+                said.add(key)
+                axes.text(
+                    spot.x / inside, (spot.y + h / 2) / PANEL, text, fontsize=LABEL,
+                    color=ink.INK, transform=axes.transAxes, va="center_baseline", zorder=4,
+                )  # fmt: skip
+                break
+
+
+def short(p: Point) -> str:
+    """A setting in as few letters as tell it from its neighbours."""
+    return p.setting.replace(" iterations", "×").replace(" samples", "").replace("complex", "c")
+
+
+def _legend_rows(series: dict[str, list[Point]], inside: float) -> list[list[int]]:
+    """Numbers of the series, in rows that fit the width."""
+    rows: list[list[int]] = [[]]
+    used = 0.0
+    for i, name in enumerate(series):
+        wide = 22 + text_width(name, ink.SMALL)
+        if rows[-1] and used + wide > inside + RIGHT:
+            rows.append([])
+            used = 0.0
+        rows[-1].append(i)
+        used += wide
+    return rows
+
+
+def _legend(
+    figure: Any, rows: list[list[int]], series: dict[str, list[Point]], height: float
+) -> None:
+    from matplotlib.lines import Line2D
+
+    names = list(series)
+    y = height - TOP - LINE / 2
+    for row in rows:
+        x = LEFT
+        for i in row:
+            colour, dashes = ink.curve_style(i)
+            line = Line2D(
+                [x / ink.COLUMN, (x + 8) / ink.COLUMN, (x + 16) / ink.COLUMN], [y / height] * 3,
+                color=colour, lw=0.9, marker=MARKS[i % len(MARKS)], ms=RING, mfc=ink.PAPER,
+                mew=0.8, markevery=[1],
+            )  # fmt: skip
+            if dashes:
+                line.set_dashes(dashes)
+            figure.add_artist(line)
+            figure.text(
+                (x + 19) / ink.COLUMN, y / height, names[i], fontsize=ink.SMALL, va="center_baseline"
+            )
+            x += 22 + text_width(names[i], ink.SMALL)
+        y -= LINE

@@ -1,0 +1,94 @@
+"""The same mechanism turned in the plane: another way to the same numbers.
+
+Turning changes every product and sum in the kernels and, in exact arithmetic, no
+answer but directions. What two turned runs differ by is therefore rounding, amplified
+as this mechanism amplifies it at these samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from blockmech.blocks.frame import Frame
+from blockmech.engines.numpy import NumpyEngine, Planar
+from blockmech.loads import Force, Thrust
+from blockmech.model.diagram import Wire
+from blockmech.model.graph import Graph
+from blockmech.model.structure import JointRef
+from blockmech.result import Result
+from blockmech.values import Marker, Place, Vector
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+    from blockmech.samples import Samples
+
+ANGLE = 0.7  # [rad] no symmetry of anything
+
+
+def turned_run(
+    mechanism: Mechanism, samples: Samples, precision: str, settings: Mapping[str, Any]
+) -> tuple[Result, Any]:
+    """A run of the turned mechanism, and the angle [rad] it was turned by.
+
+    Numbers of the ground are turned in the precision of the run, so nothing is lost to
+    the double precision that graphs are written in.
+    """
+    other = turned(mechanism)
+    want = settings["want"]
+    how = {k: v for k, v in settings.items() if k != "want"}
+    plan, plain = other.plan(want, **how), mechanism.plan(want, **how)
+    engine = NumpyEngine(plan.program, precision)
+    real = engine.dtype
+    e = Planar(np.cos(real(ANGLE)), np.sin(real(ANGLE)))
+    numbers = plain.program.parameters
+    engine.parameters = tuple(
+        engine._cast(value) if name in numbers and numbers[name] == value
+        else _turned_number(engine, numbers.get(name, 1 + 0j), value, e)
+        for name, value in plan.program.parameters.items()
+    )  # fmt: skip
+    values = engine.run(samples.given(plan.program.inputs), samples.n)
+    full = {"friction": "newton", "tolerance": None, "iterations": None, "static": False}
+    return Result(other, plan, samples, values, "numpy", full | how), real(ANGLE)
+
+
+def turned(mechanism: Mechanism, angle: float = ANGLE) -> Mechanism:
+    """The mechanism turned about the frame's origin, ground and gravity with it."""
+    structure = mechanism.structure
+    e = complex(math.cos(angle), math.sin(angle))
+    graph = Graph(mechanism.name)
+    gravity = Vector(e * mechanism.scene.gravity.z)
+    graph.scene = mechanism.scene.model_copy(update={"gravity": gravity})
+    graph.blocks = {structure.frame: _turned_frame(structure.fixed, e), **structure.blocks}
+    for name, element in structure.elements.items():
+        seen: Any = element
+        if isinstance(element, Force) and element.axes == "ground":
+            seen = element.model_copy(update={"force": Vector(e * element.force.z)})
+        elif isinstance(element, Thrust) and element.direction is not None:
+            if structure.holds[JointRef(name, "a")].on == structure.frame_link:
+                seen = element.model_copy(update={"direction": Vector(e * element.direction.z)})
+        graph.blocks[name] = seen
+    ends = {**structure.feeds, **structure.holds}
+    graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
+    return graph.compile()
+
+
+def _turned_frame(frame: Any, e: complex) -> Frame:
+    markers = {
+        n: Marker(at=Place(e * m.at.z), dir=Vector(e * m.direction))
+        for n, m in frame.markers.items()
+    }
+    found: Frame = frame.model_copy(update={"markers": markers})
+    return found
+
+
+def _turned_number(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any:
+    """A parameter of the ground, turned in the engine's precision."""
+    if isinstance(rough, tuple):
+        parts = [_turned_number(engine, p, r, e) for p, r in zip(plain, rough, strict=True)]
+        return type(rough)(*parts) if hasattr(rough, "_fields") else tuple(parts)
+    exact = engine._cast(plain)
+    return exact * e if isinstance(exact, Planar) else exact

@@ -1,0 +1,160 @@
+"""Mirrored mechanisms give mirrored numbers, to the last bit; roles may be swapped.
+
+A mirror turns x + iy into x - iy. Rounding does not see signs, so nothing may change but
+signs: a term with a wrong handedness shows at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.testing.strategies import Options, Seeded, random_mechanism
+
+SEEDS = range(40)
+SWAPPED = 1e-11  # [-] of the largest: another order of the same sums, margins down to 0.02
+TURNING = ("h", "h_i", "h_j", "h1", "h2", "beta", "moment", "rest_angle")  # change their sign
+
+
+def mirrored_marker(marker):
+    angle = None if marker.angle is None else -marker.angle
+    return bm.Marker(at=marker.at.z.conjugate(), angle=angle)
+
+
+def mirrored_markers(markers):
+    return {name: mirrored_marker(m) for name, m in markers.items()}
+
+
+def mirrored_link(link):
+    more = {"cm": link.cm.z.conjugate(), "markers": mirrored_markers(link.markers)}
+    return bm.Link(mass=link.mass, inertia=link.inertia, **more)
+
+
+def mirrored(block):
+    """The mirror image of a block."""
+    numbers = {n: getattr(block, n) for n in type(block).model_fields}
+    for name in TURNING:
+        if name in numbers:
+            numbers[name] = -numbers[name]
+    if isinstance(block, bm.Crank):
+        numbers["offset"] = -block.offset
+    if isinstance(block, bm.RRR):
+        numbers["branch"] = -block.branch
+    if "force" in numbers:
+        numbers["force"] = block.force.z.conjugate()
+    if "markers" in numbers:
+        numbers["markers"] = mirrored_markers(block.markers)
+    if "links" in numbers:
+        numbers["links"] = {n: mirrored_link(k) for n, k in block.links.items()}
+    return type(block)(**numbers)
+
+
+def mirrored_graph(graph):
+    found = bm.Graph(graph.name, gravity=graph.scene.gravity.z.conjugate())
+    for name, block in graph.blocks.items():
+        found.add(name, mirrored(block))
+    for w in graph.wires:
+        found.connect(w.source, w.target)
+    return found
+
+
+def mirrored_request(graph, request):
+    def sign(driver):
+        return -1.0 if isinstance(graph.blocks[driver], bm.Crank) else 1.0
+
+    return {k: {d: sign(d) * x for d, x in part.items()} for k, part in request.items()}
+
+
+def sign_of(mechanism, name):
+    """Sign that an output takes in the mirror; vectors are conjugated besides."""
+    block, *_, what = name.split(".")
+    joint = name.split(".")[1] if name.count(".") == 2 else ""
+    blocks = mechanism.structure.blocks
+    if what in ("angle", "omega", "alpha", "N", "C", "wrench_M", "shaking_moment", "couple"):
+        return -1
+    if what in ("friction", "slip") and blocks[block].joints[joint].kind == "R":
+        return -1
+    rotary = block in mechanism.drivers and blocks[block].rotary
+    turning = ("q", "rate", "acceleration", "drive", "drive_by_reduction", "tau_red", "dJ_red")
+    return -1 if rotary and what in turning else 1
+
+
+WANT = ("*.p", "*.v", "*.a", "*.angle", "*.omega", "*.alpha", "*.reaction", "*.N", "*.C")
+WANT += ("*.friction", "*.slip", "*.friction_power", "*.drive", "*.drive_by_reduction")
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("friction", ["none", "newton"])
+def test_mirror_image_gives_the_same_bits(seed, friction):
+    case = random_mechanism(Seeded(seed), Options(groups=(2, 4)))
+    mechanism = case.graph.compile()
+    names = [n for n in mechanism.outputs if n.endswith(tuple(w[1:] for w in WANT))]
+    names = [n for n in names if mechanism.outputs[n].kind != "number"]
+    settings = {"want": names, "friction": friction, "on_gap": "mark"}
+    here = mechanism.run(**case.request, **settings)
+    there = mirrored_graph(case.graph).compile()
+    there = there.run(**mirrored_request(case.graph, case.request), **settings)
+    assert here.quality.status == there.quality.status
+    certified = not any(f.code in ("by-continuation", "slow") for f in here.quality.flags)
+    for name in names:
+        wanted = sign_of(mechanism, name) * np.conj(there[name])
+        if certified:
+            assert np.array_equal(here[name], wanted, equal_nan=True), name
+        else:  # continuation rounds in its own way
+            scale = np.nanmax(np.abs(wanted), initial=0.0)
+            assert np.all(np.abs(here[name] - wanted) <= 1e-9 * scale), name
+
+
+# -- the two links of a dyad in each other's roles ----------------------------------------
+
+
+def swapped(block):
+    """The same dyad with its links called j and i, and the joint names of both."""
+    links = {{"i": "j", "j": "i"}[n]: k for n, k in block.links.items()}
+    if isinstance(block, bm.RRR):
+        names = {"B": "D", "D": "B", "C": "C"}
+        numbers = {"l_i": block.l_j, "l_j": block.l_i, "branch": -block.branch}
+    elif isinstance(block, bm.RPR):
+        # Seen from the other pin, along the guide turned round.
+        names = {"B": "D", "D": "B", "S": "S"}
+        numbers = {"h_i": block.h_j, "h_j": block.h_i, "branch": -block.branch, "slider": "i"}
+        numbers["x_S"] = block.x_S
+    else:
+        names = {"S1": "S2", "S2": "S1", "C": "C"}
+        numbers = {"h1": block.h2, "h2": block.h1, "x_S1": block.x_S2, "x_S2": block.x_S1}
+    friction = {names[n]: law for n, law in block.friction.items()}
+    return type(block)(links=links, friction=friction, **numbers), names
+
+
+def swapped_graph(graph):
+    """Every RRR, RPR and PRP dyad with its links in each other's roles."""
+    found = bm.Graph(graph.name, gravity=graph.scene.gravity.z)
+    joints, markers = {}, {}
+    for name, block in graph.blocks.items():
+        if isinstance(block, bm.RRR | bm.RPR | bm.PRP):
+            block, names = swapped(block)
+            joints |= {f"{name}.{a}": f"{name}.{b}" for a, b in names.items()}
+            markers |= {f"{name}.i": f"{name}.j", f"{name}.j": f"{name}.i"}
+        found.add(name, block)
+    for w in graph.wires:
+        found.connect(markers.get(w.source, w.source), joints.get(w.target, w.target))
+    return found, joints
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_links_of_a_dyad_may_swap_their_roles(seed):
+    options = Options(groups=(2, 3), kinds=("dyad.rrr", "dyad.rpr", "dyad.prp"))
+    case = random_mechanism(Seeded(seed), options)
+    here = case.graph.compile().run(**case.request, on_gap="mark")
+    graph, joints = swapped_graph(case.graph)
+    there = graph.compile().run(**case.request, on_gap="mark")
+    assert here.quality.status == there.quality.status
+    scale = max(np.abs(here[n]).max() for n in here if n.endswith(".reaction"))
+    for joint, other in joints.items():
+        inner = joint == other
+        one, two = here[f"{joint}.reaction"], there[f"{other}.reaction"]
+        assert np.abs(one - (-two if inner else two)).max() <= SWAPPED * scale, joint
+    for driver in case.request["at"]:
+        one, two = here[f"{driver}.drive"], there[f"{driver}.drive"]
+        assert np.abs(one - two).max() <= SWAPPED * max(scale, np.abs(one).max())

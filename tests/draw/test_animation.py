@@ -1,0 +1,183 @@
+"""The mechanism in motion: GIF and HTML."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import blockmech as bm
+from blockmech.draw import Animation, animate, draw
+from blockmech.draw.animation import page, player_data, reel_of
+from tests.draw.scenes import fourbar, rocking_slide, slider_crank
+from tests.wiring import ruiz, toggle, watt
+
+FRAMES = 12
+GRAIN = 0.011  # [pt] places are rounded to hundredths of a point
+
+
+def opened(path) -> tuple[int, list[np.ndarray]]:
+    """Number of frames of a GIF, and its pictures."""
+    with Image.open(path) as image:
+        count = image.n_frames
+        pictures = []
+        for k in range(count):
+            image.seek(k)
+            pictures.append(np.asarray(image.convert("RGB")))
+    return count, pictures
+
+
+def data_of(html: str) -> dict:
+    """The numbers that a page carries."""
+    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', html, re.DOTALL)
+    assert found is not None
+    return json.loads(found.group(1))
+
+
+def test_a_full_turn_has_the_frames_that_were_asked_for(tmp_path):
+    path = animate(ruiz(), tmp_path / "a.gif", frames=FRAMES).path
+    count, pictures = opened(path)
+    assert count == FRAMES
+    assert len({p.shape for p in pictures}) == 1
+    assert all((a != b).any() for a, b in pairwise(pictures))
+
+
+def test_a_motion_that_does_not_return_is_played_to_and_fro(tmp_path):
+    count, _ = opened(animate(toggle(), tmp_path / "a.gif", frames=FRAMES).path)
+    assert count == 2 * FRAMES
+
+
+def test_the_gif_repeats_for_ever_and_lasts_as_long_as_asked(tmp_path):
+    path = animate(ruiz(), tmp_path / "a.gif", frames=FRAMES, seconds=1.2).path
+    with Image.open(path) as image:
+        assert image.info["loop"] == 0
+        assert image.info["duration"] == 100
+
+
+def test_axes_and_background_stay_the_same_in_all_frames(tmp_path):
+    _, pictures = opened(animate(ruiz(), tmp_path / "a.gif", frames=FRAMES).path)
+    bottom = [p[-60:] for p in pictures]  # the numbers of the x axis
+    assert all((p == bottom[0]).all() for p in bottom)
+    assert all((p[0, 0] == 255).all() for p in pictures)
+
+
+def test_poses_that_do_not_close_are_left_out():
+    reel, _ = reel_of(fourbar(rocker=1.8).compile(), frames=40)
+    feasible = int(reel.stage.motion.feasible.sum())
+    assert 2 < feasible < 41
+    assert len(reel.order) == 2 * feasible - 2
+
+
+def test_a_mechanism_that_never_closes_is_refused(tmp_path):
+    with pytest.raises(bm.AssemblyError):
+        animate(fourbar(rocker=20.0), tmp_path / "a.gif")
+    assert not list(tmp_path.iterdir())
+
+
+class Addresses(HTMLParser):
+    """Collects what a browser would fetch."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+        self.scripts = 0
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.scripts += tag == "script"
+        fetching = {"src", "href", "srcset", "data", "action", "poster"}
+        self.found += [f"{tag} {k}={v}" for k, v in attrs if k in fetching]
+        self.found += [tag] * (tag in {"link", "iframe", "object", "embed", "img"})
+
+
+@pytest.mark.parametrize("scene", [ruiz, rocking_slide, slider_crank, watt])
+def test_the_html_page_loads_nothing_from_anywhere(scene):
+    html = animate(scene(), frames=FRAMES).html
+    reader = Addresses()
+    reader.feed(html)
+    assert reader.found == []
+    assert not re.search(r"https?:|//[a-z]|@import|url\(|fetch\(|XMLHttp|WebSocket", html)
+    assert {"play", "frame", "speed"} <= set(re.findall(r'id="(\w+)"', html))
+
+
+def test_the_html_page_carries_every_frame(tmp_path):
+    path = draw(ruiz(), tmp_path / "a.html")
+    data = data_of(path.read_text("utf-8"))
+    assert len(data["frames"]) == 72
+    captions = [f["caption"] for f in data["frames"]]
+    assert captions[18].startswith("crank.q\u00a0= 90°; t\u00a0=\u00a00.157\u00a0s")
+    assert "weightlike 1000 N" in captions[0]
+
+
+def test_the_players_pins_follow_the_run():
+    mechanism = ruiz().compile()
+    reel, scale = reel_of(mechanism, frames=FRAMES)
+    data = json.loads(json.dumps(player_data(reel, scale)))
+    run = mechanism.run(samples=FRAMES + 1, want=["dyad.C.p"])["dyad.C.p"]
+    for k, frame in enumerate(data["frames"]):
+        discs = [
+            complex(row[1], row[2])
+            for row in frame["shapes"]
+            if data["styles"][row[0]]["kind"] == "disc"
+        ]
+        assert min(abs(z - scale.points(run[k])) for z in discs) < GRAIN
+
+
+def test_numbers_of_the_player_are_finite_where_poses_are_missing():
+    reel, scale = reel_of(fourbar(rocker=1.8).compile(), frames=40)
+    text = page(reel, scale)
+    assert "NaN" not in text.split('id="data"')[1].split("</script>")[0]
+    assert data_of(text)["paths"][0]["pieces"]
+
+
+def test_a_name_cannot_break_out_of_the_page():
+    g = fourbar()
+    g.name = "</title><script>alert(1)</script>"
+    g.add("<!--<script>", bm.Couple(moment=1.0))
+    g.connect("dyad.j", "<!--<script>.on")
+    html = animate(g, frames=FRAMES).html
+    reader = Addresses()
+    reader.feed(html)
+    assert reader.scripts == 2
+    assert "<!--<script>" in data_of(html)["frames"][0]["caption"]
+
+
+def test_a_result_is_animated_at_its_own_samples():
+    run = ruiz().run(at=[0.1, 0.4, 0.9], want=["crank.drive"])
+    data = data_of(animate(run).html)
+    shown = [f["caption"].split(";")[0] for f in data["frames"]]
+    assert shown == [f"crank.q\u00a0= {a}°" for a in ("5.73", "22.92", "51.57", "22.92")]
+
+
+def test_a_notebook_shows_the_player():
+    shown = animate(ruiz(), frames=FRAMES)
+    assert isinstance(shown, Animation)
+    assert shown.path is None
+    assert shown._repr_html_().startswith('<iframe srcdoc="')
+    assert "<script" not in shown._repr_html_()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"frames": 1}, {"frames": 1.5}, {"seconds": 0}, {"frames": 10**6}]
+)
+def test_numbers_without_sense_are_refused(wrong):
+    with pytest.raises(bm.RequestError, match=next(iter(wrong))):
+        animate(ruiz(), **wrong)
+
+
+def test_without_a_range_there_is_no_animation(tmp_path):
+    g = fourbar()
+    g.scene = g.scene.model_copy(update={"drive": {}})
+    with pytest.raises(bm.RequestError, match="range of driver crank is not known"):
+        draw(g, tmp_path / "a.gif")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_same_mechanism_gives_the_same_files(tmp_path):
+    for suffix in (".gif", ".html"):
+        one, two = (animate(ruiz(), tmp_path / f"{k}{suffix}", frames=4).path for k in (1, 2))
+        assert one.read_bytes() == two.read_bytes()

@@ -1,0 +1,246 @@
+"""Curves of a run: the papers' Figures 12, 13 and 14."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import blockmech as bm
+from blockmech.draw import plot, run_pictures
+from blockmech.draw.curves import abscissa, chosen_panels, pictures_of, without_friction
+from blockmech.draw.panels import Abscissa, Curve, Panel, Plot, draw_panels
+from blockmech.draw.paper import scaled_unit, styled
+from tests.draw.scenes import fourbar, rocking_slide, slider_crank
+from tests.wiring import chain, ruiz, toggle, watt
+
+UNIT = re.compile(r"\[[^\]]+\]$")
+KILO = 1e-3
+
+
+def drawn(result: bm.Result, kind: str) -> Plot:
+    return draw_panels(pictures_of(result)[kind], abscissa(result))
+
+
+def line(axes, label: str) -> np.ndarray:
+    (found,) = [x for x in axes.lines if x.get_label() == label]
+    return found.get_ydata()
+
+
+@pytest.mark.parametrize("scene", [ruiz, toggle, slider_crank, watt, rocking_slide, fourbar])
+def test_every_axis_names_its_unit(scene):
+    result = scene().run(samples=31, on_gap="mark")
+    for panels in pictures_of(result).values():
+        made = draw_panels(panels, abscissa(result))
+        assert UNIT.search(made.axes[-1].get_xlabel())
+        assert all(UNIT.search(a.get_ylabel()) for a in made.axes)
+
+
+def test_figure_12_shows_the_driving_moment_with_and_without_friction():
+    result = ruiz().run(samples=37)
+    bare = ruiz(radius=0.0).run(samples=37)
+    upper, lower = drawn(result, "drive").axes
+    assert upper.get_ylabel() == "driving moment [kN m]"
+    assert line(upper, "with friction") == pytest.approx(KILO * result["crank.drive"])
+    assert line(upper, "without friction") == pytest.approx(KILO * bare["crank.drive"])
+    assert lower.get_ylabel() == "due to friction [N m]"
+    assert lower.lines[0].get_ydata() == pytest.approx(result["crank.drive"] - bare["crank.drive"])
+
+
+def test_figure_13_shows_what_friction_takes_in_all_and_at_each_joint():
+    result = ruiz().run(samples=37)
+    (axes,) = drawn(result, "friction_power").axes
+    assert axes.get_ylabel() == "friction power [W]"
+    assert line(axes, "all joints") == pytest.approx(result["mechanism.friction_power"])
+    parts = [line(axes, f"{j}") for j in ("crank.A", "dyad.B", "dyad.C", "dyad.D")]
+    assert np.sum(parts, axis=0) == pytest.approx(result["mechanism.friction_power"])
+
+
+def test_figure_14_shows_the_size_of_every_reaction():
+    result = ruiz().run(samples=37)
+    (axes,) = drawn(result, "reactions").axes
+    assert line(axes, "dyad.D") == pytest.approx(KILO * np.abs(result["dyad.D.reaction"]))
+    assert sum(x.get_label() == "without friction" for x in axes.lines) == 4
+
+
+def test_the_twin_without_friction_has_the_same_samples_and_settings():
+    result = ruiz().run(samples=5, static=True)
+    twin = without_friction(result)
+    wanted = ruiz(radius=0.0).run(samples=5, static=True)
+    assert twin["crank.drive"] == pytest.approx(wanted["crank.drive"])
+
+
+def test_where_there_is_no_friction_there_is_one_curve():
+    result = watt().run(samples=9)
+    assert without_friction(result) is None
+    assert set(pictures_of(result)) == {"drive", "reactions"}
+    assert without_friction(ruiz().run(samples=3, friction="none")) is None
+
+
+def test_a_mechanism_without_forces_shows_its_motion():
+    panels = pictures_of(fourbar().run(samples=25))
+    assert set(panels) == {"kinematics"}
+    assert [(p.quantity, p.unit) for p in panels["kinematics"]] == [
+        ("angle", "rad"),
+        ("rate", "rad/s"),
+        ("angular acceleration", "rad/s²"),
+    ]
+
+
+def test_the_abscissa_is_the_drivers_coordinate_in_degrees_or_radians():
+    result = ruiz().run(at=[0.0, 1.0, 2.0])
+    assert abscissa(result).words == "crank.q [°]"
+    assert abscissa(result).values == pytest.approx(np.degrees([0, 1, 2]))
+    assert abscissa(result, degrees=False).words == "crank.q [rad]"
+    assert abscissa(toggle().run(samples=3)).words == "ram.q [m]"
+
+
+def test_a_law_of_time_is_drawn_over_time():
+    result = rocking_slide().run(samples=11)
+    assert abscissa(result).words == "time [s]"
+    assert abscissa(result, over="coordinate").words == "ram.q [m]"
+
+
+def test_time_that_is_not_known_cannot_be_the_abscissa():
+    g = fourbar()
+    g.scene = g.scene.model_copy(update={"drive": {}})
+    with pytest.raises(bm.RequestError, match="no-time"):
+        abscissa(g.run(at=[0.0, 1.0]), over="time")
+    with pytest.raises(bm.RequestError, match="valid: auto, coordinate, time"):
+        abscissa(g.run(at=[0.0, 1.0]), over="angle")
+
+
+def test_gaps_are_gaps_and_shaded():
+    result = fourbar(rocker=1.8).run(samples=73, on_gap="mark")
+    made = draw_panels(chosen_panels(result, ["dyad.j.omega"]), abscissa(result))
+    (axes,) = made.axes
+    missing = ~np.isfinite(result["dyad.j.omega"])
+    assert 0 < missing.sum() < 73
+    assert (np.isnan(axes.lines[0].get_ydata()) == missing).all()
+    shaded = [p for p in axes.patches if p.get_label() == "no answer"]
+    assert len(shaded) == 2
+    clear = abscissa(result).values[~missing]
+    for patch in shaded:
+        x0, x1 = patch.get_x(), patch.get_x() + patch.get_width()
+        assert not ((clear > x0) & (clear < x1)).any()
+
+
+def test_a_sample_alone_between_gaps_is_still_seen():
+    values = np.where(np.arange(60) == 30, 1.0, np.nan)
+    panel = Panel("force", "N", (Curve("", values),))
+    (axes,) = draw_panels([panel], Abscissa("x [m]", np.arange(60.0))).axes
+    assert axes.lines[0].get_marker() == "o"
+    assert axes.lines[0].get_markevery() == [30]
+
+
+def test_samples_in_any_order_make_one_line():
+    result = ruiz().run(at=[3.0, 1.0, 2.0])
+    (axes, _) = drawn(result, "drive").axes
+    assert (np.diff(axes.lines[0].get_xdata()) > 0).all()
+    assert line(axes, "with friction")[0] == pytest.approx(result["crank.drive"][1])
+
+
+def test_peaks_near_a_dead_centre_are_cut_off_and_said():
+    values = np.append(np.linspace(1.0, 2.0, 99), 1e6)
+    panel = Panel("reaction", "N", (Curve("a", values),))
+    made = draw_panels([panel], Abscissa("x [m]", np.arange(100.0)))
+    assert made.axes[0].get_ylim()[1] < 10
+    assert [t.get_text() for t in made.figure.texts] == ["a", "cut-off peaks up to 1 MN"]
+    assert not Panel("reaction", "N", (Curve("a", values[:-1]),)).peak
+
+
+@pytest.mark.parametrize("scene", [ruiz, lambda: chain(5, friction=True), watt, toggle])
+def test_legends_cover_no_axes_and_stay_on_the_page(scene):
+    result = scene().run(samples=9, on_gap="mark")
+    for panels in pictures_of(result).values():
+        made = draw_panels(panels, abscissa(result))
+        with styled():
+            made.figure.canvas.draw()
+            renderer = made.figure.canvas.get_renderer()
+            words = [t.get_window_extent(renderer) for t in made.figure.texts]
+        frames = [a.get_window_extent() for a in made.axes]
+        page = made.figure.bbox
+        for word in words:
+            assert page.x0 <= word.x0
+            assert word.x1 <= page.x1
+            assert not any(word.overlaps(frame) for frame in frames)
+
+
+def test_curves_of_one_panel_differ_in_colour_and_dashes():
+    result = ruiz().run(samples=9)
+    (axes,) = drawn(result, "reactions").axes
+    named = [x for x in axes.lines if x.get_label() != "without friction"]
+    assert len({x.get_color() for x in named}) == len(named) == 4
+    assert len({(x.get_linestyle(), x._unscaled_dash_pattern[1]) for x in named}) == 4
+
+
+def test_many_joints_get_a_panel_for_each_few_blocks():
+    panels = pictures_of(chain(8).run(samples=5))["reactions"]
+    assert len(panels) > 1
+    assert all(len(p.curves) <= 6 for p in panels)
+    assert sum(len(p.curves) for p in panels) == 1 + 3 * 8
+
+
+def test_a_place_is_drawn_by_its_coordinates_and_a_velocity_by_its_size():
+    result = ruiz().run(samples=5, want=["dyad.S.p", "dyad.S.v"])
+    place, speed = chosen_panels(result, result)
+    assert [c.name for c in place.curves] == ["dyad.S x", "dyad.S y"]
+    assert (speed.quantity, speed.unit) == ("|v|", "m/s")
+    assert speed.curves[0].values == pytest.approx(np.abs(result["dyad.S.v"]))
+
+
+def test_too_many_curves_are_refused():
+    result = chain(8).run(samples=3)
+    with pytest.raises(bm.RequestError, match="a picture holds 1 to 40 curves"):
+        chosen_panels(result, result)
+
+
+@pytest.mark.parametrize(
+    ("unit", "largest", "shown"),
+    [
+        ("N m", 12000.0, (1e-3, "kN m")),
+        ("N", 1200.0, (1.0, "N")),
+        ("W", 3e7, (1e-6, "MW")),
+        ("J", 2e-5, (1e6, "µJ")),
+        ("N", 0.0, (1.0, "N")),
+        ("rad/s", 1e5, (1.0, "rad/s")),
+        ("", 1e5, (1.0, "")),
+    ],
+)
+def test_units_get_a_prefix_where_numbers_would_be_long(unit, largest, shown):
+    factor, word = scaled_unit(unit, largest)
+    assert (factor, word) == (pytest.approx(shown[0]), shown[1])
+
+
+def test_run_pictures_writes_one_picture_a_kind(tmp_path):
+    paths = run_pictures(ruiz().run(samples=37), tmp_path / "made" / "here")
+    assert [p.name for p in paths] == ["drive.png", "friction_power.png", "reactions.png"]
+    for path in paths:
+        with Image.open(path) as image:
+            assert image.width / 300 * 2.54 == pytest.approx(8.5, abs=0.05)
+    (only,) = run_pictures(fourbar().run(samples=5), tmp_path)
+    assert only.name == "kinematics.png"
+
+
+def test_run_pictures_draws_no_forces_that_were_not_wanted(tmp_path):
+    run = ruiz().run(samples=5, want=["dyad.i.omega"])
+    assert [p.name for p in run_pictures(run, tmp_path)] == ["kinematics.png"]
+
+
+def test_a_folder_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "taken").write_text("x")
+    with pytest.raises(bm.RequestError, match="cannot-write"):
+        run_pictures(ruiz().run(samples=3), tmp_path / "taken")
+
+
+def test_a_plot_holds_all_pictures_of_a_run_or_what_was_wanted(tmp_path):
+    everything = plot(ruiz().run(samples=37), tmp_path / "all.svg")
+    text = everything.read_text("utf-8")
+    for words in ("driving moment [kN m]", "friction power [W]", "reaction [kN]"):
+        assert words in text
+    some = plot(ruiz().run(samples=37), tmp_path / "some.svg", ["dyad.j.angle"])
+    assert "angle [rad]" in some.read_text("utf-8")
+    with pytest.raises(bm.RequestError, match="unknown-suffix"):
+        plot(ruiz().run(samples=3), tmp_path / "no.gif")

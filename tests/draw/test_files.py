@@ -1,0 +1,89 @@
+"""What `draw` accepts, refuses and leaves on the disk."""
+
+from __future__ import annotations
+
+import pytest
+
+import blockmech as bm
+from blockmech.draw import draw
+from tests.draw.scenes import unfinished
+from tests.wiring import ruiz
+
+HEADS = {
+    ".png": b"\x89PNG",
+    ".svg": b"<?xml",
+    ".pdf": b"%PDF",
+    ".gif": b"GIF89a",
+    ".html": b"<!DOC",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("a.png", None),
+        ("a.svg", "diagram"),
+        ("a.PDF", "diagram"),
+        ("a.png", "mechanism"),
+        ("a.svg", "mechanism"),
+        ("a.html", None),
+        ("a.gif", "animation"),
+    ],
+)
+def test_the_suffix_says_the_format(tmp_path, name, kind):
+    path = draw(ruiz(), tmp_path / name, kind=kind)
+    assert path == tmp_path / name
+    assert path.read_bytes().startswith(HEADS[path.suffix.lower()])
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "code"),
+    [
+        ("a.jpg", None, "unknown-suffix"),
+        ("a", None, "unknown-suffix"),
+        ("a.gif", "diagram", "unknown-suffix"),
+        ("a.png", "animation", "unknown-suffix"),
+        ("a.png", "diagramm", "unknown-kind"),
+        ("missing/a.png", None, "cannot-write"),
+    ],
+)
+def test_a_wrong_request_is_one_problem_and_writes_nothing(tmp_path, name, kind, code):
+    with pytest.raises(bm.RequestError) as error:
+        draw(ruiz(), tmp_path / name, kind=kind)
+    assert [p.code for p in error.value.problems] == [code]
+    assert not list(tmp_path.iterdir())
+
+
+def test_valid_suffixes_and_near_kinds_are_named(tmp_path):
+    with pytest.raises(bm.RequestError, match=r"\.png, \.svg, \.pdf"):
+        draw(ruiz(), tmp_path / "a.bmp")
+    with pytest.raises(bm.RequestError, match='did you mean "mechanism"'):
+        draw(ruiz(), tmp_path / "a.png", kind="mechanisms")
+
+
+@pytest.mark.parametrize("setting", [{"at": 1.0}, {"trace": ["dyad.C"]}])
+def test_a_diagram_has_no_poses(tmp_path, setting):
+    with pytest.raises(bm.RequestError, match="useless-setting"):
+        draw(ruiz(), tmp_path / "a.png", **setting)
+
+
+def test_an_unfinished_graph_has_a_diagram_but_no_mechanism(tmp_path):
+    assert draw(unfinished(), tmp_path / "a.png").exists()
+    with pytest.raises(bm.GraphError, match="unwired-joint"):
+        draw(unfinished(), tmp_path / "b.png", kind="mechanism")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_an_old_picture_survives_a_refused_one(tmp_path):
+    path = draw(ruiz(), tmp_path / "a.png")
+    before = path.read_bytes()
+    with pytest.raises(bm.RequestError):
+        draw(ruiz(), path, kind="mechanism", at="seven")
+    assert path.read_bytes() == before
+
+
+def test_a_folder_is_not_overwritten(tmp_path):
+    (tmp_path / "a.png").mkdir()
+    with pytest.raises(bm.RequestError, match="cannot-write"):
+        draw(ruiz(), tmp_path / "a.png")

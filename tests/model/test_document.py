@@ -1,0 +1,406 @@
+"""Graph files: read strictly, written canonically, kept across versions."""
+
+from __future__ import annotations
+
+import cmath
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+import blockmech as bm
+from blockmech.errors import FormatError, GraphError, RequestError
+from blockmech.model.diagram import UnknownBlock, Wire
+from blockmech.model.document import dumps, load, loads, problems_in, save
+from blockmech.model.expect import Expectation
+from blockmech.model.migrations import VERSION, migrate
+from blockmech.model.writing import WIDTH, canonical_text, field_order
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+LEGACY = sorted((GRAPHS / "legacy").glob("*.json"))
+OURS = [*sorted(GRAPHS.glob("*.json")), *LEGACY]  # what blockmech wrote
+
+COULOMB = bm.Coulomb(law="coulomb", coefficient=0.4, radius=0.0075)
+
+
+def ruiz():
+    """The four-bar of the paper, wired in Python in the order of its file."""
+    g = bm.Graph("ruiz_fourbar", title="Four-bar of Ruiz, Durango & Calle 2010, Table 1")
+    i = bm.Link(
+        mass=30.0,
+        inertia=48.8,
+        cm={"polar": [2.8, 0.152]},
+        markers={"S": {"at": {"polar": [2.5, math.pi / 6]}}},
+    )
+    crank = bm.Link(mass=4.8, inertia=1.7, cm=(1, 0))
+    j = bm.Link(mass=7.2, inertia=5.5, cm=(1.5, 0))
+    pins = dict.fromkeys("BCD", COULOMB)
+    g.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0)}))
+    g.add("crank", bm.Crank(length=2, links={"crank": crank}, friction={"A": COULOMB}))
+    g.add("dyad", bm.RRR(l_i=6, l_j=3, branch=1, links={"i": i, "j": j}, friction=pins))
+    g.add("weightlike", bm.Force(force=(0, -1000)))
+    g.add("couple", bm.Couple(moment=-250))
+    g.connect("frame.A", "crank.A")
+    g.connect("crank.B", "dyad.B")
+    g.connect("frame.D", "dyad.D")
+    g.connect("dyad.S", "weightlike.at")
+    g.connect("dyad.j", "couple.on")
+    g.drive("crank", bm.ConstantRate(rate=10.0, start=0.0, end=2 * math.pi))
+    return g
+
+
+def text_of(path):
+    return path.read_text(encoding="utf-8")
+
+
+def content(path):
+    return json.loads(text_of(path))
+
+
+# Reading and writing.
+
+
+@pytest.mark.parametrize("path", OURS, ids=lambda path: path.stem)
+def test_a_file_that_blockmech_wrote_is_reproduced_byte_for_byte(path):
+    assert dumps(load(path)) == text_of(path)
+
+
+def test_the_paper_s_four_bar_wired_in_python_is_its_file():
+    assert dumps(ruiz()) == text_of(GRAPHS / "ruiz_fourbar.json")
+
+
+def test_a_hand_written_file_is_reproduced_in_content():
+    text = """{"blocks": {"g": {"type":"frame", "markers": {"B": {"dir":[0,2], "at":[1,2]},
+      "A": {"at": {"polar": [1, 0.5]}}}}, "c": {"offset": 1, "length": 2, "type": "driver.crank",
+      "friction": {"A": {"radius": 1e-2, "coefficient": 1}}}},
+      "scene": {"drive": {"c": {"to": 1, "law": "constant_rate", "rate": 1E1}}},
+      "wires": [{"to": "c.A", "from": "g.A"}], "notes": "by hand",
+      "format": "blockmech/graph", "name": "hand", "version": 1}"""
+    written = dumps(loads(text))
+    assert json.loads(written) == json.loads(text)
+    assert dumps(loads(written)) == written
+
+
+def test_reading_keeps_the_order_of_blocks_and_wires():
+    data = content(GRAPHS / "ruiz_fourbar.json")
+    data["blocks"] = dict(reversed(data["blocks"].items()))
+    data["wires"].reverse()
+    written = json.loads(dumps(loads(json.dumps(data))))
+    assert list(written["blocks"]) == ["couple", "weightlike", "dyad", "crank", "frame"]
+    assert written["wires"] == data["wires"]
+
+
+def test_what_was_not_given_is_not_written():
+    g = bm.Graph("plain")
+    g.add("dyad", bm.RRR(l_i=1.0, l_j=2.0))
+    assert json.loads(dumps(g))["blocks"]["dyad"] == {"type": "dyad.rrr", "l_i": 1.0, "l_j": 2.0}
+
+
+def test_a_law_made_in_python_is_written_with_its_name():
+    g = bm.Graph("driven")
+    g.add("crank", bm.Crank())
+    g.drive("crank", bm.Cycloidal(start=0.0, end=1.0, time=2.0))
+    law = {"law": "cycloidal", "from": 0.0, "to": 1.0, "duration": 2.0}
+    assert json.loads(dumps(g))["scene"]["drive"]["crank"] == law
+    assert loads(dumps(g)).scene == g.scene
+
+
+def test_a_dyad_given_by_points_is_stored_by_lengths():
+    g = bm.Graph("points")
+    g.add("dyad", bm.RRR.from_points(B=(0, 0), C=(3, 4), D=(3, 0)))
+    stored = {"type": "dyad.rrr", "l_i": 5.0, "l_j": 4.0, "branch": 1}
+    assert json.loads(dumps(g))["blocks"]["dyad"] == stored
+
+
+def test_places_keep_the_author_s_spelling():
+    g = bm.Graph("places")
+    markers = {"P": {"at": {"polar": [2, 1]}}, "Q": cmath.rect(2, 1), "R": (1, 2)}
+    g.add("frame", bm.Frame(markers=markers))
+    back = loads(dumps(g)).blocks["frame"].markers
+    assert back["P"].at.written == {"polar": [2.0, 1.0]}
+    assert back["Q"].at.z == cmath.rect(2, 1)
+    assert back["R"].at.written == [1.0, 2.0]
+
+
+def test_own_keys_come_first_and_shared_ones_last():
+    assert field_order(bm.SlideDrive) == ["offset", "links", "friction", "slider"]
+    assert field_order(bm.Force) == ["force", "axes", "useful"]
+    assert field_order(bm.ConstantRate) == ["law", "rate", "start", "end"]
+
+
+def test_a_block_of_a_type_that_is_not_installed_is_kept_word_for_word():
+    data = content(GRAPHS / "ruiz_fourbar.json")
+    data["blocks"]["gear"] = {"type": "acme.gear", "teeth": [17, 34], "x": {"b": 1, "a": None}}
+    data["wires"] += [
+        {"from": "crank.crank", "to": "gear.shaft"},
+        {"from": "gear.rim", "to": "gear.x"},
+    ]
+    g = loads(json.dumps(data))
+    assert isinstance(g.blocks["gear"], UnknownBlock)
+    assert json.loads(dumps(g)) == data
+    assert [p.code for p in g.check()] == ["unknown-block"]
+
+
+def test_sections_that_are_not_computed_with_travel_along():
+    data = content(GRAPHS / "ruiz_fourbar.json")
+    data |= {"view": {"crank": [1, 2]}, "source": "[R10]", "notes": ["one", "two"]}
+    data["expect"] = [
+        {
+            "source": "by hand",
+            "at": {"crank": [0.0]},
+            "want": {"crank.B.p": [[2.0, 0.0]]},
+            "atol": 0.0,
+        }
+    ]
+    g = loads(json.dumps(data))
+    assert json.loads(dumps(g)) == data
+    assert isinstance(g.extras["expect"][0], Expectation)
+
+
+def test_an_unfinished_mechanism_can_be_saved_and_read(tmp_path):
+    g = bm.Graph("unfinished")
+    g.add("dyad", bm.RRR(l_i=1.0, l_j=1.0))
+    g.save(tmp_path / "unfinished.json")
+    back = bm.Graph.load(tmp_path / "unfinished.json")
+    assert {p.code for p in back.check()} == {"no-frame", "unwired-joint"}
+
+
+def test_a_loaded_graph_knows_its_file(tmp_path):
+    path = tmp_path / "four bar.json"
+    save(ruiz(), path)
+    assert load(path).file == str(path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: b"\xef\xbb\xbf" + text.encode(),
+        lambda text: text.replace("\n", "\r\n").encode(),
+        lambda text: text.replace("Ruiz", "Ru\u00edz").encode(),
+        lambda text: text.replace("Ruiz", "Ru\\u00edz").encode(),
+        lambda text: text.replace("Ruiz", "\\ud83d\\ude00").encode(),
+    ],
+    ids=["mark of UTF-8", "lines of Windows", "accent", "escaped accent", "escaped pair"],
+)
+def test_texts_of_other_editors_are_read(change, tmp_path):
+    path = tmp_path / "graph.json"
+    path.write_bytes(change(text_of(GRAPHS / "ruiz_fourbar.json")))
+    assert load(path).structure().formula == "I(crank: 0,1) -> II RRR(dyad: 2,3)"
+
+
+# Refusing.
+
+
+def test_a_file_is_refused_with_all_its_problems_at_once():
+    data = content(GRAPHS / "ruiz_fourbar.json")
+    data["blocks"]["dyad"] |= {"l_i": -1.0, "lj": 3.0}
+    del data["wires"][0]
+    with pytest.raises(FormatError) as raised:
+        loads(json.dumps(data), "bad.json")
+    found = [(p.code, p.where, p.file) for p in raised.value.problems]
+    assert found == [
+        ("wrong-value", "blocks.dyad.l_i", "bad.json"),
+        ("unknown-key", "blocks.dyad.lj", "bad.json"),
+        ("unwired-joint", "crank.A", "bad.json"),
+    ]
+
+
+def test_a_block_that_is_wrong_makes_its_wires_no_problem():
+    data = content(GRAPHS / "ruiz_fourbar.json")
+    data["blocks"]["frame"] = {"type": "frame", "marker": {}}
+    data["blocks"]["crank"]["length"] = 0.0
+    with pytest.raises(FormatError) as raised:
+        loads(json.dumps(data))
+    assert [p.where for p in raised.value.problems] == [
+        "blocks.frame.marker",
+        "blocks.crank.length",
+    ]
+
+
+def test_wiring_alone_is_a_graph_error():
+    data = content(GRAPHS / "ruiz_fourbar.json")
+    data["wires"].append({"from": "frame.A", "to": "dyad.C"})
+    with pytest.raises(GraphError) as raised:
+        loads(json.dumps(data))
+    assert [p.code for p in raised.value.problems] == ["unknown-joint"]
+
+
+def test_numbers_are_numbers_and_flags_are_flags():
+    data = content(GRAPHS / "ruiz_fourbar.json")
+    data["blocks"]["dyad"]["l_i"] = "6"
+    data["blocks"]["dyad"]["l_j"] = True
+    data["blocks"]["dyad"]["branch"] = True
+    data["blocks"]["couple"]["useful"] = "yes"
+    with pytest.raises(FormatError) as raised:
+        loads(json.dumps(data))
+    keys = ["l_i", "l_j", "branch", "useful"]
+    assert [p.where.rsplit(".", 1)[-1] for p in raised.value.problems] == keys
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"at": {"crank": [0.0]}, "want": {"crank.q": [0.0]}},
+        {"want": {"crank.q": [0.0]}, "rtol": 0.0},
+        {"at": {"crank": [0.0]}, "simulate": {"times": [0.0]}, "want": {"a": [0.0]}, "rtol": 0.0},
+        {"at": {"crank": [0.0]}, "want": {}, "rtol": 0.0},
+        {"at": {"crank": []}, "want": {"crank.q": [0.0]}, "rtol": 0.0},
+        {"at": {"crank": [0.0, 1.0]}, "want": {"crank.q": [0.0, 1.0, 2.0]}, "rtol": 0.0},
+        {"at": {"crank": [0.0]}, "want": {"crank.q": [None]}, "rtol": 0.0},
+        {"at": {"crank": [0.0]}, "want": {"crank.B.p": [[0.0, 1.0, 2.0]]}, "rtol": 0.0},
+        {"at": {"crank": [0.0]}, "want": {"crank.q": [0.0]}, "rtol": -1.0},
+        {"at": {"crank": [0.0]}, "want": {"crank.q": [0.0]}, "rtol": 0.0, "friction": "some"},
+    ],
+    ids=[
+        "no tolerance",
+        "neither at nor simulate",
+        "at and simulate",
+        "nothing wanted",
+        "no samples",
+        "unequal numbers",
+        "null",
+        "three coordinates",
+        "negative tolerance",
+        "unknown friction",
+    ],
+)
+def test_an_expectation_that_cannot_be_tested_is_refused(entry):
+    data = content(GRAPHS / "ruiz_fourbar.json")
+    data["expect"] = [{"source": "by hand", **entry}]
+    with pytest.raises(FormatError) as raised:
+        loads(json.dumps(data))
+    assert all(p.where.startswith("expect[0]") for p in raised.value.problems)
+
+
+# Saving.
+
+
+def files_of(folder):
+    return sorted(p.name for p in folder.iterdir())
+
+
+def test_a_file_is_written_with_unix_lines_and_nothing_beside_it(tmp_path):
+    ruiz().save(tmp_path / "four.json")
+    raw = (tmp_path / "four.json").read_bytes()
+    assert raw.decode() == dumps(ruiz())
+    assert b"\r" not in raw
+    assert files_of(tmp_path) == ["four.json"]
+
+
+def bad_wire(g):
+    g.wires.append(Wire("dyad.C", "dyad.D"))
+
+
+def bad_name(g):
+    g.blocks["a.b"] = g.blocks.pop("couple")
+
+
+def not_finite(g):
+    g.extras["view"] = {"crank": [0.0, math.nan]}
+
+
+def not_json(g):
+    g.extras["view"] = {"crank": {1, 2}}
+
+
+def half_a_character(g):
+    g.title = "\ud800"
+
+
+def wrong_expectation(g):
+    g.extras["expect"] = [{"source": "by hand"}]
+
+
+@pytest.mark.parametrize(
+    "spoil", [bad_wire, bad_name, not_finite, not_json, half_a_character, wrong_expectation]
+)
+def test_what_could_not_be_read_again_is_not_saved(spoil, tmp_path):
+    path = tmp_path / "graph.json"
+    path.write_text("the old file", encoding="utf-8")
+    g = ruiz()
+    spoil(g)
+    with pytest.raises((FormatError, GraphError)):
+        g.save(path)
+    assert text_of(path) == "the old file"
+    assert files_of(tmp_path) == ["graph.json"]
+
+
+def test_a_place_that_cannot_be_written_is_said(tmp_path):
+    for place in (tmp_path, tmp_path / "no" / "folder.json"):
+        with pytest.raises(RequestError):
+            ruiz().save(place)
+    assert files_of(tmp_path) == []
+
+
+# Layout.
+
+
+def test_lines_are_short_and_long_lists_filled():
+    times = [k / 7 for k in range(300)]
+    g = bm.Graph("table", drive={"crank": bm.Table(times=times, values=times)})
+    text = dumps(g)
+    assert max(map(len, text.splitlines())) <= WIDTH
+    assert len(text.splitlines()) < 2 * 300 * 22 / 80 + 30  # at most 22 characters a number
+    assert loads(text).scene.drive["crank"].times == times
+
+
+def test_a_line_that_just_fits_stays_one_line():
+    item = "x" * (WIDTH - len('    "k": {"n": [""]}'))
+    fits = canonical_text({"section": {"k": {"n": [item]}}})
+    opened = canonical_text({"section": {"k": {"n": [item]}, "last": 1}})
+    assert fits.splitlines()[2] == f'    "k": {{"n": ["{item}"]}}'
+    assert opened.splitlines()[2] == '    "k": {'
+
+
+def test_numbers_are_the_shortest_that_read_back_the_same():
+    text = canonical_text({"view": {"n": [0.1, 1e22, 5e-324, -0.0, 1 / 3, 100.0, 7]}})
+    assert "[0.1, 1e+22, 5e-324, -0.0, 0.3333333333333333, 100.0, 7]" in text
+
+
+# Versions.
+
+
+def to_version_2(data):
+    """A step as a later blockmech may have one: scene becomes setting."""
+    new = {key: said for key, said in data.items() if key != "scene"}
+    return {**new, "setting": data.get("scene", {})}
+
+
+def to_version_3(data):
+    return {**data, "blocks": {name.upper(): b for name, b in data["blocks"].items()}}
+
+
+@pytest.mark.parametrize("path", LEGACY, ids=lambda path: path.stem)
+def test_an_old_file_is_still_read(path):
+    assert content(path)["version"] <= VERSION
+    assert {p.code for p in problems_in(path)} <= {"unknown-block"}
+    assert json.loads(dumps(load(path))) == migrate(content(path))
+
+
+def test_an_old_file_still_gives_its_numbers():
+    g = load(GRAPHS / "legacy" / "version_1.json")
+    expected = g.extras["expect"][0]
+    result = g.run(at=expected.at, want=list(expected.want), friction=expected.friction)
+    ((x, y),) = expected.want["slide.S.p"]
+    assert abs(result["slide.S.p"][0] - complex(x, y)) <= expected.rtol * abs(complex(x, y))
+
+
+def test_steps_lead_from_version_to_version():
+    old = content(GRAPHS / "legacy" / "version_1.json")
+    new = migrate(old, steps=(to_version_2, to_version_3))
+    assert new["version"] == 3
+    assert new["setting"] == old["scene"]
+    assert "scene" not in new
+    assert list(new["blocks"]) == [name.upper() for name in old["blocks"]]
+    assert old == content(GRAPHS / "legacy" / "version_1.json")
+
+
+def test_a_file_of_the_present_version_takes_no_step():
+    data = {"version": 3, "blocks": {"a": 1}}
+    assert migrate(data, steps=(to_version_2, to_version_3)) == data
+
+
+def test_a_newer_file_asks_for_a_newer_blockmech():
+    with pytest.raises(FormatError, match="made by a newer blockmech"):
+        migrate({"version": 3}, steps=(to_version_2,))
