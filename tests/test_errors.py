@@ -202,6 +202,7 @@ FLOODS = {
     "keys": lambda: spoilt("{", "".join(f'"{n:06}":1,' for n in range(LARGEST // 12))),
     "a long key": lambda: GOOD.replace("inertia", "x" * (LARGEST - 5000), 1),
     "wires that are none": lambda: spoilt('"wires": [', "3," * (LARGEST // 20)),
+    "wires to nothing": lambda: spoilt('"wires": [', "{}," * (LARGEST // 20)),
     "blocks that are none": lambda: spoilt(
         '"blocks": {', "".join(f'"{n:06}":{{}},' for n in range(LARGEST // 13))
     ),

@@ -32,3 +32,12 @@ def test_examples_are_short_and_run(script):
     done = subprocess.run([sys.executable, EXAMPLES / script], capture_output=True, check=True)
     assert done.stdout
     assert not done.stderr
+
+
+def test_gallery_draws_every_mechanism_it_is_asked_for(tmp_path):
+    gallery = example("gallery")
+    assert gallery.sheet(tmp_path / "sheet.png", ["slider_crank", "watt_sixbar"]) == [
+        "slider_crank",
+        "watt_sixbar",
+    ]
+    assert (tmp_path / "sheet.png").stat().st_size > 10_000

@@ -170,6 +170,56 @@ def toggle(friction: bool = True) -> Graph:
     return g
 
 
+def squeezer() -> Graph:
+    """Andrews' squeezer mechanism from its joint-based document: three dyads share the pin P.
+
+    An RRR dyad's links have their x axes towards the inner joint, the document's do not, so
+    every place is turned into the new frame.
+    """
+    document = recorded("andrews_squeezer")["document"]
+
+    def link(name: str, origin: complex, towards: complex, **markers: complex) -> bm.Link:
+        e = (towards - origin) / abs(towards - origin)
+        p = document["links"][name]
+
+        def seen(at: complex) -> complex:
+            return (at - origin) * e.conjugate()
+
+        return bm.Link(
+            mass=p["mass"],
+            inertia=p["inertia"],
+            cm=seen(complex(*p["cm"])),
+            markers={n: Marker(at=seen(at)) for n, at in markers.items()},
+        )
+
+    g = Graph("squeezer")
+    pivots = {"O": 0j, "B": -0.03635 + 0.03273j, "A": -0.06934 - 0.00227j, "C": 0.014 + 0.072j}
+    g.add("frame", bm.Frame(markers={n: Marker(at=at) for n, at in pivots.items()}))
+    g.add("crank", bm.Crank(length=0.007, links={"crank": link("1", 0j, 1 + 0j)}))
+    links = {"i": link("2", 0j, -0.028 + 0j), "j": link("3", 0j, -0.035j, S=0.02 - 0.018j)}
+    g.add("first", bm.RRR(l_i=0.028, l_j=0.035, branch=1, links=links))
+    links = {"i": link("4", -0.02j, 0j), "j": link("5", 0j, 0.04 + 0j)}
+    g.add("upper", bm.RRR(l_i=0.02, l_j=0.04, branch=-1, links=links))
+    links = {"i": link("6", 0.02 + 0j, 0j), "j": link("7", 0j, -0.04j)}
+    g.add("lower", bm.RRR(l_i=0.02, l_j=0.04, branch=1, links=links))
+    spring = document["loads"]["spring"]
+    g.add("spring", bm.Spring(stiffness=spring["stiffness"], free_length=spring["free_length"]))
+    g.add("couple", bm.Couple(moment=document["loads"]["couple"]["moment"]))
+    return wire(
+        g,
+        "frame.O crank.A",
+        "crank.B first.B",
+        "frame.B first.D",
+        "first.C upper.B",
+        "frame.A upper.D",
+        "first.C lower.B",
+        "frame.A lower.D",
+        "frame.C spring.a",
+        "first.S spring.b",
+        "crank.crank couple.on",
+    )
+
+
 def chain(dyads: int, friction: bool = False) -> Graph:
     """A crank that rocks a long chain of dyads, each driven by the rocker before it."""
     law = bm.Coulomb(coefficient=0.1, radius=0.01)

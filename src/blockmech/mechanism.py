@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from blockmech.judge.extremes import Extremes
     from blockmech.judge.limits import Limits
     from blockmech.judge.stroke import Stroke
+    from blockmech.judge.trade import Trade
 
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 EVERYTHING = ("*",)
@@ -98,12 +99,13 @@ class Mechanism:
         rates: Any = None,
         accelerations: Any = None,
         want: Iterable[str] | str = EVERYTHING,
-        friction: str = "newton",
+        friction: str | None = None,
         tolerance: float | None = None,
         iterations: int | None = None,
+        accuracy: float | None = None,
         static: bool = False,
         engine: Literal["auto", "scalar", "numpy"] = "auto",
-        precision: str = "complex128",
+        precision: str | None = None,
         chunk: int | None = None,
         on_gap: Literal["raise", "mark", "stop"] = "raise",
     ) -> Result:
@@ -120,8 +122,11 @@ class Mechanism:
         rates, accelerations : like ``at``
             Driver rates and accelerations, in place of the law's.
         want, friction, tolerance, iterations, static : see `plan`
+        accuracy : float [- or rad]
+            Wanted error relative to each output's largest magnitude; chooses friction
+            method, iterations and precision, and ``result.accuracy`` says which.
         engine : "scalar" for few samples, "numpy" for batches, "auto" by size
-        precision : "complex64" | "complex128" | "clongdouble" (NumPy engine)
+        precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
         chunk : samples per batch of the NumPy engine
         on_gap : what to do at samples without an answer: raise, mark them as NaN,
             or stop before the first
@@ -135,11 +140,19 @@ class Mechanism:
         RequestError for unknown names or settings that do not fit
         AssemblyError, SingularError, FrictionError at gaps, unless marked
         """
+        taken = make_samples(self.structure, self.scene, at, samples, times, rates, accelerations)
+        if accuracy is not None:
+            from blockmech.accuracy import refuse_settings, run_to
+
+            given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+            refuse_settings(accuracy, **given, precision=precision)
+            chosen = run_to(self, taken, want, accuracy, static, engine, chunk)
+            return chosen if on_gap == "mark" else chosen.without_gaps(on_gap)
+        friction = friction or "newton"
         plan = self.plan(
             want, friction=friction, tolerance=tolerance, iterations=iterations, static=static
         )
-        taken = make_samples(self.structure, self.scene, at, samples, times, rates, accelerations)
-        values, name = self.evaluate(plan, taken, engine, precision, chunk)
+        values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
         settings = {
             "friction": friction,
             "tolerance": tolerance,
@@ -203,6 +216,12 @@ class Mechanism:
         from blockmech.dynamics.reduction import reduced_system, reduced_systems
 
         return reduced_system(self) if len(self.drivers) == 1 else reduced_systems(self)
+
+    def trade(self, question: Any = "run", want: Any = None, **request: Any) -> Trade:
+        """Measure speed against accuracy; see `blockmech.judge.trade.trade`."""
+        from blockmech.judge.trade import trade
+
+        return trade(self, question, want, **request)
 
     def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
         """Feasible arcs of a driver; see `blockmech.judge.limits.limits`."""

@@ -28,6 +28,7 @@ from blockmech.quality import NO_ASSEMBLY, Quality, assess
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
+    from blockmech.accuracy import Accuracy
     from blockmech.dynamics.motion import Motion
     from blockmech.mechanism import Mechanism
     from blockmech.outputs import Output
@@ -59,6 +60,7 @@ class Result(Mapping[str, NDArray[Any]]):
         self.engine = engine
         self.settings = dict(settings)
         self.motion = motion  # of a simulation: how it moved, its events and its error
+        self.accuracy: Accuracy | None = None  # of a run to an accuracy: what was chosen
         self._values = values
         self._read: dict[str, Any] = {}
 

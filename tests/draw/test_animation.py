@@ -143,6 +143,8 @@ def test_a_name_cannot_break_out_of_the_page():
     reader = Addresses()
     reader.feed(html)
     assert reader.scripts == 2
+    numbers = html.split('type="application/json">')[1].split("</script>")[0]
+    assert "<" not in numbers, "a browser reads <!--<script> as the start of another script"
     assert "<!--<script>" in data_of(html)["frames"][0]["caption"]
 
 

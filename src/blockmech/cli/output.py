@@ -8,6 +8,7 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
+from blockmech.cli.terminal import patience
 from blockmech.errors import Problem, RequestError
 from blockmech.export import csv_chunks, folder, json_chunks, write_csv, writing
 from blockmech.result import Result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -88,9 +89,7 @@ def run(
         pour(json_chunks(result) if json else csv_chunks(result, **spelling))
         note(*gaps)
     else:
-        from blockmech.draw import run_pictures
-
-        paths = written(result, spelling, out, csv, plot, run_pictures)
+        paths = written(result, spelling, out, csv, plot, _pictures)
         say("\n".join([table(result, degrees=deg), *(f"wrote {path}" for path in paths)]))
         if on_gap == "stop":  # the table does not reach them
             note(*gaps)
@@ -106,3 +105,9 @@ def _computed(
         result = mechanism.run(**request, on_gap="mark")
         gaps = gap_lines(result, degrees)
         return (result if on_gap == "mark" else result.without_gaps(on_gap)), gaps
+
+
+def _pictures(result: Result, folder: Path, degrees: bool) -> None:
+    from blockmech.draw import run_pictures
+
+    run_pictures(result, folder, degrees=degrees)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -97,13 +98,17 @@ def simulate(
         pour(json_chunks(result) if json else csv_chunks(result, **spelling))
         note(*gaps)
     else:
-        from blockmech.draw.simulation import simulation_pictures
-
-        paths = written(result, spelling, out, csv, plot, simulation_pictures)
+        paths = written(result, spelling, out, csv, plot, _pictures)
         shown = [table(result, degrees=deg), "", *lines, *(f"wrote {path}" for path in paths)]
         say("\n".join(shown))
     if gaps or _unanswered(result, given):
         raise typer.Exit(1)
+
+
+def _pictures(result: Result, folder: Path, degrees: bool) -> None:
+    from blockmech.draw.simulation import simulation_pictures
+
+    simulation_pictures(result, folder, degrees=degrees)
 
 
 def _unanswered(result: Result, given: list[float] | None) -> bool:

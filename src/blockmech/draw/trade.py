@@ -22,11 +22,12 @@ if TYPE_CHECKING:
     from blockmech.judge.trade.points import Point, Trade
 
 PANEL = 150.0  # [pt] height of a panel's axes
-LEFT, RIGHT, TOP, BETWEEN = 38.0, 8.0, 5.0, 30.0  # [pt]
+LEFT, RIGHT, TOP, BETWEEN = 34.0, 8.0, 5.0, 30.0  # [pt]
 XLABEL = 27.0  # [pt] below a panel
 LINE = 9.5  # [pt] of caption and legend
 LABEL = 6.0  # [pt] size of the settings' labels
 MARKS = "osD^vPX*<>hp"
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 RING = 3.4  # [pt] size of a point
 COSTS = (("seconds", "time of one run [s]"), ("evaluations", "kernel evaluations [–]"))
 
@@ -92,15 +93,13 @@ def trade_figure(trade: Trade) -> Any:
 
 
 def _caption(trade: Trade) -> list[str]:
-    floor = trade.reference.floor
-    hollow = " A symbol on the hatching: no difference from the reference was seen."
+    r = trade.reference
+    unseen = " On the hatching: no difference seen." if any(p.below for p in trade.points) else ""
     return [
         f"{shown_name(trade.mechanism, 40)}, {trade.question}. Error: {trade.measure}, against "
-        f"{trade.reference.method}, checked by {trade.reference.check}; hatched below {floor:.0e}, "
-        "where nothing can be told."
-        + (hollow if any(p.below for p in trade.points) else "")
-        + " Bars: fastest to slowest of at least 5 warm runs, symbols: median. Evaluations: "
-        f"{trade.counted}. Broad grey line: Pareto front."
+        f"{r.method}, checked by {r.check}, which leaves {r.floor:.0e} open (hatched).{unseen} "
+        "Time: median, bars from the fastest to the slowest of at least 5 warm runs. "
+        f"Evaluations: {trade.counted}. Broad grey line: Pareto front."
     ]
 
 
@@ -146,9 +145,34 @@ def _panel(
         if dashes:
             line.set_dashes(dashes)
     _label(axes, points, front, cost, inside)
+    _ticks(axes.xaxis, axes.get_xlim(), 7)
+    _ticks(axes.yaxis, axes.get_ylim(), 8)
     axes.grid(True, color=ink.PALE, lw=0.3)
     axes.set_axisbelow(True)
-    axes.minorticks_off()
+
+
+def _ticks(axis: Any, limits: tuple[float, float], most: int) -> None:
+    """Ticks at decades, as few as fit; over a short range at 1, 2 and 5 of each."""
+    low, high = (math.log10(x) for x in limits)
+    decades = range(math.ceil(low), math.floor(high) + 1)
+    each = 1 + len(decades) // (most + 1)
+    ticks = [10.0**k for k in decades if k % each == 0]
+    if len(ticks) < 3:
+        every = [d * 10.0**k for k in range(math.floor(low), math.ceil(high)) for d in (1, 2, 5)]
+        ticks = [x for x in every if limits[0] <= x <= limits[1]]
+    axis.set_ticks(ticks, [power_of_ten(x) for x in ticks])
+    axis.set_ticks([], minor=True)
+
+
+def power_of_ten(x: float) -> str:
+    """A number as a digit and a power of ten.
+
+    >>> power_of_ten(2e-3)
+    '2·10⁻³'
+    """
+    digit, exponent = f"{x:.0e}".split("e")
+    raised = "10" + str(int(exponent)).translate(SUPERSCRIPT)
+    return raised if digit == "1" else f"{digit}·{raised}"
 
 
 def _label(
@@ -192,7 +216,8 @@ def _label(
 
 def short(p: Point) -> str:
     """A setting in as few letters as tell it from its neighbours."""
-    return p.setting.replace(" iterations", "×").replace(" samples", "").replace("complex", "c")
+    words = p.setting.replace(" samples", "").replace("complex", "c").replace("accuracy ", "")
+    return f"n = {words.removesuffix(' iterations')}" if words.endswith("iterations") else words
 
 
 def _legend_rows(series: dict[str, list[Point]], inside: float) -> list[list[int]]:

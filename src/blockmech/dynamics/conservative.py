@@ -42,7 +42,7 @@ class Conservative:
     @property
     def turns_high(self) -> bool:
         """Whether the motion turns back at the high end."""
-        return self.line.later is None and self.line.first.high.reflects
+        return not self.line.period and self.line.first.high.reflects
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]; at and after its end the motion stays there."""
@@ -93,7 +93,7 @@ class Conservative:
     def reaches(self, x: float) -> float:
         """First time after the start at which the motion is at x [s], inf if it never is."""
         line, T = self.line, self.line.total
-        if x < line.first.low.x or (line.later is None and x > line.first.high.x):
+        if x < line.first.low.x or (not line.period and x > line.first.high.x):
             return math.inf
         at = float(line.when(np.array([x]))[0])
         images = [at]

@@ -238,7 +238,7 @@ def _endless(
     if gain == 0:
         high = End(period, K0)
         turn = converged(view, ahead.mesh, low, high, None, planned.allowed)
-        line = Line(view, turn, turn.quad, period)
+        line = Line(view, turn, period)
         facts = {"period": turn.total}
         return Course("rotation", Conservative(line, 0.0, 1), "", doubts, facts)
     first = converged(view, ahead.mesh, low, End(period), None, planned.allowed)
@@ -256,7 +256,7 @@ def _secular(
     enough = max(turns, planned.until.value if planned.until.goal == "turns" else 0.0)
     starts = turn_starts(first.total, later.quad, gain, 0.0, int(enough) + 3)
     lost = float(later.quad.lost.sum() + later.quad.rounded.sum()) / gain
-    return Line(view, first, later.quad, period, gain, starts, later.error, lost)
+    return Line(view, first, period, later.quad, gain, starts, later.error, lost)
 
 
 def _extended(line: Line, c0: float, planned: Planned) -> Line:
@@ -407,7 +407,7 @@ def _period(track: Conservative) -> float:
     """Time after which the motion repeats [s], inf if it does not."""
     if track.turns_low and track.turns_high:
         return 2 * track.line.total
-    if track.line.later is not None and track.line.gain == 0:
+    if track.line.period and track.line.gain == 0:
         return track.line.first.total
     return math.inf
 
@@ -421,7 +421,7 @@ def _never(track: Conservative, start: Start) -> float:
 def _fastest(track: Conservative, t_end: float) -> float:
     """Largest speed up to the end [rad/s or m/s]."""
     line = track.line
-    if line.later is None or line.gain == 0 or line.starts is None:
+    if line.later is None or line.starts is None:
         return line.first.fastest
     clock = max(track.c0, float(track.clock(np.array([t_end]))[0]))
     turn = max(int(np.searchsorted(line.starts, clock, side="right")) - 2, 0)

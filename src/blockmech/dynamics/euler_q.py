@@ -25,7 +25,7 @@ from blockmech.dynamics.motion import State
 from blockmech.dynamics.reduced import TURN, Metered, feasible
 from blockmech.dynamics.until import Start, Until
 
-BLOCK = 8192  # grid points sampled at once
+BLOCKS = (512, 8192)  # grid points sampled at once: at first, at most
 MOST_STEPS = 5_000_000
 
 
@@ -119,14 +119,14 @@ def _swing(
         return _Swing(times, places, rates, end, status)
 
     d = direction * step
-    first = 0
+    first, block = 0, BLOCKS[0]
     q = q0
     while first < most:
-        grid = q0 + d * np.arange(first, first + BLOCK + 1)
+        grid = q0 + d * np.arange(first, first + block + 1)
         sample = meter.sample(grid)
         good = feasible(sample)
         J, tau = sample.J.tolist(), sample.tau.tolist()
-        count = BLOCK if good.all() else max(int(np.argmin(good)) - 1, 0)
+        count = block if good.all() else max(int(np.argmin(good)) - 1, 0)
         for i in range(count):
             xi = (tau[i] - w2 / 2 * (J[i + 1] - J[i]) / d) / J[i]
             new = w2 + 2 * xi * d
@@ -154,7 +154,7 @@ def _swing(
                     return _landed(done(goal.name, "reached"), *before, xi, target)
         if not good.all():
             return done("impossible pose", "ended")
-        first += BLOCK
+        first, block = first + block, min(2 * block, BLOCKS[1])
     return done(f"more than {MOST_STEPS} steps", "failed")
 
 

@@ -30,8 +30,8 @@ class Line:
     ----------
     view : the driver seen along the path
     first : the first passage, all of it if nothing repeats
-    later : a turn after the first, or None; its energy is that of the second turn
-    period : [rad or m] of the turns
+    period : [rad or m] after which the path repeats, 0 if it does not
+    later : a turn after the first where gain > 0; its energy is that of the second turn
     gain : [J] net work over a turn, >= 0
     starts : (turns + 1,) [s] clock at which each turn begins, where gain > 0
     later_error : [s] error of the time of the second turn
@@ -40,8 +40,8 @@ class Line:
 
     view: View
     first: Passage
-    later: Quadrature | None = None
     period: float = 0.0
+    later: Quadrature | None = None
     gain: float = 0.0
     starts: Floats | None = None
     later_error: float = 0.0
@@ -61,14 +61,14 @@ class Line:
     @property
     def total(self) -> float:
         """Clock at the high end [s], infinite if there is none."""
-        return self.first.total if self.later is None else np.inf
+        return np.inf if self.period else self.first.total
 
     def place(self, clock: Floats) -> Place:
         """Place and speed at clock readings (m,)."""
-        if self.later is None:
+        if not self.period:
             return self.first.place(clock)
         turn = self._turn_at(clock)
-        if self.starts is None:
+        if self.starts is None or self.later is None:
             found = self.first.place(clock - turn * self.first.total)
             return Place(found.x + turn * self.period, found.rate)
         local = clock - self.starts[turn]
@@ -83,11 +83,11 @@ class Line:
 
     def when(self, x: Floats) -> Floats:
         """Clock readings at places x (m,)."""
-        if self.later is None:
+        if not self.period:
             return self.first.when(x)
         turn = np.floor((x - self.first.low.x) / self.period).astype(np.intp)
         local = x - turn * self.period
-        if self.starts is None:
+        if self.starts is None or self.later is None:
             return np.asarray(self.first.when(local) + turn * self.first.total)
         clock = np.empty_like(x)
         one = turn == 0

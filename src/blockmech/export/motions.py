@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 LINES = 8  # events shown
 DIGITS = 12
+UNITS = {"swing_time": " s", "period": " s", "gain_per_turn": " J", "frequency": " rad/s"}
 
 
 def motion_lines(result: Result, degrees: bool = False) -> list[str]:
@@ -35,7 +36,8 @@ def motion_lines(result: Result, degrees: bool = False) -> list[str]:
         unit = units[0] if len(set(units)) == 1 else "rad or m"
         clock = f", {motion.time_error:.1e} s at the end" if motion.time_error > 0 else ""
         lines.append(f"estimated error {motion.error:.1e} {unit}{clock}")
-    lines += [f"{name.replace('_', ' ')} {_number(x)}" for name, x in motion.facts.items()]
+    for name, x in motion.facts.items():
+        lines.append(f"{name.replace('_', ' ')} {_number(x)}{UNITS.get(name, '')}")
     return [*lines, *(f"note: {text}" for text in motion.notes)]
 
 

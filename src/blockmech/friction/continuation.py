@@ -92,12 +92,29 @@ class _Equations:
         found[np.arange(self.m), pick] = np.where(F[np.arange(self.m), pick] < 0, -1.0, 1.0)
         return found
 
-    def left(self, v: Array, contacts: Array) -> bool:
-        """Whether a guide is no longer pressed as the contacts say."""
+    def spare(self, v: Array, contacts: Array) -> Array:
+        """By how much each guide (m,) is pressed more as its contact says than otherwise.
+
+        Negative where the contact has changed; infinite for revolute pairs.
+        """
+        along, across = self._pressed(v, contacts)
+        return np.where(self.edges, along - np.maximum(np.abs(across), -along), np.inf)
+
+    def switched(self, v: Array, contacts: Array) -> Array:
+        """The contacts behind a kink: the guide with least to spare has changed its own."""
+        along, across = self._pressed(v, contacts)
+        j = int(np.argmin(self.spare(v, contacts)))
+        x, y = contacts[j]
+        found = contacts.copy()
+        found[j] = (
+            (-x, -y) if -along[j] > abs(across[j]) else np.sign(across[j]) * np.array((-y, x))
+        )
+        return found
+
+    def _pressed(self, v: Array, contacts: Array) -> tuple[Array, Array]:
         F = self.loads(v[:-2], v[-2])
-        pressed = np.einsum("jc,jc->j", contacts, F)
-        gone = pressed < np.abs(F).max(axis=1) - KINK
-        return bool((gone & self.edges).any())
+        along: Array = np.einsum("jc,jc->j", contacts, F)
+        return along, contacts[:, 0] * F[:, 1] - contacts[:, 1] * F[:, 0]
 
     def norm(self, n: Array, eta: float, contacts: Array) -> tuple[Array, Array]:
         """Load norms (m,) and their gradients (m, m + 1) in (n, eta), smooth in a contact."""
@@ -163,7 +180,7 @@ def continue_from_zero(
                 return _ended(eq, Outcome.NOT_CONVERGED, v[-1], count)
             continue
         new, ahead, effort = moved
-        kink = eq.left(new, contacts)
+        kink = bool(eq.spare(new, contacts).min() < -KINK)
         if kink:
             step = _kink(eq, v, contacts, tangent, step)
             new, ahead, effort = _moved(eq, v, contacts, tangent, step) or moved
@@ -181,7 +198,7 @@ def continue_from_zero(
         if new[-1] >= 1.0:
             return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
         if kink:
-            contacts = eq.contacts(eq.loads(new[:-2], new[-2]))
+            contacts = eq.switched(new, contacts)
             ahead = _tangent(eq, new, contacts, side)
             if ahead[-1] <= 0.0:  # lambda turns back at the kink itself
                 return _ended(eq, Outcome.FOLD, new[-1], count)
@@ -239,47 +256,61 @@ def _correct(
     return None
 
 
-def _last_before(
+def _crossing(
     eq: _Equations,
     v: Array,
     contacts: Array,
     tangent: Array,
     step: float,
-    passed: Callable[[Array], bool],
-) -> tuple[float, float]:
-    """The step, to rounding, at which the path from v passes something: before and behind."""
-    low, high = 0.0, step
-    while high - low > 1e-15 + 4e-16 * high:
-        middle = (low + high) / 2
-        moved = _correct(eq, v, contacts, tangent, middle)
-        if moved is None or passed(moved[0]):
-            high = middle
+    rest: Callable[[Array], float],
+) -> float:
+    """The step at which the rest of something is used up, by regula falsi (Illinois)."""
+
+    def at(x: float) -> float:
+        moved = _correct(eq, v, contacts, tangent, x)
+        return np.nan if moved is None else rest(moved[0])
+
+    low, high, f_low, f_high = 0.0, step, rest(v), at(step)
+    for k in range(30):  # a contact that has just changed starts with nothing to spare
+        if f_low > 0.0:
+            break
+        low = step * 0.5 ** (k + 1)
+        f_low = at(low)
+    x, side = high, 0
+    for _ in range(60):
+        if high - low <= 4e-16 * high:
+            break
+        sound = f_low > 0.0 >= f_high
+        x = (low * f_high - high * f_low) / (f_high - f_low) if sound else (low + high) / 2
+        f = at(x)
+        if abs(f) <= 4e-16:
+            break
+        if f > 0.0:
+            low, f_low, f_high, side = x, f, f_high / 2 if side > 0 else f_high, 1
         else:
-            low = middle
-    return low, high
+            high, f_high, f_low, side = x, f, f_low / 2 if side < 0 else f_low, -1
+    return x
 
 
 def _kink(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
-    """The step after which a guide's contact has just changed."""
-    return _last_before(eq, v, contacts, tangent, step, lambda x: eq.left(x, contacts))[1]
+    """The step at which a guide's contact changes."""
+    return _crossing(eq, v, contacts, tangent, step, lambda x: float(eq.spare(x, contacts).min()))
 
 
 def _asymptote(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
     """Lambda where eta is zero, between v and one step further."""
-    low, _ = _last_before(eq, v, contacts, tangent, step, lambda x: bool(x[-2] <= 0.0))
-    moved = _correct(eq, v, contacts, tangent, low)
+    end = _crossing(eq, v, contacts, tangent, step, lambda x: float(x[-2]))
+    moved = _correct(eq, v, contacts, tangent, end)
     return float((v if moved is None else moved[0])[-1])
 
 
 def _fold(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> Array:
     """The point of largest lambda on the path between v and one step further."""
     side = _side(eq, v, contacts, tangent)
-
-    def turned_back(x: Array) -> bool:
-        return bool(_tangent(eq, x, contacts, side)[-1] <= 0.0)
-
-    low, _ = _last_before(eq, v, contacts, tangent, step, turned_back)
-    moved = _correct(eq, v, contacts, tangent, low)
+    end = _crossing(
+        eq, v, contacts, tangent, step, lambda x: float(_tangent(eq, x, contacts, side)[-1])
+    )
+    moved = _correct(eq, v, contacts, tangent, end)
     return v if moved is None else moved[0]
 
 

@@ -57,9 +57,8 @@ def _lines(error: ValidationError, model: type[BaseModel], raw: Any) -> Iterator
         except ValidationError as shorter:
             error = shorter
     lines = error.errors(include_url=False)
-    if error is not whole:  # a key may be missing only because it comes later
-        lines = [line for line in lines if line["type"] != "missing"]
-    return iter(lines[: MOST + 1])
+    true = [line for line in lines if error is whole or not _comes_later(raw, line)]
+    return iter((true or whole.errors(include_url=False))[: MOST + 1])
 
 
 def _beginning(raw: Any, most: int) -> Any:
@@ -67,6 +66,14 @@ def _beginning(raw: Any, most: int) -> Any:
     if isinstance(raw, dict):
         return {key: _beginning(item, most) for key, item in islice(raw.items(), most)}
     return [_beginning(item, most) for item in raw[:most]] if isinstance(raw, list) else raw
+
+
+def _comes_later(raw: Any, line: Any) -> bool:
+    """Whether a key is missing only because the beginning of an object was looked at."""
+    path = _path_in(raw, line["loc"], line["type"])
+    for part in path[:-1]:
+        raw = raw[part]
+    return line["type"] == "missing" and path[-1] in raw
 
 
 def _united(problems: list[Problem]) -> Iterator[Problem]:

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from blockmech.model.graph import Graph
     from blockmech.result import Result
 
-NEEDS_DYNAMICS = "needs forward dynamics"
 NO_SIZE = "every expected number is 0, so only an atol allows an error"
 
 
@@ -143,17 +142,8 @@ def check_expectation(
     ]
     if problems:
         raise RequestError(problems)
-    if expectation.simulate is not None:
-        return list(_untested(mechanism, expectation, entry))
     try:
-        result = mechanism.run(
-            at=expectation.at,
-            want=tuple(expectation.want),
-            friction=expectation.friction,
-            tolerance=expectation.tolerance,
-            iterations=expectation.iterations,
-            on_gap="mark",
-        )
+        result = _computed(mechanism, expectation)
     except RequestError as error:
         where = path_text(("expect", entry))
         raise RequestError(
@@ -163,8 +153,25 @@ def check_expectation(
     return [
         replace(outcome, entry=entry)
         for name, values in expectation.want.items()
-        for outcome in compared(result, name, as_numbers(values), rtol, atol)
+        for outcome in _of_times(result, name, as_numbers(values), rtol, atol, expectation)
     ]
+
+
+def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
+    """The run or the simulation that an entry asks for."""
+    want = tuple(expectation.want)
+    moving = expectation.simulate
+    if moving is not None:
+        friction = "none" if expectation.friction == "none" else None
+        return mechanism.simulate(moving.until, times=moving.times, want=want, friction=friction)
+    return mechanism.run(
+        at=expectation.at,
+        want=want,
+        friction=expectation.friction,
+        tolerance=expectation.tolerance,
+        iterations=expectation.iterations,
+        on_gap="mark",
+    )
 
 
 def check_closing(mechanism: Mechanism) -> None:
@@ -221,18 +228,30 @@ def _misfit(
         yield "bad-expectation", f"has {len(values)} values, needs {count}", f"it has {valid}", ""
 
 
-def _untested(mechanism: Mechanism, expectation: Expectation, entry: int) -> Iterator[Outcome]:
-    """What a free motion should give, as not met: nothing computes it yet."""
-    for name, values in expectation.want.items():
-        expected = as_numbers(values)
-        unit = mechanism.outputs[name].unit
-        tolerances = _tolerances(expected, expectation.rtol or 0.0, expectation.atol or 0.0)
-        for i, (wanted, tolerance) in enumerate(
-            zip(expected.tolist(), tolerances.tolist(), strict=True)
-        ):
-            yield Outcome(
-                name, unit, wanted, None, tolerance, None, None, i, {}, entry, NEEDS_DYNAMICS
-            )
+def _of_times(
+    result: Result,
+    name: str,
+    expected: NDArray[Any],
+    rtol: float,
+    atol: float,
+    expectation: Expectation,
+) -> Iterator[Outcome]:
+    """The outcomes of one output; times after the end of a motion have no answer."""
+    motion, moving = result.motion, expectation.simulate
+    if motion is None or moving is None or result.output(name).kind == "number":
+        yield from compared(result, name, expected, rtol, atol)
+        return
+    tolerances = _tolerances(expected, rtol, atol)
+    inside = [i for i, t in enumerate(moving.times) if t <= motion.t_end]
+    found = compared(result, name, expected[inside], rtol, atol) if inside else iter(())
+    reason = f"the motion ended at {motion.t_end:.9g} s: {motion.end}"
+    unit = result.unit(name)
+    for i in range(len(expected)):
+        wanted, allowed = expected[i].item(), float(tolerances[i])
+        if i in inside:
+            yield replace(next(found), sample=i, tolerance=allowed)
+        else:
+            yield Outcome(name, unit, wanted, None, allowed, None, None, i, {}, reason=reason)
 
 
 # -- comparing -------------------------------------------------------------------------------

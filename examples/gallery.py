@@ -1,0 +1,39 @@
+"""One sheet with a picture of every mechanism of the gallery: python examples/gallery.py [PNG]."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+import blockmech as bm
+from blockmech.draw import draw
+
+GRAPHS = Path(__file__).parents[1] / "graphs"
+COLUMNS = 4
+
+
+def sheet(target: Path, names: list[str] | None = None) -> list[str]:
+    """Draw the mechanisms of these graph files (all by default); the names drawn."""
+    files = sorted(GRAPHS.glob("*.json"))
+    files = [f for f in files if names is None or f.stem in names]
+    rows = -(-len(files) // COLUMNS)
+    figure = Figure(figsize=(4.0 * COLUMNS, 4.2 * rows), layout="constrained")
+    with tempfile.TemporaryDirectory() as folder:
+        for k, file in enumerate(files):
+            picture = Path(folder) / f"{file.stem}.png"
+            draw(bm.Graph.load(file), picture, kind="mechanism")
+            axes = figure.add_subplot(rows, COLUMNS, k + 1)
+            axes.imshow(imread(picture))
+            axes.set_title(file.stem.replace("_", " "))
+            axes.set_axis_off()
+    FigureCanvasAgg(figure).print_png(target)
+    return [f.stem for f in files]
+
+
+if __name__ == "__main__":
+    print(sheet(Path(sys.argv[1] if len(sys.argv) > 1 else "gallery.png")))

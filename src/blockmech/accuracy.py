@@ -1,0 +1,334 @@
+"""From a wanted accuracy to settings: friction method, iterations and precision.
+
+Nothing is timed. A probe of some samples says how strongly this mechanism amplifies
+rounding and what share of the outputs is friction; the contraction bound P of the
+friction equations says what an iteration gains. The run that follows brings its own
+residuals, contractions and margins: the estimate that is handed out is made from those,
+over all samples, and a finer setting is taken where it misses the target.
+
+    friction left out       share
+    k approximations        share * P^k / (1 - P)           before the run
+                            share * residual / (1 - P)      after it
+    rounding                what the probe lost, times (its margin / the run's)^(3/2)
+
+The power is that of accelerations, the most sensitive outputs: they hold the third
+power of one over the normalised determinant, of which the margin is the square.
+
+Errors are relative to an output's largest magnitude over the run; of angles in rad.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from blockmech.errors import Problem, RequestError, listed
+from blockmech.samples import Samples
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+    from blockmech.plan import Plan
+    from blockmech.result import Result
+
+PROBE = 65  # samples
+SAFETY = 4.0  # of a maximum over the probe against one over all samples
+ENOUGH = 2048  # samples below which single precision saves nothing
+MOST_ITERATIONS = 6  # beyond, Newton's method is cheaper
+CONTRACTS = 0.5  # P up to which iterations are worth counting on
+SMALL = 1e-9  # outputs this much smaller than others of their unit are measured by those
+SINGLE = float(np.finfo(np.float32).eps)
+DOUBLE = float(np.finfo(np.float64).eps)
+LONG = float(np.finfo(np.longdouble).eps)
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What was chosen for a wanted accuracy, and the error that it is estimated to have.
+
+    Attributes
+    ----------
+    target : wanted error [- or rad]
+    estimate : estimated error of the worst output at the worst sample
+    friction, iterations, precision : the settings taken
+    why : the reason in words
+    """
+
+    target: float
+    estimate: float
+    friction: str
+    iterations: int | None
+    precision: str
+    why: str
+
+    @property
+    def reached(self) -> bool:
+        """Whether the estimate is within the target."""
+        return self.estimate <= self.target
+
+    def __str__(self) -> str:
+        method = f"friction {self.friction}"
+        if self.iterations is not None:
+            method += f", {self.iterations} iterations"
+        reached = "" if self.reached else "; accuracy not reached"
+        return (
+            f"accuracy {self.target:.1g}: {method}, {self.precision}; "
+            f"estimated error {self.estimate:.1g}, {self.why}{reached}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The choice as JSON data."""
+        return {
+            "target": self.target,
+            "estimate": self.estimate if math.isfinite(self.estimate) else None,
+            "reached": self.reached,
+            "friction": self.friction,
+            "iterations": self.iterations,
+            "precision": self.precision,
+            "why": self.why,
+        }
+
+
+class Probe(NamedTuple):
+    """What some samples tell.
+
+    share : largest share of friction in an output [-]
+    contraction : largest bound P [-]
+    margin : smallest margin [-]
+    rounding : precision -> error of the worst output
+    rubs : whether friction is computed at all
+    """
+
+    share: float
+    contraction: float
+    margin: float
+    rounding: Mapping[str, float]
+    rubs: bool
+
+
+class Setting(NamedTuple):
+    """A choice before the run, with its estimate."""
+
+    friction: str
+    iterations: int | None
+    precision: str
+    estimate: float
+
+
+def run_to(
+    mechanism: Mechanism,
+    taken: Samples,
+    want: Iterable[str] | str,
+    accuracy: float,
+    static: bool,
+    engine: str,
+    chunk: int | None,
+) -> Result:
+    """Run with the settings that an accuracy needs; ``result.accuracy`` says which.
+
+    Raises `RequestError` where the accuracy is not a positive number.
+    """
+    if not 0 < accuracy < math.inf:
+        raise RequestError(
+            Problem("bad-value", "accuracy", f"must be > 0, got {accuracy}", "", "try 1e-6")
+        )
+    probe = look(mechanism, taken, want, static)
+    settings = list(_settings(probe, taken.n, accuracy, engine))
+    for setting in settings:
+        result = _run(mechanism, taken, want, static, setting, engine, chunk)
+        found = _judged(result, setting, probe, accuracy)
+        if found.reached:
+            break
+    result.accuracy = found
+    return result
+
+
+def refuse_settings(accuracy: float, **given: Any) -> None:
+    """Refuse settings beside an accuracy, which is there to choose them."""
+    said = [name for name, value in given.items() if value is not None]
+    if said:
+        raise RequestError(
+            Problem(
+                "useless-setting",
+                listed(said),
+                f"accuracy={accuracy:g} chooses it",
+                "",
+                "give the accuracy or the setting",
+            )
+        )
+
+
+def look(
+    mechanism: Mechanism, taken: Samples, want: Iterable[str] | str, static: bool
+) -> Probe:
+    """Probe a request at some of its samples."""
+    few = _some(taken)
+    plan = mechanism.plan(want, static=static)
+    plain = mechanism.plan(want, friction="none", static=static)
+    rubs = any(name.startswith("friction/") for name in plan.layout)
+    best = _result(mechanism, plan, few, "complex128", {"friction": "newton", "static": static})
+    good = _good(best)
+    quality = best.quality
+    P = [float(np.max(c[good], initial=0.0)) for c in quality.contraction.values()]
+    margins = [float(np.min(m[good], initial=1.0)) for m in quality.margin.values()]
+    none = {"friction": "none", "static": static}
+    smooth = _result(mechanism, plain, few, "complex128", none)
+    return Probe(
+        difference(smooth, best, good) if rubs else 0.0,
+        max(P, default=0.0),
+        min(margins, default=1.0),
+        _rounding(mechanism, plain, few, smooth, good, none),
+        rubs,
+    )
+
+
+def _rounding(
+    mechanism: Mechanism, plain: Plan, few: Samples, smooth: Result, good: Any, none: Any
+) -> dict[str, float]:
+    """Errors of the precisions on the probe, without friction.
+
+    Where no wider number is at hand the error in double is inferred from the one in
+    single precision: rounding is linear in the last digit.
+    """
+    single = difference(_result(mechanism, plain, few, "complex64", none), smooth, good)
+    found = {"complex64": max(single, SINGLE)}
+    if LONG < DOUBLE:
+        wide = _result(mechanism, plain, few, "clongdouble", none)
+        lost = max(difference(smooth, wide, good), DOUBLE)
+        return found | {"complex128": lost, "clongdouble": lost * LONG / DOUBLE}
+    return found | {"complex128": max(single * DOUBLE / SINGLE, DOUBLE)}
+
+
+def _settings(probe: Probe, n: int, accuracy: float, engine: str) -> Iterable[Setting]:
+    """Settings to try, from the cheapest that should do to the most exact."""
+    precisions = [
+        p
+        for p in probe.rounding
+        if p == "complex128"
+        or (engine != "scalar" and (p == "clongdouble" or (n >= ENOUGH and not probe.rubs)))
+    ]
+    half = accuracy / 2  # for friction, the rest for rounding
+    fine = [p for p in precisions if SAFETY * probe.rounding[p] <= half] or precisions[-1:]
+    if not probe.rubs:
+        for precision in fine:
+            yield Setting("newton", None, precision, SAFETY * probe.rounding[precision])
+        return
+    for k in range(MOST_ITERATIONS + 1):
+        P = probe.contraction
+        estimate = probe.share * P**k / (1 - P) if P < CONTRACTS else math.inf
+        if estimate <= half:
+            yield Setting(*_method(k), fine[0], estimate)
+            if k:
+                yield Setting(*_method(k + 1), fine[0], estimate * P)
+            break
+    for precision in fine:
+        yield Setting("newton", None, precision, SAFETY * probe.rounding[precision])
+
+
+def _method(k: int) -> tuple[str, int | None]:
+    return (("none", None), ("single", None))[k] if k < 2 else ("successive", k)
+
+
+def _judged(result: Result, setting: Setting, probe: Probe, accuracy: float) -> Accuracy:
+    """The estimate after the run, from its own residuals, contractions and margins."""
+    quality = result.quality
+    good = _good(result)
+    margins = [float(np.min(m[good], initial=1.0)) for m in quality.margin.values()]
+    nearer = max(1.0, probe.margin / max(min(margins, default=1.0), 1e-300))
+    rounding = SAFETY * probe.rounding[setting.precision] * nearer**1.5
+    rubbing = 0.0
+    words = f"{rounding:.1g} from rounding"
+    if probe.rubs and setting.friction == "none":
+        rubbing = SAFETY * probe.share
+    elif probe.rubs:
+        for block, residual in quality.residual.items():
+            P = float(np.max(quality.contraction[block][good], initial=probe.contraction))
+            if setting.friction == "newton":
+                P = min(P, CONTRACTS)  # not what decides whether it converges
+            worst = float(np.max(residual[good], initial=0.0))
+            rubbing += probe.share * worst / (1 - P) if P < 1 else math.inf
+    if probe.rubs:
+        words += f", {rubbing:.1g} from friction"
+    return Accuracy(
+        accuracy,
+        rounding + rubbing,
+        setting.friction,
+        setting.iterations,
+        setting.precision,
+        words,
+    )
+
+
+def difference(found: Result, wanted: Result, good: Any) -> float:
+    """Largest difference of two runs of the same samples, relative to the largest values."""
+    kept = [n for n in wanted if wanted.output(n).kind in ("real", "vector") and n in found]
+    sizes: dict[str, float] = {}
+    units: dict[str, float] = {}
+    for name in kept:
+        sizes[name] = float(np.max(np.abs(wanted[name][good]), initial=0.0))
+        unit = wanted.unit(name)
+        if math.isfinite(sizes[name]):
+            units[unit] = max(units.get(unit, 0.0), sizes[name])
+    worst = 0.0
+    for name in kept:
+        gap = np.asarray(found[name] - wanted[name])[good]
+        unit = wanted.unit(name)
+        if unit == "rad":
+            gap = gap - 2 * np.pi * np.round(gap / (2 * np.pi))
+        size = sizes[name] if sizes[name] > SMALL * units.get(unit, 0.0) else units.get(unit, 0.0)
+        scale = 1.0 if unit == "rad" else size or 1.0
+        gap = np.abs(gap)
+        worst = max(worst, float(np.max(gap[np.isfinite(gap)], initial=0.0)) / scale)
+    return worst
+
+
+def _good(result: Result) -> Any:
+    """Samples with an answer at which no joint is between two directions of friction."""
+    good = np.array([word == "ok" for word in result.quality.status], dtype=bool)
+    unsure = ("zero-relative-speed", "dead-centre")
+    good[[f.sample for f in result.quality.flags if f.code in unsure]] = False
+    return good
+
+
+def _some(taken: Samples) -> Samples:
+    """Some of the samples, ends included."""
+    if taken.n <= PROBE:
+        return taken
+    index = np.unique(np.linspace(0, taken.n - 1, PROBE).round().astype(int))
+    inputs = {k: np.ascontiguousarray(np.asarray(v)[index]) for k, v in taken.inputs.items()}
+    times = None if taken.times is None else taken.times[index]
+    return Samples(len(index), inputs, times, taken.clock)
+
+
+def _run(
+    mechanism: Mechanism,
+    taken: Samples,
+    want: Iterable[str] | str,
+    static: bool,
+    setting: Setting,
+    engine: str,
+    chunk: int | None,
+) -> Result:
+    how = {"friction": setting.friction, "iterations": setting.iterations, "static": static}
+    plan = mechanism.plan(want, **how)  # type: ignore[arg-type]
+    chosen = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
+    return _result(mechanism, plan, taken, setting.precision, how, chosen, chunk)
+
+
+def _result(
+    mechanism: Mechanism,
+    plan: Plan,
+    samples: Samples,
+    precision: str,
+    how: Mapping[str, Any],
+    engine: str = "numpy",
+    chunk: int | None = None,
+) -> Result:
+    from blockmech.result import Result
+
+    values, name = mechanism.evaluate(plan, samples, engine, precision, chunk)
+    settings = {"tolerance": None, "iterations": None, **how}
+    return Result(mechanism, plan, samples, values, name, settings)

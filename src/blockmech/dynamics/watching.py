@@ -1,0 +1,73 @@
+"""User's events on a motion that is known in closed form: found after the run.
+
+The surfaces are sampled along the motion, changes of sign are bracketed and halved, all
+of them at once. Two crossings between neighbouring samples are not seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.motion import Event, Motion
+from blockmech.dynamics.until import Watch
+
+SAMPLES_A_PASSAGE = 64
+LEAST, MOST = 257, 200_001
+HALVINGS = 60
+
+
+def watched_motion(motion: Motion, watches: tuple[Watch, ...]) -> Motion:
+    """The motion with the watches' events, cut at the first terminal one."""
+    if not watches or motion.t_end <= motion.t_start:
+        return motion
+    found = [(event, watch) for watch in watches for event in _crossings(motion, watch)]
+    found.sort(key=lambda pair: pair[0].t)
+    last = next((event for event, watch in found if watch.terminal), None)
+    t_end = motion.t_end if last is None else last.t
+    events = [e for e in motion.events if e.t <= t_end] + [e for e, _ in found if e.t <= t_end]
+    events.sort(key=lambda e: e.t)
+    if last is None:
+        return replace(motion, events=tuple(events))
+    return replace(
+        motion,
+        events=tuple(events),
+        t_end=t_end,
+        q_end=last.q,
+        qd_end=last.qd,
+        status="reached",
+        end=last.kind,
+    )
+
+
+def _crossings(motion: Motion, watch: Watch) -> list[Event]:
+    swing = motion.facts.get("swing_time") or motion.facts.get("period") or 0.0
+    span = motion.t_end - motion.t_start
+    count = SAMPLES_A_PASSAGE * span / swing if swing else LEAST
+    t = motion.times(int(min(max(count, LEAST), MOST)))
+    value = _values(motion, watch, t)
+    rising = (value[:-1] < 0) & (value[1:] >= 0) & (watch.direction >= 0)
+    falling = (value[:-1] > 0) & (value[1:] <= 0) & (watch.direction <= 0)
+    at = np.flatnonzero(rising | falling)
+    if not at.size:
+        return []
+    low, high, start = t[at], t[at + 1], value[at]
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        same = np.sign(_values(motion, watch, middle)) == np.sign(start)
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+        if ((high - low) <= 2e-16 * np.abs(high)).all():
+            break
+    state = motion.track.state(high)
+    return [
+        Event(watch.name, float(a), float(b), float(c))
+        for a, b, c in zip(high, state.q, state.qd, strict=True)
+    ]
+
+
+def _values(motion: Motion, watch: Watch, t: Floats) -> Floats:
+    state = motion.track.state(t)
+    rows = zip(t.tolist(), state.q.tolist(), state.qd.tolist(), strict=True)
+    return np.array([watch.surface(*row) for row in rows])

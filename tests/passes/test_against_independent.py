@@ -1,0 +1,210 @@
+"""Random mechanisms against the independent multibody solver, and against themselves.
+
+The solver knows absolute coordinates and Lagrange multipliers only (tests/independent). Its
+poses are assembled in extended precision, so what differs is blockmech's rounding: measured
+1e-16 to 4e-16 of the largest number of a kind, times the condition of the Jacobian.
+"""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from blockmech.testing.strategies import KINDS, Options, Seeded, mechanisms, random_mechanism
+
+from tests.blocks.twin import Twin
+from tests.wiring import chain, ruiz, toggle, watt
+
+MOTION = 4e-15  # [-] of the largest of its kind, times the condition
+FORCES = 1e-14  # [-] of the largest reaction, times the condition
+BALANCE = 1e-12  # what `verify` allows, of the sum of absolute terms times its conditioning
+
+CHAINS = Options(kinds=("dyad.rrr",), groups=(1, 5), drivers=(1, 3))
+ALL = Options(kinds=KINDS, groups=(1, 4), drivers=(1, 3))
+
+
+class Comparison:
+    """Largest errors of a run against the judge's verdict, by kind of quantity."""
+
+    def __init__(self, mech, request, friction=True):
+        method = "newton" if friction else "none"
+        self.run = mech.run(**request, on_gap="mark", friction=method)
+        order = [[request[k][d] for d in mech.drivers] for k in ("at", "rates", "accelerations")]
+        self.verdict = Twin(mech).judge(*order, friction=friction)
+        self.worst = Counter()
+
+    def note(self, kind, found, wanted, scale):
+        size = float(scale) * self.verdict.condition
+        error = abs(complex(found) - complex(wanted)) / size if size else abs(found - wanted)
+        self.worst[kind] = max(self.worst[kind], float(error))
+
+    def motion(self):
+        r, v = self.run, self.verdict
+        kinds = {"p": v.poses, "v": v.rates, "a": v.accelerations}
+        turns = {"v": "omega", "a": "alpha"}
+        size = max(1.0, max(abs(complex(*x[:2])) for x in v.poses.values()))
+        for kind, found in kinds.items():
+            # lengths in units of the size: a rate counts with the speed at that distance
+            speed = max(abs(complex(*x[:2])) for x in found.values())
+            turn = max(abs(x[2]) for x in found.values()) if kind in turns else 0.0
+            largest = max(speed, turn * size)
+            for link, x in found.items():
+                self.note(kind, r[f"{link}.{kind}"][0], complex(*x[:2]), largest)
+                if kind in turns:
+                    self.note(turns[kind], r[f"{link}.{turns[kind]}"][0], x[2], largest / size)
+                else:
+                    found_e = np.exp(1j * r[f"{link}.angle"][0])
+                    self.note("angle", found_e, np.exp(1j * float(x[2])), 1.0)
+        return self
+
+    def forces(self):
+        r, joints = self.run, self.verdict.forces.joints
+        largest = max(abs(complex(*j.force)) for j in joints.values())
+        reach = max(1.0, max(abs(j.C or 0.0) for j in joints.values()) / (largest or 1.0))
+        for name, joint in joints.items():
+            self.note("reaction", r[f"{name}.reaction"][0], complex(*joint.force), largest)
+            self.note("friction", r[f"{name}.friction"][0], joint.friction, largest)
+            if joint.C is not None:
+                self.note("couple", r[f"{name}.C"][0], joint.C, largest * reach)
+        for name, effort in self.verdict.forces.drivers.items():
+            self.note("drive", r[f"{name}.drive"][0], effort, largest * reach)
+        return self
+
+    def check(self):
+        # the forces are solved from the motion, with the same Jacobian: the condition counts twice
+        for kind, error in self.worst.items():
+            motion = kind in ("p", "v", "a", "angle", "omega", "alpha")
+            allowed = MOTION if motion else FORCES * max(1.0, self.verdict.condition / 100)
+            assert error <= allowed, (kind, error, self.verdict.condition)
+
+
+def compare(case, friction=True):
+    mech = case.graph.compile()
+    found = Comparison(mech, case.request, friction)
+    found.motion()
+    solved = found.verdict.forces.converged
+    assert (found.run.quality.status[0] == "ok") == solved
+    if solved:
+        found.forces()
+    found.check()
+    return found
+
+
+@given(mechanisms(CHAINS))
+@settings(max_examples=60)
+def test_random_chains_move_and_push_as_the_independent_solver_says(case):
+    compare(case)
+
+
+@given(mechanisms(CHAINS))
+@settings(max_examples=20)
+def test_random_chains_without_friction_push_as_the_independent_solver_says(case):
+    compare(case, friction=False)
+
+
+@given(mechanisms(ALL))
+@settings(max_examples=40)
+def test_random_mechanisms_of_all_dyads_agree_with_the_independent_solver(case):
+    compare(case)
+
+
+def test_many_seeded_chains_agree_and_margins_reach_far_down():
+    margins, conditions, statuses = [], [], Counter()
+    for seed in range(60):
+        few = Options(kinds=("dyad.rrr",), groups=(1, 6), least_margin=1e-3)
+        found = compare(random_mechanism(Seeded(seed), few))
+        margins += [m[0] for m in found.run.quality.margin.values()]
+        conditions.append(found.verdict.condition)
+        statuses[found.run.quality.status[0]] += 1
+    assert min(margins) < 0.02
+    assert max(conditions) > 50
+    assert statuses["ok"] >= 55
+
+
+@pytest.mark.parametrize("make", [ruiz, toggle, lambda: chain(4, friction=True)])
+def test_hand_made_mechanisms_agree_with_the_independent_solver(make):
+    mech = make().compile()
+    driver = mech.drivers[0]
+    for q in (0.13, 0.41, 0.57):
+        request = {"at": {driver: q}, "rates": {driver: -3.0}, "accelerations": {driver: 7.0}}
+        Comparison(mech, request).motion().forces().check()
+
+
+@given(mechanisms(CHAINS))
+@settings(max_examples=30)
+def test_branch_is_the_sign_it_is_declared_by(case):
+    mech = case.graph.compile()
+    r = mech.run(**case.request, friction="none", want=["*.p"])
+    for name, block in mech.structure.blocks.items():
+        if block.type_name != "dyad.rrr":
+            continue
+        B, C, D = (r[f"{name}.{x}.p"][0] for x in "BCD")
+        assert np.sign(((D - B).conjugate() * (C - B)).imag) == block.branch
+
+
+# ---- balances ---------------------------------------------------------------------------------
+
+
+@given(mechanisms(ALL))
+@settings(max_examples=60)
+def test_balances_and_both_routes_to_the_drive_hold_on_random_mechanisms(case):
+    mech = case.graph.compile()
+    found = mech.verify(**case.request)
+    if found.samples == 0:  # no friction solution: the balances are judged without
+        found = mech.verify(**case.request, friction="none")
+    assert found.ok, str(found)
+    assert max(row.allowed for row in found.rows) == BALANCE
+    moving, drivers = len(mech.structure.links) - 1, len(mech.drivers)
+    assert len(found.rows) == 2 * moving + len(mech.structure.blocks) + 1 + drivers
+
+
+@given(mechanisms(ALL))
+@settings(max_examples=20)
+def test_static_balances_hold_on_random_mechanisms(case):
+    found = case.graph.compile().verify(**case.request, friction="none", static=True)
+    rows = [row for row in found.rows if not row.name.startswith("power of the whole")]
+    assert all(row.ok for row in rows), str(found)
+
+
+@given(mechanisms(ALL))
+@settings(max_examples=30)
+def test_power_of_every_wire_is_what_flows_through_it(case):
+    mech = case.graph.compile()
+    r = mech.run(**case.request, friction="none")
+    for joint, marker in mech.structure.feeds.items():
+        found = r.wire(str(marker), str(joint))
+        work = (found["F"] * found["v"].conj()).real + found["M"] * found["om"]
+        size = np.abs(found["F"]) * np.abs(found["v"]) + np.abs(found["M"] * found["om"])
+        assert np.all(np.abs(found["power"] + work) <= 1e-15 * size)
+
+
+def test_superposition_of_drivers_gives_the_motion_of_all():
+    # v = sum of unit velocities times rates: the mass matrix reproduces the kinetic energy
+    for seed in range(12):
+        options = Options(kinds=("dyad.rrr",), drivers=(2, 3), groups=(2, 4), springs=False)
+        case = random_mechanism(Seeded(seed), options)
+        mech = case.graph.compile()
+        r = mech.run(**case.request, friction="none")
+        M, qd = r["mechanism.M"][0], np.array([case.request["rates"][d] for d in mech.drivers])
+        assert np.allclose(M, M.T, rtol=0, atol=1e-14 * np.abs(M).max())
+        kinetic = r["mechanism.kinetic_energy"][0]
+        assert qd @ M @ qd / 2 == pytest.approx(kinetic, rel=1e-12, abs=1e-13)
+        assert np.all(np.linalg.eigvalsh(M) >= -1e-12 * np.abs(M).max())
+
+
+def test_generalised_loads_are_the_power_of_loads_per_unit_rate():
+    for seed in range(12):
+        options = Options(kinds=("dyad.rrr",), drivers=(2, 2), groups=(2, 3))
+        case = random_mechanism(Seeded(seed), options)
+        mech = case.graph.compile()
+        r = mech.run(**case.request, friction="none", static=True)
+        Q = r["mechanism.Q"][0]
+        drives = [r[f"{d}.drive"][0] for d in mech.drivers]
+        assert np.allclose(drives, -Q, rtol=1e-10, atol=1e-10 * np.abs(Q).max())
+
+
+def test_watt_with_a_damper_agrees_with_the_independent_solver():
+    mech = watt(spring=5.0, force=True, friction=True).compile()
+    request = {"at": {"crank": 1.1}, "rates": {"crank": 4.0}, "accelerations": {"crank": -9.0}}
+    Comparison(mech, request).motion().forces().check()
