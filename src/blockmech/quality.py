@@ -28,6 +28,7 @@ DETAIL = {
     Outcome.NOT_CONVERGED: "slow",
     Outcome.FOLD: "fold",
     Outcome.ASYMPTOTE: "asymptote",
+    Outcome.UNCERTIFIED: "uncertified",
 }
 
 
@@ -121,7 +122,7 @@ def assess(
         for i in np.flatnonzero(outcome > 0):
             how = Outcome(int(outcome[i]))
             flags.append(Flag(int(i), DETAIL[how], block, value=_finite(limit[i])))
-            if how != Outcome.BY_CONTINUATION and i not in blame:
+            if not how.solved and i not in blame:
                 locked = JAMMED if block in prismatic else SELF_LOCKED
                 word = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
                 status[i], blame[int(i)] = word, block

@@ -112,7 +112,8 @@ def moves(mechanism: Mechanism, at: Any = None, **samples: Any) -> Motion:
     `RequestError` where neither ``at`` nor the scene says where the drivers are.
     """
     if at is None and samples.get("times") is None:
-        _need_laws(mechanism)
+        at = _starts(mechanism)
+        samples = samples if at is None else {}
     if at is not None:
         # Laws by time do not say the rate at a coordinate, and a picture needs none.
         rates = {
@@ -154,8 +155,12 @@ def _wanted(mechanism: Mechanism) -> list[str]:
     return want
 
 
-def _need_laws(mechanism: Mechanism) -> None:
-    missing = [d for d in mechanism.drivers if d not in mechanism.scene.drive]
+def _starts(mechanism: Mechanism) -> dict[str, float] | None:
+    """Where a free motion starts, if laws do not give the drivers' ranges; else None."""
+    laws, starts = mechanism.scene.drive, mechanism.scene.initial
+    missing = [d for d in mechanism.drivers if d not in laws]
+    if missing and all(d in starts for d in mechanism.drivers):
+        return {d: starts[d].q for d in mechanism.drivers}
     if missing:
         raise RequestError(
             Problem(
@@ -167,6 +172,7 @@ def _need_laws(mechanism: Mechanism) -> None:
             )
             for d in missing
         )
+    return None
 
 
 def closes(motion: Motion, first: int, last: int) -> bool:

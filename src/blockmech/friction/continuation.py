@@ -40,6 +40,12 @@ class Outcome(enum.IntEnum):
     NOT_CONVERGED = 2
     FOLD = 3
     ASYMPTOTE = 4
+    UNCERTIFIED = 5  # a fixed count of iterations where nothing bounds what it left
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is an answer, be it one that only its residual describes."""
+        return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION, Outcome.UNCERTIFIED)
 
 
 class Path(NamedTuple):
@@ -398,3 +404,16 @@ def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, tolerance: f
     spoilt = outcome != Outcome.BY_CONTINUATION
     t = (float("nan"),) * len(given.t) if spoilt else given.t
     return given._replace(t=t, outcome=float(outcome), limit=found.limit)
+
+
+def bounded(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
+    """One uncertified sample of a fixed count of iterations.
+
+    It stays what the user asked for and is flagged; where Coulomb's equations have no
+    solution at all there is nothing that it approximates, and it is no answer.
+    """
+    found = continue_from_zero(k, edges, base, rows)
+    if found.outcome == Outcome.BY_CONTINUATION:
+        return given._replace(outcome=float(Outcome.UNCERTIFIED), limit=found.limit)
+    nothing = (float("nan"),) * len(given.t)
+    return given._replace(t=nothing, outcome=float(found.outcome), limit=found.limit)

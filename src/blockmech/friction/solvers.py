@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from blockmech.friction.continuation import Outcome, confirmed, replaced
+from blockmech.friction.continuation import Outcome, bounded, confirmed, replaced
 from blockmech.plane import NAN, hyp, maximum, mul, repair, some, sqrt, where
 from blockmech.typing import Complex, Real
 
@@ -150,9 +150,10 @@ def _successive(
     outcome = where(late, float(Outcome.NOT_CONVERGED), count * 0.0)
     t = tuple(where(late, NAN, x) for x in t)
     solution = Solution(t, g, count, residual, where(count > 1.0, ratio, P), outcome, P * 0.0 + 1.0)
-    if iterations is not None:
-        return solution
     unproved = (P >= 1.0) & _known(base, edges)
+    if iterations is not None:
+        counted: Solution = repair(unproved, bounded, solution, k, edges, base, rows)
+        return counted
     judged: Solution = repair(unproved, confirmed, solution, k, edges, base, rows, tolerance)
     return judged
 
