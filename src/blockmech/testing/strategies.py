@@ -19,7 +19,7 @@ import math
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
 from blockmech.blocks import REGISTRY
 from blockmech.blocks.contract import Block, Moving
@@ -28,12 +28,13 @@ from blockmech.friction.laws import Coulomb
 from blockmech.loads import Couple, Force, Spring
 from blockmech.model.graph import Graph
 from blockmech.model.structure import LinkRef
-from blockmech.values import Link, Marker
+from blockmech.values import Link, Marker, Place, Vector
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
 T = TypeVar("T")
+AXES: tuple[Literal["ground", "link"], ...] = ("ground", "link")
 KINDS = ("dyad.rrr", "dyad.rrp", "dyad.rpr", "dyad.prp", "dyad.rpp")
 
 
@@ -131,7 +132,7 @@ def mechanisms(options: Options | None = None) -> SearchStrategy[Case]:
         def uniform(self, low: float, high: float) -> float:
             # Round numbers: they shrink well and print short.
             steps = 10_000
-            return low + (high - low) * self._draw(st.integers(0, steps)) / steps
+            return low + (high - low) * float(self._draw(st.integers(0, steps))) / steps
 
         def integer(self, low: int, high: int) -> int:
             return int(self._draw(st.integers(low, high)))
@@ -140,7 +141,7 @@ def mechanisms(options: Options | None = None) -> SearchStrategy[Case]:
             found: T = self._draw(st.sampled_from(choices))
             return found
 
-    @st.composite
+    @st.composite  # type: ignore[untyped-decorator]  # hypothesis is not installed for users
     def cases(draw: Callable[..., Any]) -> Case:
         return random_mechanism(Drawn(draw), options)
 
@@ -208,7 +209,7 @@ class _Maker:
         name = f"m{self.count}"
         at = cmath.rect(self.chance.uniform(0.2, 1.5), self.chance.uniform(-math.pi, math.pi))
         angle = self.chance.uniform(-math.pi, math.pi) if guide else None
-        marker = Marker(at=at, angle=angle)
+        marker = Marker(at=Place(at), angle=angle)
         if link.block == "frame":
             self.frame[name] = marker
         else:
@@ -229,7 +230,8 @@ class _Maker:
         source, p, u = self._marker(link, guide=slide or bool(self.chance.integer(0, 1)))
         if slide:
             q = self._signed(0.2, 1.5)
-            self.drafts[name] = _Draft("driver.slide", {}, {"slider": (p + q * u, u)}, {"S": source})
+            place = {"slider": (p + q * u, u)}
+            self.drafts[name] = _Draft("driver.slide", {}, place, {"S": source})
         else:
             q = self.chance.uniform(-math.pi, math.pi)
             numbers = {"length": self.chance.uniform(0.3, 1.5)}
@@ -291,8 +293,8 @@ class _Maker:
         links = self._links()
         for i in range(self.chance.integer(0, 2) if self.options.loads else 0):
             where = self._marker(self.chance.pick(links[1:]), guide=False)[0]
-            force = (self._signed(1.0, 500.0), self._signed(1.0, 500.0))
-            axes = self.chance.pick(("ground", "link"))
+            force = Vector(complex(self._signed(1.0, 500.0), self._signed(1.0, 500.0)))
+            axes = self.chance.pick(AXES)
             found[f"force{i}"] = (Force(force=force, axes=axes), {"at": where})
         if self.options.loads and self.chance.integer(0, 1):
             where = self._marker(self.chance.pick(links[1:]), guide=False)[0]
@@ -312,11 +314,11 @@ class _Maker:
 
 # -- one placer a dyad: from the ends' places to parameters and link places ------------
 
-Place = tuple[complex, complex]
-Placed = tuple[dict[str, Any], dict[str, Place]] | None
+Spot = tuple[complex, complex]
+Placed = tuple[dict[str, Any], dict[str, Spot]] | None
 
 
-def _rrr(chance: Chance, least: float, B: Place, D: Place) -> Placed:
+def _rrr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed:
     b, d = B[0], D[0]
     side = chance.pick((-1, 1))
     c = b + (d - b) * complex(chance.uniform(-0.3, 1.3), side * chance.uniform(0.2, 2.0))
@@ -327,7 +329,7 @@ def _rrr(chance: Chance, least: float, B: Place, D: Place) -> Placed:
     return numbers, {"i": (b, u / abs(u)), "j": (d, w / abs(w))}
 
 
-def _rrp(chance: Chance, least: float, B: Place, S: Place) -> Placed:
+def _rrp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed:
     b, (g, u) = B[0], S
     h, x = chance.uniform(-0.4, 0.4), chance.uniform(-1.5, 1.5)
     c = g + x * u - 1j * u * h
@@ -340,7 +342,7 @@ def _rrp(chance: Chance, least: float, B: Place, S: Place) -> Placed:
     return numbers, {"i": (b, w / abs(w)), "j": (c, u)}
 
 
-def _rpr(chance: Chance, least: float, B: Place, D: Place) -> Placed:
+def _rpr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed:
     b, d = B[0], D[0]
     u = cmath.rect(1.0, chance.uniform(-math.pi, math.pi))
     s, h = ((d - b) * u.conjugate()).real, ((d - b) * u.conjugate()).imag
@@ -352,7 +354,7 @@ def _rpr(chance: Chance, least: float, B: Place, D: Place) -> Placed:
     return numbers, {"i": (b, u), "j": (d, u)}
 
 
-def _prp(chance: Chance, least: float, S1: Place, S2: Place) -> Placed:
+def _prp(chance: Chance, least: float, S1: Spot, S2: Spot) -> Placed:
     (g1, u1), (g2, u2) = S1, S2
     if _sine2(u1, u2) < least:
         return None
@@ -366,7 +368,7 @@ def _prp(chance: Chance, least: float, S1: Place, S2: Place) -> Placed:
     return numbers, {"i": (c, u1), "j": (c, u2)}
 
 
-def _rpp(chance: Chance, least: float, B: Place, S: Place) -> Placed:
+def _rpp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed:
     b, (g, u2) = B[0], S
     beta = chance.uniform(0.3, 2.8) * chance.pick((-1, 1))
     if math.sin(beta) ** 2 < least:
