@@ -13,14 +13,12 @@ from matplotlib.image import imread
 import blockmech as bm
 from blockmech.draw import draw
 
-GRAPHS = Path(__file__).parents[1] / "graphs"
-COLUMNS = 4
+GRAPHS, COLUMNS = Path(__file__).parents[1] / "graphs", 4
 
 
 def sheet(target: Path, names: list[str] | None = None) -> list[str]:
     """Draw the mechanisms of these graph files (all by default); the names drawn."""
-    files = sorted(GRAPHS.glob("*.json"))
-    files = [f for f in files if names is None or f.stem in names]
+    files = [f for f in sorted(GRAPHS.glob("*.json")) if names is None or f.stem in names]
     rows = -(-len(files) // COLUMNS)
     figure = Figure(figsize=(4.0 * COLUMNS, 4.2 * rows), layout="constrained")
     with tempfile.TemporaryDirectory() as folder:

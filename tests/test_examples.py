@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from examples import ten_poses, wire_ruiz
+from examples import gallery, ten_poses, wire_ruiz
 
 EXAMPLES = Path(ten_poses.__file__).parent
 DRIVE_AT_1_RAD = 3775.3501600044997  # [N m] tests/data/ruiz_fourbar.json
@@ -27,15 +27,16 @@ def test_three_iterations_are_within_a_thousandth_of_converged_ones():
 
 
 @pytest.mark.parametrize("script", sorted(p.name for p in EXAMPLES.glob("*.py")))
-def test_examples_are_short_and_run(script):
+def test_examples_are_short_and_run(script, tmp_path):
     assert len((EXAMPLES / script).read_text(encoding="utf-8").splitlines()) < 40
-    done = subprocess.run([sys.executable, EXAMPLES / script], capture_output=True, check=True)
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / script], capture_output=True, check=True, cwd=tmp_path
+    )
     assert done.stdout
     assert not done.stderr
 
 
 def test_gallery_draws_every_mechanism_it_is_asked_for(tmp_path):
-    gallery = example("gallery")
     assert gallery.sheet(tmp_path / "sheet.png", ["slider_crank", "watt_sixbar"]) == [
         "slider_crank",
         "watt_sixbar",

@@ -39,7 +39,6 @@ SAFETY = 4.0  # of a maximum over the probe against one over all samples
 ENOUGH = 2048  # samples below which single precision saves nothing
 MOST_ITERATIONS = 6  # beyond, Newton's method is cheaper
 CONTRACTS = 0.5  # P up to which iterations are worth counting on
-SMALL = 1e-9  # outputs this much smaller than others of their unit are measured by those
 SINGLE = float(np.finfo(np.float32).eps)
 DOUBLE = float(np.finfo(np.float64).eps)
 LONG = float(np.finfo(np.longdouble).eps)
@@ -100,6 +99,7 @@ class Probe(NamedTuple):
     margin : smallest margin [-]
     rounding : precision -> error of the worst output
     rubs : whether friction is computed at all
+    left_out : outputs that are nothing but rounding, e.g. of a rate that is zero
     """
 
     share: float
@@ -107,6 +107,7 @@ class Probe(NamedTuple):
     margin: float
     rounding: Mapping[str, float]
     rubs: bool
+    left_out: tuple[str, ...]
 
 
 class Setting(NamedTuple):
@@ -161,45 +162,54 @@ def refuse_settings(accuracy: float, **given: Any) -> None:
         )
 
 
-def look(
-    mechanism: Mechanism, taken: Samples, want: Iterable[str] | str, static: bool
-) -> Probe:
+def look(mechanism: Mechanism, taken: Samples, want: Iterable[str] | str, static: bool) -> Probe:
     """Probe a request at some of its samples."""
+    from blockmech.judge.trade.errors import comparable, yardstick
+
     few = _some(taken)
     plan = mechanism.plan(want, static=static)
     plain = mechanism.plan(want, friction="none", static=static)
     rubs = any(name.startswith("friction/") for name in plan.layout)
-    best = _result(mechanism, plan, few, "complex128", {"friction": "newton", "static": static})
-    good = _good(best)
+    full = {"friction": "newton", "static": static}
+    none = {"friction": "none", "static": static}
+    best = _result(mechanism, plan, few, "complex128", full)
+    good = comparable(best, rubs)
     quality = best.quality
     P = [float(np.max(c[good], initial=0.0)) for c in quality.contraction.values()]
     margins = [float(np.min(m[good], initial=1.0)) for m in quality.margin.values()]
-    none = {"friction": "none", "static": static}
     smooth = _result(mechanism, plain, few, "complex128", none)
+    single = _result(mechanism, plain, few, "complex64", none)
+    wide = _result(mechanism, plain, few, "clongdouble", none) if LONG < DOUBLE else None
+    rounding, left_out = _rounding(single, smooth, wide, good)
+    stick = yardstick(best, best, good).without(left_out)
     return Probe(
-        difference(smooth, best, good) if rubs else 0.0,
+        stick.error(smooth) if rubs else 0.0,
         max(P, default=0.0),
         min(margins, default=1.0),
-        _rounding(mechanism, plain, few, smooth, good, none),
+        rounding,
         rubs,
+        left_out,
     )
 
 
 def _rounding(
-    mechanism: Mechanism, plain: Plan, few: Samples, smooth: Result, good: Any, none: Any
-) -> dict[str, float]:
-    """Errors of the precisions on the probe, without friction.
+    single: Result, double: Result, wide: Result | None, good: Any
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Errors of the precisions on the probe, without friction, and outputs made of rounding.
 
     Where no wider number is at hand the error in double is inferred from the one in
     single precision: rounding is linear in the last digit.
     """
-    single = difference(_result(mechanism, plain, few, "complex64", none), smooth, good)
-    found = {"complex64": max(single, SINGLE)}
-    if LONG < DOUBLE:
-        wide = _result(mechanism, plain, few, "clongdouble", none)
-        lost = max(difference(smooth, wide, good), DOUBLE)
-        return found | {"complex128": lost, "clongdouble": lost * LONG / DOUBLE}
-    return found | {"complex128": max(single * DOUBLE / SINGLE, DOUBLE)}
+    from blockmech.judge.trade.errors import yardstick
+
+    if wide is not None:
+        stick = yardstick(wide, double, good)
+        lost = max(stick.error(double), DOUBLE)
+        rows = {"complex128": lost, "clongdouble": lost * LONG / DOUBLE}
+    else:
+        stick = yardstick(double, single, good, unsure=1.0)
+        rows = {"complex128": max(stick.error(single) * DOUBLE / SINGLE, DOUBLE)}
+    return {"complex64": max(stick.error(single), SINGLE), **rows}, stick.left_out
 
 
 def _settings(probe: Probe, n: int, accuracy: float, engine: str) -> Iterable[Setting]:
@@ -218,7 +228,7 @@ def _settings(probe: Probe, n: int, accuracy: float, engine: str) -> Iterable[Se
         return
     for k in range(MOST_ITERATIONS + 1):
         P = probe.contraction
-        estimate = probe.share * P**k / (1 - P) if P < CONTRACTS else math.inf
+        estimate = SAFETY * probe.share * P**k / (1 - P) if P < CONTRACTS else math.inf
         if estimate <= half:
             yield Setting(*_method(k), fine[0], estimate)
             if k:
@@ -234,8 +244,10 @@ def _method(k: int) -> tuple[str, int | None]:
 
 def _judged(result: Result, setting: Setting, probe: Probe, accuracy: float) -> Accuracy:
     """The estimate after the run, from its own residuals, contractions and margins."""
+    from blockmech.judge.trade.errors import comparable
+
     quality = result.quality
-    good = _good(result)
+    good = comparable(result, probe.rubs)
     margins = [float(np.min(m[good], initial=1.0)) for m in quality.margin.values()]
     nearer = max(1.0, probe.margin / max(min(margins, default=1.0), 1e-300))
     rounding = SAFETY * probe.rounding[setting.precision] * nearer**1.5
@@ -249,9 +261,11 @@ def _judged(result: Result, setting: Setting, probe: Probe, accuracy: float) -> 
             if setting.friction == "newton":
                 P = min(P, CONTRACTS)  # not what decides whether it converges
             worst = float(np.max(residual[good], initial=0.0))
-            rubbing += probe.share * worst / (1 - P) if P < 1 else math.inf
+            rubbing += SAFETY * probe.share * worst / (1 - P) if P < 1 else math.inf
     if probe.rubs:
         words += f", {rubbing:.1g} from friction"
+    if probe.left_out:
+        words += f"; not judged, as they are rounding alone: {listed(probe.left_out, 3)}"
     return Accuracy(
         accuracy,
         rounding + rubbing,
@@ -260,37 +274,6 @@ def _judged(result: Result, setting: Setting, probe: Probe, accuracy: float) -> 
         setting.precision,
         words,
     )
-
-
-def difference(found: Result, wanted: Result, good: Any) -> float:
-    """Largest difference of two runs of the same samples, relative to the largest values."""
-    kept = [n for n in wanted if wanted.output(n).kind in ("real", "vector") and n in found]
-    sizes: dict[str, float] = {}
-    units: dict[str, float] = {}
-    for name in kept:
-        sizes[name] = float(np.max(np.abs(wanted[name][good]), initial=0.0))
-        unit = wanted.unit(name)
-        if math.isfinite(sizes[name]):
-            units[unit] = max(units.get(unit, 0.0), sizes[name])
-    worst = 0.0
-    for name in kept:
-        gap = np.asarray(found[name] - wanted[name])[good]
-        unit = wanted.unit(name)
-        if unit == "rad":
-            gap = gap - 2 * np.pi * np.round(gap / (2 * np.pi))
-        size = sizes[name] if sizes[name] > SMALL * units.get(unit, 0.0) else units.get(unit, 0.0)
-        scale = 1.0 if unit == "rad" else size or 1.0
-        gap = np.abs(gap)
-        worst = max(worst, float(np.max(gap[np.isfinite(gap)], initial=0.0)) / scale)
-    return worst
-
-
-def _good(result: Result) -> Any:
-    """Samples with an answer at which no joint is between two directions of friction."""
-    good = np.array([word == "ok" for word in result.quality.status], dtype=bool)
-    unsure = ("zero-relative-speed", "dead-centre")
-    good[[f.sample for f in result.quality.flags if f.code in unsure]] = False
-    return good
 
 
 def _some(taken: Samples) -> Samples:

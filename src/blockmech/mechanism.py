@@ -87,8 +87,10 @@ class Mechanism:
         return self._plans[key]
 
     def explain(self, want: Iterable[str] | str = EVERYTHING, **settings: Any) -> str:
-        """The schedule for some outputs as text, with the number of kernel calls."""
-        return self.plan(want, **settings).explain()
+        """The schedule for some outputs as text: kernel calls, and what each output costs."""
+        from blockmech.cost import cost_table
+
+        return f"{self.plan(want, **settings).explain()}\n\n{cost_table(self, want, **settings)}"
 
     def run(
         self,

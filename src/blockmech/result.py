@@ -257,9 +257,11 @@ class Result(Mapping[str, NDArray[Any]]):
     def _first(self, n: int) -> Result:
         values = tuple(_cut(self._column(i), n) for i in range(len(self._values)))
         taken = self.samples.first(n)
-        return Result(
+        cut = Result(
             self.mechanism, self.plan, taken, values, self.engine, self.settings, self.motion
         )
+        cut.accuracy = self.accuracy
+        return cut
 
     # -- more of the same run -----------------------------------------------------
 

@@ -6,6 +6,7 @@ poses are assembled in extended precision, so what differs is blockmech's roundi
 """
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from hypothesis import given, settings
 from blockmech.testing.strategies import KINDS, Options, Seeded, mechanisms, random_mechanism
 
 from tests.blocks.twin import Twin
-from tests.wiring import chain, ruiz, toggle, watt
+from tests.wiring import chain, ruiz, swept, toggle, watt
 
 MOTION = 4e-15  # [-] of the largest of its kind, times the condition
 FORCES = 1e-14  # [-] of the largest reaction, times the condition
@@ -31,7 +32,9 @@ class Comparison:
         method = "newton" if friction else "none"
         self.run = mech.run(**request, on_gap="mark", friction=method)
         order = [[request[k][d] for d in mech.drivers] for k in ("at", "rates", "accelerations")]
-        self.verdict = Twin(mech).judge(*order, friction=friction)
+        twin = Twin(mech)
+        twin.system = without_idle_friction(twin.system, self.run)
+        self.verdict = twin.judge(*order, friction=friction)
         self.worst = Counter()
 
     def note(self, kind, found, wanted, scale):
@@ -79,6 +82,19 @@ class Comparison:
             assert error <= allowed, (kind, error, self.verdict.condition)
 
 
+def without_idle_friction(system, run):
+    """The judge's system, smooth where blockmech has a structural zero.
+
+    The judge computes 1e-56 N there and then asks friction to follow that rounding.
+    """
+
+    def idle(name):
+        return run[f"{name}.reaction"][0] == 0 and run.get(f"{name}.C", [0.0])[0] == 0
+
+    joints = {n: replace(j, friction=None) if idle(n) else j for n, j in system.joints.items()}
+    return replace(system, joints=joints)
+
+
 def compare(case, friction=True):
     mech = case.graph.compile()
     found = Comparison(mech, case.request, friction)
@@ -109,17 +125,20 @@ def test_random_mechanisms_of_all_dyads_agree_with_the_independent_solver(case):
     compare(case)
 
 
-def test_many_seeded_chains_agree_and_margins_reach_far_down():
-    margins, conditions, statuses = [], [], Counter()
-    for seed in range(60):
-        few = Options(kinds=("dyad.rrr",), groups=(1, 6), least_margin=1e-3)
-        found = compare(random_mechanism(Seeded(seed), few))
-        margins += [m[0] for m in found.run.quality.margin.values()]
-        conditions.append(found.verdict.condition)
-        statuses[found.run.quality.status[0]] += 1
-    assert min(margins) < 0.02
-    assert max(conditions) > 50
-    assert statuses["ok"] >= 55
+def test_agreement_lasts_towards_dead_centres():
+    # of many poses of each random chain, the one that is nearest to a dead centre
+    margins = []
+    for seed in range(40):
+        case = random_mechanism(Seeded(seed), Options(kinds=("dyad.rrr",), groups=(1, 4)))
+        mech, request = case.graph.compile(), swept(case, 60, seed)
+        margin = mech.run(**request, want="*.margin")
+        least = np.min([margin[name] for name in margin], axis=0)
+        nearest = int(np.argmin(np.where(least > 0, least, np.inf)))
+        at = {d: q[nearest] for d, q in request["at"].items()}
+        compare(replace(case, request={**case.request, "at": at}))
+        margins.append(least[nearest])
+    assert min(margins) < 1e-3
+    assert np.median(margins) < 0.1
 
 
 @pytest.mark.parametrize("make", [ruiz, toggle, lambda: chain(4, friction=True)])

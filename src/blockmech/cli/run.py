@@ -32,12 +32,15 @@ from blockmech.mechanism import EVERYTHING, Mechanism
 from blockmech.result import Result
 
 Samples = Annotated[int | None, option("Samples of the file's range (361).", "N", min=1, max=MOST)]
-Friction = Annotated[str, option("none, single, successive or newton.", "METHOD")]
+Friction = Annotated[str | None, option("none, single, successive or newton.", "METHOD")]
 Tolerance = Annotated[float | None, option("Stop of successive approximations (1e-3 N).", "X")]
 Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
+Accuracy = Annotated[
+    float | None, option("Wanted relative error; chooses friction method and precision.", "X")
+]
 Static = Annotated[bool, switch("static", "Leave inertia out.")]
 Engine = Annotated[str, option("auto, scalar or numpy.", "ENGINE")]
-Precision = Annotated[str, option("complex64, complex128 or clongdouble (numpy).", "TYPE")]
+Precision = Annotated[str | None, option("complex64, complex128 or clongdouble (numpy).", "TYPE")]
 OnGap = Annotated[str, option("Samples without an answer: mark, raise or stop.", "WHAT")]
 Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 
@@ -48,12 +51,13 @@ def run(
     samples: Samples = None,
     at_times: Times = None,
     want: Want = None,
-    friction: Friction = "newton",
+    friction: Friction = None,
     tolerance: Tolerance = None,
     iterations: Iterations = None,
+    accuracy: Accuracy = None,
     static: Static = False,
     engine: Engine = "auto",
-    precision: Precision = "complex128",
+    precision: Precision = None,
     on_gap: OnGap = "mark",
     json: Json = False,
     out: Out = None,
@@ -77,12 +81,14 @@ def run(
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     plan: dict[str, Any] = {"want": names or EVERYTHING, "static": static, **settings}
     if explain:
-        say(mechanism.explain(**plan))
+        say(mechanism.explain(**plan | {"friction": friction or "newton"}))
         return
     given = coordinates(mechanism, at or [])
     taken = {"at": given, "samples": samples, "times": times(at_times)}
-    how = {"engine": engine, "precision": precision}
+    how = {"engine": engine, "precision": precision, "accuracy": accuracy}
     result, gaps = _computed(mechanism, {**plan, **taken, **how}, on_gap, deg)
+    if result.accuracy is not None:
+        note(str(result.accuracy))
     cells = {"tab": "\t"}.get(separator, separator)
     spelling: dict[str, Any] = {"separator": cells, "decimal": decimal, "degrees": deg}
     if json or csv == "-":

@@ -78,7 +78,10 @@ def trade(
         "times": times(at_times),
         "until": until,
     }
-    wants = [tuple(n for n in text.split(",") if n) for text in want or ()] or [None]
+    wants: list[tuple[str, ...] | None] = [
+        tuple(n for n in text.split(",") if n) for text in want or ()
+    ]
+    wants = wants or [None]
     limits = {
         "budget": _seconds("--budget", budget) / len(wants),
         "target": target,

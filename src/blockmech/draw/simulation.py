@@ -8,7 +8,6 @@ Sources: [D14] Durango et al. 2014, Figs. 6 and 7.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -93,9 +92,7 @@ def _states(result: Result, degrees: bool) -> tuple[Panel, ...]:
     return tuple(panels)
 
 
-def _drivers(
-    result: Result, what: str, rotary: bool, degrees: bool
-) -> tuple[list[Curve], str]:
+def _drivers(result: Result, what: str, rotary: bool, degrees: bool) -> tuple[list[Curve], str]:
     """Curves of the drivers of one sort, and their unit; an angle is drawn in degrees."""
     blocks = result.mechanism.structure.blocks
     names = [
@@ -130,8 +127,9 @@ def phase_plot(result: Result, degrees: bool = True) -> Any:
             for a, b in zip(x, y, strict=True)
         ]
     plot = draw_panels([p for p, _, _ in panels], Abscissa("", np.arange(float(result.n))))
-    for axes, (panel, x, unit) in zip(plot.axes, panels, strict=True):
-        _over(axes, x.values, panel.curves[0].values, f"{shown_name(x.name)} [{unit}]")
+    for axes, (panel, along, unit) in zip(plot.axes, panels, strict=True):
+        words = f"{shown_name(along.name)} [{unit}]"
+        _over(axes, along.values, panel.curves[0].values, words)
     return plot.figure
 
 

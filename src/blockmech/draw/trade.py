@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from blockmech.judge.trade.points import Point, Trade
 
 PANEL = 150.0  # [pt] height of a panel's axes
-LEFT, RIGHT, TOP, BETWEEN = 34.0, 8.0, 5.0, 30.0  # [pt]
+LEFT, RIGHT, TOP, BETWEEN = 37.0, 8.0, 5.0, 30.0  # [pt]
 XLABEL = 27.0  # [pt] below a panel
 LINE = 9.5  # [pt] of caption and legend
 LABEL = 6.0  # [pt] size of the settings' labels
@@ -65,9 +65,7 @@ def trade_figure(trade: Trade) -> Any:
     """The picture of a trade, a column wide."""
     inside = ink.COLUMN - LEFT - RIGHT
     caption = [
-        line
-        for text in _caption(trade)
-        for line in wrapped(text, ink.SMALL, ink.COLUMN - 10)
+        line for text in _caption(trade) for line in wrapped(text, ink.SMALL, ink.COLUMN - 10)
     ]
     series = {name: _finite(points) for name, points in trade.series().items()}
     series = {name: points for name, points in series.items() if points}
@@ -188,12 +186,12 @@ def _label(
 
     taken = [Box(x - 2, y - 2, 4, 4) for x, y in map(place, points)]
     first = set(map(id, front))
-    said: set[str] = set()
+    said: list[tuple[str, float, float]] = []
     for p in sorted(points, key=lambda p: id(p) not in first):
         text = short(p)
         x, y = place(p)
-        key = f"{text} {x:.0f} {y:.0f}"
-        if not text or key in said:
+        again = any(p.method == m and math.hypot(x - u, y - v) < RING for m, u, v in said)
+        if not text or again:
             continue
         w, h = text_width(text, LABEL), LABEL
         spots = (
@@ -206,7 +204,7 @@ def _label(
             fits = 0 <= spot.x <= inside - w and 0 <= spot.y <= PANEL - h
             if fits and not any(spot.meets(box) for box in taken):
                 taken.append(spot)
-                said.add(key)
+                said.append((p.method, x, y))
                 axes.text(
                     spot.x / inside, (spot.y + h / 2) / PANEL, text, fontsize=LABEL,
                     color=ink.INK, transform=axes.transAxes, va="center_baseline", zorder=4,
@@ -216,7 +214,12 @@ def _label(
 
 def short(p: Point) -> str:
     """A setting in as few letters as tell it from its neighbours."""
-    words = p.setting.replace(" samples", "").replace("complex", "c").replace("accuracy ", "")
+    words = (
+        p.setting.replace(" samples", "")
+        .replace("complex", "c")
+        .replace("accuracy ", "")
+        .replace("step ", "")
+    )
     return f"n = {words.removesuffix(' iterations')}" if words.endswith("iterations") else words
 
 
@@ -254,7 +257,11 @@ def _legend(
                 line.set_dashes(dashes)
             figure.add_artist(line)
             figure.text(
-                (x + 19) / ink.COLUMN, y / height, names[i], fontsize=ink.SMALL, va="center_baseline"
+                (x + 19) / ink.COLUMN,
+                y / height,
+                names[i],
+                fontsize=ink.SMALL,
+                va="center_baseline",
             )
             x += 22 + text_width(names[i], ink.SMALL)
         y -= LINE

@@ -74,8 +74,8 @@ class Rule:
 @cache
 def rule(n: int) -> Rule:
     """The n-point rule, made once per n. Cost: n^3/2 cosines."""
-    phi = (np.arange(n) + 0.5) * (np.pi / n)
-    k = np.arange(n)
+    k = np.arange(n, dtype=np.float64)
+    phi = np.asarray((k + 0.5) * (np.pi / n), dtype=np.float64)
     cosine = (2.0 / n) * np.cos(np.outer(k, phi))
     cosine[0] /= 2
     padded = np.vstack([cosine, np.zeros((3, n))])

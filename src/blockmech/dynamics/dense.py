@@ -43,8 +43,14 @@ def when(quad: Quadrature, x: Floats, shift: Floats | None = None) -> Floats:
     from_high = (high - x) / (high - low)
     limited_high, limited_low = _limited(quad, panel)
     from_low, from_high = (
-        np.where(limited_high, 1 - np.sqrt(from_high), np.where(limited_low, np.sqrt(from_low), from_low)),
-        np.where(limited_high, np.sqrt(from_high), np.where(limited_low, 1 - np.sqrt(from_low), from_high)),
+        np.where(
+            limited_high, 1 - np.sqrt(from_high), np.where(limited_low, np.sqrt(from_low), from_low)
+        ),
+        np.where(
+            limited_high,
+            np.sqrt(from_high),
+            np.where(limited_low, 1 - np.sqrt(from_low), from_high),
+        ),
     )
     mirrored, ended = quad.mirrored[panel], quad.ended[panel]
     phi = angle(np.where(mirrored, from_high, from_low))
@@ -168,7 +174,9 @@ def _phi(w: Floats, ended: NDArray[np.bool_]) -> Floats:
     return np.asarray(2 * np.arcsin(np.where(ended, w, np.sqrt(w))))
 
 
-def _limited(quad: Quadrature, panel: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _limited(
+    quad: Quadrature, panel: NDArray[np.intp]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether each panel ends at a dead centre: at its high end, at its low end."""
     low, high = quad.mesh.limits
     return (panel == quad.mesh.panels - 1) & high, (panel == 0) & low

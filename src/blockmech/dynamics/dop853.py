@@ -109,9 +109,7 @@ def integrate(ask: Ask) -> Leg:
         if ask.surfaces:
             y1 = np.array([q1, v1, w1])
             after = [s.value(here, y1) for s in ask.surfaces]
-            crossed = [
-                i for i, d in enumerate(counts) if crosses(values[i], after[i], d)
-            ]
+            crossed = [i for i, d in enumerate(counts) if crosses(values[i], after[i], d)]
             if crossed:
                 found = _hits(ask, new, [(ask.surfaces[i], values[i]) for i in crossed])
                 last = next((k for k, hit in enumerate(found) if hit.surface.terminal), None)
@@ -121,8 +119,10 @@ def integrate(ask: Ask) -> Leg:
                     break
                 hits += found
             values = after
-            counts = [s.direction if abs(x) > 0 else d for s, x, d in
-                      zip(ask.surfaces, after, counts, strict=True)]
+            counts = [
+                s.direction if abs(x) > 0 else d
+                for s, x, d in zip(ask.surfaces, after, counts, strict=True)
+            ]
         t, q, v, work = here, q1, v1, w1
         a, p = new.accelerations[12], new.powers[12]
         turned = max(turned, abs(work))
@@ -203,7 +203,7 @@ def _error(table: Tableau, step: Step, rtol: list[float], atol: list[float]) -> 
     three = (q3 / q) ** 2 + (v3 / v) ** 2
     if five == 0.0:
         return 0.0
-    return five / math.sqrt((five + 0.01 * three) * 2)
+    return float(five) / math.sqrt((five + 0.01 * three) * 2)
 
 
 def _interpolant(rhs: Any, step: Step) -> tuple[list[float], list[float], list[float]]:
@@ -217,9 +217,7 @@ def _interpolant(rhs: Any, step: Step) -> tuple[list[float], list[float], list[f
     )
     for c, row in table.extra:
         dq, dv, _ = _moved(row, whole)
-        rate, acceleration, power = rhs(
-            step.t + c * h, _State((step.q + dq, step.v + dv, 0.0))
-        )
+        rate, acceleration, power = rhs(step.t + c * h, _State((step.q + dq, step.v + dv, 0.0)))
         whole.rates.append(rate)
         whole.accelerations.append(acceleration)
         whole.powers.append(power)

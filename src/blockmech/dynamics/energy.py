@@ -13,113 +13,104 @@ hundred thousand turns costs what one turn costs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from blockmech.dynamics.conservative import Conservative
+from blockmech.dynamics.ending import Course, ended
 from blockmech.dynamics.line import Line, turn_starts
 from blockmech.dynamics.mesh import Mesh, View, joined, mirrored
-from blockmech.dynamics.motion import Event, Motion, Still
+from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.passage import Allowed, End, Known, Passage
 from blockmech.dynamics.quadrature import EPS
-from blockmech.dynamics.reach import NOWHERE, Horizon, Reach, look_ahead
+from blockmech.dynamics.reach import NOWHERE, Horizon, Reach, gap, look_ahead
 from blockmech.dynamics.reduced import TURN, Metered
+from blockmech.dynamics.rest import nothing, resting, trouble
 from blockmech.dynamics.stretch import Stretch, converged
 from blockmech.dynamics.swing import swing
-from blockmech.dynamics.until import Start, Until
+from blockmech.dynamics.until import Asked
 
 SURVEY = 1e-6  # truncation error of the survey's energies, relative to the work turned over
 FINEST = 1e-12  # target if none is given [rad or m]
 AT_REST = 8 * EPS  # effort at a start from rest, relative to its contributions
-MOST_EVENTS = 10_000
-NEAR_SADDLE = 200.0  # time changes this much faster with a standstill's place than with length
+GAPS = 4  # impossible poses discovered late, before a run is given up
 
 
-@dataclass(frozen=True)
-class Course:
-    """A conservative motion before anyone asks where it should end."""
+def energy(meter: Metered, asked: Asked) -> Motion:
+    """The motion of a conservative scene: one whose loads depend on q alone.
 
-    regime: str
-    track: Conservative
-    fate: str  # what the path ends in, if it ends: "end stop", "dead centre", "search limit"
-    doubts: tuple[str, ...]
-    facts: dict[str, float]
-
-
-def energy(
-    meter: Metered, start: Start, until: Until, accuracy: float | None = None, why: str = ""
-) -> Motion:
-    """The motion of a conservative scene.
-
-    Parameters
-    ----------
-    meter : the reduced system; its loads depend on q alone
-    start : driver coordinate, rate, time
-    until : what ends the run
-    accuracy : target for the error of q [rad or m]; 1e-12 if None
-    why : recorded in the result
+    The target of the error of q is 1e-12 rad (or m) if none is asked for.
     """
     with np.errstate(all="ignore"):
-        return _energy(meter, start, until, accuracy, why)
+        return _energy(meter, asked, GAPS)
 
 
-def _energy(
-    meter: Metered, start: Start, until: Until, accuracy: float | None, why: str
-) -> Motion:
+def _energy(meter: Metered, asked: Asked, gaps: int) -> Motion:
+    start = asked.start
     one = meter.one(start.q, 0.0, start.t)
-    if not (one.margin > 0 and one.J > 0 and math.isfinite(one.tau)):
-        reason = "impossible pose" if not one.margin > 0 else "no inertia"
-        return _nothing(meter, start, accuracy, why, reason)
+    reason = trouble(one)
+    if reason:
+        return nothing(meter, asked, "energy", reason)
     moving = start.rate != 0
     if not moving and one.tau == 0:
-        return resting(meter, start, until, accuracy, why)
+        return resting(meter, asked)
     view = View(meter, start.q, math.copysign(1.0, start.rate if moving else one.tau))
     K0 = one.J * start.rate**2 / 2
-    planned = Planned(until, accuracy or FINEST, start)
+    planned = Planned(asked)
     ahead = look_ahead(view, K0, SURVEY, planned.horizon)
     if not moving and abs(one.tau) <= AT_REST * _load_size(meter, start.q, ahead.mesh):
-        return resting(meter, start, until, accuracy, why)
+        return resting(meter, asked)
     course = _course(view, K0, ahead, planned)
-    return _ended(meter, start, until, accuracy, why, course)
+    passage = course.track.line.first
+    if isinstance(passage, Stretch) and not passage.complete:
+        # the mechanism does not close somewhere between the samples of the survey
+        if not gaps:
+            return nothing(meter, asked, "energy", "impossible pose")
+        return _energy(_bounded(meter, course.track.line.view, passage), asked, gaps - 1)
+    return ended(meter, asked, course)
+
+
+def _bounded(meter: Metered, view: View, passage: Stretch) -> Metered:
+    """The system, its driver kept on this side of an impossible pose just found."""
+    q = view.origin + view.sign * gap(view, passage.quad.mesh)
+    low, high = meter.system.arc or (-math.inf, math.inf)
+    arc = (low, min(high, q)) if view.sign > 0 else (max(low, q), high)
+    meter.system = replace(meter.system, arc=arc)
+    return meter
 
 
 @dataclass(frozen=True)
 class Planned:
     """What is asked of a run, as far as it bears on the work to do."""
 
-    until: Until
-    accuracy: float
-    start: Start
+    asked: Asked
 
     @property
     def horizon(self) -> Horizon:
         """Time and distance from the start that need not be exceeded."""
-        goal, value = self.until.goal, self.until.value
+        goal, value = self.asked.until.goal, self.asked.until.value
         if goal == "time":
             return Horizon(time=value)
         if goal == "angle":
-            return Horizon(distance=abs(value - self.start.q))
+            return Horizon(distance=abs(value - self.asked.start.q))
         return Horizon(distance=value * TURN) if goal == "turns" else NOWHERE
 
     @property
     def first_stop(self) -> bool:
         """Whether only the way to the first standstill is asked for."""
-        goal, value = self.until.goal, self.until.value
+        goal, value = self.asked.until.goal, self.asked.until.value
         return goal == "standstill" or (goal == "swings" and value == 1)
 
-    def passages(self, T: float) -> float:
-        """How many passages of duration T the error of one adds up over."""
-        goal, value = self.until.goal, self.until.value
-        many = value / T if goal == "time" else value if goal in ("swings", "turns") else 1.0
-        return max(1.0, many)
-
     def allowed(self, passage: Any) -> float:
-        """Error of a passage's time that may remain [s]."""
+        """Error of a passage's time that may remain [s]; errors of passages add up."""
+        goal, value = self.asked.until.goal, self.asked.until.value
         T = passage.total
-        return self.accuracy / (passage.fastest * self.passages(T)) if T > 0 else 0.0
+        if not T > 0:
+            return 0.0
+        many = value / T if goal == "time" else value if goal in ("swings", "turns") else 1.0
+        return float((self.asked.accuracy or FINEST) / (passage.fastest * max(1.0, many)))
 
 
 def _load_size(meter: Metered, q: float, mesh: Mesh) -> float:
@@ -253,8 +244,7 @@ def _secular(
     K = (first.low.K or 0.0) + gain
     low, high = End(first.low.x, K), End(first.low.x + period)
     later = converged(view, first.quad.mesh, low, high, None, planned.allowed)
-    enough = max(turns, planned.until.value if planned.until.goal == "turns" else 0.0)
-    starts = turn_starts(first.total, later.quad, gain, 0.0, int(enough) + 3)
+    starts = turn_starts(first.total, later.quad, gain, 0.0, int(turns) + 3)
     lost = float(later.quad.lost.sum() + later.quad.rounded.sum()) / gain
     return Line(view, first, period, later.quad, gain, starts, later.error, lost)
 
@@ -263,11 +253,11 @@ def _extended(line: Line, c0: float, planned: Planned) -> Line:
     """The line with turns enough for the time or angle asked for."""
     assert line.later is not None
     assert line.starts is not None
-    goal, value = planned.until.goal, planned.until.value
+    goal, value = planned.asked.until.goal, planned.asked.until.value
     if goal == "time":
         clock, turns = c0 + value, 0
     elif goal == "angle":
-        clock, turns = 0.0, int(abs(value - planned.start.q) / line.period) + 3
+        clock, turns = 0.0, int(abs(value - planned.asked.start.q) / line.period) + 3
     elif goal == "turns":
         clock, turns = 0.0, int(value * TURN / line.period) + 3
     else:
@@ -287,16 +277,12 @@ def _swing(
     known: Mesh | None = None,
 ) -> Passage:
     """A swing as one series where that serves, else on panels."""
-    if not view.meter.system.knots and not _near_saddle(ahead, high):
-        found = swing(view, low, high, inside, allowed)
+    # near a saddle one series crawls, panels crowd where the motion is slow
+    if not view.meter.system.knots and math.isinf(ahead.slow):
+        found = swing(view, low, high, inside, allowed, known or ahead.mesh)
         if found is not None:
             return found
     return converged(view, known or ahead.mesh, low, high, inside, allowed)
-
-
-def _near_saddle(ahead: Reach, high: End) -> bool:
-    """Whether the standstill ahead lies so near an equilibrium that one series crawls."""
-    return math.isfinite(ahead.slow)
 
 
 def _doubts(reach: Reach, view: View) -> tuple[str, ...]:
@@ -311,216 +297,3 @@ def _doubts(reach: Reach, view: View) -> tuple[str, ...]:
         f"{reach.doubt:.1e} J: the data do not decide whether the motion {took} (taken here) "
         f"or {other}",
     )
-
-
-def _ended(
-    meter: Metered,
-    start: Start,
-    until: Until,
-    accuracy: float | None,
-    why: str,
-    course: Course,
-) -> Motion:
-    """Cut the course where it should end, and say how good it is."""
-    track = replace(course.track, t0=start.t)
-    wanted, met = goal_time(track, start, until)
-    stop = track.end()
-    fate = course.fate if stop < math.inf else ""
-    status, end = "reached", until.goal
-    if wanted > stop or (wanted == math.inf and fate):
-        t_end, status, end = stop, "ended", fate
-    elif wanted == math.inf:
-        t_end, status, end = _never(track, start), "ended", f"never reached: {course.regime}"
-    else:
-        t_end = wanted
-    line = track.line
-    state = track.state(np.array([t_end]))
-    q_end, qd_end = float(state.q[0]), float(state.qd[0])
-    if met is not None and status == "reached":
-        q_end = met
-    seconds, angle = _errors(track, t_end - start.t)
-    notes = course.doubts
-    error = seconds * _fastest(track, t_end) + angle + 4 * EPS * abs(q_end)
-    target = accuracy
-    if target is not None and error > target:
-        notes += (f"accuracy not reached: {error:.1e} instead of {target:.1e}; "
-                  "the rest is rounding of the data, not of the method",)
-    if not getattr(line.first, "complete", True):
-        notes += ("an impossible pose was met between the samples",)
-        status, end = "failed", "impossible pose"
-    return Motion(
-        method="energy",
-        why=why,
-        regime=course.regime,
-        status=status,  # type: ignore[arg-type]
-        end=end,
-        t_start=start.t,
-        t_end=t_end,
-        q_end=q_end,
-        qd_end=qd_end,
-        track=track,
-        events=_events(track, t_end, end),
-        error=error,
-        time_error=seconds,
-        accuracy=accuracy,
-        cost=meter.cost,
-        notes=notes,
-        facts=course.facts,
-    )
-
-
-def goal_time(track: Conservative, start: Start, until: Until) -> tuple[float, float | None]:
-    """Time at which a run should end [s] (inf if never), and the exact place if known."""
-    goal, value = until.goal, until.value
-    view = track.line.view
-    if goal == "time":
-        return start.t + value, None
-    if goal in ("standstill", "swings"):
-        n = 1 if goal == "standstill" else int(value)
-        t = track.standstill(n)
-        first = track.line.first
-        at_high = (track.heading > 0) == (n % 2 == 1)
-        x = first.high.x if at_high else first.low.x
-        return t, float(view.q(np.array(x))) if t < math.inf else None
-    if goal == "steady":
-        return start.t + _period(track), None
-    if goal == "turns":
-        return _turns(track, start, value * TURN)
-    if goal == "angle":
-        x = view.sign * (value - view.origin)
-        return track.reaches(x), value
-    return math.inf, None
-
-
-def _turns(track: Conservative, start: Start, angle: float) -> tuple[float, float | None]:
-    view = track.line.view
-    best, place = math.inf, None
-    for way in (1.0, -1.0):
-        q = start.q + way * angle
-        t = track.reaches(view.sign * (q - view.origin))
-        if t < best:
-            best, place = t, q
-    return best, place
-
-
-def _period(track: Conservative) -> float:
-    """Time after which the motion repeats [s], inf if it does not."""
-    if track.turns_low and track.turns_high:
-        return 2 * track.line.total
-    if track.line.period and track.line.gain == 0:
-        return track.line.first.total
-    return math.inf
-
-
-def _never(track: Conservative, start: Start) -> float:
-    """End of a run whose goal is never met: one period, or one turn [s]."""
-    period = _period(track)
-    return start.t + (period if period < math.inf else track.line.first.total)
-
-
-def _fastest(track: Conservative, t_end: float) -> float:
-    """Largest speed up to the end [rad/s or m/s]."""
-    line = track.line
-    if line.later is None or line.starts is None:
-        return line.first.fastest
-    clock = max(track.c0, float(track.clock(np.array([t_end]))[0]))
-    turn = max(int(np.searchsorted(line.starts, clock, side="right")) - 2, 0)
-    K = line.later.K + turn * line.gain
-    return max(line.first.fastest, float(np.sqrt(2 * (K / line.later.J).max())))
-
-
-def _errors(track: Conservative, elapsed: float) -> tuple[float, float]:
-    """Error of the clock at the end of the run [s], and of the standstills [rad or m]."""
-    end = float(track.clock(np.array([track.t0 + elapsed]))[0])
-    seconds = track.line.error(max(end, track.c0), elapsed)
-    return seconds + EPS * (elapsed + abs(track.t0)), track.line.first.end_error
-
-
-def _events(track: Conservative, t_end: float, end: str) -> tuple[Event, ...]:
-    """Standstills up to the end, and what ended the run."""
-    view, first = track.line.view, track.line.first
-    found = []
-    for n in range(1, MOST_EVENTS + 1):
-        t = track.standstill(n)
-        if t > t_end:
-            break
-        at_high = (track.heading > 0) == (n % 2 == 1)
-        x = first.high.x if at_high else first.low.x
-        found.append(Event("standstill", t, float(view.q(np.array(x))), 0.0))
-    if end in ("end stop", "dead centre"):
-        state = track.state(np.array([t_end]))
-        found.append(Event(end, t_end, float(state.q[0]), float(state.qd[0])))
-    return tuple(found)
-
-
-def resting(
-    meter: Metered, start: Start, until: Until, accuracy: float | None, why: str
-) -> Motion:
-    """A start at an equilibrium: it stays there; stable or not is said."""
-    system = meter.system
-    h = 2e-4 * (system.period or (TURN if system.kind == "rotation" else system.span))
-    J = meter.one(start.q).J
-    a, b, c, d = (meter.one(start.q + k * h).tau for k in (-2, -1, 1, 2))
-    slope = (a - 8 * b + 8 * c - d) / (12 * h)
-    scale = max(abs(a), abs(d))
-    facts: dict[str, float] = {}
-    notes: tuple[str, ...] = ()
-    if not scale > 0:
-        kind = "indifferent equilibrium"
-    elif slope < 0:
-        kind = "stable equilibrium"
-        facts["frequency"] = math.sqrt(-slope / J)
-    else:
-        kind = "unstable equilibrium"
-        facts["rate"] = math.sqrt(slope / J)
-        notes = (
-            "it stays there only in theory: any disturbance grows as "
-            f"exp({facts['rate']:.6g} t)",
-        )
-    t_end = start.t + (until.value if until.goal == "time" else 0.0)
-    return Motion(
-        method="energy",
-        why=why,
-        regime="rest",
-        status="reached" if until.goal == "time" else "rest",
-        end="time" if until.goal == "time" else kind,
-        t_start=start.t,
-        t_end=t_end,
-        q_end=start.q,
-        qd_end=0.0,
-        track=Still(start.q),
-        events=(Event("rest", start.t, start.q, 0.0),),
-        error=0.0,
-        time_error=0.0,
-        accuracy=accuracy,
-        cost=meter.cost,
-        notes=(kind, *notes),
-        facts=facts,
-    )
-
-
-def _nothing(
-    meter: Metered, start: Start, accuracy: float | None, why: str, reason: str
-) -> Motion:
-    """No motion at all: the start is no pose of the mechanism."""
-    return Motion(
-        method="energy",
-        why=why,
-        regime="none",
-        status="failed",
-        end=reason,
-        t_start=start.t,
-        t_end=start.t,
-        q_end=start.q,
-        qd_end=start.rate,
-        track=Still(start.q),
-        events=(),
-        error=math.nan,
-        time_error=math.nan,
-        accuracy=accuracy,
-        cost=meter.cost,
-        notes=(f"{reason} at the start",),
-    )
-
-
-Runner = Callable[[Metered, Start, Until, float | None], Motion]

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.motion import State
+from blockmech.dynamics.motion import State, Status
 from blockmech.dynamics.reduced import TURN, Metered, feasible
 from blockmech.dynamics.until import Start, Until
 
@@ -37,7 +37,7 @@ class Grid(NamedTuple):
     qd: Floats
     stops: tuple[int, ...]  # indices of the standstills
     end: str
-    status: str
+    status: Status
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]: constant acceleration between grid points."""
@@ -97,7 +97,7 @@ class _Swing(NamedTuple):
     q: list[float]
     qd: list[float]
     end: str
-    status: str
+    status: Status
 
 
 def _swing(
@@ -115,14 +115,14 @@ def _swing(
     places: list[float] = []
     rates: list[float] = []
 
-    def done(end: str, status: str) -> _Swing:
+    def done(end: str, status: Status) -> _Swing:
         return _Swing(times, places, rates, end, status)
 
     d = direction * step
     first, block = 0, BLOCKS[0]
     q = q0
     while first < most:
-        grid = q0 + d * np.arange(first, first + block + 1)
+        grid = np.asarray(q0 + d * np.arange(first, first + block + 1), dtype=np.float64)
         sample = meter.sample(grid)
         good = feasible(sample)
         J, tau = sample.J.tolist(), sample.tau.tolist()
@@ -175,6 +175,6 @@ def _landed(swing: _Swing, t: float, q: float, w: float, xi: float, target: floa
 
 
 def _grid(
-    t: list[float], q: list[float], qd: list[float], stops: list[int], end: str, status: str
+    t: list[float], q: list[float], qd: list[float], stops: list[int], end: str, status: Status
 ) -> Grid:
     return Grid(np.array(t), np.array(q), np.array(qd), tuple(stops), end, status)

@@ -35,6 +35,7 @@ Ending: TypeAlias = Literal["reached", "ended", "failed"]
 
 MOST_EVALUATIONS = 400_000
 MOST_LEGS = 100_000
+TOO_MANY = "more evaluations than allowed"
 FOREVER = 1e9  # [s] for goals without a time
 
 
@@ -130,7 +131,7 @@ def run(task: Task, method: Method, tolerance: float, most: int = MOST_EVALUATIO
     legs: list[Leg] = []
     events: list[Event] = []
     t, y, stops, turned = task.t0, task.y0.copy(), 0, 0.0
-    stations = sorted(s for s in task.time_knots if task.t0 < s < task.t_max) + [task.t_max]
+    stations = [*sorted(s for s in task.time_knots if task.t0 < s < task.t_max), task.t_max]
     status: Ending | None = None
     end = ""
     while status is None:
@@ -183,7 +184,7 @@ def _leg(ask: Ask, method: Method) -> Leg | str:
         else:
             leg = wrapped.integrate(ask, method)
     except TooMany:
-        return "more evaluations than allowed"
+        return TOO_MANY
     except (ValueError, ArithmeticError, np.linalg.LinAlgError):
         return "impossible pose"
     return leg if np.isfinite(leg.y1).all() else "impossible pose"

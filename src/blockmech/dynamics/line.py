@@ -107,9 +107,7 @@ class Line:
         return np.maximum(turn, 0).astype(np.intp)
 
 
-def turn_starts(
-    first: float, later: Quadrature, gain: float, clock: float, turns: int
-) -> Floats:
+def turn_starts(first: float, later: Quadrature, gain: float, clock: float, turns: int) -> Floats:
     """Clock at which each turn begins, up to a clock reading and a number of turns.
 
     One vectorised sum over (turn, panel, node) a chunk; no kernel call.

@@ -9,18 +9,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from blockmech.dynamics.energy import energy
-from blockmech.dynamics.integrate import Method
+from blockmech.dynamics.integrate import TOO_MANY, Method
 from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.reduced import Metered, MeteredSystems, ReducedSystem, ReducedSystems
 from blockmech.dynamics.spectral import spectral, steady_motion
 from blockmech.dynamics.stepwise import by_euler_q, by_rk4, in_time, several_in_time
-from blockmech.dynamics.until import Start, Until, Watch
+from blockmech.dynamics.until import Asked, Start, Until, Watch
 from blockmech.dynamics.watching import watched_motion
 from blockmech.errors import Problem, RequestError, close_match, listed
 
@@ -30,41 +32,47 @@ MethodName: TypeAlias = Literal[
 LOOSE = 1e-6  # target from which on LSODA is the cheaper one
 
 
-def simulate(
-    system: ReducedSystem,
-    start: Start,
+def move(
+    system: Metered | ReducedSystem | ReducedSystems,
+    start: Start | tuple[Any, Any],
     until: Until | str,
     method: str = "auto",
     accuracy: float | None = None,
-    *,
     step: float | None = None,
+    watch: Sequence[Watch] = (),
     times: Any = (),
-    watches: Sequence[Watch] = (),
 ) -> Motion:
-    """The motion of a system with one driver.
+    """The motion of the drivers from a start until something ends it.
 
     Parameters
     ----------
-    system : the reduced system
-    start : driver coordinate [rad or m], rate, time [s]
+    system : one driver (counted if it comes with its meter) or several
+    start : driver coordinate [rad or m], rate and time [s]; with k drivers the rows
+        (q0 (k,), rate0 (k,))
     until : what ends the run, or its spelling ("swings=3")
-    method : one of `MethodName`
+    method : one of `MethodName`; with several drivers "auto" or an integrator
     accuracy : target for the error of q [rad or m], or None for the method's own
     step : of ``rk4`` [s] and ``euler_q`` [rad or m]
+    watch : the user's events
     times : times [s] at which the answer is wanted; they count in the error estimate
-    watches : the user's events
 
     Raises
     ------
     RequestError : a method or goal that does not exist or does not fit the loads.
     """
     until = Until.parse(until) if isinstance(until, str) else until
-    wanted = np.asarray(times, dtype=np.float64).ravel()
-    named = _checked(method, system, until, tuple(watches))
-    meter = Metered(system)
+    wanted = tuple(np.asarray(times, dtype=np.float64).ravel().tolist())
+    watches = tuple(watch)
+    if isinstance(system, ReducedSystems):
+        return _several(
+            system, start, Asked(_NOWHERE, until, accuracy, "", wanted, watches), method
+        )
+    meter = system if isinstance(system, Metered) else Metered(system)
+    asked = Asked(Start(*start), until, accuracy, "asked for", wanted, watches)
+    named = _checked(method, meter.system, until, watches)
     if named == "auto":
-        return _automatic(meter, start, until, accuracy, wanted, tuple(watches))
-    motion = _by_name(meter, start, until, named, accuracy, step, wanted, tuple(watches))
+        return _automatic(meter, asked)
+    motion = _by_name(meter, asked, named, step)
     if isinstance(motion, str):
         raise RequestError(
             Problem("method", "method", f'"{named}" cannot do it: {motion}', "", 'use "auto"')
@@ -72,40 +80,21 @@ def simulate(
     return motion
 
 
-def simulate_several(
-    systems: ReducedSystems,
-    q0: Any,
-    qd0: Any,
-    until: Until | str,
-    method: str = "auto",
-    accuracy: float | None = None,
-    *,
-    t0: float = 0.0,
-    times: Any = (),
-    watches: Sequence[Watch] = (),
-) -> Motion:
-    """The motion of a system with several drivers; q0, qd0 (k,).
+_NOWHERE = Start(math.nan)
 
-    Raises `RequestError` for a goal or a method that only one driver has.
-    """
-    until = Until.parse(until) if isinstance(until, str) else until
-    if until.goal not in ("time", "event"):
-        raise _refused("until", until.goal, "it needs one driver", ("time", "event"))
+
+def _several(systems: ReducedSystems, start: tuple[Any, ...], asked: Asked, method: str) -> Motion:
+    goal = asked.until.goal
+    if goal not in ("time", "event"):
+        raise _refused("until", goal, "it needs one driver", ("time", "event"))
     chosen = "dop853" if method == "auto" else method
     if chosen not in get_args(Method):
         raise _refused("method", method, "it needs one driver", ("auto", *get_args(Method)))
-    return several_in_time(
-        MeteredSystems(systems),
-        np.asarray(q0, dtype=np.float64),
-        np.asarray(qd0, dtype=np.float64),
-        t0,
-        until,
-        chosen,  # type: ignore[arg-type]
-        accuracy,
-        "several drivers" if method == "auto" else "asked for",
-        np.asarray(times, dtype=np.float64).ravel(),
-        tuple(watches),
-    )
+    q0, qd0 = (np.asarray(x, dtype=np.float64) for x in start[:2])
+    t0 = float(start[2]) if len(start) > 2 else 0.0
+    why = "several drivers" if method == "auto" else "asked for"
+    asked = replace(asked, start=Start(math.nan, math.nan, t0), why=why)
+    return several_in_time(MeteredSystems(systems), q0, qd0, asked, chosen)  # type: ignore[arg-type]
 
 
 def _checked(
@@ -143,74 +132,44 @@ def _refused(where: str, what: str, why: str, valid: Sequence[str]) -> RequestEr
     )
 
 
-def _automatic(
-    meter: Metered,
-    start: Start,
-    until: Until,
-    accuracy: float | None,
-    times: Any,
-    watches: tuple[Watch, ...],
-) -> Motion:
-    depends = meter.system.depends_on
-    if depends <= {"q"} and until.goal != "event":
+def _automatic(meter: Metered, asked: Asked) -> Motion:
+    depends, goal = meter.system.depends_on, asked.until.goal
+    if depends <= {"q"} and goal != "event":
         why = "all loads depend on the driver's coordinate alone"
-        motion = energy(meter, start, until, accuracy, why)
-        return watched_motion(motion, watches)
-    if until.goal == "steady":
-        steady = steady_motion(meter, start, accuracy, "a periodic motion is asked for")
-        if not isinstance(steady, str):
-            return steady
-        why = steady
-        raise _refused("until", "steady", why, ())
-    why = "a user's event ends the run" if until.goal == "event" else "the loads depend on time"
-    if "time" not in depends and until.goal != "event":
+        return watched_motion(energy(meter, replace(asked, why=why)), asked.watches)
+    if goal == "steady":
+        found = steady_motion(meter, replace(asked, why="a periodic motion is asked for"))
+        if isinstance(found, str):
+            raise _refused("until", "steady", found, ())
+        return found
+    why = "a user's event ends the run" if goal == "event" else "the loads depend on time"
+    if "time" not in depends and goal != "event":
         why = "the loads depend on the rate, and the driver does not stop"
-        motion_or_reason = spectral(meter, start, until, accuracy, why)
-        if not isinstance(motion_or_reason, str):
-            return watched_motion(motion_or_reason, watches)
-        why = f"the loads depend on the rate; {motion_or_reason}"
-    loose = accuracy is not None and accuracy >= LOOSE and until.goal == "time" and not watches
-    chosen: Method = "lsoda" if loose else "dop853"
-    motion = in_time(meter, start, until, chosen, accuracy, why, times, watches)
-    if motion.end == "more evaluations than allowed" and chosen == "dop853":
-        why += "; it is stiff"
-        motion = in_time(meter, start, until, "radau", accuracy, why, times, watches)
+        marched = spectral(meter, replace(asked, why=why))
+        if not isinstance(marched, str):
+            return watched_motion(marched, asked.watches)
+        why = f"the loads depend on the rate; {marched}"
+    accuracy = asked.accuracy
+    loose = accuracy is not None and accuracy >= LOOSE and goal == "time" and not asked.watches
+    motion = in_time(meter, replace(asked, why=why), "lsoda" if loose else "dop853")
+    if motion.end == TOO_MANY and not loose:
+        return in_time(meter, replace(asked, why=f"{why}; it is stiff"), "radau")
     return motion
 
 
-def _by_name(
-    meter: Metered,
-    start: Start,
-    until: Until,
-    method: MethodName,
-    accuracy: float | None,
-    step: float | None,
-    times: Any,
-    watches: tuple[Watch, ...],
-) -> Motion | str:
-    why = "asked for"
+def _by_name(meter: Metered, asked: Asked, method: MethodName, step: float | None) -> Motion | str:
+    goal = asked.until.goal
     if method == "energy":
-        if until.goal == "event":
+        if goal == "event":
             return "it looks for events after the run, so it needs another end"
-        return watched_motion(energy(meter, start, until, accuracy, why), watches)
-    if until.goal == "steady":
-        return steady_motion(meter, start, accuracy, why)
+        return watched_motion(energy(meter, asked), asked.watches)
+    if goal == "steady":
+        return steady_motion(meter, asked)
     if method == "spectral":
-        found = spectral(meter, start, until, accuracy, why)
-        return found if isinstance(found, str) else watched_motion(found, watches)
+        found = spectral(meter, asked)
+        return found if isinstance(found, str) else watched_motion(found, asked.watches)
     if method == "rk4":
-        return by_rk4(meter, start, until, step, accuracy, why)
+        return by_rk4(meter, asked, step)
     if method == "euler_q":
-        return by_euler_q(meter, start, until, step, accuracy, why)
-    return in_time(
-        meter,
-        start,
-        until,
-        method,  # type: ignore[arg-type]
-        accuracy,
-        why,
-        times,
-        watches,
-    )
-
-
+        return by_euler_q(meter, asked, step)
+    return in_time(meter, asked, method)  # type: ignore[arg-type]

@@ -43,7 +43,7 @@ def sampled(view: View, edges: Floats, n: int, root: bool = False) -> list[Patch
     wanted = frozenset({"damping"}) if view.meter.system.damped else frozenset()
     sample = view.meter.sample(view.q(x), wanted)
     damping = np.zeros_like(x) if sample.damping is None else sample.damping
-    possible = feasible(sample).all(axis=1)
+    possible = np.asarray(feasible(sample).all(axis=1))
     found = []
     for i in range(low.size):
         rooted = root and i == 0

@@ -122,9 +122,7 @@ def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
     slowing = np.where(ended, duration / K[:, -1], L / 4 * ((F / K) @ r.total))
     far = begin + np.where(mirrored, -1, 1)
     lost_spread = np.array([_outward(lost, a.edge, 1.0) for a in anchors])
-    rounded_spread = np.array(
-        [ROUNDING * a.K + _outward(rounded, a.edge, 1.0) for a in anchors]
-    )
+    rounded_spread = np.array([ROUNDING * a.K + _outward(rounded, a.edge, 1.0) for a in anchors])
     return Quadrature(
         mesh=mesh,
         mirrored=mirrored,

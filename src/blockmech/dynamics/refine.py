@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integrate import Method, Run, Task, run
+from blockmech.dynamics.integrate import TOO_MANY, Method, Run, Task, run
 from blockmech.dynamics.legs import FINEST
 from blockmech.dynamics.replay import replayed, uninterrupted
 
@@ -64,7 +64,7 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
             if tolerance <= FINEST:
                 error, time_error = 2 * error, 2 * time_error
             best = Refined(now, error + floor, time_error, tolerance, error + floor <= accuracy)
-            if best.reached or now.end.startswith("more than"):
+            if best.reached or now.end == TOO_MANY:
                 return best
         before = now
     if best is None:

@@ -82,9 +82,7 @@ def _solved(task: Task, rhs: Any, y0: Floats, times: Floats, tolerance: float) -
     return np.asarray(found)
 
 
-def _standstills(
-    task: Task, rhs: Any, grid: Floats, y: Floats, tolerance: float
-) -> list[Event]:
+def _standstills(task: Task, rhs: Any, grid: Floats, y: Floats, tolerance: float) -> list[Event]:
     """Changes of sign of the rate between outputs, by Newton's method in time."""
     found = []
     rate = y[:, 1]

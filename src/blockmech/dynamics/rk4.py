@@ -15,7 +15,7 @@ import numpy as np
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.legs import FINEST
-from blockmech.dynamics.motion import State
+from blockmech.dynamics.motion import State, Status
 from blockmech.dynamics.reduced import TURN
 from blockmech.dynamics.until import Start, Until
 
@@ -43,7 +43,7 @@ class Fixed(NamedTuple):
     qd: Floats
     qdd: Floats
     end: str
-    status: str
+    status: Status
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s] between the steps, by cubic Hermite interpolation."""
@@ -70,7 +70,8 @@ def stepped(equation: Equation, start: Start, until: Until, h: float) -> Fixed:
     t, y = start.t, Vector((start.q, start.rate, 0.0))
     rows = [(t, y[0], y[1], float(rhs(t, y)[1]))]
     stops = 0
-    end, status = "time", "reached"
+    end: str = "time"
+    status: Status = "reached"
     for n in range(1, MOST_STEPS + 1):
         here = h if start.t + n * h <= t_end * (1 + 1e-15) else t_end - t
         new = _step(rhs, t, y, here)
@@ -98,7 +99,8 @@ def stepped(equation: Equation, start: Start, until: Until, h: float) -> Fixed:
             break
     else:
         end, status = f"more than {MOST_STEPS} steps", "failed"
-    return Fixed(*(np.array(column) for column in zip(*rows, strict=True)), end, status)
+    times, q, qd, qdd = (np.array(column) for column in zip(*rows, strict=True))
+    return Fixed(times, q, qd, qdd, end, status)
 
 
 def _goal(start: Start, until: Until) -> Callable[[Any], float] | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +84,8 @@ def simulate(
     wanted = _column(times)
     goal = _goal(until, wanted)
     starts = _starts(mechanism, start)
-    motion = _moved(mechanism, starts, goal, method, accuracy, step, stops, watch)
+    how = _How(method, accuracy, step, tuple(watch), () if wanted is None else wanted)
+    motion = _moved(mechanism, starts, goal, how, stops)
     if wanted is None:
         wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
     inside = (wanted >= motion.t_start) & (wanted <= motion.t_end)
@@ -119,15 +120,22 @@ def _starts(mechanism: Mechanism, start: Starts | None) -> Starts:
     return {d: given[d] for d in mechanism.drivers}
 
 
+class _How(NamedTuple):
+    """The last arguments of `move`, in its order."""
+
+    method: str
+    accuracy: float | None
+    step: float | None
+    watch: tuple[Watch, ...]
+    times: Any
+
+
 def _moved(
     mechanism: Mechanism,
     starts: Starts,
     goal: Until,
-    method: str,
-    accuracy: float | None,
-    step: float | None,
+    how: _How,
     stops: Mapping[str, tuple[float, float]] | None,
-    watch: Sequence[Watch],
 ) -> Motion:
     """The motion of the drivers by the method asked for."""
     reduced = mechanism.reduced
@@ -138,12 +146,12 @@ def _moved(
         ((driver, (q, rate)),) = starts.items()
         if stops:
             reduced = replace(reduced, stops=_stops(driver, q, stops))
-        return move(Metered(reduced), Start(q, rate), goal, method, accuracy, step, watch)
+        return move(Metered(reduced), Start(q, rate), goal, *how)
     if stops:
         raise _error("stops", "several drivers have no end stops", "watch= an event in their place")
     assert isinstance(reduced, ReducedSystems)
     q0, qd0 = (np.array([pair[i] for pair in starts.values()], dtype=float) for i in (0, 1))
-    return move(reduced, (q0, qd0), goal, method, accuracy, step, watch)
+    return move(reduced, (q0, qd0), goal, *how)
 
 
 def _stops(driver: str, q: float, stops: Mapping[str, tuple[float, float]]) -> tuple[float, float]:

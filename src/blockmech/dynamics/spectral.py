@@ -23,8 +23,9 @@ from blockmech.dynamics.motion import Motion, State
 from blockmech.dynamics.patches import Path
 from blockmech.dynamics.quadrature import EPS, Quadrature
 from blockmech.dynamics.reduced import TURN, Metered
+from blockmech.dynamics.rest import trouble
 from blockmech.dynamics.steady import Steady, steady
-from blockmech.dynamics.until import Start, Until
+from blockmech.dynamics.until import Asked
 
 NODES, CHECK_NODES = 32, 48
 PER_TURN = 4
@@ -47,28 +48,24 @@ class Marched:
         return State(self.view.q(found.x), self.view.sign * found.rate)
 
 
-def spectral(
-    meter: Metered, start: Start, until: Until, accuracy: float | None, why: str
-) -> Motion | str:
+def spectral(meter: Metered, asked: Asked) -> Motion | str:
     """The motion by panels in q, or the reason why this method cannot give it.
 
     The tolerance is lowered until the error estimate meets the target. With a target,
     one more march with more nodes checks the estimate.
     """
     with np.errstate(all="ignore"):
-        return _spectral(meter, start, until, accuracy, why)
+        return _spectral(meter, asked)
 
 
-def _spectral(
-    meter: Metered, start: Start, until: Until, accuracy: float | None, why: str
-) -> Motion | str:
+def _spectral(meter: Metered, asked: Asked) -> Motion | str:
+    start, (goal, value) = asked.start, (asked.until.goal, asked.until.value)
     one = meter.one(start.q, start.rate, start.t)
-    if not (one.margin > 0 and one.J > 0):
-        return "the start is no pose of the mechanism"
+    if trouble(one):
+        return f"{trouble(one)} at the start"
     if start.rate == 0 and one.tau == 0:
         return "it starts at rest at an equilibrium"
     view = View(meter, start.q, math.copysign(1.0, start.rate or one.tau))
-    goal, value = until.goal, until.value
     far = {"turns": value * TURN, "angle": view.sign * (value - start.q)}.get(goal, math.inf)
     if goal not in ("time", "turns", "angle") or far < 0:
         return "the goal asks for a standstill or a way back"
@@ -76,42 +73,35 @@ def _spectral(
     def done(x: float, elapsed: float) -> bool:
         return elapsed >= value if goal == "time" else x >= far
 
-    K0 = one.J * start.rate**2 / 2
-    effort0 = view.sign * one.tau
-    target = accuracy or FINEST
+    K0, effort0 = one.J * start.rate**2 / 2, view.sign * one.tau
+    target = asked.accuracy or FINEST
+    best = None
     path = Path(view, NODES, PER_TURN)
-    found: tuple[March, Quadrature, float, float] | None = None
     for tolerance in TOLERANCES:
         run = march(path, K0, effort0, tolerance, done)
         if run.reason != "done":
             return _trouble(run, view)
         quad = as_quadrature(run.panels)
-        seconds, _ = errors(run.panels)
-        error = seconds * quad.fastest
-        if found is None or error < found[2]:
-            found = (run, quad, error, tolerance)
+        error = errors(run.panels)[0] * quad.fastest
+        if best is None or error < best[0]:
+            best = (error, quad, tolerance)
         if error <= target:
             break
-    assert found is not None
-    run, quad, error, tolerance = found
-    t_end = start.t + (value if goal == "time" else float(when(quad, np.array([far]))[0]))
-    if accuracy is not None:
-        finer = Path(view, CHECK_NODES, PER_TURN)
-        check = march(finer, K0, effort0, tolerance, done)
+    assert best is not None
+    error, quad, tolerance = best
+    if asked.accuracy is not None:
+        check = march(Path(view, CHECK_NODES, PER_TURN), K0, effort0, tolerance, done)
         if check.reason == "done":
             other = as_quadrature(check.panels)
-            times = np.linspace(start.t, t_end, COMPARED + 1)[1:]
-            a, b = (Marched(view, x, start.t).state(times).q for x in (quad, other))
-            error, quad = max(error, float(np.abs(a - b).max())), other
-            if goal != "time":
-                t_end = start.t + float(when(quad, np.array([far]))[0])
+            error, quad = max(error, _apart(view, quad, other)), other
+    t_end = start.t + (value if goal == "time" else float(when(quad, np.array([far]))[0]))
     track = Marched(view, quad, start.t)
     q_end, qd_end = (float(x[0]) for x in track.state(np.array([t_end])))
     error += 4 * EPS * abs(q_end)
-    notes = () if error <= target else (f"accuracy not reached: {error:.1e} not {target:.1e}",)
+    missed = f"accuracy not reached: {error:.1e} instead of {target:.1e}"
     return Motion(
         method="spectral",
-        why=why,
+        why=asked.why,
         regime="one way",
         status="reached",
         end=goal,
@@ -123,11 +113,17 @@ def _spectral(
         events=(),
         error=error,
         time_error=error / max(abs(qd_end), 1e-300),
-        accuracy=accuracy,
+        accuracy=asked.accuracy,
         cost=meter.cost,
-        notes=notes,
-        facts={"panels": float(len(run.panels))},
+        notes=() if error <= target else (missed,),
+        facts={"panels": float(quad.mesh.panels)},
     )
+
+
+def _apart(view: View, a: Quadrature, b: Quadrature) -> float:
+    """Largest difference of two marches at common times [rad or m]."""
+    times = np.linspace(0.0, min(a.total, b.total), COMPARED + 1)[1:]
+    return float(np.abs(place(a, times).x - place(b, times).x).max())
 
 
 def _trouble(run: March, view: View) -> str:
@@ -140,25 +136,22 @@ def _trouble(run: March, view: View) -> str:
     return "the run is too long for it"
 
 
-def steady_motion(
-    meter: Metered, start: Start, accuracy: float | None, why: str
-) -> Motion | str:
+def steady_motion(meter: Metered, asked: Asked) -> Motion | str:
     """The periodic motion in the direction of the start, or why none was found.
 
     Several may exist: the one whose mean speed is nearest the start's is taken (the
     fastest for a start from rest), the others are named in the notes.
     """
+    start = asked.start
     with np.errstate(all="ignore"):
         one = meter.one(start.q, start.rate, start.t)
-        if not one.margin > 0:
-            return "the start is no pose of the mechanism"
+        if trouble(one):
+            return f"{trouble(one)} at the start"
         view = View(meter, start.q, math.copysign(1.0, start.rate or one.tau or 1.0))
-        target = accuracy or FINEST
-        found = steady(view, target)
+        found = steady(view, asked.accuracy or FINEST)
         if not found:
             return "no periodic rotation was found in this direction"
-        chosen = _nearest(found, abs(start.rate))
-        return _periodic(meter, view, start, chosen, found, accuracy, why)
+        return _periodic(meter, view, asked, found)
 
 
 def _nearest(found: list[Steady], rate: float) -> Steady:
@@ -167,15 +160,8 @@ def _nearest(found: list[Steady], rate: float) -> Steady:
     return min(found, key=lambda s: abs(s.turn.period / s.turn.total - rate))
 
 
-def _periodic(
-    meter: Metered,
-    view: View,
-    start: Start,
-    chosen: Steady,
-    found: list[Steady],
-    accuracy: float | None,
-    why: str,
-) -> Motion:
+def _periodic(meter: Metered, view: View, asked: Asked, found: list[Steady]) -> Motion:
+    start, chosen = asked.start, _nearest(found, abs(asked.start.rate))
     turn = chosen.turn
     track = Conservative(Line(view, turn, period=turn.period), 0.0, 1, start.t)
     state = track.state(np.array([start.t]))
@@ -193,7 +179,7 @@ def _periodic(
     error = turn.error * turn.fastest
     return Motion(
         method="spectral",
-        why=why,
+        why=asked.why,
         regime="steady state" if stable else "unstable periodic motion",
         status="reached",
         end="steady",
@@ -205,7 +191,7 @@ def _periodic(
         events=(),
         error=error,
         time_error=turn.error,
-        accuracy=accuracy,
+        accuracy=asked.accuracy,
         cost=meter.cost,
         notes=tuple(notes),
         facts={

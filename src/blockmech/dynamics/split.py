@@ -23,7 +23,7 @@ from blockmech.loads.motor import Motor
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forces import negated
 from blockmech.passes.forward import ZERO, link_velocity, marker_velocity
-from blockmech.passes.loads import cm_velocity, terminal_term, weight_on
+from blockmech.passes.loads import NOTHING, cm_velocity, terminal_term, weight_on
 from blockmech.plan import Friction, Schedule
 from blockmech.plane import hyp
 from blockmech.typing import Complex, Real
@@ -173,7 +173,7 @@ def load_size(structure: Structure, scene: Any, driver: str) -> Callable[[float]
     s = Schedule(structure, scene, FREE)
     terms = []
     for link in structure.links:
-        force = s.ask(weight_on, link) if link != structure.frame_link else ()
+        force = s.ask(weight_on, link) if link != structure.frame_link else NOTHING
         v = s.ask(cm_velocity, link, driver) if force else ZERO
         if v != ZERO:
             terms.append(s.emit(work_at_most, force.forces[0], v, name=f"{link}_size"))

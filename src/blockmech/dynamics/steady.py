@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -87,7 +87,7 @@ class Turn:
         return Place(x, 1 / self._slowness(x, c, k, angle))
 
     @staticmethod
-    def _slowness(x: Floats, c: Floats, k: Floats, angle: float) -> Floats:
+    def _slowness(x: Floats, c: Any, k: Any, angle: float) -> Floats:
         return np.asarray(c[0].real + 2 * (np.exp(1j * np.outer(x, k * angle)) @ c[1:]).real)
 
 
@@ -117,7 +117,7 @@ def steady(view: View, accuracy: float) -> list[Steady]:
 
 
 def _nodes(view: View, period: float, n: int) -> Patch:
-    x = np.arange(n) * (period / n)
+    x = np.arange(n, dtype=np.float64) * np.float64(period / n)
     wanted = frozenset({"damping"}) if view.meter.system.damped else frozenset()
     sample = view.meter.sample(view.q(x), wanted)
     return Patch(
@@ -175,7 +175,9 @@ def _collocated(
         slowness = np.sqrt(patch.J / (2 * K))
         size = np.abs(np.fft.rfft(slowness)) / n
         tail = float(size[-max(2, size.size // 8) :].max())
-        turn = Turn(End(0.0), End(period), period, slowness, period * (2 * tail + 4 * EPS * size[0]))
+        turn = Turn(
+            End(0.0), End(period), period, slowness, period * (2 * tail + 4 * EPS * size[0])
+        )
         if turn.error * turn.fastest <= accuracy or tail <= 1e-15 * size[0]:
             return Steady(turn, math.exp(period * float(gain.mean())), "collocation", speed)
     return None
@@ -240,7 +242,7 @@ def _returned(view: View, period: float, speed: float) -> Steady | None:
         return None
     n = SIZES[-2]
     run = march(path, K, 0.0, 1e-13, lambda x, _: x >= period * (1 - 1e-9))
-    x = np.arange(n) * (period / n)
+    x = np.arange(n, dtype=np.float64) * np.float64(period / n)
     quad = as_quadrature(run.panels)
     rate = place(quad, when(quad, x)).rate
     multiplier = math.prod(p.fading for p in run.panels)

@@ -28,6 +28,7 @@ from blockmech.dynamics.quadrature import (
 
 LEVELS = 40
 
+
 @dataclass(frozen=True)
 class Stretch:
     """A stretch with its converged quadrature.
@@ -151,9 +152,7 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
         reducible += abs(step) * slowing
         placed = noise / effort + EPS * (abs(view.origin) + abs(end.x))
         rounding += placed * slowing
-        end_error = max(
-            end_error, placed + abs(step) + float(quad.lost[between].sum()) / effort
-        )
+        end_error = max(end_error, placed + abs(step) + float(quad.lost[between].sum()) / effort)
     return Stretch(ends[0], ends[1], quad, reducible, rounding, end_error)
 
 

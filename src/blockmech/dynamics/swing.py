@@ -10,14 +10,24 @@ standstill that was found by integration.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.chebyshev import Floats, angle, blocks, integral_one, rule, unresolved, waves
-from blockmech.dynamics.mesh import View, places
+from blockmech.dynamics.chebyshev import (
+    TAIL,
+    Floats,
+    angle,
+    blocks,
+    integral_one,
+    rule,
+    unresolved,
+    waves,
+)
+from blockmech.dynamics.mesh import Mesh, View, places
 from blockmech.dynamics.passage import Allowed, End, Known, Place
 from blockmech.dynamics.quadrature import EPS, ROUNDING, delay
 from blockmech.dynamics.reduced import feasible
@@ -25,7 +35,9 @@ from blockmech.dynamics.reduced import feasible
 SIZES = (128, 256)
 HOPEFUL = {128: 1e-4, 256: 1e-12}  # tails above which a longer series is not worth its samples
 TAYLOR = 1e-8  # relative shift below which samples are carried along, not sampled again
+ROUGH = 1e-10  # end of a survey's series, relative, above which 128 nodes are not tried
 CHUNK = 2048
+NEXT_IS_EXACT = 3e-8  # [rad] a Newton step after which the next would be rounding
 NEWTON_STEPS = 8
 
 
@@ -78,18 +90,8 @@ class Swing:
         return np.asarray(self.times[0] * phi + np.sin(phi[:, None] * k) @ (self.times[1:] / k))
 
     def _place(self, time: Floats) -> Place:
-        n = self.times.size
-        grid, table = _clock(n, self.times)
-        phi = np.interp(time, table, grid)
-        k = np.arange(n)
-        weights = self.times[1:] / k[1:]
-        for _ in range(NEWTON_STEPS):
-            angles = phi[:, None] * k
-            t = self.times[0] * phi + np.sin(angles[:, 1:]) @ weights
-            step = (time - t) / (np.cos(angles) @ self.times)
-            phi = np.minimum(np.maximum(phi + step, 0.0), np.pi)
-            if not np.abs(step).max() > 1e-9:
-                break
+        phi = self._angle(time)
+        k = np.arange(self.times.size)
         near = phi <= np.pi / 2
         from_low, from_high = np.sin(phi / 2) ** 2, np.cos(phi / 2) ** 2
         length = 2 * self.half
@@ -101,15 +103,49 @@ class Swing:
         J = np.cos(phi[:, None] * k) @ self.inertia
         return Place(x, np.sqrt(2 * np.maximum(K, 0.0) / J))
 
+    def _angle(self, time: Floats) -> Floats:
+        """phi at times (m,): a table of equal angles, then Newton's method."""
+        n = self.times.size
+        grid, table = _clock(n, self.times)
+        phi = np.interp(time, table, grid)
+        if time.size == 1:
+            return np.array([self._angle_one(float(time[0]), float(phi[0]))])
+        k = np.arange(n)
+        weights = self.times[1:] / k[1:]
+        for _ in range(NEWTON_STEPS):
+            angles = phi[:, None] * k
+            t = self.times[0] * phi + np.sin(angles[:, 1:]) @ weights
+            step = (time - t) / (np.cos(angles) @ self.times)
+            phi = np.minimum(np.maximum(phi + step, 0.0), np.pi)
+            if not np.abs(step).max() > NEXT_IS_EXACT:
+                break
+        return phi
+
+    def _angle_one(self, time: float, phi: float) -> float:
+        """The same for one time, without the overhead of arrays of one."""
+        c, k = self.times, np.arange(1, self.times.size)
+        mean, rest = float(c[0]), c[1:]
+        weights = rest / k
+        for _ in range(NEWTON_STEPS):
+            angles = k * phi
+            t = mean * phi + float(np.sin(angles) @ weights)
+            step = (time - t) / (mean + float(np.cos(angles) @ rest))
+            phi = min(max(phi + step, 0.0), math.pi)
+            if not abs(step) > NEXT_IS_EXACT:
+                break
+        return phi
+
 
 def swing(
-    view: View, low: End, high: End, inside: Known | None, allowed: Allowed
+    view: View, low: End, high: End, inside: Known | None, allowed: Allowed, survey: Mesh
 ) -> Swing | None:
     """The swing between two standstills, or None where one series does not serve.
 
-    Cost: one batch call of 128, then 256 samples until the error is what is allowed.
+    Cost: one batch call of 128 samples, and one of 256 where those are too few for the
+    error that is allowed; 256 at once where the ``survey`` on panels is rough.
     """
-    for n in SIZES:
+    judged: _Judged | None = None
+    for n in SIZES[_rough(survey) :]:
         x = places(np.array([low.x]), np.array([high.x]), (False, False), n)[0]
         sample = view.meter.sample(view.q(x))
         if not feasible(sample).all():
@@ -120,16 +156,14 @@ def swing(
             return None
         enough = max(allowed(judged) - judged.rounding, judged.rounding)
         if judged.tail <= enough < judged.reducible and judged.shift < TAYLOR:
-            low, high, J, tau = _carried(judged, J, tau)
-            judged = _judged(view, low, high, inside, J, tau)
-            if judged is None:
-                return None
+            judged, J, tau = _carried(judged, J, tau)
         if judged.reducible <= enough:
             break
         low, high = judged.moved
         tail = np.abs(judged.times[3 * n // 4 :]).max() / judged.times[0]
         if tail > HOPEFUL[n]:
             return None
+    assert judged is not None
     return Swing(
         low=judged.low,
         high=judged.high,
@@ -143,6 +177,13 @@ def swing(
     )
 
 
+def _rough(survey: Mesh) -> bool:
+    """Whether the survey's series end so high that 128 nodes would hardly do."""
+    r = rule(survey.J.shape[1])
+    end = r.tail[:, TAIL:]
+    return any(np.abs(f @ end).max() > ROUGH * np.abs(f).max() for f in (survey.J, survey.tau))
+
+
 class _Judged(NamedTuple):
     """A swing on given nodes: errors of its time [s], and how far its ends should move."""
 
@@ -153,6 +194,7 @@ class _Judged(NamedTuple):
     fastest: float  # [rad/s or m/s]
     tail: float  # error from the end of the series
     reducible: float  # the same, and from the ends' places
+    moving: float  # the part of it that moving the ends would remove
     rounding: float
     end_error: float  # [rad or m]
     steps: tuple[float, float]  # [rad or m]
@@ -173,13 +215,30 @@ class _Judged(NamedTuple):
         return low, high
 
 
-def _carried(judged: _Judged, J: Floats, tau: Floats) -> tuple[End, End, Floats, Floats]:
+def _carried(judged: _Judged, J: Floats, tau: Floats) -> tuple[_Judged, Floats, Floats]:
     """Ends moved a little, and the samples carried along by their first derivative."""
-    r = rule(J.size)
+    r, large = rule(J.size), _large(J.size)
     low, high = judged.moved
     by = (judged.steps[0] * r.high + judged.steps[1] * r.low) / (2 * judged.half)
-    slopes = _large(J.size).differentiate
-    return low, high, J + (J @ slopes).ravel() * by, tau + (tau @ slopes).ravel() * by
+    J = J + (J @ large.differentiate).ravel() * by
+    tau = tau + (tau @ large.differentiate).ravel() * by
+    half = (high.x - low.x) / 2
+    times, fastest = _series(half, J, tau)
+    left = judged.reducible - judged.moving + judged.total * judged.shift**2
+    carried = judged._replace(
+        low=low, high=high, half=half, times=times, fastest=fastest, reducible=left, steps=(0.0, 0.0)
+    )
+    return carried, J, tau
+
+
+def _series(half: float, J: Floats, tau: Floats) -> tuple[Floats, float]:
+    """Coefficients of f [s], NaN where the energy is not above zero, and the largest speed."""
+    n, large = J.size, _large(J.size)
+    K = np.empty(n)
+    K[: n // 2] = (tau @ large.integrate).ravel()
+    K[n // 2 :] = -(tau[::-1] @ large.integrate).ravel()[::-1]
+    speed = np.sqrt(2 * half * K / J)
+    return ((half * large.sine / speed) @ large.cosine).ravel(), float(speed.max())
 
 
 def _judged(
@@ -189,15 +248,11 @@ def _judged(
     r, large = rule(n), _large(n)
     a = (high.x - low.x) / 2
     tau_low, tau_high, slope_low, slope_high, total = (tau @ r.ends).tolist()
-    K = np.empty(n)
-    K[: n // 2] = a * (tau @ large.integrate).ravel()
-    K[n // 2 :] = -a * (tau[::-1] @ large.integrate).ravel()[::-1]
-    if not (K.min() > 0 and tau_low > 0 > tau_high):
+    c, fastest = _series(a, J, tau)
+    T = math.pi * float(c[0])
+    if not (T > 0 and tau_low > 0 > tau_high):
         return None
     total *= a
-    speed = np.sqrt(2 * K / J)
-    c = ((a * large.sine / speed) @ large.cosine).ravel()
-    T = np.pi * float(c[0])
     tail = unresolved(c[3 * n // 4 :])
 
     noise = ROUNDING * a * float(np.abs(tau) @ r.total)
@@ -210,7 +265,8 @@ def _judged(
         noise += EPS * inside[1]
     doubt = noise + a * unresolved((tau @ large.tail).ravel()) * 8 / n
     J_ends = (J @ r.ends[:, :2]).tolist()
-    reducible, rounding, end_error, steps, shift = tail, 2 * EPS * T, 0.0, [0.0, 0.0], 0.0
+    reducible, rounding, end_error = tail, 2 * EPS * T, 0.0
+    steps, moving, shift = [0.0, 0.0], 0.0, 0.0
     for side, end in enumerate((low, high)):
         if not end.free:
             continue
@@ -222,15 +278,24 @@ def _judged(
         else:
             reducible += doubt / effort * slowing
         step = abs(steps[side])
-        reducible += step * slowing
+        moving += step * slowing
         shift = max(shift, step * (1 / (2 * a) + abs(slope / effort)))
         placed = noise / effort + EPS * (abs(view.origin) + abs(end.x))
         rounding += placed * slowing
         end_error = max(end_error, placed + step + doubt / effort)
-    fastest = float(speed.max())
-    both = (steps[0], steps[1])
     return _Judged(
-        low, high, a, c, fastest, tail, reducible, rounding, end_error, both, shift
+        low=low,
+        high=high,
+        half=a,
+        times=c,
+        fastest=fastest,
+        tail=tail,
+        reducible=reducible + moving,
+        moving=moving,
+        rounding=rounding,
+        end_error=end_error,
+        steps=(steps[0], steps[1]),
+        shift=shift,
     )
 
 

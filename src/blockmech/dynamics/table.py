@@ -45,7 +45,13 @@ class Table:
 
     def parts(self) -> Parts:
         """q -> (J, dJ/dq, tau, damping), floats; NaN outside a table that does not repeat."""
-        low, per, period, rows, count = self.low, 1 / self.width, self.period, self.rows, len(self.rows)
+        low, per, period, rows, count = (
+            self.low,
+            1 / self.width,
+            self.period,
+            self.rows,
+            len(self.rows),
+        )
         floor = math.floor
         nothing = (math.nan,) * 4
         damped = any(row[3] for row in rows)
@@ -72,7 +78,12 @@ class Table:
 def _horner(row: Row, x: float) -> float:
     a, b, c, d, e, f, g, h, i, j, k, l = row
     return a + x * (
-        b + x * (c + x * (d + x * (e + x * (f + x * (g + x * (h + x * (i + x * (j + x * (k + x * l)))))))))
+        b
+        + x
+        * (
+            c
+            + x * (d + x * (e + x * (f + x * (g + x * (h + x * (i + x * (j + x * (k + x * l))))))))
+        )
     )
 
 

@@ -73,6 +73,23 @@ class Until:
         return cls(name, value)  # type: ignore[arg-type]
 
 
+@dataclass(frozen=True)
+class Asked:
+    """All that a run with one driver is asked for.
+
+    accuracy : target for the error of q [rad or m], or None
+    why : why this method, recorded in the result
+    times : further times [s] at which the answer is wanted
+    """
+
+    start: Start
+    until: Until
+    accuracy: float | None = None
+    why: str = ""
+    times: tuple[float, ...] = ()
+    watches: tuple[Watch, ...] = ()
+
+
 _SPELLINGS = (
     "standstill",
     "swings=<count>",

@@ -109,6 +109,8 @@ def _head(result: Result) -> dict[str, Any]:
         head["time"] = _values(time)
     if result.motion is not None:
         head |= _motion(result, result.motion)
+    if result.accuracy is not None:
+        head["accuracy"] = result.accuracy.to_dict()
     return head
 
 

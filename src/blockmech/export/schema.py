@@ -39,13 +39,25 @@ def result_schema() -> dict[str, Any]:
                     "description": "of a simulation, in the order of time",
                 },
                 "motion": {"$ref": "#/$defs/motion"},
+                "accuracy": {"$ref": "#/$defs/accuracy"},
                 "outputs": _map({"$ref": "#/$defs/output"}),
                 "quality": {"$ref": "#/$defs/quality"},
             },
-            optional=("time", "events", "motion"),
+            optional=("time", "events", "motion", "accuracy"),
         ),
         "$defs": {
             "value": value,
+            "accuracy": _record(
+                {
+                    "target": {"type": "number", "description": "wanted error"},
+                    "estimate": {**number, "description": "estimated error of the worst output"},
+                    "reached": {"type": "boolean"},
+                    "friction": {"type": "string"},
+                    "iterations": {"type": ["integer", "null"]},
+                    "precision": {"type": "string"},
+                    "why": {"type": "string"},
+                }
+            ),
             "output": _record(
                 {
                     "unit": {"type": "string", "description": "SI; empty where dimensionless"},

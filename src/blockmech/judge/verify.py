@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -134,6 +135,11 @@ def _power(force: Array, v: Array) -> Term:
     return Term((np.conj(force) * v).real, np.abs(force) * np.abs(v))
 
 
+def _size(terms: list[Term]) -> Array:
+    """Sum of absolute terms."""
+    return np.asarray(np.sum([t.size for t in terms], axis=0))
+
+
 class _Judge:
     """Sums of terms over the samples of one result."""
 
@@ -160,11 +166,10 @@ class _Judge:
             found[block] = own
         return found
 
-    def _error(self, name: str, terms: list[Term], condition: Array) -> Check:
+    def _error(self, name: str, terms: list[Term], scale: Array) -> Check:
         if not terms or not self.good.any():
             return Check(name, 0.0)
-        total = np.abs(np.sum([t.value for t in terms], axis=0))[self.good]
-        scale = (np.sum([t.size for t in terms], axis=0) * condition)[self.good]
+        total, scale = np.abs(np.sum([t.value for t in terms], axis=0))[self.good], scale[self.good]
         return Check(
             name, float(np.max(np.where(total == 0, 0.0, total / np.where(scale, scale, 1))))
         )
@@ -267,17 +272,45 @@ class _Judge:
 
     def links(self) -> Iterator[Check]:
         """Force and moment balance of every moving link."""
+        for link, (forces, moments) in self._balances.items():
+            condition, (force, moment, _) = self._below(link.block), self._sizes[link.block]
+            yield self._error(f"forces on {link}", forces, force * condition)
+            yield self._error(f"moments on {link}", moments, moment * condition)
+
+    @cached_property
+    def _balances(self) -> dict[LinkRef, tuple[list[Term], list[Term]]]:
+        """Terms of the force and of the moment balance of each moving link, about its origin."""
+        found = {}
         for link in self.structure.links:
-            if link == self.structure.frame_link:
-                continue
-            o = self._link(link)[0]
-            terms = list(self._terms(link))
-            forces = [_plain(f) for f, _, _ in terms]
-            moments = [_plain(m) for _, _, m in terms]
-            moments += [_moment(p - o, f) for f, p, _ in terms]
-            condition = self._below(link.block)
-            yield self._error(f"forces on {link}", forces, condition)
-            yield self._error(f"moments on {link}", moments, condition)
+            if link != self.structure.frame_link:
+                o, terms = self._link(link)[0], list(self._terms(link))
+                moments = [_plain(m) for _, _, m in terms]
+                moments += [_moment(p - o, f) for f, p, _ in terms]
+                found[link] = [_plain(f) for f, _, _ in terms], moments
+        return found
+
+    @cached_property
+    def _sizes(self) -> dict[str, tuple[Array, Array, Array]]:
+        """Sums of absolute forces, moments and powers of each block, or of one that loads it.
+
+        Loads of a group may cancel within it and leave a link, and the blocks before it,
+        nothing but their rounding: that is measured by the loads themselves.
+        """
+        found = {}
+        for name, block in self.structure.blocks.items():
+            both = [self._balances[LinkRef(name, link)] for link in block.link_names]
+            found[name] = (
+                np.sum([_size(forces) for forces, _ in both], axis=0),
+                np.sum([_size(moments) for _, moments in both], axis=0),
+                _size(self._powers[name]),
+            )
+        for name in reversed(list(self.structure.blocks)):
+            for support in set(self.structure.supports(name)) & found.keys():
+                larger = [
+                    np.maximum(x, y) for x, y in zip(found[support], found[name], strict=True)
+                ]
+                found[support] = (larger[0], larger[1], larger[2])
+        return found
 
     def _below(self, block: str) -> Array:
         """Conditioning of a block and of all blocks that load it."""
@@ -287,7 +320,14 @@ class _Judge:
 
     def blocks(self) -> Iterator[Check]:
         """Power through every block: what wires bring is taken out, lost or stored."""
-        r = self.run
+        for name, terms in self._powers.items():
+            scale = self._sizes[name][2] * self._below(name)
+            yield self._error(f"power through {name}", terms, scale)
+
+    @cached_property
+    def _powers(self) -> dict[str, list[Term]]:
+        """Terms of the power balance of each block."""
+        r, found = self.run, {}
         for name, block in self.structure.blocks.items():
             terms: list[Term] = []
             for joint in block.joints.values():
@@ -302,7 +342,8 @@ class _Judge:
                 for child in self.structure.carried[link]:
                     terms += self._wire(child, 1.0)
                 terms += self._power_of_loads(link)
-            yield self._error(f"power through {name}", terms, self._below(name))
+            found[name] = terms
+        return found
 
     def _wire(self, ref: JointRef, sign: float) -> list[Term]:
         """Power that a wire gives to its support, times a sign."""
@@ -329,26 +370,17 @@ class _Judge:
         for link in self.structure.links:
             terms += self._power_of_loads(link)
         condition = np.max(list(self.condition.values()), axis=0)
-        return self._error("power of the whole", terms, condition)
+        flows = [power for _, _, power in self._sizes.values()]  # what may cancel in the whole
+        return self._error(
+            "power of the whole", terms, np.max([_size(terms), *flows], axis=0) * condition
+        )
 
     def drives(self) -> Iterator[Check]:
         """Driving effort by reactions against the one by reduction, without friction."""
-        r = self.run
+        r, worst = self.run, np.max(list(self.condition.values()), axis=0)
         for driver in self.structure.drivers:
-            one, other = r[f"{driver}.drive"], r[f"{driver}.drive_by_reduction"]
-            scale = self._drive_scale(driver)
-            error = np.abs(one - other)[self.good] / np.where(scale, scale, 1)[self.good]
-            yield Check(f"two routes to {driver}.drive", float(error.max(initial=0.0)))
-
-    def _drive_scale(self, driver: str) -> Array:
-        """Sum of absolute terms of a driving effort, times the conditioning."""
-        r = self.run
-        sizes = [np.abs(r[f"{driver}.drive"])]
-        block = self.structure.blocks[driver]
-        for name in block.link_names:
-            o = self._link(LinkRef(driver, name))[0]
-            for force, place, couple in self._terms(LinkRef(driver, name)):
-                arm = np.abs(place - o) if getattr(block, "rotary", True) else 1.0
-                sizes += [np.abs(force) * arm, np.abs(couple)]
-        found: Array = np.sum(sizes, axis=0) * np.max(list(self.condition.values()), axis=0)
-        return found
+            difference = r[f"{driver}.drive"] - r[f"{driver}.drive_by_reduction"]
+            force, moment, _ = self._sizes[driver]
+            rotary = getattr(self.structure.blocks[driver], "rotary", True)
+            scale = (moment if rotary else force) * worst
+            yield self._error(f"two routes to {driver}.drive", [_plain(difference)], scale)

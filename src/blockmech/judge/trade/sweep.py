@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.errors import Problem, RequestError
-from blockmech.judge.trade.errors import TurnedBack, Yardstick, yardstick
+from blockmech.errors import Problem, RequestError, listed
+from blockmech.judge.trade.errors import TurnedBack, Yardstick, comparable, compared, yardstick
 from blockmech.judge.trade.points import Point, Reference, Skipped, Trade
 from blockmech.judge.trade.timing import FEWEST, Clock, once, timed
 from blockmech.judge.trade.turned import turned_run
@@ -126,12 +126,7 @@ def _reference(sweep: Sweep, rubbing: bool) -> tuple[Reference, Yardstick, tuple
     """
     best = sweep.run(precision="clongdouble", engine="numpy")
     quality = best.quality
-    good = np.array([word == "ok" for word in quality.status])
-    resting = sorted({f.sample for f in quality.flags if f.code == "zero-relative-speed"})
-    flagged = {f.sample for f in quality.flags if f.code == "dead-centre"}
-    good[list(flagged)] = False
-    if rubbing:
-        good[resting] = False
+    good = comparable(best, rubbing)
     if not good.any():
         raise RequestError(
             Problem("nothing-to-compare", "trade", "no sample has an answer", "", "see limits")
@@ -143,29 +138,33 @@ def _reference(sweep: Sweep, rubbing: bool) -> tuple[Reference, Yardstick, tuple
         settings |= {"friction": "successive", "iterations": SETTLED}
         solver = f"{SETTLED} successive approximations"
     check, angle = turned_run(sweep.mechanism, sweep.samples, "clongdouble", settings)
-    stick = yardstick(best, check, angle, good)
+    stick = yardstick(best, check, good, angle)
     eps = float(np.finfo(np.longdouble).eps)
-    floor = max(stick.error(TurnedBack(check, angle)), eps)  # type: ignore[arg-type]
+    floor = max(stick.error(TurnedBack(check, angle)), eps)
     digits = "80-bit or wider" if eps < np.finfo(np.float64).eps else "double"
     how = f"{digits} floating point" + (", Newton's method" if rubbing else "")
     second = "the mechanism turned in the plane" + (f", {solver}" if rubbing else "")
-    notes = _left_out(good, resting if rubbing else [], stick.left_out)
+    notes = _left_out(best, good, rubbing, stick.left_out)
     return Reference(how, second, floor), stick, notes
 
 
-def _left_out(good: Any, resting: list[int], outputs: tuple[str, ...]) -> tuple[str, ...]:
-    notes = []
-    if resting:
-        notes.append(
-            f"{len(resting)} samples at zero relative speed of a joint are not compared: "
-            "friction is not determined there"
-        )
-    gaps = int((~good).sum()) - len(resting)
-    if gaps > 0:
-        notes.append(f"{gaps} samples without an answer are not compared")
+def _left_out(best: Result, good: Any, rubbing: bool, outputs: tuple[str, ...]) -> tuple[str, ...]:
+    """What is not compared, and why."""
+    flags = best.quality.flags
+    resting = {f.sample for f in flags if f.code == "zero-relative-speed"} if rubbing else set()
+    near = {f.sample for f in flags if f.code.endswith("dead-centre")}
+    gaps = len(set(np.flatnonzero(~good).tolist()) - resting - near)
+    words = (
+        (gaps, "without an answer"),
+        (len(near), "within a margin of 1e-6 of a dead centre"),
+        (len(resting), "where a joint is at zero relative speed, so that friction is undetermined"),
+    )
+    notes = [f"not compared: {count} samples {why}" for count, why in words if count]
+    ratios = [n for n in best if n not in compared(best)]
+    if ratios:
+        notes.append(f"not compared, as they divide by what may vanish: {listed(ratios, 3)}")
     if outputs:
-        names = ", ".join(outputs[:4]) + (" ..." if len(outputs) > 4 else "")
-        notes.append(f"not compared, as rounding decides them: {names}")
+        notes.append(f"not compared, as rounding alone decides them: {listed(outputs, 4)}")
     return tuple(notes)
 
 

@@ -67,9 +67,12 @@ def turned(mechanism: Mechanism, angle: float = ANGLE) -> Mechanism:
         seen: Any = element
         if isinstance(element, Force) and element.axes == "ground":
             seen = element.model_copy(update={"force": Vector(e * element.force.z)})
-        elif isinstance(element, Thrust) and element.direction is not None:
-            if structure.holds[JointRef(name, "a")].on == structure.frame_link:
-                seen = element.model_copy(update={"direction": Vector(e * element.direction.z)})
+        elif (
+            isinstance(element, Thrust)
+            and element.direction is not None
+            and structure.holds[JointRef(name, "a")].on == structure.frame_link
+        ):
+            seen = element.model_copy(update={"direction": Vector(e * element.direction.z)})
         graph.blocks[name] = seen
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]

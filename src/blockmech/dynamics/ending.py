@@ -1,0 +1,159 @@
+"""Where a conservative motion ends, how good it is, and what happened on the way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from blockmech.dynamics.conservative import Conservative
+from blockmech.dynamics.motion import Event, Motion, Status
+from blockmech.dynamics.quadrature import EPS
+from blockmech.dynamics.reduced import TURN, Metered
+from blockmech.dynamics.until import Asked, Start, Until
+
+MOST_EVENTS = 10_000
+
+
+@dataclass(frozen=True)
+class Course:
+    """A conservative motion before anyone asks where it should end."""
+
+    regime: str
+    track: Conservative
+    fate: str  # what the path ends in, if it ends: "end stop", "dead centre", "search limit"
+    doubts: tuple[str, ...]
+    facts: dict[str, float]
+
+
+def ended(meter: Metered, asked: Asked, course: Course) -> Motion:
+    """Cut the course where it should end, and say how good it is."""
+    start, until, accuracy = asked.start, asked.until, asked.accuracy
+    track = replace(course.track, t0=start.t)
+    wanted, met = goal_time(track, start, until)
+    stop = track.end()
+    status: Status = "reached"
+    end: str = until.goal
+    t_end = wanted
+    if wanted > stop or (wanted == math.inf and stop < math.inf):
+        t_end, status, end = stop, "ended", course.fate
+    elif wanted == math.inf:
+        t_end, status, end = _never(track, start), "ended", f"never reached: {course.regime}"
+    state = track.state(np.array([t_end]))
+    q_end, qd_end = float(state.q[0]), float(state.qd[0])
+    if met is not None and status == "reached":
+        q_end = met
+    seconds, angle = _errors(track, t_end - start.t)
+    error = seconds * _fastest(track, t_end) + angle + 4 * EPS * abs(q_end)
+    notes = course.doubts
+    if accuracy is not None and error > accuracy:
+        notes += (
+            f"accuracy not reached: {error:.1e} instead of {accuracy:.1e}; "
+            "the rest is rounding of the data, not of the method",
+        )
+    return Motion(
+        method="energy",
+        why=asked.why,
+        regime=course.regime,
+        status=status,
+        end=end,
+        t_start=start.t,
+        t_end=t_end,
+        q_end=q_end,
+        qd_end=qd_end,
+        track=track,
+        events=_events(track, t_end, end),
+        error=error,
+        time_error=seconds,
+        accuracy=accuracy,
+        cost=meter.cost,
+        notes=notes,
+        facts=course.facts,
+    )
+
+
+def goal_time(track: Conservative, start: Start, until: Until) -> tuple[float, float | None]:
+    """Time at which a run should end [s] (inf if never), and the exact place if known."""
+    goal, value = until.goal, until.value
+    view = track.line.view
+    if goal == "time":
+        return start.t + value, None
+    if goal in ("standstill", "swings"):
+        n = 1 if goal == "standstill" else int(value)
+        t = track.standstill(n)
+        first = track.line.first
+        at_high = (track.heading > 0) == (n % 2 == 1)
+        x = first.high.x if at_high else first.low.x
+        return t, float(view.q(np.array(x))) if t < math.inf else None
+    if goal == "steady":
+        return start.t + _period(track), None
+    if goal == "turns":
+        return _turns(track, start, value * TURN)
+    if goal == "angle":
+        x = view.sign * (value - view.origin)
+        return track.reaches(x), value
+    return math.inf, None
+
+
+def _turns(track: Conservative, start: Start, angle: float) -> tuple[float, float | None]:
+    view = track.line.view
+    best, place = math.inf, None
+    for way in (1.0, -1.0):
+        q = start.q + way * angle
+        t = track.reaches(view.sign * (q - view.origin))
+        if t < best:
+            best, place = t, q
+    return best, place
+
+
+def _period(track: Conservative) -> float:
+    """Time after which the motion repeats [s], inf if it does not."""
+    if track.turns_low and track.turns_high:
+        return 2 * track.line.total
+    if track.line.period and track.line.gain == 0:
+        return track.line.first.total
+    return math.inf
+
+
+def _never(track: Conservative, start: Start) -> float:
+    """End of a run whose goal is never met: one period, or one turn [s]."""
+    period = _period(track)
+    return start.t + (period if period < math.inf else track.line.first.total)
+
+
+def _fastest(track: Conservative, t_end: float) -> float:
+    """Largest speed up to the end [rad/s or m/s]."""
+    line = track.line
+    if line.later is None or line.starts is None:
+        return line.first.fastest
+    clock = max(track.c0, float(track.clock(np.array([t_end]))[0]))
+    turn = max(int(np.searchsorted(line.starts, clock, side="right")) - 2, 0)
+    K = line.later.K + turn * line.gain
+    return max(line.first.fastest, float(np.sqrt(2 * (K / line.later.J).max())))
+
+
+def _errors(track: Conservative, elapsed: float) -> tuple[float, float]:
+    """Error of the clock at the end of the run [s], and of the standstills [rad or m]."""
+    clock = track.c0
+    if track.line.starts is not None:
+        clock = max(clock, float(track.clock(np.array([track.t0 + elapsed]))[0]))
+    seconds = track.line.error(clock, elapsed)
+    return seconds + EPS * (elapsed + abs(track.t0)), track.line.first.end_error
+
+
+def _events(track: Conservative, t_end: float, end: str) -> tuple[Event, ...]:
+    """Standstills up to the end, and what ended the run."""
+    view, first = track.line.view, track.line.first
+    found = []
+    for n in range(1, MOST_EVENTS + 1):
+        t = track.standstill(n)
+        if t > t_end:
+            break
+        at_high = (track.heading > 0) == (n % 2 == 1)
+        x = first.high.x if at_high else first.low.x
+        found.append(Event("standstill", t, float(view.q(np.array(x))), 0.0))
+    if end in ("end stop", "dead centre"):
+        state = track.state(np.array([t_end]))
+        found.append(Event(end, t_end, float(state.q[0]), float(state.qd[0])))
+    return tuple(found)

@@ -1,0 +1,165 @@
+"""Standstills of a conservative motion: roots and dips of its energy, from the series.
+
+The kinetic energy ahead is K0 plus the integral of the effort. On sampled panels it is a
+series, so its roots and the places where it nearly vanishes cost no kernel call.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics.chebyshev import Floats, integral_one, remainder, rule, series_one
+from blockmech.dynamics.mesh import Mesh
+from blockmech.dynamics.quadrature import EPS, ROUNDING
+
+SLOW = 1e-3  # share of the largest energy below which a dip is looked at closely
+
+
+class Energies(NamedTuple):
+    """Kinetic energy along a mesh, from its low end."""
+
+    edges: Floats  # (p + 1,) [J]
+    nodes: Floats  # (p, n) [J]
+    lost: Floats  # (p + 1,) [J] error from truncation so far
+    rounding: Floats  # (p + 1,) [J]
+    tails: Floats  # (p,) [J] truncation error of each panel
+
+
+class Dip(NamedTuple):
+    """A place where the motion nearly stops."""
+
+    panel: int
+    phi: float
+    x: float
+    K: float
+
+
+def energies(mesh: Mesh, K0: float) -> Energies:
+    """K on every panel, with its error."""
+    r = rule(mesh.J.shape[1])
+    half = mesh.length / 2
+    tails = half * remainder(mesh.tau, r)
+    sums = np.zeros((3, mesh.panels + 1))
+    sums[0, 1:] = half * (mesh.tau @ r.total)
+    sums[1, 1:] = tails
+    sums[2, 1:] = ROUNDING * half * (np.abs(mesh.tau) @ r.total)
+    edges, lost, rounding = np.cumsum(sums, axis=1)
+    edges += K0
+    rounding += ROUNDING * K0
+    inside = edges[:-1, None] + half[:, None] * (mesh.tau @ r.integrate)
+    return Energies(edges, inside, lost, rounding, tails)
+
+
+def first_panel_too_long(mesh: Mesh, known: Energies) -> float:
+    """A shorter end for the first panel, where the motion stops before its first node."""
+    if known.nodes[0, 0] > 0 or mesh.limits[0]:
+        return 0.0
+    place = float(mesh.edges[0] + mesh.length[0] * rule(mesh.J.shape[1]).low[0])
+    return place if place > mesh.edges[0] else 0.0
+
+
+def first_zero(mesh: Mesh, known: Energies) -> tuple[float | None, list[Dip]]:
+    """First x at which the energy has gone to zero, and the dips before it."""
+    stopped = (known.nodes <= 0).any(axis=1) | (known.edges[1:] <= 0)
+    p = int(stopped.argmax()) if stopped.any() else mesh.panels
+    dips = _dips(mesh, known, min(p + 1, mesh.panels))
+    passed: list[Dip] = []
+    for dip in dips:
+        if dip.panel > p:
+            break
+        passed.append(dip)
+        if dip.K <= 0:
+            return _zero_in(mesh, known, dip.panel, dip.phi), passed
+    if p == mesh.panels:
+        return None, passed
+    x = _zero_in(mesh, known, p, math.pi)
+    return x, [dip for dip in passed if dip.x < x]
+
+
+def _zero_in(mesh: Mesh, known: Energies, p: int, last: float) -> float:
+    """Root of K in panel p before the angle ``last``: Newton on the series, bracketed."""
+    r = rule(mesh.J.shape[1])
+    K = known.nodes[p]
+    low, high = 0.0, last
+    for phi, k in zip(r.phi.tolist(), K.tolist(), strict=True):
+        if phi >= last or k <= 0:
+            high = min(phi, last)
+            break
+        low = phi
+    half = float(mesh.length[p]) / 2
+    start = float(known.edges[p])
+    s, c = mesh.tau[p] @ r.sine, mesh.tau[p] @ r.cosine
+    phi = (low + high) / 2
+    for _ in range(60):
+        k = start + half * integral_one(s, phi)
+        if k > 0:
+            low = phi
+        else:
+            high = phi
+        slope = half * math.sin(phi) * series_one(c, phi)
+        step = -k / slope if slope else math.inf
+        new = phi + step
+        if not low <= new <= high:
+            new = (low + high) / 2
+        if abs(new - phi) <= 2 * EPS * phi:
+            phi = new
+            break
+        phi = new
+    return place_in(mesh, p, phi)
+
+
+def place_in(mesh: Mesh, p: int, phi: float) -> float:
+    """x at the angle phi of panel p, seen from the nearer end."""
+    low, high = float(mesh.edges[p]), float(mesh.edges[p + 1])
+    power = 4 if _at_limit(mesh, p) else 2
+    if power == 4 and p == 0 and mesh.limits[0]:
+        return low + (high - low) * math.sin(phi / 2) ** 4
+    if power == 4 or phi > math.pi / 2:
+        return high - (high - low) * math.cos(phi / 2) ** power
+    return low + (high - low) * math.sin(phi / 2) ** 2
+
+
+def _at_limit(mesh: Mesh, p: int) -> bool:
+    return (p == 0 and mesh.limits[0]) or (p == mesh.panels - 1 and mesh.limits[1])
+
+
+def _dips(mesh: Mesh, known: Energies, panels: int) -> list[Dip]:
+    """Places where the effort turns from braking to driving at little energy."""
+    n = mesh.J.shape[1]
+    r = rule(n)
+    tau = mesh.tau[:panels].ravel()
+    K = known.nodes[:panels].ravel()
+    turns = (tau[:-1] < 0) & (tau[1:] >= 0) & (K[:-1] > 0) & (K[1:] > 0)
+    if not turns.any():
+        return []
+    slow = np.minimum(K[:-1], K[1:]) < SLOW * K.max()
+    found = []
+    for i in np.flatnonzero(turns & slow).tolist():
+        p, j = divmod(i, n)
+        low, high = float(r.phi[j]), float(r.phi[j + 1]) if j + 1 < n else math.pi
+        if j + 1 == n:
+            end = series_one(mesh.tau[p] @ r.cosine, math.pi)
+            if end < 0:
+                p, low, high = p + 1, 0.0, float(r.phi[0])
+        phi = _sign_change(mesh.tau[p] @ r.cosine, low, high)
+        depth = float(known.edges[p]) + float(mesh.length[p]) / 2 * integral_one(
+            mesh.tau[p] @ r.sine, phi
+        )
+        found.append(Dip(p, phi, place_in(mesh, p, phi), depth))
+    return found
+
+
+def _sign_change(c: Floats, low: float, high: float) -> float:
+    """Where a series turns positive between two angles."""
+    for _ in range(80):
+        middle = (low + high) / 2
+        if not low < middle < high:
+            break
+        if series_one(c, middle) < 0:
+            low = middle
+        else:
+            high = middle
+    return (low + high) / 2

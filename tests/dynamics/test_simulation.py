@@ -1,0 +1,405 @@
+"""Forward dynamics through the public API: what the second paper and its machines must hold.
+
+References: high-precision tables made outside the project (`tests/data`), motions of the
+independent judge and of hand-written linkages (`tests/dynamics/machines.py`), closed forms.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.dynamics.until import Watch
+from blockmech.errors import RequestError
+from tests.dynamics import machines
+from tests.dynamics.linkages import recorded
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+TURN = 2 * math.pi
+WATT = recorded("watt_sixbar")
+ANDREWS = recorded("andrews_squeezer")["converged_at_0_03"]
+REACTIONS = {
+    "O2": "crank.A",
+    "A": "first.B",
+    "B": "first.C",
+    "O4": "first.D",
+    "C": "second.B",
+    "E": "second.C",
+    "D": "second.D",
+}
+
+# What the project promises (issue 5).
+ANGLE, RATE, REACTION = 1e-12, 1e-11, 1e-10  # [rad, rad/s, relative] by energy
+INTEGRATED = 1e-9  # by integrators, [rad], [s], or relative
+
+
+@cache
+def mechanism(name):
+    return bm.Graph.load(GRAPHS / f"{name}.json").compile()
+
+
+def simulated(name, until=None, **request):
+    return mechanism(name).simulate(until, **request)
+
+
+def from_angle(q, rate=0.0):
+    return {"crank": (q, rate)}
+
+
+def off(found, wanted):
+    return float(np.abs(np.asarray(found) - np.asarray(wanted)).max())
+
+
+# -- the Watt six-bar of the second paper -------------------------------------------------
+
+
+def test_watt_from_0_falls_as_the_table_says():
+    rows = WATT["from_0"]["table"]
+    times = [row["t"] for row in rows]
+    want = ["crank.q", "crank.rate", *(f"{joint}.reaction" for joint in REACTIONS.values())]
+    r = simulated("watt_sixbar", "time=1.4", method="energy", times=times, want=want)
+    assert off(r["crank.q"], [row["theta"] for row in rows]) < ANGLE
+    assert off(r["crank.rate"], [row["omega"] for row in rows]) < RATE
+    for joint, name in REACTIONS.items():
+        wanted = np.array([complex(*row["reactions"][joint]) for row in rows])
+        assert off(r[f"{name}.reaction"], wanted) < REACTION * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("case", ["from_0", "from_60_degrees"])
+@pytest.mark.parametrize(("method", "tolerance"), [("energy", ANGLE), ("dop853", INTEGRATED)])
+def test_watt_stands_still_where_and_when_it_must(case, method, tolerance):
+    wanted = WATT[case]
+    motion = simulated(
+        "watt_sixbar",
+        "standstill",
+        method=method,
+        accuracy=tolerance,
+        start=from_angle(wanted["theta0"]),
+    ).motion
+    assert motion.end == "standstill"
+    assert motion.q_end == pytest.approx(wanted["theta_standstill"], abs=tolerance)
+    assert motion.t_end == pytest.approx(wanted["time_until_standstill"], abs=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("method", "angle", "rate"), [("energy", ANGLE, RATE), ("dop853", INTEGRATED, INTEGRATED)]
+)
+def test_watt_from_60_degrees_swings_past_its_standstill(method, angle, rate):
+    wanted = WATT["from_60_degrees"]
+    start = from_angle(wanted["theta0"])
+    r = simulated("watt_sixbar", "time=2", method=method, accuracy=angle, times=[2.0], start=start)
+    assert r["crank.q"][0] == pytest.approx(wanted["theta_at_2s"], abs=angle)
+    assert r["crank.rate"][0] == pytest.approx(wanted["omega_at_2s"], abs=rate)
+
+
+TOP = math.pi / 2  # 4.5 degrees past the top
+TOP_TIMES = [0.5, 1.0, 1.5, 2.0, 2.5]
+
+
+@cache
+def from_the_top():
+    """Extended precision, with two step sizes and by two formulations (2e-12: the judge's own)."""
+    fine, coarse = (machines.watt_falling(TOP, TOP_TIMES, step) for step in (0.02, 0.025))
+    assert off(fine, coarse) < ANGLE
+    return fine
+
+
+@pytest.mark.parametrize(
+    ("method", "angle", "rate"), [("energy", ANGLE, RATE), ("dop853", INTEGRATED, INTEGRATED)]
+)
+def test_watt_from_the_top_follows_extended_precision(method, angle, rate):
+    wanted = from_the_top()
+    r = simulated("watt_sixbar", method=method, times=TOP_TIMES, start=from_angle(TOP))
+    assert off(r["crank.q"], wanted[:, 0]) < angle
+    assert off(r["crank.rate"], wanted[:, 1]) < rate * np.abs(wanted[:, 1]).max()
+
+
+def test_watt_from_the_top_stands_still_where_extended_precision_does():
+    motion = simulated("watt_sixbar", "standstill", start=from_angle(TOP)).motion
+    q, rate = machines.watt_falling(TOP, [motion.t_end])[0]
+    assert abs(rate) < RATE
+    assert abs(q - motion.q_end) < ANGLE
+
+
+EULER = {1e-2: -2.18e-2, 1e-3: -2.561e-3, 1e-4: -2.601e-4}  # [rad] -> [s], `numerics` section 6
+
+
+@pytest.mark.parametrize("step", EULER)
+def test_the_papers_scheme_reproduces_its_error(step):
+    motion = simulated("watt_sixbar", "standstill", method="euler_q", step=step).motion
+    error = motion.t_end - WATT["from_0"]["time_until_standstill"]
+    last_digit = 10.0 ** (math.floor(math.log10(abs(EULER[step]))) - 3)
+    assert error == pytest.approx(EULER[step], abs=5 * last_digit if step > 5e-3 else last_digit)
+    assert abs(error) <= motion.time_error
+
+
+def test_rk4_is_of_order_4():
+    steps = [0.02, 0.01, 0.005]
+    wanted = simulated("watt_sixbar", times=[1.0])["crank.q"][0]
+    errors = [
+        abs(simulated("watt_sixbar", method="rk4", step=h, times=[1.0])["crank.q"][0] - wanted)
+        for h in steps
+    ]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.abs(orders - 4).max() < 0.2  # the next order of the step still shows
+
+
+# -- Andrews' squeezer ---------------------------------------------------------------------
+
+SPEEDS = ["crank.rate", "first.j.omega", "upper.j.omega", "lower.j.omega"]
+SPEEDS_AT = [0, 2, 4, 6]  # of the test set's seven speeds
+
+
+@pytest.mark.parametrize(("method", "angle"), [("energy", 1e-11), ("dop853", INTEGRATED)])
+def test_andrews_squeezer_at_30_milliseconds(method, angle):
+    want = ["crank.q", *SPEEDS]
+    r = simulated("andrews_squeezer", method=method, times=[0.03], want=want)
+    assert r["crank.q"][0] == pytest.approx(ANDREWS["q"][0], abs=angle)
+    largest = max(map(abs, ANDREWS["dq"]))
+    for name, i in zip(SPEEDS, SPEEDS_AT, strict=True):
+        assert abs(r[name][0] - ANDREWS["dq"][i]) < INTEGRATED * largest, name
+
+
+# -- other machines ------------------------------------------------------------------------
+
+
+def test_two_drivers_follow_the_independent_integration_and_keep_their_energy():
+    times = [0.0, 0.2, 0.4, 0.6]
+    wanted = machines.five_bar(times)
+    want = ["*.q", "*.rate", "mechanism.kinetic_energy", "mechanism.potential_energy"]
+    r = simulated("fivebar_falling", times=times, want=want, accuracy=1e-11)
+    for i, crank in enumerate(("left", "right")):
+        assert off(r[f"{crank}.q"], wanted.q[:, i]) < INTEGRATED
+        assert off(r[f"{crank}.rate"], wanted.rate[:, i]) < INTEGRATED * np.abs(wanted.rate).max()
+    total = r["mechanism.kinetic_energy"] + r["mechanism.potential_energy"]
+    assert np.ptp(total) < 1e-10 * r["mechanism.kinetic_energy"].max()
+
+
+def test_the_engine_follows_its_gas_table_as_the_independent_integration_does():
+    times = [0.0, 0.03, 0.1]
+    wanted = machines.engine(times)
+    r = simulated("engine", times=times)
+    assert r.motion.method == "energy"
+    assert off(r["crank.q"], wanted.q[:, 0]) < INTEGRATED
+    assert off(r["crank.rate"], wanted.rate[:, 0]) < INTEGRATED * np.abs(wanted.rate).max()
+
+
+def test_the_pumps_periodic_motion_is_what_a_long_integration_settles_to():
+    period, rate = machines.pump_cycle()
+    r = simulated("pump", "steady", times=[0.0, period / 2])
+    motion = r.motion
+    assert motion.facts["period"] == pytest.approx(period, rel=INTEGRATED)
+    assert r["crank.rate"][0] == pytest.approx(rate, rel=INTEGRATED)
+
+
+def test_the_multiplier_of_the_pump_is_its_observed_decay():
+    steady = simulated("pump", "steady").motion
+    at_rest = simulated("pump", "steady", times=[0.0])["crank.rate"][0]
+    rates = [
+        simulated("pump", f"turns={n}", start=from_angle(0.0, 1.001 * at_rest)).motion.qd_end
+        for n in (2, 3)
+    ]
+    decay = (rates[1] - at_rest) / (rates[0] - at_rest)
+    # the disturbance is 1e-3 of the rate at first, so its square shows in the third digit
+    assert decay == pytest.approx(steady.facts["multiplier"], rel=1e-3)
+
+
+def test_a_chain_of_forty_four_bars_is_a_pendulum():
+    times = [0.5, 1.0, 2.0]
+    q, rate = machines.n_four_bar(times)
+    r = simulated("n_four_bar", times=times)
+    assert off(r["crank.q"], q) < 1e-11
+    assert off(r["crank.rate"], rate) < 1e-11 * 4  # the largest rate is 3.9 rad/s
+
+
+# -- long runs -----------------------------------------------------------------------------
+
+
+def test_a_thousand_swings_of_the_watt_six_bar_take_a_thousand_times_one():
+    swings = 1000
+    one = simulated("watt_sixbar", "swings=2").motion
+    period = 2 * WATT["from_0"]["time_until_standstill"]
+    r = simulated("watt_sixbar", f"swings={2 * swings}")
+    assert r.motion.t_end == pytest.approx(swings * period, abs=INTEGRATED)
+    assert r.motion.cost.evaluations <= one.cost.evaluations
+    times = np.linspace(0, swings * period, 2 * swings + 1)[:-1]
+    q = simulated("watt_sixbar", f"swings={2 * swings}", times=times)["crank.q"]
+    # near a standstill the angle forgives an error of the time
+    assert off(q[1::2], WATT["from_0"]["theta_standstill"]) < INTEGRATED
+
+
+def test_a_hundred_thousand_turns_cost_what_one_costs():
+    fast = from_angle(0.0, 20.0)
+    one = simulated("watt_sixbar", "turns=1", start=fast).motion
+    many = simulated("watt_sixbar", "turns=100000", start=fast).motion
+    assert many.regime == "rotation"
+    assert many.cost.evaluations <= 3 * one.cost.evaluations
+    assert many.t_end == pytest.approx(1e5 * one.t_end, rel=1e-13)
+    # half an ulp of the time is this much of the angle
+    rounding = np.spacing(many.t_end) * abs(many.qd_end)
+    r = simulated("watt_sixbar", times=[many.t_end], start=fast)
+    assert abs(r["crank.q"][0] - 1e5 * TURN) < INTEGRATED + rounding
+
+
+# -- pruning -------------------------------------------------------------------------------
+
+
+def test_the_drivers_motion_by_energy_needs_no_acceleration_and_no_force():
+    mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
+    batches = mech.reduced
+    calls = []
+    run = bm.Mechanism.evaluate
+
+    def counted(self, plan, *rest):
+        calls.append(plan)
+        return run(self, plan, *rest)
+
+    bm.Mechanism.evaluate = counted
+    try:
+        mech.simulate("time=2", method="energy", times=[1.0, 2.0], want=["crank.q", "crank.rate"])
+    finally:
+        bm.Mechanism.evaluate = run
+    assert sum(plan.calls for plan in calls) == 0  # the state comes from the motion itself
+    assert mech.reduced is batches
+    plan = mech.plan(("crank.J_red", "crank.tau_red"), friction="none")
+    stages = {entry.stage for entry in plan.entries}
+    assert stages == {"position", "unit velocity"}
+
+
+# -- refusals and ends ---------------------------------------------------------------------
+
+
+def test_joint_friction_is_refused_by_name_unless_it_is_waived():
+    mech = mechanism("ruiz_fourbar")
+    with pytest.raises(RequestError, match=r"crank\.A, dyad\.B, dyad\.C, dyad\.D"):
+        mech.simulate(start=from_angle(1.0))
+    assert mech.simulate(start=from_angle(1.0), times=[0.1], friction="none").n == 1
+
+
+def test_a_scene_without_a_start_is_refused():
+    with pytest.raises(RequestError, match="no start for: crank"):
+        mechanism("ruiz_fourbar").simulate(friction="none")
+
+
+def test_links_without_mass_are_refused():
+    with pytest.raises(RequestError, match="no link has mass"):
+        mechanism("slider_crank").simulate(start=from_angle(1.0))
+
+
+def test_methods_that_do_not_fit_the_loads_are_refused():
+    with pytest.raises(RequestError, match="rate"):
+        simulated("pump", "time=1", method="energy")
+
+
+def pendulum_four_bar():
+    """A four-bar whose crank cannot turn fully: it falls into a dead centre."""
+    graph = bm.Graph("falls", gravity=(0.0, -9.81), initial={"crank": {"q": 1.2, "rate": 0.0}})
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
+    rod = bm.Link(mass=1.0, inertia=0.1, cm=(1.0, 0.0))
+    graph.add("crank", bm.Crank(length=3.0, links={"crank": rod}))
+    graph.add("dyad", bm.RRR(l_i=1.5, l_j=1.5, links={"i": rod, "j": rod}))
+    for wire in (("frame.A", "crank.A"), ("crank.B", "dyad.B"), ("frame.D", "dyad.D")):
+        graph.connect(*wire)
+    return graph.compile()
+
+
+@pytest.mark.parametrize("method", ["energy", "dop853", "lsoda", "radau"])
+def test_a_dead_centre_ends_the_run_by_name(method):
+    mech = pendulum_four_bar()
+    start = from_angle(0.7, 2.0)
+    r = mech.simulate("time=5", method=method, accuracy=1e-6, start=start)
+    assert r.motion.end == "dead centre"
+    assert r.motion.status == "ended"
+    limit = mech.limits().arcs[0][1]
+    assert r.motion.q_end == pytest.approx(limit, abs=1e-5)
+    assert np.isfinite(r["crank.q"][:-1]).all()
+
+
+@pytest.mark.parametrize("method", ["energy", "dop853"])
+def test_an_end_stop_ends_the_run_by_name(method):
+    r = simulated(
+        "watt_sixbar", "standstill", method=method, stops={"crank": (-2.0, 1.0)}, accuracy=1e-9
+    )
+    assert r.motion.end == "end stop"
+    assert r.motion.q_end == pytest.approx(-2.0, abs=INTEGRATED)
+    assert [event.kind for event in r.motion.events] == ["end stop"]
+
+
+def test_a_start_that_does_not_close_is_called_an_impossible_pose():
+    motion = pendulum_four_bar().simulate(start=from_angle(math.pi)).motion
+    assert motion.end == "impossible pose"
+    assert motion.status == "failed"
+
+
+def test_an_equilibrium_stays_and_says_whether_it_is_stable():
+    graph = bm.Graph("pendulum", gravity=(0.0, -9.81))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    rod = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
+    graph.add("crank", bm.Crank(length=1.0, links={"crank": rod}))
+    graph.connect("frame.A", "crank.A")
+    mech = graph.compile()
+    lower = mech.simulate("time=1", start=from_angle(-math.pi / 2)).motion
+    upper = mech.simulate("time=1", start=from_angle(math.pi / 2)).motion
+    assert (lower.regime, upper.regime) == ("rest", "rest")
+    assert "stable equilibrium" in lower.notes
+    assert "unstable equilibrium" in upper.notes
+    growth = math.sqrt(9.81 * 0.5 / (0.1 + 0.25))
+    assert upper.facts["rate"] == pytest.approx(growth, rel=1e-9)
+
+
+def test_times_after_the_end_are_left_out_and_it_is_said():
+    r = simulated("watt_sixbar", "standstill", times=[0.0, 1.0, 2.0, 3.0])
+    assert r.time.tolist() == [0.0, 1.0]
+    assert any("2 of 4 times" in note for note in r.motion.notes)
+
+
+def test_a_users_event_ends_the_run():
+    watch = Watch("passes -1 rad", lambda t, q, rate: q + 1.0)
+    motion = simulated("watt_sixbar", "event", watch=[watch], accuracy=1e-10).motion
+    assert motion.end == "passes -1 rad"
+    assert motion.q_end == pytest.approx(-1.0, abs=INTEGRATED)
+
+
+# -- honest errors ---------------------------------------------------------------------------
+
+TARGETS = [1e-3, 1e-5, 1e-7, 1e-9, 1e-12]
+STARTS = {
+    "watt_sixbar": [(0.0, 0.0), (1.0472, 0.0), (1.5708, 0.0), (-2.0, 3.0), (0.5, 15.0)],
+    "andrews_squeezer": [(-0.0617, 0.0), (1.0, 200.0), (2.0, -300.0)],
+    "n_four_bar": [(-0.3, 0.0), (-1.0, 1.0)],
+    "engine": [(0.3, 150.0), (2.0, 80.0)],
+    "pump": [(0.0, 0.0), (1.0, 30.0)],
+}
+SPANS = {"andrews_squeezer": 0.02, "engine": 0.05, "pump": 0.4}  # [s], else 2
+CASES = [(name, start) for name, starts in STARTS.items() for start in starts]
+
+
+@pytest.mark.parametrize(("name", "start"), CASES)
+def test_error_estimates_are_never_too_small_and_looser_targets_never_dearer(name, start):
+    times = np.linspace(0, SPANS.get(name, 2.0), 9)
+    request = {"times": times, "start": from_angle(*start)}
+    finest = simulated(name, accuracy=1e-13, **request)
+    second = simulated(name, accuracy=1e-11, method="dop853", **request)
+    doubt = finest.motion.error
+    # two methods that share nothing but the kernels
+    assert off(finest["crank.q"], second["crank.q"]) <= doubt + second.motion.error
+    costs = []
+    for target in TARGETS:
+        r = simulated(name, accuracy=target, **request)
+        assert off(r["crank.q"], finest["crank.q"]) <= r.motion.error + doubt
+        assert r.motion.reached or r.motion.notes
+        costs.append(r.motion.cost.evaluations)
+    assert costs == sorted(costs)
+
+
+@pytest.mark.parametrize("method", ["dop853", "lsoda"])
+@pytest.mark.parametrize("target", [1e-4, 1e-7, 1e-10])
+def test_integrators_estimate_their_error_honestly(method, target):
+    times = TOP_TIMES
+    r = simulated("watt_sixbar", method=method, accuracy=target, times=times, start=from_angle(TOP))
+    assert off(r["crank.q"], from_the_top()[:, 0]) <= r.motion.error

@@ -1,0 +1,243 @@
+"""Springs, dampers, motors and thrusts on a single arm, where all is known by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pydantic
+import pytest
+
+import blockmech as bm
+
+ROUNDING = 1e-13  # [-] of the largest: a hundred roundings
+RATE = 3.0
+Q = np.array([0.3, 1.1, 2.5, 3.3, 4.7, 100.0])
+LINKS = ("frame.O e.a", "crank.crank e.b")
+POINTS = ("frame.P e.a", "crank.B e.b")
+P = 0.2 + 1.0j  # a marker of the frame
+ENGINES = pytest.mark.parametrize("engine", ["scalar", "numpy"])
+
+
+def arm(element, wires):
+    """An arm of length 1 on a pivot, with one element."""
+    g = bm.Graph("arm")
+    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0), "P": P}))
+    g.add("crank", bm.Crank(length=1.0))
+    g.add("e", element)
+    g.connect("frame.O", "crank.A")
+    for line in wires:
+        g.connect(*line.split())
+    g.drive("crank", bm.ConstantRate(rate=RATE))
+    return g.compile()
+
+
+def moment(element, wires, engine="scalar", **request):
+    """Moment [N m] of the element about the pivot: what the drive must hold."""
+    mech = arm(element, wires)
+    run = mech.run(**(request or {"at": Q}), engine=engine)
+    assert np.allclose(run["crank.drive"], run["crank.drive_by_reduction"], rtol=1e-12, atol=1e-12)
+    assert mech.verify(**(request or {"at": Q})).ok
+    return -run["crank.drive"]
+
+
+def close(found, wanted):
+    return np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max()
+
+
+def wrapped(angle):
+    """The angle in (-pi, pi]."""
+    return angle - 2 * math.pi * np.ceil(angle / (2 * math.pi) - 0.5)
+
+
+@ENGINES
+def test_torsion_spring_turns_the_shorter_way_back(engine):
+    found = moment(bm.TorsionSpring(stiffness=10.0, rest_angle=0.5), LINKS, engine)
+    assert np.abs(found + 10 * wrapped(Q - 0.5)).max() <= 10 * math.pi * ROUNDING
+
+
+@ENGINES
+def test_half_a_turn_from_rest_counts_as_positive(engine):
+    mech = arm(bm.TorsionSpring(stiffness=1.0), LINKS)
+    # exactly opposite directions: cos(pi) = -1, sin(pi) = 1e-16
+    run = mech.run(at=[math.pi, -math.pi], want="e.b.couple", engine=engine)
+    assert run["e.b.couple"] == pytest.approx([-math.pi, math.pi])
+    from blockmech.plane import angle
+
+    assert angle(1 + 0j, -1 + 0j) == angle(-1 + 0j, 1 + 0j) == math.pi
+
+
+def test_energy_of_a_torsion_spring_is_that_of_its_twist():
+    mech = arm(bm.TorsionSpring(stiffness=10.0, rest_angle=0.5), LINKS)
+    found = mech.run(at=Q, want="mechanism.potential_energy")["mechanism.potential_energy"]
+    assert close(found, 5 * wrapped(Q - 0.5) ** 2)
+
+
+def test_torsional_damper_resists_the_rate():
+    assert close(moment(bm.TorsionSpring(stiffness=0.0, damping=2.0), LINKS), -2.0 * RATE + 0 * Q)
+
+
+@ENGINES
+def test_linear_damper_resists_the_rate_of_its_length(engine):
+    d = np.exp(1j * Q) - P
+    along = d / np.abs(d)
+    v = 1j * RATE * np.exp(1j * Q)
+    force = -5.0 * (v * along.conj()).real * along
+    found = moment(bm.Spring(stiffness=0.0, damping=5.0), POINTS, engine)
+    assert close(found, (np.exp(-1j * Q) * force).imag)
+
+
+@ENGINES
+@pytest.mark.parametrize("free_length", [0.0, 0.4])
+def test_damper_whose_ends_meet_resists_their_relative_velocity(engine, free_length):
+    g = bm.Graph("meeting")
+    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0), "M": (1.0, 0.0)}))
+    g.add("crank", bm.Crank(length=1.0))
+    g.add("e", bm.Spring(stiffness=0.0, free_length=free_length, damping=5.0))
+    for wire in (("frame.O", "crank.A"), ("frame.M", "e.a"), ("crank.B", "e.b")):
+        g.connect(*wire)
+    run = g.compile().run(at=[0.0], rates=RATE, engine=engine)
+    assert run["e.b.force"] == [-5.0j * RATE]
+    assert run["crank.drive"] == [5.0 * RATE]
+
+
+def test_spring_with_a_free_length_whose_ends_meet_has_no_answer():
+    mech = arm(bm.Spring(stiffness=1.0, free_length=0.5), ("crank.A e.a", "frame.O e.b"))
+    with pytest.raises(bm.SingularError, match="not defined"):
+        mech.run(at=1.0, want="e.a.force")
+
+
+LAWS = {
+    "constant": ({"kind": "constant", "value": 5.0}, lambda x, v: 5.0 + 0 * x),
+    "polynomial of the angle": (
+        {"kind": "polynomial", "coefficients": [1.0, 2.0]},
+        lambda x, v: 1 + 2 * x,
+    ),
+    "polynomial of the rate": (
+        {"kind": "polynomial", "of": "rate", "coefficients": [1.0, 2.0]},
+        lambda x, v: 1 + 2 * v,
+    ),
+    "motor curve": (
+        {"kind": "dc", "stall_moment": 2.0, "no_load_speed": 30.0},
+        lambda x, v: 2.0 * (1 - v / 30.0),
+    ),
+}
+
+
+@ENGINES
+@pytest.mark.parametrize(("law", "wanted"), LAWS.values(), ids=list(LAWS))
+def test_motor_follows_its_law_of_relative_angle_or_rate(engine, law, wanted):
+    found = moment(bm.Motor(law=law), LINKS, engine)
+    assert close(found, wanted(wrapped(Q), RATE + 0 * Q))
+
+
+def test_motor_of_a_driver_counts_turns():
+    law = {"kind": "polynomial", "coefficients": [1.0, 2.0]}
+    assert close(moment(bm.Motor(law=law, driver="crank"), LINKS), 1 + 2 * Q)
+
+
+@ENGINES
+def test_motor_follows_the_time(engine):
+    law = {"kind": "fourier", "of": "time", "period": 2.0, "sines": [4.0]}
+    t = np.array([0.1, 0.7, 1.9])
+    found = moment(bm.Motor(law=law), LINKS, engine, times=t)
+    assert close(found, 4.0 * np.sin(math.pi * t))
+    # Named by coordinate, the constant rate says the time as well.
+    assert close(moment(bm.Motor(law=law), LINKS, engine), 4.0 * np.sin(math.pi * Q / RATE))
+
+
+def test_law_of_time_needs_a_request_with_time():
+    law = {"kind": "fourier", "of": "time", "period": 2.0, "sines": [4.0]}
+    with pytest.raises(bm.RequestError, match="times="):
+        arm(bm.Motor(law=law), LINKS).run(at=Q, rates=1.0, want="crank.drive")
+    kinematic = arm(bm.Motor(law=law), LINKS).run(at=Q, rates=1.0, want="crank.B.p")
+    assert np.isfinite(kinematic["crank.B.p"]).all()
+
+
+def test_law_outside_its_table_has_no_answer():
+    law = {"kind": "table", "arguments": [0.0, 1.0], "values": [1.0, 2.0]}
+    with pytest.raises(bm.SingularError, match="not defined"):
+        arm(bm.Motor(law=law), LINKS).run(at=2.0, want="crank.drive")
+
+
+THRUSTS = {
+    "distance": ({}, "coordinate"),
+    "rate of the distance": ({}, "rate"),
+    "stroke along a direction": ({"direction": (1.0, 2.0)}, "coordinate"),
+    "rate of the stroke": ({"direction": (1.0, 2.0)}, "rate"),
+}
+
+
+@ENGINES
+@pytest.mark.parametrize(("more", "of"), THRUSTS.values(), ids=list(THRUSTS))
+def test_thrust_follows_its_law_of_stroke_or_rate(engine, more, of):
+    d = np.exp(1j * Q) - P
+    along = (1 + 2j) / abs(1 + 2j) + 0 * Q if more else d / np.abs(d)
+    v = 1j * RATE * np.exp(1j * Q)
+    x = ((d if of == "coordinate" else v) * along.conj()).real
+    force = (3.0 - 4.0 * x) * along
+    law = {"kind": "polynomial", "of": of, "coefficients": [3.0, -4.0]}
+    found = moment(bm.Thrust(law=law, **more), POINTS, engine)
+    assert close(found, (np.exp(-1j * Q) * force).imag)
+
+
+def test_gas_force_follows_a_table_over_the_crank_angle():
+    angles = np.arange(8) * math.pi / 2
+    values = [1.0, 30.0, 9.0, 4.0, 1.0, 1.0, 1.0, 0.9]
+    law = {
+        "kind": "table",
+        "arguments": angles.tolist(),
+        "values": values,
+        "interpolation": "linear",
+        "turns": 2,
+    }
+    gas = bm.Thrust(law=law, driver="crank", direction=(1.0, 0.0))
+    found = moment(gas, POINTS)
+    size = np.interp(Q % (4 * math.pi), [*angles, 4 * math.pi], [*values, 1.0])
+    assert close(found, -size * np.sin(Q))
+
+
+def test_thrust_on_a_moving_link_presses_it_with_the_opposite_force():
+    g = bm.Graph("cylinder")
+    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
+    guide = bm.Marker(at=(0.5, 0.0), angle=0.0)
+    g.add("arm", bm.Crank(links={"crank": bm.Link(markers={"g": guide, "head": (0.2, 0.0)})}))
+    g.add("rod", bm.SlideDrive())
+    g.add("oil", bm.Thrust(law={"kind": "constant", "value": 70.0}, direction=(1.0, 0.0)))
+    for wire in (
+        ("frame.O", "arm.A"),
+        ("arm.g", "rod.S"),
+        ("arm.head", "oil.a"),
+        ("rod.S", "oil.b"),
+    ):
+        g.connect(*wire)
+    run = g.compile().run(at={"arm": [0.4, 2.0], "rod": [0.1, 0.3]}, rates={"arm": 1.0})
+    assert np.abs(run["rod.drive"] + 70.0).max() <= 70 * ROUNDING
+    assert np.abs(run["arm.drive"]).max() <= 70 * ROUNDING  # the forces meet on one line
+    assert np.abs(run["arm.A.reaction"]).max() <= 70 * ROUNDING
+
+
+def test_driver_that_is_none_is_a_problem_of_the_graph():
+    g = bm.Graph("arm")
+    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
+    g.add("crank", bm.Crank(length=1.0))
+    g.add("e", bm.Motor(law={"kind": "polynomial", "coefficients": [1.0]}, driver="krank"))
+    for wire in (("frame.O", "crank.A"), ("frame.O", "e.a"), ("crank.crank", "e.b")):
+        g.connect(*wire)
+    (problem,) = g.check()
+    assert (problem.code, problem.where) == ("unknown-driver", "e.driver")
+    assert problem.remedy == 'did you mean "crank"?'
+
+
+def test_driver_of_a_law_that_asks_for_none_is_refused():
+    with pytest.raises(pydantic.ValidationError, match="constant"):
+        bm.Motor(law={"kind": "constant", "value": 1.0}, driver="crank")
+
+
+def test_what_a_load_depends_on_is_declared():
+    law = {"kind": "polynomial", "of": "rate", "coefficients": [1.0]}
+    assert bm.Motor(law=law).reads() == {"a": ("om",), "b": ("om",)}
+    assert bm.Motor(law=law, driver="crank").reads() == {"driver": ("qd",)}
+    timely = {"kind": "polynomial", "of": "time", "coefficients": [1.0]}
+    assert bm.Thrust(law=timely).reads() == {"a": ("p",), "b": ("p",), "time": ("t",)}
+    assert bm.Motor(law={"kind": "constant", "value": 1.0}).reads() == {}
