@@ -10,7 +10,7 @@ from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs import Output, outputs_of
-from blockmech.passes import forward, friction
+from blockmech.passes import forces, forward, friction
 from blockmech.plan import STAGES, Friction, Plan, Schedule
 
 
@@ -98,7 +98,7 @@ def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
         if entry.stage == "position" and not isinstance(block, DrivingLink):
             yield f"margin/{entry.block}", (f"{s.ask(forward.position, entry.block)}.margin",)
         if entry.stage == "force":
-            solved = s.ask(friction.solution, entry.block)
+            solved = s.ask(forces.solution, entry.block)
             if solved is None:
                 continue
             what = ("iterations", "residual", "contraction", "outcome", "limit")

@@ -16,8 +16,9 @@ import numpy as np
 from blockmech.blocks.contract import DrivingLink, Joint
 from blockmech.loads.contract import Element
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
-from blockmech.passes import energy, forces, forward, friction, loads, pairs, reduction
+from blockmech.passes import energy, forces, forward, loads, pairs, reduction
 from blockmech.plan import Schedule
+from blockmech.quality import at_most_one
 
 Reader = Callable[..., Any]
 
@@ -221,7 +222,7 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
         f"{ref}.friction",
         "N m" if revolute else "N",
         "real",
-        _asked(friction.friction, ref),
+        _asked(forces.resisting, ref),
         _same,
         by,
         on,
@@ -245,7 +246,11 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
 def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
     block = structure.blocks[name]
     yield Output(
-        f"{name}.margin", "", "real", lambda s: (f"{s.ask(forward.position, name)}.margin",), _same
+        f"{name}.margin",
+        "",
+        "real",
+        lambda s: (f"{s.ask(forward.position, name)}.margin",),
+        at_most_one,
     )
     if block.kernels.transmission is not None:
         yield Output(

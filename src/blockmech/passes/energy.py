@@ -100,7 +100,7 @@ def potential(s: Schedule) -> str:
 
 def friction_power(s: Schedule, ref: JointRef) -> str:
     """Power [W] that friction of a pair turns into heat."""
-    t = s.ask(friction.friction, ref)
+    t = s.ask(forces.resisting, ref)
     if t == "0.0":
         return "0.0"
     return s.emit(lost, t, s.ask(forward.slip, ref), name=f"{ref}_loss")

@@ -19,16 +19,21 @@ from blockmech.passes.forward import (
     parameters,
     position,
 )
-from blockmech.passes.loads import NOTHING, Resultant, applied, at_arm, elements_on, inertial
+from blockmech.passes.loads import (
+    NOTHING,
+    Resultant,
+    active,
+    applied,
+    at_arm,
+    elements_on,
+    inertial,
+    later_blocks,
+    load,
+)
 from blockmech.passes.pairs import PairLoad, from_wire, pair_load
 from blockmech.plan import Entry, Schedule
 from blockmech.plane import cross, imul, mul
-from blockmech.typing import Complex, Load, Real
-
-
-def load(F: Complex, M: Real) -> Load:
-    """Resultant of a link for a force kernel."""
-    return Load(F, M)
+from blockmech.typing import Complex, Real
 
 
 def negated(x: Complex) -> Complex:
@@ -44,24 +49,6 @@ def guide_force(N: Real, along: Real, u: Complex) -> Complex:
 def guide_moment(C: Real, arm: Complex, f: Complex) -> Real:
     """Moment on the support about the wire's point: -C - (S - p) x f."""
     return -C - cross(arm, f)
-
-
-def active(s: Schedule, block: str) -> bool:
-    """Whether a block has mass, a load, or an active later block."""
-    s.ask_first(active, block, lambda b: _later(s, b))
-    structure = s.structure
-    for name in structure.blocks[block].link_names:
-        link = LinkRef(block, name)
-        properties = structure.properties(link)
-        heavy = properties.mass > 0 and s.scene.gravity.z != 0
-        if heavy or (properties.massive and not s.static) or structure.loaded[link]:
-            return True
-    return any(s.ask(active, later) for later in _later(s, block))
-
-
-def _later(s: Schedule, block: str) -> list[str]:
-    links = (LinkRef(block, n) for n in s.structure.blocks[block].link_names)
-    return [joint.block for link in links for joint in s.structure.carried[link]]
 
 
 def carried(s: Schedule, link: LinkRef) -> Resultant:
@@ -90,12 +77,29 @@ def smooth(s: Schedule, block: str) -> str | None:
     """Reactions of a block to its loads alone; None for a structural zero."""
     if not s.ask(active, block):
         return None
-    s.ask_first(smooth, block, lambda b: _later(s, b))
+    s.ask_first(smooth, block, lambda b: later_blocks(s, b))
     b = s.structure.blocks[block]
     pose = s.ask(position, block)
     loads = [s.ask(link_load, LinkRef(block, n)) for n in b.link_names]
     args = (pose, *loads, s.ask(parameters, block))
     return s.kernel(Entry(block, "force"), b.kernels.reactions, *args, name=f"{block}_smooth")
+
+
+def solution(s: Schedule, block: str) -> str | None:
+    """The solved friction of a block: couples and forces ``t``, and how it went."""
+    reactions = s.ask(smooth, block)
+    if reactions is None or not s.ask(friction.friction_joints, block):
+        return None
+    return s.ask(friction.solve, block, reactions)
+
+
+def resisting(s: Schedule, ref: JointRef) -> str:
+    """Friction of a pair on the later link: couple [N m] or force [N]."""
+    solved = s.ask(solution, ref.block)
+    joints = s.ask(friction.friction_joints, ref.block)
+    if solved is None or ref not in joints:
+        return "0.0"
+    return f"{solved}.t[{joints.index(ref)}]"
 
 
 def reaction(s: Schedule, ref: JointRef) -> PairLoad | None:
@@ -104,7 +108,7 @@ def reaction(s: Schedule, ref: JointRef) -> PairLoad | None:
     if reactions is None:
         return None
     base = pair_load(s, ref, reactions)
-    solved = s.ask(friction.solution, ref.block)
+    solved = s.ask(solution, ref.block)
     if solved is None or isinstance(s.structure.blocks[ref.block], DrivingLink):
         return base
     by = [
@@ -139,7 +143,7 @@ def drive(s: Schedule, driver: str) -> str:
     if reactions is None:
         return "0.0"
     joint = JointRef(driver, _drive_joint(s, driver))
-    t = s.ask(friction.friction, joint)
+    t = s.ask(resisting, joint)
     if t == "0.0":
         return f"{reactions}.tau"
     return s.emit(difference, f"{reactions}.tau", t, name=f"{driver}_drive")
@@ -156,7 +160,7 @@ def wrench(s: Schedule, ref: JointRef) -> tuple[str, str]:
     pair = s.ask(reaction, ref)
     if pair is None:
         return ZERO, "0.0"
-    along = [s.ask(friction.friction, ref)]
+    along = [s.ask(resisting, ref)]
     if isinstance(s.structure.blocks[ref.block], DrivingLink):
         along.append(s.ask(drive, ref.block))
     along = [x for x in along if x != "0.0"]

@@ -15,7 +15,6 @@ from collections.abc import Iterable
 from blockmech.blocks.contract import DrivingLink
 from blockmech.friction import solvers
 from blockmech.model.structure import JointRef, LinkRef
-from blockmech.passes import forces
 from blockmech.passes.forward import (
     ACTUAL,
     ONE,
@@ -31,6 +30,7 @@ from blockmech.passes.forward import (
     position,
     slip,
 )
+from blockmech.passes.loads import active, load
 from blockmech.passes.pairs import PairLoad, pair_load, slider_arm
 from blockmech.plan import Schedule
 from blockmech.plane import cross, hyp, imul, maximum, mul, sign, where
@@ -104,11 +104,7 @@ def opposite_load(a: Load) -> Load:
 def friction_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     """Joints of a block whose friction is computed."""
     b = s.structure.blocks[block]
-    off = (
-        s.friction.method == "none"
-        or not moves(s, block, ACTUAL)
-        or not s.ask(forces.active, block)
-    )
+    off = s.friction.method == "none" or not moves(s, block, ACTUAL) or not s.ask(active, block)
     if off:
         return ()
     return tuple(JointRef(block, n) for n in b.joints if n in b.friction and b.friction[n].factor)
@@ -212,8 +208,7 @@ def response(s: Schedule, block: str, link: str) -> str:
     """Reactions of a block to a unit couple on one of its links."""
     b = s.structure.blocks[block]
     loads = [
-        s.emit(forces.load, ZERO, "1.0" if n == link else "0.0", name=f"unit_{n}")
-        for n in b.link_names
+        s.emit(load, ZERO, "1.0" if n == link else "0.0", name=f"unit_{n}") for n in b.link_names
     ]
     args = (s.ask(position, block), *loads, s.ask(parameters, block))
     return s.emit(b.kernels.reactions, *args, name=f"{block}_unit_{link}")
@@ -236,7 +231,7 @@ def sliding_response(s: Schedule, ref: JointRef) -> str:
         back = s.emit(difference, point, o, name=f"{ref}_S_on_{joint.links[0]}")
         unit = s.emit(unit_arm_load, u, back, name=f"{ref}_unit_{joint.links[0]}")
         on[joint.links[0]] = s.emit(opposite_load, unit, name=f"{ref}_unit_{joint.links[0]}")
-    zero = s.emit(forces.load, ZERO, "0.0", name="no_load")
+    zero = s.emit(load, ZERO, "0.0", name="no_load")
     args = [s.ask(position, ref.block), *(on.get(n, zero) for n in b.link_names)]
     args.append(s.ask(parameters, ref.block))
     return s.emit(b.kernels.reactions, *args, name=f"{ref}_response")
@@ -259,12 +254,9 @@ def influence(s: Schedule, ref: JointRef, unit: JointRef) -> PairLoad:
     )
 
 
-def solution(s: Schedule, block: str) -> str | None:
-    """The solved friction of a block: couples and forces ``t``, and how it went."""
+def solve(s: Schedule, block: str, reactions: str) -> str:
+    """The solved friction of a block with these frictionless reactions: ``t``, and how it went."""
     joints = s.ask(friction_joints, block)
-    reactions = s.ask(forces.smooth, block)
-    if not joints or reactions is None:
-        return None
     k = tuple_of(s.ask(resistance, j) for j in joints)
     edges = tuple_of(s.ask(edge_norm, j) for j in joints)
     base = tuple_of(measure(s, j, pair_load(s, j, reactions)) for j in joints)
@@ -273,19 +265,10 @@ def solution(s: Schedule, block: str) -> str | None:
     rows = tuple_of(
         tuple_of(measure(s, j, s.ask(influence, j, unit)) for unit in joints) for j in joints
     )
-    solve, options = solvers.solver(s.friction.method)
+    solver, options = solvers.solver(s.friction.method)
     given = {"tolerance": s.friction.tolerance, "iterations": s.friction.iterations}
     more = [repr(given[o]) for o in options]
-    return s.emit(solve, k, edges, base, rows, *more, name=f"{block}_friction")
-
-
-def friction(s: Schedule, ref: JointRef) -> str:
-    """Friction of a pair on the later link: couple [N m] or force [N]."""
-    joints = s.ask(friction_joints, ref.block)
-    solved = s.ask(solution, ref.block)
-    if solved is None or ref not in joints:
-        return "0.0"
-    return f"{solved}.t[{joints.index(ref)}]"
+    return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
 
 
 def tuple_of(items: Iterable[str]) -> str:

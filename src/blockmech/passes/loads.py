@@ -27,7 +27,7 @@ from blockmech.passes.forward import (
 )
 from blockmech.plan import Schedule
 from blockmech.plane import cross, mul
-from blockmech.typing import Complex, Real
+from blockmech.typing import Complex, Load, Real
 
 
 class Resultant(NamedTuple):
@@ -208,3 +208,27 @@ def inertial(s: Schedule, link: LinkRef) -> Resultant:
         couple = s.emit(inertia_couple, al, s.ask(inertia_of, link), name=f"{link}_inertia_M")
         total += Resultant((), (couple,))
     return total
+
+
+def load(F: Complex, M: Real) -> Load:
+    """Resultant of a link for a force kernel."""
+    return Load(F, M)
+
+
+def active(s: Schedule, block: str) -> bool:
+    """Whether a block has mass, a load, or an active later block."""
+    s.ask_first(active, block, lambda b: later_blocks(s, b))
+    structure = s.structure
+    for name in structure.blocks[block].link_names:
+        link = LinkRef(block, name)
+        properties = structure.properties(link)
+        heavy = properties.mass > 0 and s.scene.gravity.z != 0
+        if heavy or (properties.massive and not s.static) or structure.loaded[link]:
+            return True
+    return any(s.ask(active, later) for later in later_blocks(s, block))
+
+
+def later_blocks(s: Schedule, block: str) -> list[str]:
+    """Blocks that a block's links carry, in name order of their joints."""
+    links = (LinkRef(block, n) for n in s.structure.blocks[block].link_names)
+    return [joint.block for link in links for joint in s.structure.carried[link]]
