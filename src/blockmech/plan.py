@@ -98,7 +98,7 @@ class Schedule:
         self.angles: set[str] = set()
         self._answers: dict[Hashable, Any] = {}
         self._names: dict[str, int] = {}
-        self._taken = {"P", "ZERO", "ONE", "t", "program"}  # names of values and functions
+        self._taken = {"P", "ZERO", "ONE", "REST", "t", "program"}  # names of values and functions
         self._slots: dict[Hashable, str] = {}
         self._order = {name: i for i, name in enumerate(structure.blocks)}
 

@@ -19,6 +19,7 @@ from typing import Any
 from blockmech.typing import Complex, Real
 
 NAN = math.nan
+REST_SHARE = 1e-12  # of the largest speed: a relative speed below it counts as rest
 
 
 def cross(a: Complex, b: Complex) -> Real:

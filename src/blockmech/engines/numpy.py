@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from blockmech.engines.binding import bind
 from blockmech.plan import Program
+from blockmech.plane import REST_SHARE
 
 PRECISIONS: dict[str, Any] = {
     "complex64": np.float32,
     "complex128": np.float64,
     "clongdouble": np.longdouble,
 }
+ROUNDING_AT_REST = 100.0  # ulps of the largest speed that a rate of zero may come out as
 CHUNK = 8192  # samples that stay in cache together
 
 
@@ -190,7 +192,11 @@ class NumpyEngine:
         self.program = program
         self.precision = precision
         self.dtype = PRECISIONS[precision]
-        constants = {"ZERO": self._cast(0j), "ONE": self._cast(1 + 0j)}
+        constants = {
+            "ZERO": self._cast(0j),
+            "ONE": self._cast(1 + 0j),
+            "REST": max(REST_SHARE, ROUNDING_AT_REST * float(np.finfo(self.dtype).eps)),
+        }
         self._program = bind(program, primitives(self.dtype), constants)
         self.parameters = tuple(self._cast(v) for v in program.parameters.values())
 

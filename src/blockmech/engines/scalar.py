@@ -15,9 +15,9 @@ import numpy as np
 from blockmech.engines.binding import bind
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.plan import Program
-from blockmech.plane import SCALAR_PRIMITIVES
+from blockmech.plane import REST_SHARE, SCALAR_PRIMITIVES
 
-CONSTANTS = {"ZERO": 0j, "ONE": 1 + 0j}
+CONSTANTS = {"ZERO": 0j, "ONE": 1 + 0j, "REST": REST_SHARE}
 
 
 class ScalarEngine:

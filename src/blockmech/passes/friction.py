@@ -36,7 +36,7 @@ from blockmech.plan import Schedule
 from blockmech.plane import cross, hyp, imul, maximum, mul, sign, where
 from blockmech.typing import Complex, Load, Real
 
-REST = 1e-12  # relative speed below this share of the largest speed counts as rest
+REST = "REST"  # share of the largest speed that counts as rest; named by every engine
 
 
 def edge_measure(N: Real, C: Real, two_over_length: Real, one: Complex) -> Complex:
@@ -76,14 +76,14 @@ def angular_speed(om: Real, size: Real) -> Real:
     return abs(om) * size
 
 
-def resisting(slip_speed: Real, top: Real, factor: Real, slip_rate: Real) -> Real:
+def resisting(slip_speed: Real, top: Real, factor: Real, slip_rate: Real, rest: Real) -> Real:
     """Signed factor of Coulomb's law: -sgn(slip) c, and 0 at zero relative speed."""
-    return where(slip_speed <= REST * top, 0.0 * slip_speed, -sign(slip_rate) * factor)
+    return where(slip_speed <= rest * top, 0.0 * slip_speed, -sign(slip_rate) * factor)
 
 
-def at_rest(slip_speed: Real, top: Real) -> Real:
+def at_rest(slip_speed: Real, top: Real, rest: Real) -> Real:
     """1 where a pair counts as at rest, else 0."""
-    return where(slip_speed <= REST * top, 1.0 + 0.0 * slip_speed, 0.0 * slip_speed)
+    return where(slip_speed <= rest * top, 1.0 + 0.0 * slip_speed, 0.0 * slip_speed)
 
 
 def unit_arm_load(u: Complex, arm: Complex) -> Load:
@@ -165,14 +165,14 @@ def factor_slot(s: Schedule, ref: JointRef) -> str:
 def resistance(s: Schedule, ref: JointRef) -> str:
     """Signed factor of a pair: friction on the later link per newton on the pair."""
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
-    args = (speed, top, s.ask(factor_slot, ref), s.ask(slip, ref))
+    args = (speed, top, s.ask(factor_slot, ref), s.ask(slip, ref), REST)
     return s.emit(resisting, *args, name=f"{ref}_k")
 
 
 def rest(s: Schedule, ref: JointRef) -> str:
     """1 where a pair is at zero relative speed."""
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
-    return s.emit(at_rest, speed, top, name=f"{ref}_rest")
+    return s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")
 
 
 def measure(s: Schedule, ref: JointRef, pair: PairLoad) -> str:
