@@ -76,6 +76,14 @@ def test_every_message_names_the_file_and_stays_on_one_line(path):
         assert str(problem).startswith(f"[{problem.code}] {path}: ")
 
 
+@pytest.mark.parametrize("blocks", ["", '"blocks": null,', '"blocks": [],'])
+def test_wires_of_a_file_without_blocks_are_no_further_mistakes(blocks):
+    ends = '"wires": [{"from": "frame.A", "to": "crank.A"}]'
+    with pytest.raises(FormatError) as caught:
+        loads(f'{{"format": "blockmech/graph", "version": 1, {blocks} {ends}}}')
+    assert [problem.where for problem in caught.value.problems] == ["blocks"]
+
+
 def test_every_recorded_message_has_its_file():
     assert {p.stem for p in MESSAGES.iterdir()} == {p.stem for p in BROKEN}
 
@@ -158,6 +166,7 @@ NOT_FROM_FILES = {
     "broken-plugin",  # an installed package
     "dead-centre",  # from_points
     "duplicate-block",  # Graph.add; in a file it is a duplicate key
+    "frozen",  # a field set in Python
     "idle-driver",  # a remark
     "not-a-block",  # Graph.add
     "not-a-law",  # Graph.drive

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-
 from tests.wiring import chain, rewired, ruiz, same_bits, toggle, watt
 
 ALL = ["*.omega", "*.p"]
@@ -200,9 +199,10 @@ def test_order_of_blocks_and_wires_changes_no_bit(name, seed):
     graph = make()
     other = rewired(graph, random.Random(seed))
     one, two = graph.compile(), other.compile()
-    assert one.plan("crank.*" if name != "toggle" else "ram.*").program == two.plan(
-        "crank.*" if name != "toggle" else "ram.*"
-    ).program
+    assert (
+        one.plan("crank.*" if name != "toggle" else "ram.*").program
+        == two.plan("crank.*" if name != "toggle" else "ram.*").program
+    )
     assert same_bits(one.run(**request), two.run(**request)) == []
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-
 from tests.wiring import COEFFICIENT, off, recorded, ruiz
 
 ROWS = recorded("ruiz_fourbar")["rows"]

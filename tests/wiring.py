@@ -298,8 +298,7 @@ def rotated(graph: Graph, angle: float) -> Graph:
         if isinstance(block, bm.Frame):
             return bm.Frame(
                 markers={
-                    n: Marker(at=e * m.at.z, dir=e * m.direction)
-                    for n, m in block.markers.items()
+                    n: Marker(at=e * m.at.z, dir=e * m.direction) for n, m in block.markers.items()
                 }
             )
         if isinstance(block, bm.Force) and block.axes == "ground":
@@ -326,9 +325,10 @@ def scaled(graph: Graph, length: float, force: float) -> Graph:
     }  # fmt: skip
 
     def scale(block: Any) -> Block:
-        updates = {
-            n: getattr(block, n) * powers[n] for n in block.model_fields_set & powers.keys()
-        }
+        updates = {n: getattr(block, n) * powers[n] for n in block.model_fields_set & powers.keys()}
+        if isinstance(block, bm.TorsionSpring):  # N m a radian, not N a metre
+            turns = block.model_fields_set & {"stiffness", "damping"}
+            updates |= {n: getattr(block, n) * force * length for n in turns}
         if "offset" in block.model_fields_set and not getattr(block, "rotary", True):
             updates["offset"] = block.offset * length
         if "force" in block.model_fields_set:
@@ -356,12 +356,16 @@ def _scaled_law(law: bm.Coulomb, length: float) -> bm.Coulomb:
 def _seen(block: Any, place: Any, link: Any, **updates: Any) -> Block:
     """A block with every place mapped, and every link."""
 
+    mirror = place(1j).imag < 0
+
     def marker(m: Marker) -> Marker:
-        direction = m.direction
-        image = place(direction) / abs(place(1 + 0j))
-        if m.angle is None and m.dir is None:
-            return Marker(at=place(m.at.z))
-        return Marker(at=place(m.at.z), dir=image)
+        # A direction keeps its spelling, so that it keeps its digits.
+        angle, direction = m.angle, m.dir and m.dir.z
+        if mirror and angle is not None:
+            angle = -angle
+        if mirror and direction is not None:
+            direction = direction.conjugate()
+        return Marker(at=place(m.at.z), angle=angle, dir=direction)
 
     if isinstance(block, bm.Frame):
         updates["markers"] = {n: marker(m) for n, m in block.markers.items()}

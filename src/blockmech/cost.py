@@ -39,7 +39,8 @@ WEIGHTS = {  # [ns] an element of a batch in cache, measured with NumPy 2.4
 }  # fmt: skip
 USUAL = 0.27  # [ns] sums, differences, comparisons, absolute values
 CALL = 0.06  # [ns] a call's own time, spread over the batch
-COLUMN = 1.85  # [ns] a value handed out, copied into the result; fitted on three mechanisms
+COLUMN = 0.6  # [ns] a column of the result, copied out of its chunk; fitted on four mechanisms
+FRESH, MANY = 1.3, 16  # [ns] more for each column beyond these: it needs new pages of memory
 
 
 @dataclass(frozen=True)
@@ -99,23 +100,23 @@ class CostModel:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._lines: dict[str, float] = {}
+        self._columns: dict[str, int] = {}
 
     def cost(self, plan: Plan) -> float:
         """Time per sample [ns] of a batch, by the weights."""
         lines = [_parted(line) for line in plan.program.source.splitlines()[1:-1]]
         texts = [text for name, text in lines if text != "P"]
-        if not all(text in self._lines for text in texts):
+        known = all(text in self._lines for text in texts)
+        if not known or not all(text in self._columns for text in plan.program.outputs):
             self._run(plan)
-        handed = len(plan.program.outputs)
-        vectors = sum(
-            self.mechanism.outputs[n].kind == "vector" for n in plan.want
-        )  # two columns each
-        return sum(self._lines[text] for text in texts) + COLUMN * (handed + vectors)
+        columns = sum(self._columns[text] for text in plan.program.outputs)
+        handed = COLUMN * columns + FRESH * max(columns - MANY, 0)
+        return sum(self._lines[text] for text in texts) + handed
 
     def _run(self, plan: Plan) -> None:
         """Run a plan's program line by line on counting arrays."""
         engine = NumpyEngine(plan.program)
-        space: dict[str, Any] = {"ZERO": Planar(0.0, 0.0), "ONE": Planar(1.0, 0.0)}
+        space: dict[str, Any] = dict(engine._program.__globals__)  # the engine's constants
         # The engine's own expi makes plain arrays, which would not count.
         own = primitives(engine.dtype) | {"expi": lambda t: Planar(np.cos(t), np.sin(t))}
         space |= bind_functions(plan.program.functions, own)
@@ -133,6 +134,15 @@ class CostModel:
                 self._lines[text] = sum(
                     (WEIGHTS.get(op, USUAL) + CALL) * k for op, k in Counted.tally.items()
                 )
+            for text in plan.program.outputs:
+                self._columns[text] = _columns(eval(text, space))
+
+
+def _columns(value: Any) -> int:
+    """Columns that a value fills in the result; what is the same for all samples fills none."""
+    if isinstance(value, Planar):
+        return _columns(value.real) + _columns(value.imag)
+    return int(np.ndim(value) > 0)
 
 
 def _parted(line: str) -> tuple[str, str]:

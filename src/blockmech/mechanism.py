@@ -7,7 +7,7 @@ engine and wraps the arrays in a labelled result.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -225,16 +225,29 @@ class Mechanism:
 
         return trade(self, question, want, **request)
 
+    @cached_property
+    def frictional_joints(self) -> tuple[str, ...]:
+        """Names of the joints that have friction."""
+        from blockmech.dynamics.reduction import frictional_joints
+
+        return frictional_joints(self.structure)
+
     def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
         """Feasible arcs of a driver; see `blockmech.judge.limits.limits`."""
         from blockmech.judge.limits import limits
 
         return limits(self, driver, at, **more)
 
-    def feasible(self, groups: frozenset[str]) -> str:
-        """Where these groups close, in words for a message; kept, so asking again is free."""
+    def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
+        """Where these groups close, in words for a message.
+
+        ``held`` is driver -> coordinate [rad or m] where there are several drivers. Without
+        it the answer is kept, so asking again is free.
+        """
         from blockmech.judge.limits import arcs_sentence
 
+        if held is not None:
+            return f"{arcs_sentence(self, held, groups)}, each with the others held"
         if groups not in self._feasible:
             self._feasible[groups] = arcs_sentence(self, {}, groups)
         return self._feasible[groups]

@@ -104,7 +104,7 @@ def assess(
     wanted_bad : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
     """
-    margin = {k[7:]: v[0] for k, v in values.items() if k.startswith("margin/")}
+    margin = {k[7:]: at_most_one(v[0]) for k, v in values.items() if k.startswith("margin/")}
     friction = {k[9:]: v for k, v in values.items() if k.startswith("friction/")}
     rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
     status = [OK] * n
@@ -145,6 +145,11 @@ def assess(
         {k: v[2] for k, v in friction.items()},
         tuple(flags),
     )
+
+
+def at_most_one(margin: Any) -> Any:
+    """A margin [-] without the last bit by which rounding may pass its bound, 1."""
+    return np.minimum(margin, 1.0)
 
 
 def _finite(x: Any) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,7 @@ from blockmech.errors import (
     listed,
 )
 from blockmech.plan import Plan
-from blockmech.quality import NO_ASSEMBLY, Quality, assess
+from blockmech.quality import NO_ASSEMBLY, Flag, Quality, assess
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
@@ -126,8 +127,10 @@ class Result(Mapping[str, NDArray[Any]]):
         made = output.read(*columns)
         if output.kind == "vector":
             return _as_complex(made)
-        made = np.asarray(made)
-        return made if np.isfinite(made).all() else np.where(np.isfinite(made), made, np.nan)
+        made = np.array(made)  # its own: the columns of a run share one block of memory
+        if not np.isfinite(made).all():
+            made[~np.isfinite(made)] = np.nan
+        return made
 
     def _column(self, index: int) -> Any:
         """One value of the program as a batch, whatever engine made it."""
@@ -154,7 +157,16 @@ class Result(Mapping[str, NDArray[Any]]):
         prismatic = frozenset(
             name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
         )
-        return assess(self.n, reports, self._not_finite(), prismatic)
+        found = assess(self.n, reports, self._not_finite(), prismatic)
+        return replace(found, flags=found.flags + self._without_effort(found))
+
+    def _without_effort(self, quality: Quality) -> tuple[Flag, ...]:
+        """Answered samples at which the drive rests, so that no mechanical advantage exists."""
+        name = "mechanism.mechanical_advantage"
+        if name not in self.plan.want:
+            return ()
+        gaps = np.flatnonzero(~np.isfinite(np.atleast_1d(self[name])))
+        return tuple(Flag(int(i), "infinite", name) for i in gaps if int(i) not in quality.blame)
 
     def _not_finite(self) -> NDArray[np.bool_]:
         """(n,) whether a wanted value is not finite."""
@@ -224,7 +236,10 @@ class Result(Mapping[str, NDArray[Any]]):
                 by = by if self.settings["friction"] == "successive" else "continuation"
                 what = (FrictionError, status, f"{by} did not converge")
         elif margin == 0:
-            what = (SingularError, "dead-centre", "rates and reactions do not exist there")
+            lost = "rates and reactions do not exist there"
+            if self.mechanism.structure.blocks[block].kind == "PRP":
+                lost = "its guides are parallel, so no pose, rate or reaction exists there"
+            what = (SingularError, "dead-centre", lost)
         elif not block:
             what = (SingularError, "undefined", "a wanted value is not defined there")
         else:
@@ -237,18 +252,25 @@ class Result(Mapping[str, NDArray[Any]]):
                 code,
                 where,
                 f"{found}; {count} affected",
-                self._arcs() if error is AssemblyError else "",
+                self._arcs(first) if block and error is not FrictionError else "",
                 'choose other samples, or pass on_gap="mark" to keep the rest',
             ),
             failure,
         )
 
-    def _arcs(self) -> str:
-        """Where the groups of this run close, in words, if that is found in an instant."""
-        groups = frozenset(self.quality.margin)
-        if len(self.mechanism.drivers) != 1 or len(groups) > MOST_GROUPS:
+    def _arcs(self, sample: int) -> str:
+        """Where the groups of this run close, in words, if that is found in an instant.
+
+        Of several drivers each is moved by itself, the others held as in the sample.
+        """
+        groups, drivers = frozenset(self.quality.margin), self.mechanism.drivers
+        if len(groups) > MOST_GROUPS:
             return ""
-        return self.mechanism.feasible(groups)
+        if len(drivers) == 1:
+            return self.mechanism.feasible(groups)
+        return self.mechanism.feasible(
+            groups, {d: float(self.drivers[f"{d}.q"][sample]) for d in drivers}
+        )
 
     def unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate ``"crank.q"``."""

@@ -76,8 +76,8 @@ class Samples:
             return _forward(_trapezoids(time))
         if drivers == 1:
             rate = np.asarray(self.inputs["qd_0"], dtype=float)
-            with np.errstate(all="ignore"):
-                return _forward(_trapezoids(self.coordinate(0)) / rate)
+            rate = np.where(rate == 0.0, np.nan, rate)  # at rest no time passes that is known
+            return _forward(_trapezoids(self.coordinate(0)) / rate)
         return np.full(self.n, np.nan)
 
 

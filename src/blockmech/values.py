@@ -6,7 +6,17 @@ import cmath
 import json
 import math
 import sys
-from typing import Annotated, Any, Literal, LiteralString
+from collections.abc import Mapping, Sequence
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Generic,
+    Literal,
+    LiteralString,
+    TypeAlias,
+    TypeVar,
+)
 
 from pydantic import (
     AllowInfNan,
@@ -17,9 +27,15 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     Strict,
+    ValidationError,
     model_validator,
 )
 from pydantic_core import PydanticCustomError, core_schema
+
+from blockmech.errors import GraphError, Problem
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 def _no_boolean(raw: Any) -> Any:
@@ -69,8 +85,6 @@ class Pair:
             return raw
         if isinstance(raw, complex) and cmath.isfinite(raw):
             return cls(raw)
-        if is_number(raw) and not isinstance(raw, str):
-            return cls(complex(raw))
         if isinstance(raw, list | tuple) and len(raw) == 2 and all(map(is_number, raw)):
             return cls(complex(*raw), [float(x) for x in raw])
         if cls.polar and isinstance(raw, dict) and set(raw) == {"polar"}:
@@ -162,7 +176,10 @@ def mistake(
 
 
 class Strictly(BaseModel):
-    """Base of all models: frozen, unknown keys refused, finite numbers only."""
+    """Base of all models: frozen, unknown keys refused, finite numbers only.
+
+    Made in Python, a model refuses with a `GraphError`, one problem per mistake.
+    """
 
     model_config = ConfigDict(
         frozen=True,
@@ -172,6 +189,63 @@ class Strictly(BaseModel):
         defer_build=True,  # importing the package builds no validators
     )
 
+    if not TYPE_CHECKING:  # type checkers read the fields instead
+
+        def __init__(self, /, **given: Any) -> None:
+            raw = {name: _plain(said) for name, said in given.items()}
+            try:
+                super().__init__(**raw)
+            except ValidationError as error:
+                from blockmech.model.refusals import problems_of
+
+                raise GraphError(problems_of(error, type(self), raw)) from None
+
+        __init__.__pydantic_base_init__ = True  # what is inside a model is validated without it
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            try:
+                super().__setattr__(name, value)
+            except ValidationError:
+                where, found = f"{type(self).__name__}.{name}", "it does not change once it is made"
+                raise GraphError(Problem("frozen", where, found, "", "make a new one")) from None
+
+
+def _plain(raw: Any) -> Any:
+    """Numbers and arrays of NumPy as Python's; all else as it is."""
+    if hasattr(raw, "tolist"):
+        said = raw.tolist()
+        return tuple(said) if isinstance(said, list) else said
+    if isinstance(raw, dict):
+        return {key: _plain(item) for key, item in raw.items()}
+    return type(raw)(map(_plain, raw)) if type(raw) in (list, tuple) else raw
+
+
+if TYPE_CHECKING:
+    Read = TypeVar("Read", covariant=True)
+    Said = TypeVar("Said", contravariant=True)
+
+    class Given(Generic[Read, Said]):
+        """What type checkers see of a field that may be given in several spellings."""
+
+        def __get__(self, instance: object, owner: Any = None) -> Read: ...
+        def __set__(self, instance: object, said: Said) -> None: ...
+
+    Two: TypeAlias = tuple[float, float] | list[float] | NDArray[Any] | complex
+    AnyMarker: TypeAlias = "Marker | tuple[float, float] | complex"
+    PlaceGiven = Given[Place, Place | Two | dict[str, tuple[float, float]]]
+    VectorGiven = Given[Vector, Vector | Two]
+    VectorOrNoneGiven = Given[Vector | None, Vector | Two | None]
+    NumbersGiven = Given[list[float], Sequence[float] | NDArray[Any]]
+    MarkersGiven = Given[dict[str, "Marker"], Mapping[str, AnyMarker]]
+else:
+    PlaceGiven, VectorGiven, VectorOrNoneGiven = Place, Vector, Vector | None
+    NumbersGiven, MarkersGiven = list[Number], dict[str, "Marker"]
+
+
+def default(value: Any) -> Any:
+    """The default of such a field."""
+    return value
+
 
 class Marker(Strictly):
     """A named place and direction on a link.
@@ -180,9 +254,9 @@ class Marker(Strictly):
     vertical guides, ``dir`` [dx, dy]. The default direction is the link's x axis.
     """
 
-    at: Place
+    at: PlaceGiven
     angle: Angle | None = None
-    dir: Vector | None = None
+    dir: VectorOrNoneGiven = default(None)
 
     @model_validator(mode="before")
     @classmethod
@@ -220,8 +294,8 @@ class Link(Strictly):
 
     mass: Mass = 0.0
     inertia: Inertia = 0.0
-    cm: Place = Place(0j)
-    markers: dict[str, Marker] = {}
+    cm: PlaceGiven = default(Place(0j))
+    markers: MarkersGiven = default({})
 
     @property
     def massive(self) -> bool:

@@ -18,17 +18,22 @@ import pytest
 FOLDER = Path(__file__).parent / "bounds"
 
 
+def compiler() -> str | None:
+    """The C compiler of this machine, if there is one."""
+    return shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
+
+
 @functools.cache
 def run(name: str) -> list[dict[str, Any]]:
     """Compile and run a bound; its report, a JSON object a line."""
-    compiler = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
-    if compiler is None:
+    found = compiler()
+    if found is None:
         pytest.skip("no C compiler, so there is no bound to compare with")
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / name
         source = FOLDER / f"{name}.c"
         subprocess.run(
-            [compiler, "-O3", "-march=native", str(source), "-o", str(program), "-lm"], check=True
+            [found, "-O3", "-march=native", str(source), "-o", str(program), "-lm"], check=True
         )
         text = subprocess.run([program], check=True, capture_output=True, text=True).stdout
     return [json.loads(line) for line in text.splitlines()]

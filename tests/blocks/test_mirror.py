@@ -118,11 +118,12 @@ def swapped(block):
     elif isinstance(block, bm.RPR):
         # Seen from the other pin, along the guide turned round.
         names = {"B": "D", "D": "B", "S": "S"}
-        numbers = {"h_i": block.h_j, "h_j": block.h_i, "branch": -block.branch, "slider": "i"}
-        numbers["x_S"] = block.x_S
+        numbers = {"h_i": block.h_j, "h_j": block.h_i, "branch": -block.branch, "x_S": block.x_S}
+        numbers["slider"] = {"later": "i", "earlier": "j"}[block.slider]
     else:
         names = {"S1": "S2", "S2": "S1", "C": "C"}
         numbers = {"h1": block.h2, "h2": block.h1, "x_S1": block.x_S2, "x_S2": block.x_S1}
+        numbers["slider"] = {names[n]: owner for n, owner in block.slider.items()}
     friction = {names[n]: law for n, law in block.friction.items()}
     return type(block)(links=links, friction=friction, **numbers), names
 
@@ -135,7 +136,9 @@ def swapped_graph(graph):
         if isinstance(block, bm.RRR | bm.RPR | bm.PRP):
             block, names = swapped(block)
             joints |= {f"{name}.{a}": f"{name}.{b}" for a, b in names.items()}
-            markers |= {f"{name}.i": f"{name}.j", f"{name}.j": f"{name}.i"}
+            pairs = (("i", "j"), ("B", "D"), ("C", "Cj"))
+            for a, b in (*pairs, *((b, a) for a, b in pairs)):
+                markers[f"{name}.{a}"] = f"{name}.{b}"
         found.add(name, block)
     for w in graph.wires:
         found.connect(markers.get(w.source, w.source), joints.get(w.target, w.target))
@@ -150,6 +153,8 @@ def test_links_of_a_dyad_may_swap_their_roles(seed):
     graph, joints = swapped_graph(case.graph)
     there = graph.compile().run(**case.request, on_gap="mark")
     assert here.quality.status == there.quality.status
+    if here.quality.status != ("ok",):  # jammed: the same verdict, and no numbers
+        return
     scale = max(np.abs(here[n]).max() for n in here if n.endswith(".reaction"))
     for joint, other in joints.items():
         inner = joint == other

@@ -170,3 +170,12 @@ def test_dyad_made_from_points_closes_there():
 def test_branch_is_not_told_by_a_rod_across_the_guide():
     with pytest.raises(bm.GraphError, match="stands across the guide"):
         bm.RRP.from_points(B=(0, 0), C=(0, 1), S=(0, 1), along=(1, 0))
+
+
+@pytest.mark.parametrize("length", [0.2, 0.3, 0.7, 1.1, 1.9])
+def test_margin_is_one_at_its_best_and_never_more(length):
+    mech = slider_crank(l=length).compile()
+    run = mech.run(at=[0.0, math.pi], want="dyad.margin")
+    assert run["dyad.margin"].tolist() == pytest.approx([1.0, 1.0], abs=4e-16)
+    for margin in (run["dyad.margin"], run.quality.margin["dyad"]):
+        assert margin.max() <= 1.0

@@ -14,7 +14,6 @@ from hypothesis import given, settings
 
 from blockmech.judge.verify import _Judge
 from blockmech.testing.strategies import mechanisms
-
 from tests.wiring import EPS, chain, ruiz, same_bits, swept, toggle, watt
 
 FAR = 4 * EPS  # times the conditioning and the length of the chain of groups

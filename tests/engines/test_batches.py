@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blockmech.testing.strategies import Options, Seeded, mechanisms, random_mechanism
-
 from tests.wiring import ruiz, same_bits, swept, toggle, watt
 
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
@@ -76,7 +75,7 @@ def test_samples_that_repeat_repeat_their_answer(engine):
 @EACH_ENGINE
 def test_impossible_samples_do_not_touch_their_neighbours(engine):
     apart = 0
-    for seed in range(6):
+    for seed in range(12):
         case = random_mechanism(Seeded(seed), Options(groups=(3, 4), kinds=("dyad.rrr",)))
         mech, request = case.graph.compile(), swept(case, 40)
         whole = mech.run(**request, engine=engine)

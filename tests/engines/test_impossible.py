@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-
 from tests.wiring import EPS, off, same_bits, wire
 
 
@@ -180,5 +179,7 @@ def test_infinite_intermediate_numbers_are_no_exception(engine):
 def test_at_rest_every_rough_pair_is_flagged_and_nothing_breaks(engine):
     r = linkage(crank=0.5, pivot=2.0).run(at=1.0, rates=0.0, engine=engine)
     assert r.quality.status == ("ok",)
-    assert {f.where for f in r.quality.flags} == {f"{b}.{j}" for b in ("first", "next") for j in "BCD"}
+    assert {f.where for f in r.quality.flags} == {
+        f"{b}.{j}" for b in ("first", "next") for j in "BCD"
+    }
     assert r["mechanism.friction_power"][0] == 0.0

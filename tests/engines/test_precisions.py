@@ -8,7 +8,6 @@ import pytest
 from blockmech.engines import NumpyEngine
 from blockmech.engines.numpy import Planar
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
-
 from tests.wiring import ruiz, same_bits, toggle, watt
 
 SINGLE = float(np.finfo(np.float32).eps)
@@ -131,7 +130,9 @@ def test_batch_and_chunk_change_no_bit_in_any_precision(precision):
     chunked = mech.run(samples=50, precision=precision, engine="numpy", chunk=7)
     assert same_bits(whole, chunked) == []
     alone = mech.run(at=whole["crank.q"][[13]], precision=precision, engine="numpy")
-    assert same_bits(alone, {k: v[[13]] for k, v in whole.items() if np.ndim(v)} | rest(alone)) == []
+    assert (
+        same_bits(alone, {k: v[[13]] for k, v in whole.items() if np.ndim(v)} | rest(alone)) == []
+    )
 
 
 def rest(result):

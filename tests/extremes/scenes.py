@@ -96,7 +96,7 @@ def near_parallel() -> Iterator[Scene]:
         g.add("dyad", bm.PRP(h1=0.0, h2=0.1, links=links))
         g.blocks["crank"] = bm.Crank(
             length=1.0,
-            links={"crank": bm.Link(mass=1.0, markers={"G": bm.Marker(at=1.0, angle=0.5)})},
+            links={"crank": bm.Link(mass=1.0, markers={"G": bm.Marker(at=(1.0, 0.0), angle=0.5)})},
         )
         g.connect("crank.G", "dyad.S1")
         g.connect("frame.G", "dyad.S2")
@@ -136,6 +136,43 @@ def sizes_and_ratios() -> Iterator[Scene]:
         yield Scene(f"speed {rate:.0e} rad/s", graph, {"crank": 0.9}, {"crank": rate})
 
 
+def sliding(kind: str, size: float = 1.0, mass: float = 1.0, inner: float = 1.0) -> Graph:
+    """A crank with one dyad that slides, of a size [m]; masses [kg] of link i and of link j."""
+    at = size * (0.2 + 0.7j)
+    guide = bm.Marker(at=at, angle=0.3)
+    g = Graph("sliding", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": 0j, "G": guide, "D": size * (1.7 + 0.4j)}))
+    slot = {"g": bm.Marker(at=size * (0.8 + 0.1j), angle=1.4)}
+    arm = bm.Link(mass=1.0, inertia=size**2 / 12, cm=(size / 2, 0.0), markers=slot)
+    g.add("crank", bm.Crank(length=size, links={"crank": arm}))
+    links = {"i": _link(inner, size), "j": _link(mass, size / 2)}
+    made: dict[str, Any] = {
+        "rrp": (bm.RRP, {"l": 2 * size, "h": 0.1 * size}, ("crank.B d.B", "frame.G d.S")),
+        "rpr": (bm.RPR, {"h_i": 0.1 * size, "h_j": -0.2 * size}, ("crank.B d.B", "frame.D d.D")),
+        "prp": (bm.PRP, {"h1": 0.1 * size, "h2": 0.2 * size}, ("crank.g d.S1", "frame.G d.S2")),
+        "rpp": (bm.RPP, {"beta": 1.1, "h_i": 0.1 * size}, ("crank.B d.B", "frame.G d.S")),
+    }
+    block, numbers, wires = made[kind]
+    g.add("d", block(**numbers, links=links))
+    for wire in ("frame.A crank.A", *wires):
+        g.connect(*wire.split())
+    return g
+
+
+def sliding_extremes() -> Iterator[Scene]:
+    """The dyads with prismatic pairs: sizes, masses, speeds and angles at both ends."""
+    for kind in ("rrp", "rpr", "prp", "rpp"):
+        name, here, steady = kind.upper(), {"crank": 0.9}, {"crank": 2.0}
+        for size in (1e-6, 1e6):
+            yield Scene(f"{name}, size {size:.0e} m", sliding(kind, size), here, steady)
+        graph = sliding(kind, mass=1e12)
+        yield Scene(f"{name}, mass ratio 1e+12", graph, here, steady)
+        yield Scene(f"{name}, massless link i", sliding(kind, inner=0.0), here, steady)
+        for rate in (1e-6, 1e6):
+            yield Scene(f"{name}, speed {rate:.0e} rad/s", sliding(kind), here, {"crank": rate})
+        yield Scene(f"{name}, angle 1e+15 rad", sliding(kind), {"crank": 1e15 + 0.25}, steady)
+
+
 def far_angles() -> Iterator[Scene]:
     """Crank angles after many turns: the driver coordinate counts as exact."""
     for q in (1e3, 1e6, 1e9, 1e12, 1e15):
@@ -161,6 +198,7 @@ def all_scenes() -> list[Scene]:
         near_tangent,
         near_parallel,
         sizes_and_ratios,
+        sliding_extremes,
         far_angles,
         massless_and_coincident,
     )

@@ -11,7 +11,6 @@ import pytest
 
 import blockmech as bm
 from blockmech.values import Marker
-
 from tests.blocks.twin import Twin
 from tests.wiring import COEFFICIENT, EPS, off, ruiz, wire
 

@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blockmech.engines.numpy import Planar, primitives
 from blockmech.engines.binding import bind_functions
+from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome, continue_from_zero
-
 from tests.wiring import EPS
 
 REVOLUTE = (False,)

@@ -290,6 +290,8 @@ def test_mechanical_advantage_is_useful_force_over_driving_moment():
     # No power is lost: |F| |v| = |tau| |rate|.
     product = run[name] * np.abs(run["dyad.C.v"]) / 2.0
     assert np.abs(product - 1).max() <= 2 * ROUNDINGS * EPS
+    at_rest = mechanism.run(at=[0.0, 1.0], want=[name], friction="none", static=True)
+    assert [(f.sample, f.code, f.where) for f in at_rest.quality.flags] == [(0, "infinite", name)]
     least = mechanism.extremes(name, friction="none", static=True).minimum
     fastest = mechanism.extremes("dyad.C.v.x")
     both = (fastest.minimum, fastest.maximum)

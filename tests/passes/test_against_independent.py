@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 
 from blockmech.testing.strategies import KINDS, Options, Seeded, mechanisms, random_mechanism
-
 from tests.blocks.twin import Twin
 from tests.wiring import chain, ruiz, swept, toggle, watt
 

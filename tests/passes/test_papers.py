@@ -124,7 +124,14 @@ def test_squeezer_moves_as_the_benchmark_says(engine):
             "lower.j": x[6],
         }
 
-    frames = {"first.i": -1, "first.j": -1j, "upper.i": 1j, "upper.j": 1, "lower.i": -1, "lower.j": -1j}
+    frames = {
+        "first.i": -1,
+        "first.j": -1j,
+        "upper.i": 1j,
+        "upper.j": 1,
+        "lower.i": -1,
+        "lower.j": -1j,
+    }
     for name, angle in links(q).items():
         direction = np.exp(1j * angle) * frames[name]
         assert abs(np.exp(1j * r[f"{name}.angle"][0]) - direction) <= AGREED

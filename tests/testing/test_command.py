@@ -98,8 +98,8 @@ def test_a_graph_without_expectations_is_named(call, file):
 def test_a_free_motion_is_not_passed_silently(call, file):
     motion = {"source": "by hand", "simulate": {"times": [0.0]}, "want": {"crank.q": [0.0]}}
     said = call(file("arm.json", {**motion, "atol": 1.0}))
-    assert said.code == 1
-    assert "needs forward dynamics" in said.out
+    assert said.code == 2
+    assert "no start for: crank" in said.err
 
 
 def test_a_folder_is_taken_with_its_folders_but_not_those_that_are_wrong_on_purpose(

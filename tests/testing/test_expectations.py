@@ -8,6 +8,7 @@ import math
 import pytest
 
 import blockmech as bm
+from blockmech.model.scene import Initial
 from blockmech.testing import check_expectations
 
 ROUNDING = 1e-14  # a few ulps of numbers of size 1 to 10
@@ -173,13 +174,34 @@ def test_outputs_that_exist_there_are_met_beside_one_that_does_not(short):
     assert not lost.ok
 
 
-def test_a_free_motion_is_not_met_until_it_can_be_computed(arm):
-    motion = {"source": "by hand", "simulate": {"times": [0.0, 1.0]}, "atol": 1.0}
-    arm.extras["expect"] = [{**motion, "want": {"crank.q": [0.0, 3.0]}}]
-    outcomes = check_expectations(arm)
-    assert [o.expected for o in outcomes] == [0.0, 3.0]
-    assert [o.ok for o in outcomes] == [False, False]
-    assert {o.reason for o in outcomes} == {"needs forward dynamics"}
+def swinging(times, want, **more):
+    """A uniform rod of 1 m that is let go at rest, horizontally."""
+    graph = bm.Graph("rod", gravity=(0.0, -9.81))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    rod = bm.Link(mass=1.0, inertia=1 / 12, cm=(0.5, 0.0))
+    graph.add("crank", bm.Crank(length=1.0, links={"crank": rod}))
+    graph.connect("frame.A", "crank.A")
+    graph.scene.initial["crank"] = Initial(q=0.0)
+    motion = {"source": "closed form", "simulate": {"times": times, **more}, "atol": 1e-9}
+    graph.extras["expect"] = [{**motion, "want": want}]
+    return check_expectations(graph)
+
+
+QUARTER = 1.8540746773013719 / math.sqrt(1.5 * 9.81)  # [s] K(k) / w, k^2 = 1/2, of a pendulum
+
+
+def test_a_free_motion_is_computed_and_compared():
+    outcomes = swinging([0.0, QUARTER], {"crank.q": [0.0, -math.pi / 2]})
+    assert [o.ok for o in outcomes] == [True, True]
+
+
+def test_times_after_the_end_of_a_motion_are_not_met():
+    times, want = [2 * QUARTER, 9.0, 0.0], {"crank.q": [-math.pi, 0.0, 0.0]}
+    outcomes = swinging(times, want, until="standstill")
+    assert [o.sample for o in outcomes] == [0, 1, 2]
+    assert [o.ok for o in outcomes][1:] == [False, True]
+    assert "ended" in outcomes[1].reason
+    assert "standstill" in outcomes[1].reason
 
 
 def test_a_graph_without_expectations_has_no_outcome(arm):

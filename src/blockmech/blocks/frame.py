@@ -10,7 +10,7 @@ from typing import ClassVar
 from pydantic import field_validator
 
 from blockmech.blocks.contract import Block, BuiltIn, bad_name, refuse
-from blockmech.values import Marker, is_name
+from blockmech.values import Marker, MarkersGiven, default, is_name
 
 
 class Frame(Block, type="frame"):
@@ -22,7 +22,7 @@ class Frame(Block, type="frame"):
 
     link_names: ClassVar[tuple[str, ...]] = ("frame",)
 
-    markers: dict[str, Marker] = {}
+    markers: MarkersGiven = default({})
 
     @field_validator("markers")
     @classmethod

@@ -168,7 +168,7 @@ class RPP(AssurGroup, type="dyad.rpp"):
         Place of the outer slider's point along the outer guide line, from O.
     slider : map joint -> "later" | "earlier", of S1 also "j" | "i"
         Which link the point, where the normal force acts, moves with; by default the
-        later one.
+        later one. A word alone is that of the inner joint S1.
 
     >>> RPP.from_points(B=(2, 1), S1=(2, 1), along1=(0, 1), S=(0, 0), along=(1, 0)).x_S
     -2.0
@@ -209,6 +209,11 @@ class RPP(AssurGroup, type="dyad.rpp"):
             found = "must not be a multiple of pi rad, for the two guides would be parallel"
             raise mistake("wrong-value", found)
         return beta
+
+    @field_validator("slider", mode="before")
+    @classmethod
+    def _inner_slider(cls, slider: Any) -> Any:
+        return {"S1": slider} if isinstance(slider, str) else slider
 
     @field_validator("slider")
     @classmethod

@@ -45,6 +45,7 @@ Accuracy = Annotated[float | None, option("Target error of the driver [rad or m]
 Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
 Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 
+INTERRUPTED = 130
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 
 
@@ -69,7 +70,8 @@ def simulate(
     """Move a mechanism from the scene's start under its loads, and print a table.
 
     Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that the
-    motion ended before some wanted time, or that none could be computed.
+    motion ended before some wanted time, or that none could be computed. Ctrl-C ends an
+    integration; what was computed until then is shown or written.
     """
     one_of(json=json, out=out is not None, csv=csv is not None, plot=plot is not None)
     if json and deg:
@@ -101,6 +103,8 @@ def simulate(
         paths = written(result, spelling, out, csv, plot, _pictures)
         shown = [table(result, degrees=deg), "", *lines, *(f"wrote {path}" for path in paths)]
         say("\n".join(shown))
+    if result.motion is not None and result.motion.end == "interrupted":
+        raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):
         raise typer.Exit(1)
 

@@ -63,7 +63,7 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True
     drawn = {
         "motion.png": draw_panels(motion_panels(fine, degrees), over).figure,
         "energy.png": draw_panels(energy_panels(fine), over).figure,
-        "phase.png": phase_plot(fine, degrees),
+        **phase_plots(fine, degrees),
     }
     files = {name: rendered(figure, ".png") for name, figure in drawn.items()}
     files |= animated(result, degrees)
@@ -116,34 +116,38 @@ def energy_panels(result: Result) -> tuple[Panel, ...]:
     return (Panel("energy", "J", curves),)
 
 
-def phase_plot(result: Result, degrees: bool = True) -> Any:
-    """Figure: the rate over the coordinate, a curve for each driver; start and end marked."""
-    panels = []
+def phase_plots(result: Result, degrees: bool = True) -> dict[str, Any]:
+    """Figures by file: rates over coordinates, start and end marked.
+
+    Drivers that turn share one, those that slide another.
+    """
+    found: dict[str, Any] = {}
     for rotary in (True, False):
         x, x_unit = _drivers(result, "q", rotary, degrees)
         y, y_unit = _drivers(result, "rate", rotary, degrees)
-        panels += [
-            (Panel(f"rate of {shown_name(a.name)}", y_unit, (Curve("", b.values),)), a, x_unit)
-            for a, b in zip(x, y, strict=True)
-        ]
-    plot = draw_panels([p for p, _, _ in panels], Abscissa("", np.arange(float(result.n))))
-    for axes, (panel, along, unit) in zip(plot.axes, panels, strict=True):
-        words = f"{shown_name(along.name)} [{unit}]"
-        _over(axes, along.values, panel.curves[0].values, words)
-    return plot.figure
+        if not x:
+            continue
+        alone = len(x) == 1
+        of = f" of {shown_name(x[0].name)}" if alone else ""
+        curves = tuple(Curve("" if alone else c.name, c.values) for c in y)
+        along = Abscissa("", np.arange(float(result.n)))
+        plot = draw_panels((Panel(f"rate{of}", y_unit, curves),), along)
+        pairs = [(a.values, b.values) for a, b in zip(x, y, strict=True)]
+        _over(plot.axes[0], pairs, f"coordinate{of} [{x_unit}]")
+        found["phase_slides.png" if found else "phase.png"] = plot.figure
+    return found
 
 
-def _over(axes: Any, x: Array, y: Array, words: str) -> None:
-    """Put a panel's curve over x, in the order of time, and mark where it starts and ends."""
-    (line,) = axes.get_lines()
-    line.set_data(x, y)
-    line.set_marker("")
-    colour = line.get_color()
-    axes.plot(x[:1], y[:1], "o", color=colour, ms=3, mfc="white", zorder=3)
-    axes.plot(x[-1:], y[-1:], "o", color=colour, ms=3, zorder=3)
-    axes.tick_params(labelbottom=True)
+def _over(axes: Any, pairs: list[tuple[Array, Array]], words: str) -> None:
+    """Put a panel's curves over coordinates, in the order of time; mark both ends."""
     from matplotlib.ticker import AutoLocator, ScalarFormatter
 
+    for line, (x, y) in zip(list(axes.get_lines()), pairs, strict=True):
+        line.set_data(x, y)
+        line.set_marker("")
+        colour = line.get_color()
+        axes.plot(x[:1], y[:1], "o", color=colour, ms=3, mfc="white", zorder=3)
+        axes.plot(x[-1:], y[-1:], "o", color=colour, ms=3, zorder=3)
     axes.xaxis.set_major_locator(AutoLocator())
     axes.xaxis.set_major_formatter(ScalarFormatter())
     axes.set_xlabel(words, labelpad=2)

@@ -208,18 +208,15 @@ def _label(
                 axes.text(
                     spot.x / inside, (spot.y + h / 2) / PANEL, text, fontsize=LABEL,
                     color=ink.INK, transform=axes.transAxes, va="center_baseline", zorder=4,
+                    bbox={"facecolor": ink.PAPER, "alpha": 0.75, "lw": 0, "pad": 0.4},
                 )  # fmt: skip
                 break
 
 
 def short(p: Point) -> str:
     """A setting in as few letters as tell it from its neighbours."""
-    words = (
-        p.setting.replace(" samples", "")
-        .replace("complex", "c")
-        .replace("accuracy ", "")
-        .replace("step ", "")
-    )
+    words = p.setting.removesuffix(" samples").replace("complex", "c")
+    words = words.removeprefix("accuracy ").removeprefix("step ")
     return f"n = {words.removesuffix(' iterations')}" if words.endswith("iterations") else words
 
 

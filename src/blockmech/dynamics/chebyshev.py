@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 
 GAUSS = 12  # points between two nodes, where the fastest wave is half a wave long
-BLAS_ALONE = 8192  # elements of a matrix below which BLAS stays on one thread
 TAIL = 4  # coefficients in each of the two last blocks, which judge a series together:
 # more than one, because of even and odd zeros
 STEADY, SLOW = 0.02, 0.5  # least and largest ratio of the blocks that an estimate believes
@@ -42,6 +41,7 @@ class Rule:
     Attributes
     ----------
     n : number of nodes
+    k, k_next : 0 .. n - 1 and 1 .. n + 1
     phi : (n,) [rad] the nodes
     low, high : (n,) [-] sin^2 and cos^2 of phi/2: place seen from either end
     cosine : (n, n) samples -> c_0 .. c_{n-1}
@@ -51,12 +51,14 @@ class Rule:
     total : (n,) weights of the integral of f sin(phi) from 0 to pi
     total_half : (n,) weights of the integral of f cos(phi/2) from 0 to pi
     tail : (n, 2 TAIL) samples -> the last coefficients
-    differentiate : (n, n) samples -> derivative with respect to v/L at every node
+    weights : (n,) of the barycentric formula between the nodes
     ends : (n, 5) samples -> value at phi = 0, at pi, derivative with respect to v/L at
         phi = 0, at pi, integral of f sin(phi)
     """
 
     n: int
+    k: Floats
+    k_next: Floats
     phi: Floats
     low: Floats
     high: Floats
@@ -67,7 +69,7 @@ class Rule:
     total: Floats
     total_half: Floats
     tail: Floats
-    differentiate: Floats
+    weights: Floats
     ends: Floats
 
 
@@ -88,6 +90,8 @@ def rule(n: int) -> Rule:
     at_ends = np.stack([k * 0 + 1.0, sign, -2.0 * k * k, 2.0 * k * k * sign])
     return Rule(
         n=n,
+        k=k,
+        k_next=np.arange(1.0, n + 2),
         phi=phi,
         low=np.sin(phi / 2) ** 2,
         high=np.cos(phi / 2) ** 2,
@@ -98,7 +102,7 @@ def rule(n: int) -> Rule:
         total=total,
         total_half=halves[-1] @ cosine,
         tail=np.ascontiguousarray(cosine[-2 * TAIL :].T),
-        differentiate=np.ascontiguousarray(_derivatives(n, phi, cosine).T),
+        weights=sign * np.sin(phi),
         ends=np.vstack([at_ends @ cosine, total]).T.copy(),
     )
 
@@ -126,59 +130,22 @@ def _half_waves(phi: Floats, k: Floats) -> Floats:
     return np.asarray(np.sin(np.outer(phi, up)) / up + np.sin(np.outer(phi, down)) / down) / 2
 
 
-def _derivatives(n: int, phi: Floats, cosine: Floats) -> Floats:
-    """Derivative of each cardinal function with respect to v/L, at each node: (n, n)."""
-    k = np.arange(n)
-    slopes = -k * np.sin(np.outer(phi, k)) / (np.sin(phi)[:, None] / 2)
-    return np.asarray(slopes @ cosine)
-
-
-def blocks(matrix: Floats) -> Floats:
-    """A large matrix (n, m) in blocks of columns (b, n, w), for ``f @ blocks``.
-
-    BLAS wakes its threads above some 9000 elements, which costs more than the product.
-    """
-    n, m = matrix.shape
-    w = max(1, min(m, BLAS_ALONE // n))
-    while m % w:
-        w -= 1
-    return np.ascontiguousarray(matrix.reshape(n, m // w, w).transpose(1, 0, 2))
-
-
-def waves(c: Floats) -> Floats:
-    """s_1/1 .. s_{n+1}/(n+1) of sin(phi) f, from the cosine coefficients c (n,) of f."""
-    n = c.size
-    s = np.zeros(n + 1)
-    s[:n] = c / 2
-    s[0] += c[0] / 2
-    s[: n - 2] -= c[2:] / 2
-    # s_m = (c_{m-1} - c_{m+1})/2 and s_1 = c_0 - c_2/2
-    return np.asarray(s / np.arange(1, n + 2))
-
-
 def remainder(f: Floats, r: Rule) -> Floats:
     """Error of the integral of f sin(phi) that ends the series of samples f (..., n).
 
     The coefficients that are missing are continued from the two last blocks as a
-    geometric series; each counts 1/n in the integral.
+    geometric series; each counts at most 2/n in the integral.
     """
-    last = np.abs(f @ r.tail)
-    before, end = last[..., :TAIL].max(axis=-1), last[..., TAIL:].max(axis=-1)
-    ratio = np.clip(end / (before + 1e-300), STEADY, SLOW)
-    return np.asarray(4 * TAIL / r.n * end * ratio / (1 - ratio))
+    last = np.abs(f @ r.tail).reshape(*f.shape[:-1], 2, TAIL).max(axis=-1)
+    before, end = last[..., 0], last[..., 1]
+    ratio = np.minimum(np.maximum(end / (before + 1e-300), STEADY), SLOW)
+    return np.asarray((2 * TAIL / r.n) * end * ratio / (1 - ratio))
 
 
-def unresolved(quarter: Floats) -> float:
-    """What a long cosine series misses in its integral over phi, from its last quarter.
-
-    The last two eighths of the coefficients, continued as a geometric series. An
-    eighth, not the last one: even and odd zeros, and noise, hide there.
-    """
-    size = np.abs(quarter)
-    half = size.size // 2
-    before, end = float(size[:half].max()), float(size[half:].max())
-    ratio = min(max(end / (before + 1e-300), STEADY), SLOW)
-    return end * ratio / (1 - ratio)
+def between(f: Floats, r: Rule, share: Floats) -> Floats:
+    """f (m, n) at places v/L = share (k,) off the nodes: barycentric formula, (m, k)."""
+    pulls = r.weights[:, None] / (share - r.low[:, None])
+    return np.asarray((f @ pulls) / pulls.sum(axis=0))
 
 
 def angle(z: Floats) -> Floats:
@@ -203,20 +170,24 @@ def integral(s: Floats, phi: Floats) -> Floats:
 
 def half_integral(c: Floats, phi: Floats) -> Floats:
     """Integral of f cos(phi/2) from 0 to phi; c (m, n), phi (m,) -> (m,)."""
-    n = c.shape[-1]
+    k = rule(c.shape[-1]).k + 0.5
+    return np.asarray(np.einsum("ij,ij->i", half_waves(c), np.sin(phi[:, None] * k)))
+
+
+def half_waves(c: Floats) -> Floats:
+    """b_k of  integral of f cos(phi/2) = sum b_k sin((k + 1/2) phi); c and b (..., n)."""
     b = c.copy()
-    b[:, :-1] += c[:, 1:]
-    b[:, 0] += c[:, 0]
-    k = np.arange(n) + 0.5
-    return np.asarray(np.einsum("ij,ij->i", b / (2 * k), np.sin(phi[:, None] * k)))
+    b[..., :-1] += c[..., 1:]
+    b[..., 0] += c[..., 0]
+    return np.asarray(b / (2 * rule(c.shape[-1]).k + 1))
 
 
 def series_one(c: Floats, phi: float) -> float:
     """`series` of one function at one place."""
-    return float(np.cos(np.arange(c.shape[0]) * phi) @ c)
+    return float(np.cos(rule(c.shape[0]).k * phi) @ c)
 
 
 def integral_one(s: Floats, phi: float) -> float:
     """`integral` of one function at one place."""
-    waves = np.sin(np.arange(1, s.shape[0] + 1) * (phi / 2))
+    waves = np.sin(rule(s.shape[0] - 1).k_next * (phi / 2))
     return 2 * float(s @ (waves * waves))

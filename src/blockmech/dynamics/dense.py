@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics.chebyshev import Floats, angle, half_integral, integral, rule, series
+from blockmech.dynamics.chebyshev import (
+    Floats,
+    angle,
+    half_integral,
+    half_waves,
+    integral,
+    rule,
+    series,
+)
 from blockmech.dynamics.passage import Place
 from blockmech.dynamics.quadrature import Quadrature
 
 NEWTON_STEPS = 8
+NEXT_IS_EXACT = 1e-8  # relative step of Newton's method after which the next is rounding
 CHUNK = 8192  # outputs at once
 
 
@@ -18,6 +29,9 @@ def place(quad: Quadrature, time: Floats, shift: Floats | None = None) -> Place:
 
     ``shift`` (m,) [J] is added to the kinetic energy: a later turn of a secular motion.
     """
+    if time.size == 1 and shift is None:
+        x, rate = place_one(quad, float(time[0]))
+        return Place(np.array([x]), np.array([rate]))
     if time.size > CHUNK:
         parts = [
             place(quad, time[i : i + CHUNK], None if shift is None else shift[i : i + CHUNK])
@@ -32,6 +46,49 @@ def place(quad: Quadrature, time: Floats, shift: Floats | None = None) -> Place:
     local = np.where(mirrored, start + duration - time, time - start)
     F = _speeds(quad, panel, shift)
     return _walked(quad, panel, F, local, mirrored, ended)
+
+
+def place_one(quad: Quadrature, time: float) -> tuple[float, float]:
+    """`place` at one time, without the overhead of arrays of one."""
+    clock = quad.clock
+    p = min(max(int(clock.searchsorted(time, side="right")) - 1, 0), quad.mesh.panels - 1)
+    mirrored, ended = bool(quad.mirrored[p]), bool(quad.ended[p])
+    local = float(clock[p + 1]) - time if mirrored else time - float(clock[p])
+    F, L = quad.F[p], float(quad.mesh.length[p])
+    r = rule(F.size)
+    weight = math.sqrt(L) if ended else L
+    table = weight / 2 * (F @ (r.integrate_half if ended else r.integrate))
+    j = int(table.searchsorted(local))
+    t0, w0 = (float(table[j - 1]), float(r.low[j - 1])) if j else (0.0, 0.0)
+    t1, w1 = (float(table[j]), float(r.low[j])) if j < F.size else (float(quad.duration[p]), 1.0)
+    if ended:
+        w0, w1 = math.sqrt(w0), math.sqrt(w1)
+    w = w0 + (w1 - w0) * min(max((local - t0) / (t1 - t0), 0.0), 1.0) if t1 > t0 else w0
+    c = F @ r.cosine
+    s = half_waves(c) if ended else F @ r.sine
+    slope = 0.0
+    for _ in range(NEWTON_STEPS):
+        phi = 2 * math.asin(w if ended else math.sqrt(w))
+        slope = float(np.cos(r.k * phi) @ c)
+        if ended:
+            t = weight / 2 * float(np.sin((r.k + 0.5) * phi) @ s)
+        else:
+            t = weight * float(np.sin(r.k_next * (phi / 2)) ** 2 @ s)
+        new = min(max(w + (local - t) / (weight * slope), 0.0), 1.0)
+        done = abs(new - w) <= NEXT_IS_EXACT * w
+        w = new
+        if done:
+            break
+    part = w * w if ended else w
+    rate = (2 * math.sqrt(L * part) if ended else 1.0) / slope
+    low, high = float(quad.mesh.edges[p]), float(quad.mesh.edges[p + 1])
+    from_low = 1 - part if mirrored else part
+    from_high = part if mirrored else 1 - part
+    if quad.mesh.limits[1] and p == quad.mesh.panels - 1:
+        return high - (L * from_high) ** 2, 2 * L * from_high * rate
+    if quad.mesh.limits[0] and p == 0:
+        return low + (L * from_low) ** 2, 2 * L * from_low * rate
+    return (high - L * part if mirrored else low + L * part), rate
 
 
 def when(quad: Quadrature, x: Floats, shift: Floats | None = None) -> Floats:
@@ -150,7 +207,7 @@ def _walked(
         change = np.abs(new - w)
         w = new
         phi = _phi(w, ended)
-        if not (change > 1e-9 * w + 1e-300).any():
+        if not (change > NEXT_IS_EXACT * w + 1e-300).any():
             break
     speed = 1 / series(c, phi)
     part = np.sin(phi / 2) ** 2

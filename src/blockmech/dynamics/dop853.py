@@ -89,55 +89,72 @@ def integrate(ask: Ask) -> Leg:
     hits: list[Hit] = []
     turned, failed = 0.0, False
     grow = GROW
-    while t < end:
-        if h <= 4 * math.ulp(t) + 1e-300:
-            failed = True
-            break
-        h = min(h, end - t)
-        if end - t - h < 1e-3 * h:
-            h = end - t
-        new = _attempt(rhs, table, t, q, v, work, a, p, h)
-        error = _error(table, new, rtol, atol)
-        if not error <= 1:
-            h *= max(SHRINK, SAFETY * error**EXPONENT) if error == error else SHRINK
-            grow = 1.0
-            continue
-        steps.append(new)
-        dq, dv, dw = _moved(table.weights, new)
-        here = t + h if h < end - t else end
-        q1, v1, w1 = q + dq, v + dv, work + dw
-        if ask.surfaces:
-            y1 = np.array([q1, v1, w1])
-            after = [s.value(here, y1) for s in ask.surfaces]
-            crossed = [i for i, d in enumerate(counts) if crosses(values[i], after[i], d)]
-            if crossed:
-                found = _hits(ask, new, [(ask.surfaces[i], values[i]) for i in crossed])
-                last = next((k for k, hit in enumerate(found) if hit.surface.terminal), None)
-                if last is not None:
-                    hits += found[: last + 1]
-                    t, (q, v, work) = found[last].t, found[last].y
-                    break
-                hits += found
-            values = after
-            counts = [
-                s.direction if abs(x) > 0 else d
-                for s, x, d in zip(ask.surfaces, after, counts, strict=True)
-            ]
-        t, q, v, work = here, q1, v1, w1
-        a, p = new.accelerations[12], new.powers[12]
-        turned = max(turned, abs(work))
-        factor = min(GROW, SAFETY * error**EXPONENT) if error > 0 else GROW
-        h = min(h * min(factor, grow) if grow < GROW else h * factor, ask.longest)
-        grow = GROW
+    interrupted = False
+    try:
+        while t < end:
+            if h <= 4 * math.ulp(t) + 1e-300:
+                failed = True
+                break
+            h = min(h, end - t)
+            if end - t - h < 1e-3 * h:
+                h = end - t
+            new = _attempt(rhs, table, t, q, v, work, a, p, h)
+            error = _error(table, new, rtol, atol)
+            if not error <= 1:
+                h *= max(SHRINK, SAFETY * error**EXPONENT) if error == error else SHRINK
+                grow = 1.0
+                continue
+            steps.append(new)
+            dq, dv, dw = _moved(table.weights, new)
+            here = t + h if h < end - t else end
+            q1, v1, w1 = q + dq, v + dv, work + dw
+            if ask.surfaces:
+                y1 = np.array([q1, v1, w1])
+                after = [s.value(here, y1) for s in ask.surfaces]
+                crossed = [i for i, d in enumerate(counts) if crosses(values[i], after[i], d)]
+                if crossed:
+                    found = _hits(ask, new, [(ask.surfaces[i], values[i]) for i in crossed])
+                    last = next((k for k, hit in enumerate(found) if hit.surface.terminal), None)
+                    if last is not None:
+                        hits += found[: last + 1]
+                        t, (q, v, work) = found[last].t, found[last].y
+                        if found[last].surface.kind == "knot" and t > new.t:
+                            steps[-1], (q, v, work) = _short(rhs, table, new, t - new.t)
+                        break
+                    hits += found
+                values = after
+                counts = [
+                    s.direction if abs(x) > 0 else d
+                    for s, x, d in zip(ask.surfaces, after, counts, strict=True)
+                ]
+            t, q, v, work = here, q1, v1, w1
+            a, p = new.accelerations[12], new.powers[12]
+            turned = max(turned, abs(work))
+            factor = min(GROW, SAFETY * error**EXPONENT) if error > 0 else GROW
+            h = min(h * min(factor, grow) if grow < GROW else h * factor, ask.longest)
+            grow = GROW
+    except KeyboardInterrupt:
+        interrupted = True
+        steps = [s for s in steps if s.t + s.h <= t + 4 * math.ulp(t)]
     y1 = np.array([q, v, work])
-    return Leg(ask.t, t, y1, _dense(rhs, steps, y1), tuple(hits), failed, turned)
+    return Leg(ask.t, t, y1, _dense(rhs, steps, y1), tuple(hits), failed, turned, interrupted)
+
+
+def _short(
+    rhs: Any, table: Tableau, long: Step, h: float
+) -> tuple[Step, tuple[float, float, float]]:
+    """A step again, only up to a kink: stages beyond it spoil the whole of it."""
+    begin = (long.t, long.q, long.v, long.work)
+    new = _attempt(rhs, table, *begin, long.accelerations[0], long.powers[0], h)
+    dq, dv, dw = _moved(table.weights, new)
+    return new, (long.q + dq, long.v + dv, long.work + dw)
 
 
 def _first_step(v: float, a: float, atol: Sequence[float], speed: float) -> float:
     """A cautious first step: the state changes by some of its own size."""
     pace = max(abs(v), abs(a) * abs(speed) / max(abs(a), abs(speed), 1e-300), 1e-12)
     length = max(min(abs(speed) / max(abs(a), 1e-300), 1.0 / pace), 1e-9)
-    return 0.1 * length * min(1.0, (atol[0] * 1e2) ** 0.125)
+    return float(0.1 * length * min(1.0, (atol[0] * 1e2) ** 0.125))
 
 
 def _attempt(

@@ -30,7 +30,7 @@ class Course:
 def ended(meter: Metered, asked: Asked, course: Course) -> Motion:
     """Cut the course where it should end, and say how good it is."""
     start, until, accuracy = asked.start, asked.until, asked.accuracy
-    track = replace(course.track, t0=start.t)
+    track = replace(course.track, t0=start.t) if start.t else course.track
     wanted, met = goal_time(track, start, until)
     stop = track.end()
     status: Status = "reached"

@@ -5,9 +5,8 @@ of the effort and time is an integral of sqrt(J / 2K). Only J and tau are sample
 acceleration, no dJ/dq, no time stepping. The error is near rounding, and a run of a
 hundred thousand turns costs what one turn costs.
 
-    look ahead  ->  regime  ->  passages  ->  line  ->  clock  ->  motion
-    (reach)         (here)      (swing or     (line)   (conservative)
-                                 stretch)
+    look ahead  ->  regime  ->  passages   ->  line  ->  clock  ->  motion
+    (reach)         (here)      (stretch)      (line)   (conservative)
 """
 
 from __future__ import annotations
@@ -23,18 +22,18 @@ from blockmech.dynamics.ending import Course, ended
 from blockmech.dynamics.line import Line, turn_starts
 from blockmech.dynamics.mesh import Mesh, View, joined, mirrored
 from blockmech.dynamics.motion import Motion
-from blockmech.dynamics.passage import Allowed, End, Known, Passage
+from blockmech.dynamics.passage import End, Known, Passage
 from blockmech.dynamics.quadrature import EPS
 from blockmech.dynamics.reach import NOWHERE, Horizon, Reach, gap, look_ahead
 from blockmech.dynamics.reduced import TURN, Metered
 from blockmech.dynamics.rest import nothing, resting, trouble
 from blockmech.dynamics.stretch import Stretch, converged
-from blockmech.dynamics.swing import swing
 from blockmech.dynamics.until import Asked
 
-SURVEY = 1e-6  # truncation error of the survey's energies, relative to the work turned over
+SURVEY = (1e-15, 1e-6)  # finest and coarsest relative error of a survey's series
 FINEST = 1e-12  # target if none is given [rad or m]
 AT_REST = 8 * EPS  # effort at a start from rest, relative to its contributions
+PLAIN = 1e-3  # share of the largest effort above which it is no rounding, whatever cancels
 GAPS = 4  # impossible poses discovered late, before a run is given up
 
 
@@ -49,7 +48,7 @@ def energy(meter: Metered, asked: Asked) -> Motion:
 
 def _energy(meter: Metered, asked: Asked, gaps: int) -> Motion:
     start = asked.start
-    one = meter.one(start.q, 0.0, start.t)
+    one = meter.pose(start.q, 0.0, start.t)
     reason = trouble(one)
     if reason:
         return nothing(meter, asked, "energy", reason)
@@ -59,8 +58,8 @@ def _energy(meter: Metered, asked: Asked, gaps: int) -> Motion:
     view = View(meter, start.q, math.copysign(1.0, start.rate if moving else one.tau))
     K0 = one.J * start.rate**2 / 2
     planned = Planned(asked)
-    ahead = look_ahead(view, K0, SURVEY, planned.horizon)
-    if not moving and abs(one.tau) <= AT_REST * _load_size(meter, start.q, ahead.mesh):
+    ahead = look_ahead(view, K0, planned.survey, planned.horizon)
+    if not moving and _balanced(meter, start.q, one.tau, ahead.mesh):
         return resting(meter, asked)
     course = _course(view, K0, ahead, planned)
     passage = course.track.line.first
@@ -98,6 +97,12 @@ class Planned:
         return Horizon(distance=value * TURN) if goal == "turns" else NOWHERE
 
     @property
+    def survey(self) -> float:
+        """Relative error of a survey's series that may remain [-]."""
+        share = 0.1 * (self.asked.accuracy or FINEST) / TURN
+        return min(max(share, SURVEY[0]), SURVEY[1])
+
+    @property
     def first_stop(self) -> bool:
         """Whether only the way to the first standstill is asked for."""
         goal, value = self.asked.until.goal, self.asked.until.value
@@ -113,9 +118,13 @@ class Planned:
         return float((self.asked.accuracy or FINEST) / (passage.fastest * max(1.0, many)))
 
 
-def _load_size(meter: Metered, q: float, mesh: Mesh) -> float:
+def _balanced(meter: Metered, q: float, tau: float, mesh: Mesh) -> bool:
+    """Whether the effort at a start from rest is nothing but rounding of its contributions."""
+    usual = float(np.abs(mesh.tau).max())
+    if abs(tau) > PLAIN * usual:
+        return False
     size = meter.system.load_size
-    return size(q) if size is not None else float(np.abs(mesh.tau).max())
+    return abs(tau) <= AT_REST * (size(q) if size is not None else usual)
 
 
 def _course(view: View, K0: float, ahead: Reach, planned: Planned) -> Course:
@@ -126,12 +135,13 @@ def _course(view: View, K0: float, ahead: Reach, planned: Planned) -> Course:
     if ahead.kind == "standstill" and (ahead.turn or K0 > 0):
         return _turning_back(view, K0, ahead, planned, doubts)
     if ahead.kind == "standstill":
-        passage = _swing(view, ahead, low, End(ahead.x, 0.0, free=True), None, planned.allowed)
+        high = End(ahead.x, 0.0, free=True)
+        passage = converged(view, ahead.mesh, ahead.edges, low, high, None, planned.allowed)
         return _finite(view, passage, "libration", "", 1, doubts)
     if ahead.kind == "endless":
         return _endless(view, K0, ahead, planned, doubts)
     high = End(ahead.x, None, limit=ahead.kind == "dead centre")
-    passage = converged(view, ahead.mesh, low, high, None, planned.allowed)
+    passage = converged(view, ahead.mesh, ahead.edges, low, high, None, planned.allowed)
     fate = "search limit" if ahead.kind == "open" else ahead.kind
     regime = "one way" if ahead.kind == "open" else ahead.kind
     return _finite(view, passage, regime, fate, 1, doubts, inside)
@@ -161,26 +171,27 @@ def _turning_back(
     far = End(ahead.x, 0.0, free=True)
     inside = (0.0, K0)
     if planned.first_stop and not ahead.turn:
-        way = converged(view, ahead.mesh, End(0.0, K0), far, None, planned.allowed)
+        way = converged(view, ahead.mesh, ahead.edges, End(0.0, K0), far, None, planned.allowed)
         return _finite(view, way, "to a standstill", "", 1, doubts)
-    if ahead.turn or (ahead.gain < 0 and not _closes_behind(view, K0, ahead)):
+    if ahead.turn or (ahead.gain < 0 and not _closes_behind(view, K0, ahead, planned)):
         return _braking(view, K0, ahead, planned, doubts)
     behind = _behind(view, K0, ahead, planned)
     doubts += _doubts(behind, view.mirrored)
     known = joined(mirrored(behind.mesh, 0.0), ahead.mesh)
+    edges = np.concatenate([-behind.edges[::-1], ahead.edges[1:]])
     if behind.kind == "standstill":
         near = End(-behind.x, 0.0, free=True)
-        passage = _swing(view, ahead, near, far, inside, planned.allowed, known)
+        passage = converged(view, known, edges, near, far, inside, planned.allowed)
         return _finite(view, passage, "libration", "", 1, doubts, inside)
     near = End(-behind.x, None, limit=behind.kind == "dead centre")
-    passage = converged(view, known, near, far, inside, planned.allowed)
+    passage = converged(view, known, edges, near, far, inside, planned.allowed)
     fate = "search limit" if behind.kind == "open" else behind.kind
     return _finite(view, passage, "turning back", fate, 1, doubts, inside)
 
 
 def _behind(view: View, K0: float, ahead: Reach, planned: Planned) -> Reach:
     """What lies behind the start; in a periodic scene the same samples tell."""
-    return look_ahead(view.mirrored, K0, SURVEY, planned.horizon, _image(view, ahead))
+    return look_ahead(view.mirrored, K0, planned.survey, planned.horizon, _image(view, ahead))
 
 
 def _image(view: View, ahead: Reach) -> Mesh | None:
@@ -191,9 +202,9 @@ def _image(view: View, ahead: Reach) -> Mesh | None:
     return mirrored(ahead.mesh, period)
 
 
-def _closes_behind(view: View, K0: float, ahead: Reach) -> bool:
+def _closes_behind(view: View, K0: float, ahead: Reach, planned: Planned) -> bool:
     """Whether a motion against a net effort is stopped behind the start as well."""
-    behind = look_ahead(view.mirrored, K0, SURVEY, NOWHERE, _image(view, ahead))
+    behind = look_ahead(view.mirrored, K0, planned.survey, NOWHERE, _image(view, ahead))
     return behind.kind != "endless"
 
 
@@ -211,7 +222,9 @@ def _braking(
     low = End(-ahead.x, 0.0, free=True)
     inside = (0.0, K_image) if ahead.x > 0 else None
     known = joined(mirrored(ahead.mesh, 0.0), mirrored(ahead.mesh, period))
-    first = converged(back, known, low, End(period - ahead.x), inside, planned.allowed)
+    edges = np.concatenate([-ahead.edges[::-1], period - ahead.edges[-2::-1]])
+    high = End(period - ahead.x)
+    first = converged(back, known, edges, low, high, inside, planned.allowed)
     line = _secular(back, first, gain, period, planned, float(ahead.turn))
     c0 = float(line.when(np.array([ahead.turn * period]))[0])
     line = _extended(line, c0, planned)
@@ -228,11 +241,11 @@ def _endless(
     low = End(0.0, K0)
     if gain == 0:
         high = End(period, K0)
-        turn = converged(view, ahead.mesh, low, high, None, planned.allowed)
+        turn = converged(view, ahead.mesh, ahead.edges, low, high, None, planned.allowed)
         line = Line(view, turn, period)
         facts = {"period": turn.total}
         return Course("rotation", Conservative(line, 0.0, 1), "", doubts, facts)
-    first = converged(view, ahead.mesh, low, End(period), None, planned.allowed)
+    first = converged(view, ahead.mesh, ahead.edges, low, End(period), None, planned.allowed)
     line = _extended(_secular(view, first, gain, period, planned, 1.0), 0.0, planned)
     return Course("secular", Conservative(line, 0.0, 1), "", doubts, {"gain_per_turn": gain})
 
@@ -243,7 +256,8 @@ def _secular(
     """A line whose later turns are copies with more energy each time."""
     K = (first.low.K or 0.0) + gain
     low, high = End(first.low.x, K), End(first.low.x + period)
-    later = converged(view, first.quad.mesh, low, high, None, planned.allowed)
+    mesh = first.quad.mesh
+    later = converged(view, mesh, mesh.edges, low, high, None, planned.allowed)
     starts = turn_starts(first.total, later.quad, gain, 0.0, int(turns) + 3)
     lost = float(later.quad.lost.sum() + later.quad.rounded.sum()) / gain
     return Line(view, first, period, later.quad, gain, starts, later.error, lost)
@@ -265,24 +279,6 @@ def _extended(line: Line, c0: float, planned: Planned) -> Line:
     behind = float(line.starts.size) if c0 else 0.0
     starts = turn_starts(line.first.total, line.later, line.gain, clock, turns + int(behind))
     return replace(line, starts=starts)
-
-
-def _swing(
-    view: View,
-    ahead: Reach,
-    low: End,
-    high: End,
-    inside: Known | None,
-    allowed: Allowed,
-    known: Mesh | None = None,
-) -> Passage:
-    """A swing as one series where that serves, else on panels."""
-    # near a saddle one series crawls, panels crowd where the motion is slow
-    if not view.meter.system.knots and math.isinf(ahead.slow):
-        found = swing(view, low, high, inside, allowed, known or ahead.mesh)
-        if found is not None:
-            return found
-    return converged(view, known or ahead.mesh, low, high, inside, allowed)
 
 
 def _doubts(reach: Reach, view: View) -> tuple[str, ...]:

@@ -36,6 +36,7 @@ Ending: TypeAlias = Literal["reached", "ended", "failed"]
 MOST_EVALUATIONS = 400_000
 MOST_LEGS = 100_000
 TOO_MANY = "more evaluations than allowed"
+INTERRUPTED = "interrupted"
 FOREVER = 1e9  # [s] for goals without a time
 
 
@@ -144,7 +145,11 @@ def run(task: Task, method: Method, tolerance: float, most: int = MOST_EVALUATIO
         station = next(s for s in stations if s > t)
         surfaces = task.surfaces(float(y[0]))
         ask = Ask(task.equation, rhs, t, y, station, surfaces, tolerance, _longest(task))
-        leg = _leg(ask, method)
+        try:
+            leg = _leg(ask, method)
+        except KeyboardInterrupt:  # what is done so far is kept
+            status, end = "ended", INTERRUPTED
+            break
         if isinstance(leg, str):
             status, end = "failed", leg
             break
@@ -154,6 +159,9 @@ def run(task: Task, method: Method, tolerance: float, most: int = MOST_EVALUATIO
         before, t, y = y, leg.t1, leg.y1.copy()
         if leg.failed:
             status, end = "failed", _failure(task, y)
+            break
+        if leg.interrupted:
+            status, end = "ended", INTERRUPTED
             break
         last = leg.hits[-1] if leg.hits and leg.hits[-1].surface.terminal else None
         if last is not None and last.surface.kind == "standstill":

@@ -46,6 +46,7 @@ class Leg(NamedTuple):
     hits : in order; a terminal one is the last
     failed : whether the integrator gave up at the end
     turned : [J] largest work on the way
+    interrupted : whether the user stopped it
     """
 
     t0: float
@@ -55,6 +56,7 @@ class Leg(NamedTuple):
     hits: tuple[Hit, ...]
     failed: bool
     turned: float
+    interrupted: bool = False
 
 
 def scales(equation: Equation, y: Floats, tolerance: float) -> tuple[Floats, Floats]:

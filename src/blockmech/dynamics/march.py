@@ -191,8 +191,8 @@ def as_quadrature(panels: list[Panel]) -> Quadrature:
     none, no = np.zeros(len(panels)), np.zeros(len(panels), dtype=bool)
     mesh = Mesh(
         edges=edges,
-        J=J,
-        tau=tau,
+        both=np.array([J, tau]),
+        missed=np.zeros((2, len(panels))),
         length=np.array([p.patch.length for p in panels]),
         limits=(panels[0].patch.root, False),
         possible=np.ones(J.shape, dtype=bool),

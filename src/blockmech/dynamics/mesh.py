@@ -16,11 +16,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from blockmech.dynamics.chebyshev import Floats, rule
+from blockmech.dynamics.chebyshev import Floats, between, remainder, rule
 from blockmech.dynamics.reduced import Metered, feasible
 
-NODES = 32  # a panel
+NODES = 64  # a panel
+RESOLVED = 1e-14  # what a series misses, relative, that is rounding
+STRONG = 0.03  # share of a panel's largest effort below which its series is not read
 
 
 @dataclass(frozen=True)
@@ -48,23 +51,39 @@ class Mesh:
     Attributes
     ----------
     edges : (p + 1,) [rad or m] x at the panels' ends
-    J, tau : (p, n) samples for the panels' coordinate v, effort along growing x
+    both : (2, p, n) samples of J and of tau for the panels' coordinate v, along growing x
+    missed : (2, p) what their series miss in an integral over the panel, see `remainder`
     length : (p,) length in v
     limits : whether the low end, the high end is a dead centre of the driver
     possible : (p, n) whether the mechanism closes there
     """
 
     edges: Floats
-    J: Floats
-    tau: Floats
+    both: Floats
+    missed: Floats
     length: Floats
     limits: tuple[bool, bool]
-    possible: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    possible: NDArray[np.bool_]
 
     @property
     def panels(self) -> int:
         """Number of panels."""
         return int(self.length.size)
+
+    @property
+    def nodes(self) -> int:
+        """Nodes of a panel."""
+        return int(self.both.shape[2])
+
+    @property
+    def J(self) -> Floats:
+        """(p, n) inertia for v."""
+        return np.asarray(self.both[0])
+
+    @property
+    def tau(self) -> Floats:
+        """(p, n) effort for v."""
+        return np.asarray(self.both[1])
 
 
 def sampled(
@@ -72,40 +91,48 @@ def sampled(
     edges: Floats,
     known: Mesh | None = None,
     limits: tuple[bool, bool] = (False, False),
-    n: int = NODES,
+    read: bool = False,
 ) -> Mesh:
     """Samples on the panels between ``edges``; those ``known`` already has are reused.
 
-    Cost: one batch call of n samples for every panel that is new.
+    With ``read``, panels at either end that lie within a known one are read from its
+    series, where that is as good as samples. Cost: one batch call of 64 samples for
+    every panel that is new.
     """
     p = edges.size - 1
-    length = np.diff(edges)
+    length = edges[1:] - edges[:-1]
     if limits[0]:
         length[0] = np.sqrt(length[0])
     if limits[1]:
         length[-1] = np.sqrt(length[-1])
     if known is None:
-        J, tau, possible = _samples(view, edges[:-1], edges[1:], limits, n)
-        return Mesh(edges, J, tau, length, limits, possible)
-    places = _matching(edges, limits, known)
-    old = np.flatnonzero(places >= 0)
-    new = np.flatnonzero(places < 0)
-    J, tau = np.empty((p, n)), np.empty((p, n))
-    possible = np.empty((p, n), dtype=bool)
-    J[old], tau[old] = known.J[places[old]], known.tau[places[old]]
-    possible[old] = known.possible[places[old]]
-    if new.size:
+        both, possible = _samples(view, edges[:-1], edges[1:], limits)
+        return Mesh(edges, both, remainder(both, rule(NODES)), length, limits, possible)
+    there = {key: i for i, key in enumerate(_keys(known.edges, known.limits))}
+    found = [there.get(key, -1) for key in _keys(edges, limits)]
+    both, missed = known.both[:, found], known.missed[:, found]  # new ones are overwritten
+    possible = known.possible[found]
+    new = [i for i, old in enumerate(found) if old < 0]
+    if read:
+        for i in {0, p - 1}.intersection(new):
+            samples = part(known, float(edges[i]), float(edges[i + 1]))
+            if samples is not None:
+                both[:, i], missed[:, i], possible[i] = samples, 0.0, True
+                new.remove(i)
+    if new:
         here = (limits[0] and new[0] == 0, limits[1] and new[-1] == p - 1)
-        J[new], tau[new], possible[new] = _samples(view, edges[new], edges[new + 1], here, n)
-    return Mesh(edges, J, tau, length, limits, possible)
+        low = edges[:-1][new]
+        both[:, new], possible[new] = _samples(view, low, edges[1:][new], here)
+        missed[:, new] = remainder(both[:, new], rule(NODES))
+    return Mesh(edges, both, missed, length, limits, possible)
 
 
 def mirrored(mesh: Mesh, about: float) -> Mesh:
     """The mesh seen from the other side, x -> about - x."""
     return Mesh(
         edges=about - mesh.edges[::-1],
-        J=mesh.J[::-1, ::-1],
-        tau=-mesh.tau[::-1, ::-1],
+        both=mesh.both[:, ::-1, ::-1] * np.array([1.0, -1.0])[:, None, None],
+        missed=mesh.missed[:, ::-1],
         length=mesh.length[::-1],
         limits=mesh.limits[::-1],
         possible=mesh.possible[::-1, ::-1],
@@ -116,18 +143,47 @@ def joined(low: Mesh, high: Mesh) -> Mesh:
     """Two meshes that share the edge between them."""
     return Mesh(
         edges=np.concatenate([low.edges, high.edges[1:]]),
-        J=np.concatenate([low.J, high.J]),
-        tau=np.concatenate([low.tau, high.tau]),
+        both=np.concatenate([low.both, high.both], axis=1),
+        missed=np.concatenate([low.missed, high.missed], axis=1),
         length=np.concatenate([low.length, high.length]),
         limits=(low.limits[0], high.limits[1]),
         possible=np.concatenate([low.possible, high.possible]),
     )
 
 
-def bisected(edges: Floats, chosen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Floats:
+def part(mesh: Mesh, low: float, high: float) -> Floats | None:
+    """J and tau (2, n) on a panel within one of a mesh's, from its series; None if it is poor.
+
+    Poor is a series that has not ended in rounding, or an effort there much smaller than
+    elsewhere on the panel, of which the series then has lost digits.
+    """
+    p = int(mesh.edges.searchsorted((low + high) / 2)) - 1
+    a, b = float(mesh.edges[p]), float(mesh.edges[p + 1])
+    limited = (mesh.limits[0] and p == 0) or (mesh.limits[1] and p == mesh.panels - 1)
+    if not (a <= low < high <= b) or limited:
+        return None
+    r, whole = rule(NODES), mesh.both[:, p]
+    largest = np.abs(whole).max(axis=1)
+    if not (mesh.missed[:, p] <= RESOLVED * largest).all():
+        return None
+    share = (low - a) / (b - a) + (high - low) / (b - a) * r.low
+    found = between(whole, r, share)
+    strong = min(abs(found[1, 0]), abs(found[1, -1])) >= STRONG * largest[1]
+    return found if strong and np.isfinite(found).all() else None
+
+
+def bisected(edges: Floats, chosen: NDArray[np.bool_]) -> Floats:
     """Edges with the chosen panels cut in two."""
     middle = (edges[:-1] + edges[1:])[chosen] / 2
     return np.sort(np.concatenate([edges, middle]))
+
+
+def cut(edges: Floats, pieces: NDArray[np.intp]) -> Floats:
+    """Edges with every panel cut into 1, 2 or 4 equal pieces (any count above 2 is 4)."""
+    low, width = edges[:-1], np.diff(edges)
+    two, four = pieces > 1, pieces > 2
+    inner = [low[two] + width[two] / 2, low[four] + width[four] / 4, low[four] + width[four] * 0.75]
+    return np.sort(np.concatenate([edges, *inner]))
 
 
 def places(low: Floats, high: Floats, limits: tuple[bool, bool], n: int = NODES) -> Floats:
@@ -145,35 +201,23 @@ def places(low: Floats, high: Floats, limits: tuple[bool, bool], n: int = NODES)
 
 
 def _samples(
-    view: View, low: Floats, high: Floats, limits: tuple[bool, bool], n: int
-) -> tuple[Floats, Floats, np.ndarray[tuple[int, ...], np.dtype[np.bool_]]]:
-    r = rule(n)
-    x = places(low, high, limits, n)
-    sample = view.meter.sample(view.q(x))
-    possible = feasible(sample)
-    J, tau = np.asarray(sample.J), sample.tau * view.sign
+    view: View, low: Floats, high: Floats, limits: tuple[bool, bool]
+) -> tuple[Floats, NDArray[np.bool_]]:
+    r = rule(NODES)
+    sample = view.meter.sample(view.q(places(low, high, limits)))
+    both = np.array([sample.J, view.sign * sample.tau])
     for at_limit, row, share in ((limits[0], 0, r.low), (limits[1], -1, r.high)):
         if at_limit:
             slope = 2 * np.sqrt(high[row] - low[row]) * share
-            J = J.copy()
-            J[row] = J[row] * slope**2
-            tau[row] = tau[row] * slope
-    return J, tau, possible
-
-
-def _matching(
-    edges: Floats, limits: tuple[bool, bool], known: Mesh
-) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Index in ``known`` of every panel, -1 where it is new."""
-    here = _keys(edges, limits)
-    there = {key: i for i, key in enumerate(_keys(known.edges, known.limits))}
-    return np.array([there.get(key, -1) for key in here], dtype=np.intp)
+            both[0, row] *= slope**2
+            both[1, row] *= slope
+    return both, feasible(sample)
 
 
 def _keys(edges: Floats, limits: tuple[bool, bool]) -> list[tuple[float, float, bool]]:
     e = edges.tolist()
-    last = len(e) - 2
-    return [
-        (e[i], e[i + 1], (limits[0] and i == 0) or (limits[1] and i == last))
-        for i in range(last + 1)
-    ]
+    keys = [(a, b, False) for a, b in zip(e[:-1], e[1:], strict=True)]
+    for at_limit, i in ((limits[0], 0), (limits[1], -1)):
+        if at_limit:
+            keys[i] = (keys[i][0], keys[i][1], True)
+    return keys

@@ -88,6 +88,8 @@ class Motion:
     def at(self, t: Any) -> State:
         """State at times t [s], of any shape; NaN outside the run."""
         times = np.asarray(t, dtype=np.float64)
+        if times.size == 1 and np.ndim(self.q_end) == 0 and times.item() == self.t_end:
+            return State(np.full(times.shape, self.q_end), np.full(times.shape, self.qd_end))
         flat = times.ravel()
         inside = (flat >= self.t_start) & (flat <= self.t_end)
         state = self.track.state(np.where(inside, flat, self.t_start))

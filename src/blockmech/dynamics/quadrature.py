@@ -91,38 +91,44 @@ class Quadrature:
 
 def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
     """Energy, then time, on every panel."""
-    r = rule(mesh.J.shape[1])
-    L = mesh.length
+    r = rule(mesh.nodes)
+    L, half = mesh.length, mesh.length / 2
     p = np.arange(mesh.panels)
     edges_of = np.array([a.edge for a in anchors])
-    owner = np.abs(mesh.edges[:-1] + mesh.edges[1:] - 2 * mesh.edges[edges_of][:, None]).argmin(0)
+    places = mesh.edges[edges_of]
+    middle = mesh.edges[1:] + mesh.edges[:-1]
+    owner = np.searchsorted(places[1:] + places[:-1], middle)  # the nearest anchor
     owned = edges_of[owner]
     mirrored = owned > p
     begin = p + mirrored
-    flip = mirrored[:, None]
-    J = np.where(flip, mesh.J[:, ::-1], mesh.J)
-    tau = np.where(flip, -mesh.tau[:, ::-1], mesh.tau)
+    both = mesh.both.copy()
+    both[:, mirrored] = both[:, mirrored, ::-1]
+    both[1, mirrored] *= -1
+    J, tau = both
 
-    work = L / 2 * (mesh.tau @ r.total)
-    known = np.array([a.K + _outward(work, a.edge, -1.0) for a in anchors])
+    lost = half * mesh.missed[1]
+    rounded = ROUNDING * half * (np.abs(tau) @ r.total)
+    sums = np.array([half * (mesh.tau @ r.total), lost + rounded])
+    spread = np.array([_outward(sums, a.edge) for a in anchors])  # (anchors, 2, p + 1)
+    anchored = np.array([a.K for a in anchors])
+    known = anchored[:, None] + spread[:, 0]
     closure = np.array([known[i, b.edge] - b.K for i, b in enumerate(anchors[1:])])
     K_start = known[owner, begin]
-    at_rest = np.array([a.K == 0.0 for a in anchors])[owner]
-    ended = at_rest & (begin == owned)
-    K = K_start[:, None] + (L / 2)[:, None] * (tau @ r.integrate)
+    ended = (anchored[owner] == 0.0) & (begin == owned)
+    K = K_start[:, None] + half[:, None] * (tau @ r.integrate)
 
     F = np.sqrt(J / (2 * K))
-    F[ended] *= 2 * np.sqrt(L[ended, None] * r.low)
-    weight = np.where(ended, np.sqrt(L), L)
-    duration = weight / 2 * np.where(ended, F @ r.total_half, F @ r.total)
+    weight, duration = L, half * (F @ r.total)
+    if ended.any():
+        F[ended] *= 2 * np.sqrt(L[ended, None] * r.low)
+        weight = np.where(ended, np.sqrt(L), L)
+        duration[ended] = weight[ended] / 2 * (F[ended] @ r.total_half)
 
-    lost = L / 2 * remainder(tau, r)
-    rounded = ROUNDING / 2 * L * (np.abs(tau) @ r.total)
     # how much time a joule less makes; on an ended panel the energy error is its own
     slowing = np.where(ended, duration / K[:, -1], L / 4 * ((F / K) @ r.total))
-    far = begin + np.where(mirrored, -1, 1)
-    lost_spread = np.array([_outward(lost, a.edge, 1.0) for a in anchors])
-    rounded_spread = np.array([ROUNDING * a.K + _outward(rounded, a.edge, 1.0) for a in anchors])
+    doubt = ROUNDING * anchored[owner] + np.abs(spread[owner, 1, begin + 1 - 2 * mirrored])
+    doubted = float(slowing @ doubt)
+    missed = float(lost.sum() / (lost.sum() + rounded.sum()))
     return Quadrature(
         mesh=mesh,
         mirrored=mirrored,
@@ -133,14 +139,30 @@ def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
         K=K,
         F=F,
         duration=duration,
-        clock=np.concatenate([[0.0], np.cumsum(duration)]),
+        clock=_summed(duration),
         closure=closure,
         truncation=weight / 2 * remainder(F, r),
         lost=lost,
         rounded=rounded,
-        lost_time=float(slowing @ lost_spread[owner, far]),
-        rounded_time=float(slowing @ rounded_spread[owner, far]),
+        lost_time=doubted * missed,
+        rounded_time=doubted * (1 - missed),
     )
+
+
+def _summed(steps: Floats) -> Floats:
+    """0 and the running sums."""
+    sums = np.zeros(steps.size + 1)
+    np.cumsum(steps, out=sums[1:])
+    return sums
+
+
+def _outward(steps: Floats, edge: int) -> Floats:
+    """Sums of ``steps`` (m, p) from an edge to every other one, negative below it: (m, p + 1)."""
+    sums = np.zeros((steps.shape[0], steps.shape[1] + 1))
+    np.cumsum(steps[:, edge:], axis=1, out=sums[:, edge + 1 :])
+    if edge:
+        sums[:, edge - 1 :: -1] = -np.cumsum(steps[:, edge - 1 :: -1], axis=1)
+    return sums
 
 
 def delay(effort: float, slope: float, inertia: float, total: float, span: float) -> float:
@@ -151,9 +173,3 @@ def delay(effort: float, slope: float, inertia: float, total: float, span: float
     """
     near = math.sqrt(abs(inertia * slope)) / abs(effort) if effort else math.inf
     return total / span + near
-
-
-def _outward(steps: Floats, edge: int, below: float) -> Floats:
-    """Sums of ``steps`` from an edge to every other one: (p + 1,); ``below`` signs the low side."""
-    low = np.cumsum(steps[:edge][::-1])[::-1]
-    return np.concatenate([below * low, [0.0], np.cumsum(steps[edge:])])

@@ -13,21 +13,26 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from blockmech.dynamics.chebyshev import Floats, rule
-from blockmech.dynamics.mesh import Mesh, View, bisected, places, sampled
+from blockmech.dynamics.chebyshev import Floats, remainder, rule
+from blockmech.dynamics.mesh import RESOLVED, Mesh, View, cut, places, sampled
 from blockmech.dynamics.quadrature import EPS, MOST_PANELS, ROUNDING
 from blockmech.dynamics.standstills import (
     Dip,
     Energies,
     energies,
     first_panel_too_long,
+    first_stop,
     first_zero,
+    standstill,
 )
 
 PANELS = 4  # a turn, to begin with
 WINDOWS = 60  # spans looked at where the scene is not periodic (they double along a guide)
 LEVELS = 40  # of bisection
+HALVED = 1.6  # power to which cutting a panel in two raises the end of its series
+NOISE = 1e-9  # end of a series, relative, that is noise if cutting does not help
 
 Kind = Literal["standstill", "end stop", "dead centre", "endless", "open"]
 
@@ -42,6 +47,7 @@ class Reach:
         "open" where the horizon ended the search
     x : [rad or m] where; the end of the mesh if nothing ends it
     mesh : panels from 0 up to at least x, or one period
+    edges : those of the mesh, and more where the time will need them
     turn : periods between the mesh and x (braking: the stop lies on a later turn)
     gain : [J] net work over one period
     slow : [J] energy where the motion nearly stops, or just does; else inf
@@ -52,6 +58,7 @@ class Reach:
     kind: Kind
     x: float
     mesh: Mesh
+    edges: Floats
     turn: int = 0
     gain: float = 0.0
     slow: float = math.inf
@@ -86,7 +93,7 @@ def look_ahead(
     period = view.meter.system.period
     if bound <= 0:
         empty = sampled(view, np.array([0.0, 1e-9 * view.meter.system.span]))
-        return Reach(name, 0.0, empty)
+        return Reach(name, 0.0, empty, empty.edges)
     if period is not None and bound > period and math.isinf(bound):
         return _one_period(view, K0, tolerance, period, image)
     return _windows(view, K0, tolerance, horizon, bound, name)
@@ -108,7 +115,7 @@ def _one_period(
     mesh = image or sampled(view, panel_edges(view, 0.0, period, PANELS))
     if not mesh.possible.all():
         return _up_to_gap(view, K0, tolerance, mesh)
-    mesh, first, slow, known = _resolved(view, mesh, K0, tolerance)
+    mesh, edges, first, slow, known = _resolved(view, mesh, K0, tolerance)
     if not mesh.possible.all():
         return _up_to_gap(view, K0, tolerance, mesh)
     nearly = _slowest(slow, known)
@@ -116,16 +123,16 @@ def _one_period(
     if abs(gain) <= 4 * float(known.lost[-1] + known.rounding[-1]):
         gain = 0.0
     if first is not None:
-        return Reach("standstill", first, mesh, 0, gain, *nearly)
+        return Reach("standstill", first, mesh, edges, 0, gain, *nearly)
     if gain >= 0:
-        return Reach("endless", period, mesh, 0, gain, *nearly)
+        return Reach("endless", period, mesh, edges, 0, gain, *nearly)
     least = min(float(known.nodes.min()), nearly[0], float(known.edges.min()))
     turn = int(least / -gain)
     for later in range(max(turn, 1), turn + 3):
         x, _ = first_zero(mesh, energies(mesh, K0 + later * gain))
         if x is not None:
-            return Reach("standstill", x, mesh, later, gain)
-    return Reach("endless", period, mesh, 0, gain, *nearly)
+            return Reach("standstill", x, mesh, edges, later, gain)
+    return Reach("endless", period, mesh, edges, 0, gain, *nearly)
 
 
 def _windows(
@@ -136,7 +143,7 @@ def _windows(
     width = system.period or (2 * math.pi if system.kind == "rotation" else system.span)
     if math.isfinite(bound):
         width = min(width, bound)
-    end, mesh = 0.0, None
+    end, mesh, wanted = 0.0, None, None
     for _ in range(WINDOWS):
         start, end = end, end + width
         if system.kind == "translation":
@@ -149,23 +156,24 @@ def _windows(
         mesh = sampled(view, edges, mesh, limits)
         if not mesh.possible.all():
             return _up_to_gap(view, K0, tolerance, mesh)
-        mesh, first, slow, known = _resolved(view, mesh, K0, tolerance)
+        mesh, wanted, first, slow, known = _resolved(view, mesh, K0, tolerance)
         if not mesh.possible.all():
             return _up_to_gap(view, K0, tolerance, mesh)
         nearly = _slowest(slow, known)
         if first is not None:
-            return Reach("standstill", first, mesh, 0, 0.0, *nearly)
+            return Reach("standstill", first, mesh, wanted, 0, 0.0, *nearly)
         if last:
-            return Reach(name, bound, mesh, 0, 0.0, *nearly)
+            return Reach(name, bound, mesh, wanted, 0, 0.0, *nearly)
         if end > horizon.distance or _duration(mesh, known) > horizon.time:
             break
     assert mesh is not None
-    return Reach("open", end, mesh, 0, 0.0)
+    assert wanted is not None
+    return Reach("open", end, mesh, wanted)
 
 
 def _duration(mesh: Mesh, known: Energies) -> float:
     """Time over a mesh, roughly from below (a standstill start is left out) [s]."""
-    r = rule(mesh.J.shape[1])
+    r = rule(mesh.nodes)
     F = np.sqrt(mesh.J / (2 * known.nodes))
     return float(mesh.length / 2 @ (F @ r.total))
 
@@ -194,36 +202,73 @@ def panel_edges(view: View, low: float, high: float, panels: int) -> Floats:
 
 def _resolved(
     view: View, mesh: Mesh, K0: float, tolerance: float
-) -> tuple[Mesh, float | None, list[Dip], Energies]:
-    """Refine panels until the first standstill and every dip before it are decided."""
+) -> tuple[Mesh, Floats, float | None, list[Dip], Energies]:
+    """Refine panels until the first standstill and every dip before it are decided.
+
+    Returns the mesh, edges that the time will need besides, the standstill, dips, energies.
+    """
     before = math.inf
-    for _ in range(LEVELS):
+    for level in range(LEVELS):
         known = energies(mesh, K0)
         near = first_panel_too_long(mesh, known)
         if near:
             mesh = sampled(view, np.sort(np.append(mesh.edges, near)), mesh, mesh.limits)
             continue
-        first, dips = first_zero(mesh, known)
-        last = mesh.panels if first is None else int(np.searchsorted(mesh.edges, first))
-        wanted = tolerance * float(known.rounding[last]) / ROUNDING
+        stop, dips = first_stop(mesh, known)
+        last = mesh.panels if stop is None else stop.panel + 1
+        rounding = float(known.rounding[last])
+        wanted = tolerance * rounding / ROUNDING
         for dip in dips:
             if known.rounding[dip.panel + 1] < known.lost[dip.panel + 1]:
                 wanted = min(wanted, 0.1 * abs(dip.K))
-        wanted = max(wanted, float(known.rounding[last]))
-        tails = known.tails[:last]
-        if tails.sum() <= wanted or mesh.panels > MOST_PANELS:
+        wanted = max(wanted, rounding)
+        error = float(known.lost[last])
+        pieces = _pieces(mesh, known, last, wanted, tolerance)
+        noise = level > 2 and 0.5 * before < error < NOISE * rounding / ROUNDING
+        if pieces is None or error <= wanted or noise or mesh.panels > MOST_PANELS:
             break
-        if tails.sum() > 0.5 * before and tails.sum() < 1e-9 * known.rounding[last] / ROUNDING:
-            break  # it is noise
-        before = float(tails.sum())
-        bad = np.zeros(mesh.panels, dtype=bool)
-        bad[:last] = tails > wanted / (2 * last)
-        if np.diff(mesh.edges)[bad].min() < 16 * EPS * (abs(view.origin) + mesh.edges[-1]):
+        before = error
+        if np.diff(mesh.edges)[pieces > 1].min() < 16 * EPS * (abs(view.origin) + mesh.edges[-1]):
             break
-        mesh = sampled(view, bisected(mesh.edges, bad), mesh, mesh.limits)
+        mesh = sampled(view, cut(mesh.edges, pieces), mesh, mesh.limits)
         if not mesh.possible.all():
             break
-    return mesh, first, dips, known
+    x = None if stop is None else standstill(mesh, known, stop)
+    dips = [dip for dip in dips if x is None or dip.x < x or dip.K <= 0]
+    whole = pieces is None or pieces.size != mesh.panels
+    return mesh, mesh.edges if whole else cut(mesh.edges, pieces), x, dips, known
+
+
+def _pieces(
+    mesh: Mesh, known: Energies, last: int, wanted: float, tolerance: float
+) -> NDArray[np.intp] | None:
+    """Into how many pieces each panel should be cut: 1, 2 or 4; None if none should.
+
+    Before the panel ``last``, the series of the effort must have ended, and that of the
+    time's integrand sqrt(J/K) as well, so that no more samples are needed for the time.
+    Cutting a panel in two raises the relative end of a series to the power 1.6, as a rule.
+    """
+    r = rule(mesh.nodes)
+    flat = max(tolerance, RESOLVED)
+    F = np.sqrt(mesh.J[:last] / known.nodes[:last])
+    if known.edges[0] == 0 and not mesh.limits[0]:
+        F[0] *= np.sqrt(r.low)
+    bent = remainder(F, r) / F.max(axis=1)
+    # where the motion stops on a panel, that series is none; J must do
+    J = mesh.J[last - 1]
+    bent = np.where(np.isfinite(bent), bent, mesh.missed[0, last - 1] / J.max())
+    good = float(known.lost[last]) <= wanted
+    bad = bent > flat
+    if good and not bad.any():
+        return None
+    error, share = known.tails[:last], wanted / (2 * last)
+    if not good:
+        bad |= error > share
+    size = mesh.length[:last] / 2 * np.abs(mesh.tau[:last]).max(axis=1) + 1e-300
+    still = ((error / size) ** HALVED * size > share) | (bent**HALVED > flat)
+    pieces = np.ones(mesh.panels, dtype=np.intp)
+    pieces[:last] += bad + 2 * (bad & still)
+    return pieces if bad.any() else None
 
 
 def _slowest(dips: list[Dip], known: Energies) -> tuple[float, float, float]:
@@ -244,24 +289,24 @@ def _up_to_gap(view: View, K0: float, tolerance: float, mesh: Mesh) -> Reach:
         inner = gap(view, bounded)
         if inner < x * (1 - 1e-9) and inner > 0:
             return _up_to_gap(view, K0, tolerance, bounded)
-        return Reach("dead centre", x, bounded)
-    bounded, first, slow, known = _resolved(view, bounded, K0, tolerance)
+        return Reach("dead centre", x, bounded, bounded.edges)
+    bounded, wanted, first, slow, known = _resolved(view, bounded, K0, tolerance)
     nearly = _slowest(slow, known)
     if first is not None:
-        return Reach("standstill", first, bounded, 0, 0.0, *nearly)
-    return Reach("dead centre", x, bounded, 0, 0.0, *nearly)
+        return Reach("standstill", first, bounded, wanted, 0, 0.0, *nearly)
+    return Reach("dead centre", x, bounded, wanted, 0, 0.0, *nearly)
 
 
 def gap(view: View, mesh: Mesh) -> float:
     """Last place before the first impossible sample at which the mechanism closes."""
-    x = places(mesh.edges[:-1], mesh.edges[1:], mesh.limits, mesh.J.shape[1]).ravel()
+    x = places(mesh.edges[:-1], mesh.edges[1:], mesh.limits, mesh.nodes).ravel()
     bad = int(np.argmin(mesh.possible.ravel()))
     low, high = (float(x[bad - 1]) if bad else 0.0), float(x[bad])
     for _ in range(80):
         middle = (low + high) / 2
         if not low < middle < high:
             break
-        one = view.meter.one(view.origin + view.sign * middle)
+        one = view.meter.pose(view.origin + view.sign * middle)
         if one.margin > 0 and one.J > 0 and math.isfinite(one.J):
             low = middle
         else:

@@ -81,6 +81,7 @@ class ReducedSystem:
     ----------
     sample : (q (n,), wanted) -> Sample; ``wanted`` is a subset of {"dJ", "damping"}
     one : (q, q', t) -> (J, tau, dJ, margin), floats, with all loads
+    pose : the same with dJ = NaN, where that costs less; None: ``one`` serves
     kind : "rotation" or "translation"
     period : period of J, tau and damping in q, or None (a spring on the crank itself)
     arc : feasible driver coordinates where known beforehand; dead centres bound it
@@ -110,6 +111,7 @@ class ReducedSystem:
     time_knots: tuple[float, ...] = ()
     span: float = 1.0
     load_size: Callable[[float], float] | None = None
+    pose: OneFunction | None = None
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -168,6 +170,11 @@ class Metered:
         """One state, counted."""
         self.singles += 1
         return One(*self.system.one(q, qd, t))
+
+    def pose(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
+        """One state without dJ, counted: no acceleration is computed for it."""
+        self.singles += 1
+        return One(*(self.system.pose or self.system.one)(q, qd, t))
 
     def rate_load(self, q: Floats, qd: Floats, t: float = 0.0) -> Floats | float:
         """The rest of the effort on a batch; counted where it needs kernels."""

@@ -23,22 +23,27 @@ from blockmech.dynamics.split import depends_on, load_size, own_loads, period_of
 from blockmech.engines import NumpyEngine, ScalarEngine
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.mechanism import Mechanism
+from blockmech.model.structure import Structure
 from blockmech.plan import Plan
 
 Array = NDArray[np.float64]
 
 
-def refuse_friction(mechanism: Mechanism) -> None:
+def frictional_joints(structure: Structure) -> tuple[str, ...]:
+    """Names of the joints that have friction."""
+    return tuple(
+        f"{name}.{joint}"
+        for name, block in structure.blocks.items()
+        for joint, law in block.friction.items()
+        if law.factor
+    )
+
+
+def refuse_friction(joints: Sequence[str]) -> None:
     """Refuse a scene with joint friction: friction in motion is not computed.
 
     Raises `RequestError` that names the joints.
     """
-    joints = [
-        f"{name}.{joint}"
-        for name, block in mechanism.structure.blocks.items()
-        for joint, law in block.friction.items()
-        if law.factor
-    ]
     if joints:
         raise RequestError(
             Problem(
@@ -145,6 +150,14 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
         found = single(q, qd, t)
         return found[i], found[j], found[k], margin_of(found)
 
+    plainly = plain.of(("q_0", "qd_0", "t"))
+    i_plain, j_plain = plain.place[J], plain.place[tau]
+    plain_margin = plain.margin_of_one
+
+    def pose(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
+        found = plainly(q, qd, t)
+        return found[i_plain], found[j_plain], math.nan, plain_margin(found)
+
     def rest_of(q: Array, qd: Array, t: float) -> Array:
         if own is not None:
             return own.batch(qd, t)
@@ -163,6 +176,7 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
         knots=knots_of(structure, scene, driver, period, span),
         span=span,
         load_size=load_size(structure, scene, driver),
+        pose=pose,
     )
 
 

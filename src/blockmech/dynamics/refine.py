@@ -1,7 +1,8 @@
 """Integration with an honest error: the same run at finer tolerances until two agree.
 
-The estimate is half the largest difference between the last two runs, at twenty
-common times and at those asked for; the finer run is the answer. Where evaluations
+The estimate is half the largest difference between the last two runs (four times it where
+kinks interrupt them), at twenty common times and at those asked for; the finer run is the
+answer. Where evaluations
 are counted (kernels), the tolerances are always the same ones, from the coarsest on, so
 a looser target never costs more; on the table, where they are cheap, they begin near the
 target.
@@ -11,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integrate import TOO_MANY, Method, Run, Task, run
+from blockmech.dynamics.integrate import INTERRUPTED, TOO_MANY, Method, Run, Task, run
 from blockmech.dynamics.legs import FINEST
 from blockmech.dynamics.replay import replayed, uninterrupted
 
@@ -57,12 +59,15 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
     best = None
     for tolerance in tolerances(method, accuracy, counted):
         now = once(tolerance)
+        if now.end == INTERRUPTED:
+            return _interrupted(best, before, now, tolerance)
         if before is not None:
             error, time_error = _difference(before, now, times)
             floor = task.equation.table_error
-            error, time_error = error / 2, time_error / 2
-            if tolerance <= FINEST:
-                error, time_error = 2 * error, 2 * time_error
+            share = 0.5 if tolerance > FINEST else 1.0
+            if _kinked(task):
+                share = 4.0
+            error, time_error = share * error, share * time_error
             best = Refined(now, error + floor, time_error, tolerance, error + floor <= accuracy)
             if best.reached or now.end == TOO_MANY:
                 return best
@@ -71,6 +76,20 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
         assert before is not None
         best = Refined(before, math.inf, math.inf, FINEST, False)
     return best
+
+
+def _interrupted(best: Refined | None, before: Run | None, now: Run, tolerance: float) -> Refined:
+    """What is left of an interrupted run: the finest whole one, else as far as it came."""
+    kept = best or Refined(before or now, math.inf, math.inf, tolerance, False)
+    run = kept.run
+    if run.end != INTERRUPTED:
+        run = replace(run, status="ended", end=INTERRUPTED)
+    return kept._replace(run=run, reached=False)
+
+
+def _kinked(task: Task) -> bool:
+    """Whether kinks interrupt the run: landing on them is not better at finer tolerances."""
+    return bool(task.time_knots) or (task.system is not None and bool(task.system.knots))
 
 
 def _difference(coarse: Run, fine: Run, times: Floats) -> tuple[float, float]:

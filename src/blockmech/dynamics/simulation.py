@@ -80,7 +80,7 @@ def simulate(
     if friction != "none":
         if friction is not None:
             raise _error("friction", f'"{friction}" is not computed in motion', 'only "none"')
-        refuse_friction(mechanism)
+        refuse_friction(mechanism.frictional_joints)
     wanted = _column(times)
     goal = _goal(until, wanted)
     starts = _starts(mechanism, start)

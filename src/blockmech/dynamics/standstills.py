@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.chebyshev import Floats, integral_one, remainder, rule, series_one
+from blockmech.dynamics.chebyshev import Floats, integral_one, rule, series_one
 from blockmech.dynamics.mesh import Mesh
-from blockmech.dynamics.quadrature import EPS, ROUNDING
+from blockmech.dynamics.quadrature import ROUNDING
 
 SLOW = 1e-3  # share of the largest energy below which a dip is looked at closely
 
@@ -39,17 +39,17 @@ class Dip(NamedTuple):
 
 def energies(mesh: Mesh, K0: float) -> Energies:
     """K on every panel, with its error."""
-    r = rule(mesh.J.shape[1])
-    half = mesh.length / 2
-    tails = half * remainder(mesh.tau, r)
+    r = rule(mesh.nodes)
+    half, tau = mesh.length / 2, mesh.tau
+    tails = half * mesh.missed[1]
     sums = np.zeros((3, mesh.panels + 1))
-    sums[0, 1:] = half * (mesh.tau @ r.total)
+    sums[0, 1:] = half * (tau @ r.total)
     sums[1, 1:] = tails
-    sums[2, 1:] = ROUNDING * half * (np.abs(mesh.tau) @ r.total)
+    sums[2, 1:] = ROUNDING * half * (np.abs(tau) @ r.total)
     edges, lost, rounding = np.cumsum(sums, axis=1)
     edges += K0
     rounding += ROUNDING * K0
-    inside = edges[:-1, None] + half[:, None] * (mesh.tau @ r.integrate)
+    inside = edges[:-1, None] + half[:, None] * (tau @ r.integrate)
     return Energies(edges, inside, lost, rounding, tails)
 
 
@@ -57,14 +57,23 @@ def first_panel_too_long(mesh: Mesh, known: Energies) -> float:
     """A shorter end for the first panel, where the motion stops before its first node."""
     if known.nodes[0, 0] > 0 or mesh.limits[0]:
         return 0.0
-    place = float(mesh.edges[0] + mesh.length[0] * rule(mesh.J.shape[1]).low[0])
+    place = float(mesh.edges[0] + mesh.length[0] * rule(mesh.nodes).low[0])
     return place if place > mesh.edges[0] else 0.0
 
 
-def first_zero(mesh: Mesh, known: Energies) -> tuple[float | None, list[Dip]]:
-    """First x at which the energy has gone to zero, and the dips before it."""
-    stopped = (known.nodes <= 0).any(axis=1) | (known.edges[1:] <= 0)
-    p = int(stopped.argmax()) if stopped.any() else mesh.panels
+class Stop(NamedTuple):
+    """The first panel on which the motion stops, and the angle before which it does."""
+
+    panel: int
+    before: float
+
+
+def first_stop(mesh: Mesh, known: Energies) -> tuple[Stop | None, list[Dip]]:
+    """Where the energy first goes to zero, roughly, and the dips up to there."""
+    stopped = (known.nodes.min(axis=1) <= 0) | (known.edges[1:] <= 0)
+    p = int(stopped.argmax())
+    if not stopped[p]:
+        p = mesh.panels
     dips = _dips(mesh, known, min(p + 1, mesh.panels))
     passed: list[Dip] = []
     for dip in dips:
@@ -72,43 +81,53 @@ def first_zero(mesh: Mesh, known: Energies) -> tuple[float | None, list[Dip]]:
             break
         passed.append(dip)
         if dip.K <= 0:
-            return _zero_in(mesh, known, dip.panel, dip.phi), passed
-    if p == mesh.panels:
-        return None, passed
-    x = _zero_in(mesh, known, p, math.pi)
-    return x, [dip for dip in passed if dip.x < x]
+            return Stop(dip.panel, dip.phi), passed
+    return (None if p == mesh.panels else Stop(p, math.pi)), passed
 
 
-def _zero_in(mesh: Mesh, known: Energies, p: int, last: float) -> float:
-    """Root of K in panel p before the angle ``last``: Newton on the series, bracketed."""
-    r = rule(mesh.J.shape[1])
-    K = known.nodes[p]
-    low, high = 0.0, last
-    for phi, k in zip(r.phi.tolist(), K.tolist(), strict=True):
-        if phi >= last or k <= 0:
-            high = min(phi, last)
+def standstill(mesh: Mesh, known: Energies, stop: Stop) -> float:
+    """x at which the energy is zero: Newton's method on the series, bracketed by nodes."""
+    p, before = stop
+    r = rule(mesh.nodes)
+    half, start = float(mesh.length[p]) / 2, float(known.edges[p])
+    low, high, K_low, K_high = 0.0, before, start, -1.0
+    for phi, K in zip(r.phi.tolist(), known.nodes[p].tolist(), strict=True):
+        if phi >= before:
             break
-        low = phi
-    half = float(mesh.length[p]) / 2
-    start = float(known.edges[p])
+        if K <= 0:
+            high, K_high = phi, K
+            break
+        low, K_low = phi, K
+    else:
+        K_high = float(known.edges[p + 1])
     s, c = mesh.tau[p] @ r.sine, mesh.tau[p] @ r.cosine
-    phi = (low + high) / 2
+    phi = low + (high - low) * K_low / (K_low - K_high) if K_low > K_high else (low + high) / 2
+    if not low < phi < high:
+        phi = (low + high) / 2
     for _ in range(60):
-        k = start + half * integral_one(s, phi)
-        if k > 0:
+        K = start + half * integral_one(s, phi)
+        if K > 0:
             low = phi
         else:
             high = phi
         slope = half * math.sin(phi) * series_one(c, phi)
-        step = -k / slope if slope else math.inf
-        new = phi + step
+        new = phi - K / slope if slope else math.inf
         if not low <= new <= high:
             new = (low + high) / 2
-        if abs(new - phi) <= 2 * EPS * phi:
-            phi = new
-            break
+        done = abs(new - phi) <= 1e-9 * phi  # the next step would be its square
         phi = new
+        if done:
+            break
     return place_in(mesh, p, phi)
+
+
+def first_zero(mesh: Mesh, known: Energies) -> tuple[float | None, list[Dip]]:
+    """First x at which the energy has gone to zero, and the dips before it."""
+    stop, dips = first_stop(mesh, known)
+    if stop is None:
+        return None, dips
+    x = standstill(mesh, known, stop)
+    return x, [dip for dip in dips if dip.x < x or dip.K <= 0]
 
 
 def place_in(mesh: Mesh, p: int, phi: float) -> float:
@@ -128,7 +147,7 @@ def _at_limit(mesh: Mesh, p: int) -> bool:
 
 def _dips(mesh: Mesh, known: Energies, panels: int) -> list[Dip]:
     """Places where the effort turns from braking to driving at little energy."""
-    n = mesh.J.shape[1]
+    n = mesh.nodes
     r = rule(n)
     tau = mesh.tau[:panels].ravel()
     K = known.nodes[:panels].ravel()

@@ -76,19 +76,26 @@ class Stretch:
 
 
 def converged(
-    view: View, known: Mesh, low: End, high: End, inside: Known | None, allowed: Allowed
+    view: View,
+    known: Mesh,
+    edges: Floats,
+    low: End,
+    high: End,
+    inside: Known | None,
+    allowed: Allowed,
 ) -> Stretch:
     """Refine the panels between two ends until the time's error is what is ``allowed``.
 
-    ``known`` has samples that can be reused, ``inside`` is a place between the ends
-    where the energy is known as well: the start of a motion that starts moving.
+    ``known`` has samples that can be reused, ``edges`` are those to begin with, ``inside``
+    is a place between the ends where the energy is known as well: the start of a motion
+    that starts moving.
     """
-    edges = _edges_between(known.edges, low, high, inside)
+    edges = _edges_between(edges, low, high, inside)
     limits = (low.limit, high.limit)
     mesh = known
     tails: dict[tuple[float, float], float] = {}
     for level in range(LEVELS):
-        mesh = sampled(view, edges, mesh, limits)
+        mesh = sampled(view, edges, mesh, limits, read=level == 0)
         stretch = _judged(view, mesh, low, high, inside)
         if not stretch.complete or level == LEVELS - 1 or mesh.panels > MOST_PANELS:
             break

@@ -218,27 +218,38 @@ class NumpyEngine:
         with np.errstate(all="ignore"):
             if n <= chunk:
                 return tuple(_full(v, n) for v in self._program(*columns, self.parameters))
-            filled: list[Any] = []
+            filled: tuple[Any, ...] = ()
             for start in range(0, n, chunk):
                 part = slice(start, min(start + chunk, n))
                 values = self._program(*(c[part] for c in columns), self.parameters)
                 if not filled:
-                    filled = [self._room(v, n) for v in values]
+                    filled = _rooms(values, n)
                 for room, value in zip(filled, values, strict=True):
                     _fill(room, part, value)
-            return tuple(filled)
+            return filled
 
     def _rounded(self, name: str, column: Any) -> NDArray[Any]:
         given: NDArray[Any] = np.asarray(column)  # one pose comes as a list
         # Angles stay in double until sine and cosine are taken.
         return given if name in self.program.angles else given.astype(self.dtype, copy=False)
 
-    def _room(self, value: Any, n: int) -> Any:
-        if isinstance(value, Planar):
-            return Planar(self._room(value.real, n), self._room(value.imag, n))
-        if np.ndim(value) == 0:  # the same for all samples
-            return np.broadcast_to(value, (n,))
-        return np.empty(n, value.dtype)
+
+def _rooms(values: tuple[Any, ...], n: int) -> tuple[Any, ...]:
+    """Room for n samples of each value.
+
+    All columns lie in one block: NumPy asks for large pages then, and first writing to
+    memory, which took longer than computing what is written, becomes several times faster.
+    """
+    parts = [x for v in values for x in ((v.real, v.imag) if isinstance(v, Planar) else (v,))]
+    kinds = [x.dtype for x in parts if np.ndim(x)]
+    free = {kind: iter(np.empty((kinds.count(kind), n), kind)) for kind in set(kinds)}
+
+    def room(x: Any) -> Any:
+        return next(free[x.dtype]) if np.ndim(x) else np.broadcast_to(x, (n,))
+
+    return tuple(
+        Planar(room(v.real), room(v.imag)) if isinstance(v, Planar) else room(v) for v in values
+    )
 
 
 def _fill(room: Any, part: slice, value: Any) -> None:

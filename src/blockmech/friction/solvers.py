@@ -66,9 +66,13 @@ def norms(F: Any, edges: Any) -> tuple[Real, ...]:
 
 
 def contraction_bound(k: Any, edges: Any, rows: Any) -> Real:
-    """Upper bound of P: the fourth root of the largest row sum of |k R|^4."""
+    """Upper bound of P: the fourth root of the largest row sum of |R k|^4.
+
+    From loads to loads, so that couples and forces in one group have one unit.
+    """
     A = [
-        [abs(kj) * load_norm(x, e) for x in row] for kj, e, row in zip(k, edges, rows, strict=True)
+        [load_norm(x, e) * abs(km) for x, km in zip(row, k, strict=True)]
+        for e, row in zip(edges, rows, strict=True)
     ]
     if len(A) == 1:
         return A[0][0]
@@ -180,7 +184,7 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
         t = tuple(where(going, tj - dj, tj) for tj, dj in zip(t, step, strict=True))
         count = where(going, count + 1.0, count)
         best = _top([kj * gj for kj, gj in zip(k, g, strict=True)])
-        going = going & (_top(step) > 4.0 * EPS * best)
+        going = going & _moved(step, k, g)
         if not some(going):
             break
     g = norms(loads(t, base, rows), edges)
@@ -190,6 +194,15 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     unproved = ((P >= 1.0) & _known(base, edges)) | (residual > SETTLED)
     settled: Solution = repair(unproved, replaced, solution, k, edges, base, rows)
     return settled
+
+
+def _moved(step: Any, k: Any, g: Any) -> Real:
+    """Whether a step changes any pair's friction by more than rounding of the largest load."""
+    top = 4.0 * EPS * _top(g)
+    excess = abs(step[0]) - top * abs(k[0])
+    for d, kj in zip(step[1:], k[1:], strict=True):
+        excess = maximum(excess, abs(d) - top * abs(kj))
+    return excess > 0.0
 
 
 def _slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from blockmech.loads.contract import Element, Terminal
 from blockmech.typing import Complex
-from blockmech.values import Vector
+from blockmech.values import VectorGiven
 
 
 def ground_force(p: Force) -> tuple[Complex]:
@@ -32,7 +32,7 @@ class Force(Element, type="load.force"):
 
     terminals = {"at": Terminal("point")}
 
-    force: Vector
+    force: VectorGiven
     axes: Literal["ground", "link"] = "ground"
 
     def reads(self) -> Mapping[str, tuple[str, ...]]:

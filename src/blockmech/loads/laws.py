@@ -20,7 +20,7 @@ from pydantic import Field, field_validator, model_validator
 
 from blockmech.plane import angle, expi, imul, modulo, mul, piecewise, where
 from blockmech.typing import Real
-from blockmech.values import Number, Positive, Strictly, mistake
+from blockmech.values import Number, NumbersGiven, Positive, Strictly, default, mistake
 
 TURN = 2 * math.pi
 Argument: TypeAlias = Literal["coordinate", "rate", "time"]
@@ -165,7 +165,7 @@ class Polynomial(Law):
 
     kind: Literal["polynomial"] = "polynomial"
     of: Argument = "coordinate"
-    coefficients: list[Number] = Field(min_length=1)
+    coefficients: Annotated[NumbersGiven, Field(min_length=1)]
 
     def numbers(self) -> PolynomialNumbers:
         """The coefficients, highest power first."""
@@ -210,8 +210,8 @@ class Table(_Repeating):
     """
 
     kind: Literal["table"] = "table"
-    arguments: list[Number] = Field(min_length=2)
-    values: list[Number] = Field(min_length=2)
+    arguments: Annotated[NumbersGiven, Field(min_length=2)]
+    values: Annotated[NumbersGiven, Field(min_length=2)]
     interpolation: Literal["cubic", "linear"] = "cubic"
 
     @model_validator(mode="after")
@@ -271,8 +271,8 @@ class Fourier(_Repeating):
 
     kind: Literal["fourier"] = "fourier"
     mean: Number = 0.0
-    cosines: list[Number] = []
-    sines: list[Number] = []
+    cosines: NumbersGiven = default([])
+    sines: NumbersGiven = default([])
 
     @model_validator(mode="after")
     def _period_known(self) -> Fourier:

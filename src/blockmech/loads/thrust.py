@@ -19,7 +19,7 @@ from pydantic import field_validator
 from blockmech.loads.contract import Following, Reads, Terminal
 from blockmech.plane import dot, hyp, imul, mul
 from blockmech.typing import Complex, Real
-from blockmech.values import Vector, mistake
+from blockmech.values import Vector, VectorOrNoneGiven, default, mistake
 
 
 def push(p_a: Complex, p_b: Complex, F: Real, p: Thrust) -> tuple[Complex, Complex]:
@@ -71,7 +71,7 @@ class Thrust(Following, type="load.thrust"):
 
     terminals = {"a": Terminal("point"), "b": Terminal("point")}
 
-    direction: Vector | None = None
+    direction: VectorOrNoneGiven = default(None)
 
     @field_validator("direction")
     @classmethod

@@ -198,11 +198,11 @@ def _target(graph: Graph, wire: Wire, marker: Any, fed: Wire | None) -> Iterable
 
 
 def _end(graph: Graph, wire: Wire, end: str) -> tuple[AnyBlock | None, Problem | None]:
-    parts = end.split(".")
+    parts = end.split(".") if isinstance(end, str) else []
     if len(parts) != 2 or not all(parts):
         return None, Problem(
             "bad-address",
-            end or '""',
+            str(end) or '""',
             f'not an address, in wire "{wire}"',
             'an address is "block.joint" or "block.marker"',
             "",
@@ -267,11 +267,16 @@ def _driver_problems(graph: Graph) -> Iterable[Problem]:
 
 
 def _cycles(graph: Graph) -> Iterable[Problem]:
+    links = 0
     for component in nx.strongly_connected_components(block_dag(graph)):
         if len(component) > 1:
-            from blockmech.model.cycles import diagnose_cycle  # only a wrong graph pays for it
+            from blockmech.model import cycles  # only a wrong graph pays for it
 
-            yield diagnose_cycle(graph, sorted(component))
+            blocks = sorted(component)
+            known = [b for name in blocks if isinstance(b := graph.blocks[name], Block)]
+            links += sum(len(block.link_names) for block in known)
+            few = links <= cycles.MOST_LINKS
+            yield cycles.diagnose_cycle(graph, blocks) if few else cycles.cycle(blocks)
 
 
 def block_dag(graph: Graph) -> nx.DiGraph:

@@ -16,6 +16,17 @@ from blockmech.model.rigidity import Pair
 if TYPE_CHECKING:
     from blockmech.model.graph import Graph
 
+MOST_LINKS = 1000
+"""Links that are diagnosed in one graph, so that any file is answered soon."""
+
+RULE = "a formation sequence feeds every joint from an earlier block"
+
+
+def cycle(blocks: list[str]) -> Problem:
+    """The problem that only names a set of blocks in a cycle."""
+    remedy = "re-wire a joint of one of them to an earlier block"
+    return Problem("cycle", listed(blocks), "the blocks wait for each other", RULE, remedy)
+
 
 def diagnose_cycle(graph: Graph, blocks: list[str]) -> Problem:
     """The problem that names a set of blocks in a cycle, and what they really are."""
@@ -39,17 +50,18 @@ def diagnose_cycle(graph: Graph, blocks: list[str]) -> Problem:
                 if isinstance(block, DrivingLink):
                     drivers.append(where)
     earlier = {pair.first for pair in pairs} - links
+    within = set(blocks)
     inside = [
         f"{source} -> {target}"
         for target, source in sources.items()
-        if source.split(".")[0] in blocks and target.split(".")[0] in blocks
+        if source.split(".")[0] in within and target.split(".")[0] in within
     ]
     found = waiting(links, pairs, earlier, drivers)
     return Problem(
         "cycle",
         listed(blocks),
         f"the blocks wait for each other: {listed(inside)}; {found.text}",
-        "a formation sequence feeds every joint from an earlier block",
+        RULE,
         _remedy(found, blocks),
     )
 

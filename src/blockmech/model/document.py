@@ -134,7 +134,8 @@ def _read(text: str) -> _Draft:
         if not draft.full:
             _add(draft, name, block)
     fed: dict[str, Wire] = {}
-    for ends in document.wires:
+    no_blocks = any(problem.where == "blocks" for problem in draft.content)
+    for ends in () if no_blocks else document.wires:
         if not draft.full:
             _connect(draft, Wire(ends.source, ends.target), fed)
     return draft

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import networkx as nx
@@ -42,8 +43,8 @@ class Graph:
         name: str = "mechanism",
         *,
         title: str = "",
-        gravity: complex | tuple[float, float] = 0j,
-        drive: dict[str, LawOfMotion] | None = None,
+        gravity: complex | Sequence[float] = 0j,
+        drive: Mapping[str, LawOfMotion] | None = None,
     ) -> None:
         self.name = name
         self.title = title

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
-from blockmech.values import Number, Positive, Strictly, mistake
+from blockmech.values import Number, NumbersGiven, Positive, Strictly, mistake
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
@@ -41,8 +41,8 @@ class LawOfMotion(Strictly):
 
 class _Range(LawOfMotion):
     by_coordinate: ClassVar[bool] = True
-    start: Number = Field(0.0, alias="from")
-    end: Number = Field(2 * math.pi, alias="to")
+    start: Annotated[Number, Field(alias="from")] = 0.0
+    end: Annotated[Number, Field(alias="to")] = 2 * math.pi
 
     def coordinates(self, n: int) -> Array:
         """n equally spaced coordinates over the range; one if the range is a point."""
@@ -147,9 +147,9 @@ class Cycloidal(LawOfMotion):
     """A rise from ``from`` to ``to`` without jerk at its ends, then a dwell."""
 
     law: Literal["cycloidal"] = "cycloidal"
-    start: Number = Field(alias="from")
-    end: Number = Field(alias="to")
-    time: Positive = Field(alias="duration")
+    start: Annotated[Number, Field(alias="from")]
+    end: Annotated[Number, Field(alias="to")]
+    time: Annotated[Positive, Field(alias="duration")]
 
     def at_times(self, t: Array) -> Motion:
         """q = from + rise (s - sin(2 pi s) / 2 pi), s = t / duration."""
@@ -169,8 +169,8 @@ class Table(LawOfMotion):
     """Values at times, joined by a cubic spline (not-a-knot) or by straight lines."""
 
     law: Literal["table"] = "table"
-    times: list[Number] = Field(min_length=2)
-    values: list[Number] = Field(min_length=2)
+    times: Annotated[NumbersGiven, Field(min_length=2)]
+    values: Annotated[NumbersGiven, Field(min_length=2)]
     interpolation: Literal["cubic", "linear"] = "cubic"
 
     @model_validator(mode="after")

@@ -38,12 +38,24 @@ def validated(
     try:
         return model.model_validate(raw), []
     except ValidationError as error:
-        schema, found = model_schema(model), list[Problem]()
-        for line in _lines(error, model, raw):
-            path = _path_in(raw, line["loc"], line["type"])
-            place = _Place(schema, raw, path, what, at)
-            found += _SENTENCES.get(line["type"], _other)(place, line)
-        return None, list(_united(found))
+        return None, _problems(error, model, raw, model_schema(model), what, at)
+
+
+def problems_of(error: ValidationError, model: type[BaseModel], given: Any) -> list[Problem]:
+    """What is wrong with a model made in Python, where keys are the names of its fields."""
+    name = model.__name__
+    return _problems(error, model, given, model_schema(model, by_alias=False), name, (name,))
+
+
+def _problems(
+    error: ValidationError, model: type[BaseModel], raw: Any, schema: Any, what: str, at: Path
+) -> list[Problem]:
+    found = list[Problem]()
+    for line in _lines(error, model, raw):
+        path = _path_in(raw, line["loc"], line["type"])
+        place = _Place(schema, raw, path, what, at)
+        found += _SENTENCES.get(line["type"], _other)(place, line)
+    return list(_united(found))
 
 
 def _lines(error: ValidationError, model: type[BaseModel], raw: Any) -> Iterator[Any]:

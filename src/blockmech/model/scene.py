@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from blockmech.model.laws_of_motion import AnyLaw
-from blockmech.values import Number, Strictly, Vector
+from blockmech.values import Number, Strictly, Vector, VectorGiven, default
 
 
 class Initial(Strictly):
@@ -16,6 +16,6 @@ class Initial(Strictly):
 class Scene(Strictly):
     """What surrounds the mechanism. Gravity [m/s2] is off unless it is stated."""
 
-    gravity: Vector = Vector(0j)
+    gravity: VectorGiven = default(Vector(0j))
     drive: dict[str, AnyLaw] = {}
     initial: dict[str, Initial] = {}

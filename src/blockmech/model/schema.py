@@ -26,14 +26,16 @@ class _InWrittenOrder(GenerateJsonSchema):
         found = super().model_schema(schema)
         if "properties" in found:
             model = schema["cls"]
-            names = [model.model_fields[n].alias or n for n in field_order(model)]
+            names = field_order(model)
+            if self.by_alias:
+                names = [model.model_fields[n].alias or n for n in names]
             found["properties"] = {n: found["properties"][n] for n in names}
         return found
 
 
-def model_schema(model: type[BaseModel]) -> dict[str, Any]:
-    """JSON Schema of a model as it stands in a file."""
-    return model.model_json_schema(schema_generator=_InWrittenOrder)
+def model_schema(model: type[BaseModel], by_alias: bool = True) -> dict[str, Any]:
+    """JSON Schema of a model as it stands in a file, or by the names of its fields."""
+    return model.model_json_schema(by_alias, schema_generator=_InWrittenOrder)
 
 
 def graph_schema() -> dict[str, Any]:

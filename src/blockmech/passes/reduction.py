@@ -22,11 +22,12 @@ from blockmech.passes.forward import (
     moves,
 )
 from blockmech.passes.loads import (
-    applied,
     cm_acceleration,
     cm_velocity,
+    elements_on,
     inertia_of,
     mass_of,
+    weight_on,
 )
 from blockmech.plan import Schedule
 from blockmech.plane import dot
@@ -100,7 +101,10 @@ def share_of_load(s: Schedule, block: str, k: str) -> str:
     terms = []
     for name in s.structure.blocks[block].link_names:
         link = LinkRef(block, name)
-        load = s.ask(applied, link)
+        weight = s.ask(weight_on, link)  # at the centre of mass, whose velocity is known
+        if weight and (v := s.ask(cm_velocity, link, k)) != ZERO:
+            terms.append(s.emit(dot, weight.forces[0], v, name=f"{link}_weight_Q"))
+        load = s.ask(elements_on, link)
         if not load:
             continue
         v, om = s.ask(link_velocity, link, k)

@@ -25,9 +25,10 @@ from blockmech.blocks import REGISTRY
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.friction.laws import Coulomb
-from blockmech.loads import Couple, Force, Spring
+from blockmech.loads import Couple, Force, Spring, TorsionSpring
 from blockmech.model.graph import Graph
 from blockmech.model.structure import LinkRef
+from blockmech.testing.placers import PLACERS
 from blockmech.values import Link, Marker, Place, Vector
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ class Options:
     slides : whether slide drives occur
     moving_drives : whether drivers may sit on moving links
     masses, loads, springs, friction, gravity : whether they occur
+    twists : whether torsion springs occur
     least_margin : smallest margin [-] of a dyad in the pose
     """
 
@@ -90,6 +92,7 @@ class Options:
     masses: bool = True
     loads: bool = True
     springs: bool = True
+    twists: bool = False
     friction: bool = True
     gravity: bool = True
     least_margin: float = 0.02
@@ -204,7 +207,17 @@ class _Maker:
         return (0j, 1 + 0j) if link.block == "frame" else self.drafts[link.block].places[link.link]
 
     def _marker(self, link: LinkRef, guide: bool) -> tuple[str, complex, complex]:
-        """A new marker on a link: its address, place and direction in the pose."""
+        """A marker on a link: its address, place and direction in the pose.
+
+        Every third pin, where there is one, goes on a place that others use already.
+        """
+        taken = [] if guide else self._points(link)
+        if taken and self.chance.integer(0, 2) == 0:
+            return self.chance.pick(taken)
+        return self._new_marker(link, guide)
+
+    def _new_marker(self, link: LinkRef, guide: bool = False) -> tuple[str, complex, complex]:
+        """A marker at a place of its own."""
         self.count += 1
         name = f"m{self.count}"
         at = cmath.rect(self.chance.uniform(0.2, 1.5), self.chance.uniform(-math.pi, math.pi))
@@ -216,6 +229,28 @@ class _Maker:
             self.drafts[link.block].markers.setdefault(link.link, {})[name] = marker
         o, e = self._place(link)
         return f"{link.block}.{name}", o + e * at, e * marker.direction
+
+    def _points(self, link: LinkRef) -> list[tuple[str, complex, complex]]:
+        """Points that a link has so far, also those that its block brings.
+
+        Not the outer joints of its own block: what hangs on one of them and on the link
+        that carries it would be a rigid part of that link.
+        """
+        o, e = self._place(link)
+        if link.block == "frame":
+            own: dict[str, complex] = {}
+            given = self.frame
+        else:
+            draft = self.drafts[link.block]
+            cls = REGISTRY[draft.type]
+            own = {
+                name: complex(draft.numbers[m.along] if m.along else 0.0)
+                for name, m in cls.built_in.items()
+                if m.link == link.link and not (name in cls.joints and cls.joints[name].outer)
+            }
+            given = draft.markers.get(link.link, {})
+        places = own | {n: m.at.z for n, m in given.items() if m.angle is None and m.dir is None}
+        return [(f"{link.block}.{name}", o + e * at, e) for name, at in places.items()]
 
     def _signed(self, low: float, high: float) -> float:
         return self.chance.uniform(low, high) * self.chance.pick((-1, 1))
@@ -262,6 +297,8 @@ class _Maker:
     def _forget(self, addresses: Any) -> None:
         for address in addresses:
             block, marker = address.split(".")
+            if any(address in d.feeds.values() for d in self.drafts.values()):
+                continue  # a place that was there before
             groups = [self.frame] if block == "frame" else self.drafts[block].markers.values()
             for markers in groups:
                 markers.pop(marker, None)
@@ -307,93 +344,20 @@ class _Maker:
                 free_length=self.chance.uniform(0.0, 1.0),
                 damping=self.chance.pick((0.0, 5.0)),
             )
-            ends = {"a": self._marker(a, guide=False)[0], "b": self._marker(b, guide=False)[0]}
+            # Ends at new places: a spring without length has no direction.
+            ends = {"a": self._new_marker(a)[0], "b": self._new_marker(b)[0]}
             found["spring"] = (spring, ends)
+        if self.options.twists and self.chance.integer(0, 1):
+            a = self.chance.pick(links)
+            b = self.chance.pick([k for k in links if k != a])
+            twist = TorsionSpring(
+                stiffness=self.chance.uniform(1.0, 100.0),
+                rest_angle=self.chance.uniform(-1.0, 1.0),
+                damping=self.chance.pick((0.0, 2.0)),
+            )
+            found["twist"] = (twist, {"a": _address(a), "b": _address(b)})
         return found
 
 
-# -- one placer a dyad: from the ends' places to parameters and link places ------------
-
-Spot = tuple[complex, complex]
-Placed = tuple[dict[str, Any], dict[str, Spot]] | None
-
-
-def _rrr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed:
-    b, d = B[0], D[0]
-    side = chance.pick((-1, 1))
-    c = b + (d - b) * complex(chance.uniform(-0.3, 1.3), side * chance.uniform(0.2, 2.0))
-    u, w = c - b, c - d
-    if abs(d - b) < 0.1 or _sine2(u, w) < least:
-        return None
-    numbers = {"l_i": abs(u), "l_j": abs(w), "branch": side}
-    return numbers, {"i": (b, u / abs(u)), "j": (d, w / abs(w))}
-
-
-def _rrp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed:
-    b, (g, u) = B[0], S
-    h, x = chance.uniform(-0.4, 0.4), chance.uniform(-1.5, 1.5)
-    c = g + x * u - 1j * u * h
-    w = c - b
-    along = (w * u.conjugate()).real
-    if abs(w) < 0.1 or (along / abs(w)) ** 2 < least:
-        return None
-    numbers = {"l": abs(w), "h": h, "branch": 1 if along > 0 else -1}
-    numbers["x_S"] = chance.uniform(-0.3, 0.3)
-    return numbers, {"i": (b, w / abs(w)), "j": (c, u)}
-
-
-def _rpr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed:
-    b, d = B[0], D[0]
-    u = cmath.rect(1.0, chance.uniform(-math.pi, math.pi))
-    s, h = ((d - b) * u.conjugate()).real, ((d - b) * u.conjugate()).imag
-    if abs(d - b) < 0.1 or (s / abs(d - b)) ** 2 < least:
-        return None
-    h_j = chance.uniform(-0.4, 0.4)
-    numbers = {"h_i": h + h_j, "h_j": h_j, "branch": 1 if s > 0 else -1}
-    numbers["x_S"] = chance.uniform(-0.3, 0.3)
-    return numbers, {"i": (b, u), "j": (d, u)}
-
-
-def _prp(chance: Chance, least: float, S1: Spot, S2: Spot) -> Placed:
-    (g1, u1), (g2, u2) = S1, S2
-    if _sine2(u1, u2) < least:
-        return None
-    h1, h2 = chance.uniform(-0.4, 0.4), chance.uniform(-0.4, 0.4)
-    base1, base2 = g1 - 1j * u1 * h1, g2 - 1j * u2 * h2
-    x = _cross(base2 - base1, u2) / _cross(u1, u2)
-    c = base1 + x * u1
-    if abs(c) > 20:
-        return None
-    numbers = {"h1": h1, "h2": h2, "x_S1": chance.uniform(-0.3, 0.3)}
-    return numbers, {"i": (c, u1), "j": (c, u2)}
-
-
-def _rpp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed:
-    b, (g, u2) = B[0], S
-    beta = chance.uniform(0.3, 2.8) * chance.pick((-1, 1))
-    if math.sin(beta) ** 2 < least:
-        return None
-    u1 = u2 * cmath.rect(1.0, beta)
-    h_i, h_j = chance.uniform(-0.4, 0.4), chance.uniform(-0.4, 0.4)
-    n1 = 1j * u1
-    x = (((b - g) * n1.conjugate()).real + h_i - h_j) / _cross(u1, u2)
-    numbers = {"beta": beta, "h_i": h_i, "h_j": h_j, "x_S": chance.uniform(-0.3, 0.3)}
-    return numbers, {"i": (b, u1), "j": (g + x * u2, u2)}
-
-
-def _cross(a: complex, b: complex) -> float:
-    return (a.conjugate() * b).imag
-
-
-def _sine2(a: complex, b: complex) -> float:
-    return (_cross(a, b) / (abs(a) * abs(b))) ** 2
-
-
-PLACERS: dict[str, Callable[..., Placed]] = {
-    "dyad.rrr": _rrr,
-    "dyad.rrp": _rrp,
-    "dyad.rpr": _rpr,
-    "dyad.prp": _prp,
-    "dyad.rpp": _rpp,
-}
-"""Block type -> how one is placed at random."""
+def _address(link: LinkRef) -> str:
+    return f"{link.block}.{link.link}"

@@ -33,9 +33,9 @@ ADAPTIVE = {
     "spectral": (1e-3, 1e-6, 1e-9, 1e-12),
     "lsoda": (1e-3, 1e-5, 1e-7, 1e-9),
     "dop853": (1e-3, 1e-6, 1e-9, 1e-11),
-    "radau": (1e-3, 1e-6, 1e-9),
+    "radau": (1e-3, 1e-6),
 }
-PARTS = {"rk4": (50, 100, 200, 400, 800), "euler_q": (100, 1000, 10_000)}  # steps of a run
+PARTS = {"rk4": (100, 200, 400, 800), "euler_q": (100, 1000, 10_000)}  # steps of a run
 DEARER = 3.0  # the next finer setting of a method against the last one
 
 
@@ -88,7 +88,7 @@ def trade_motion(
         question = question._replace(request=given | {"times": times})
         best = question.run(method=method, accuracy=dict(FINEST)[method])
     reference, stick, doubts = _reference(question, best, method)
-    candidates = tuple(_candidates(best, len(mechanism.drivers)))
+    candidates = _coarse_first(_candidates(best, len(mechanism.drivers)))
     points, skipped = _measured(question, candidates, reference, stick, best, clock, say)
     names = ", ".join(best) if len(best) <= 3 else f"{len(best)} outputs"
     goal = given.get("until") or f"{_motion(best).end}"
@@ -113,7 +113,8 @@ def _motion(result: Result) -> Motion:
 def _no_motion(best: Result) -> Any:
     from blockmech.errors import Problem
 
-    return Problem("no-motion", "trade", _motion(best).end, "; ".join(_motion(best).notes), "")
+    remedy = 'say until when, e.g. until="time=2"'
+    return Problem("no-motion", "trade", _motion(best).end, "; ".join(_motion(best).notes), remedy)
 
 
 def _finest(question: Question) -> tuple[Result, str]:
@@ -209,6 +210,15 @@ def _candidates(best: Result, drivers: int) -> Iterator[Candidate]:
             yield Candidate(method, f"step {step:g} {unit}", {"method": method, "step": step})
 
 
+def _coarse_first(candidates: Iterator[Candidate]) -> tuple[Candidate, ...]:
+    """The coarsest setting of every method first, so that a short budget sees all methods."""
+    by_method: dict[str, list[Candidate]] = {}
+    for c in candidates:
+        by_method.setdefault(c.method, []).append(c)
+    most = max(map(len, by_method.values()))
+    return tuple(row[i] for i in range(most) for row in by_method.values() if i < len(row))
+
+
 def _round(x: float) -> float:
     """A number to two digits."""
     return float(f"{x:.1e}")
@@ -229,7 +239,6 @@ def _measured(
     refused: dict[str, str] = {}
     last: dict[str, float] = {}
     for i, c in enumerate(candidates):
-        say(c.label, i, len(candidates))
         if c.method in refused:
             continue
         expected = (FEWEST + 1) * DEARER * last.get(c.method, 0.0)
@@ -237,6 +246,7 @@ def _measured(
             skipped.append(Skipped(c.label, _too_long(expected, clock)))
             continue
         try:
+            say(c.label, i, len(candidates))
             run = _runner(question, c)
             found, cold = once(run)
             last[c.method] = cold
@@ -264,6 +274,8 @@ def _measured(
                 error < reference.floor,
             )
         )
+    order = list(ADAPTIVE) + list(PARTS)
+    points.sort(key=lambda p: order.index(p.method))
     return tuple(points), tuple(skipped)
 
 
@@ -272,5 +284,7 @@ def _runner(question: Question, candidate: Candidate) -> Callable[[], Result]:
 
 
 def _too_long(seconds: float, clock: Clock) -> str:
-    left = max(clock.left, 0.0)
+    left = clock.left
+    if left <= 0:
+        return "the budget is spent"
     return f"would take about {seconds:.2g} s, {left:.2g} s of the budget are left"

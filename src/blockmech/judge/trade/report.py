@@ -101,7 +101,10 @@ def text(trade: Trade) -> str:
         f"known to {size(reference.floor)} (the floor)",
     ]
     lines += [f"note: {note}" for note in trade.notes]
-    lines += [f"skipped: {s.label}: {s.why}" for s in trade.skipped]
+    reasons: dict[str, list[str]] = {}
+    for s in trade.skipped:
+        reasons.setdefault(s.why, []).append(s.label)
+    lines += [f"skipped: {'; '.join(labels)}: {why}" for why, labels in reasons.items()]
     return "\n".join([*lines, f"measured in {trade.spent:.1f} s", "", sentence(trade)])
 
 

@@ -1,17 +1,18 @@
 """The map of the extremes: measured digits against what half an ulp in the data forces.
 
-``python -m tests.extremes`` prints the whole map as a table (it is kept in MAP.md).
+``python -m tests.extremes`` prints the whole map as a table (it is kept in tests/extremes/MAP.md).
 """
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import blockmech as bm
-
-from .measure import measure
-from .scenes import Scene, all_scenes, fourbar
+from tests.extremes.measure import measure
+from tests.extremes.scenes import Scene, all_scenes, fourbar
 
 TIMES_FORCED = 20.0  # no quantity may be worse than this times what the data force
 FLOOR = 1e-12  # of the largest of its kind, in double; in single the same number of ulps
@@ -56,3 +57,20 @@ def test_factored_kernels_keep_six_digits_in_single_precision_at_a_gap_of_1e_4()
         if precision == "complex64" and scene.name.endswith("gap 1e-04"):
             place = next(r for r in measure(scene, precision) if r.kind == "p")
             assert place.error < max(1e-6, place.forced), scene.name
+
+
+@pytest.mark.parametrize("gap", ["1e-08", "1e-10", "1e-12", "3e-15"])
+def test_gap_below_single_precision_is_flagged_or_refused_by_name(gap: str) -> None:
+    for scene in (s for s in all_scenes() if s.name.endswith(f"gap {gap}")):
+        request = {"at": scene.at, "rates": scene.rates, "want": scene.want}
+        run = scene.graph.compile().run(**request, precision="complex64", on_gap="mark")
+        near = {f.code for f in run.quality.flags} & {"near-dead-centre", "dead-centre"}
+        refused = run.quality.blame == {0: "dyad"}
+        finite = all(np.isfinite(run[name]).all() for name in run)
+        assert refused or (near and finite), scene.name
+
+
+def test_map_in_the_repository_has_a_row_for_every_scene() -> None:
+    rows = (Path(__file__).parent / "extremes" / "MAP.md").read_text(encoding="utf-8").splitlines()
+    kept = [[cell.strip() for cell in row.split("|")[1:3]] for row in rows if " | complex" in row]
+    assert kept == [[s.name, p] for s, p in SCENES]

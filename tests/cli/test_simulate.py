@@ -1,0 +1,114 @@
+"""``blockmech simulate``: the same motion as Python, its events, files and exit codes."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+import blockmech as bm
+from blockmech.export import result_schema
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+WATT = GRAPHS / "watt_sixbar.json"
+
+
+def simulated(until=None, **request):
+    """What Python computes, as JSON data."""
+    return bm.Graph.load(WATT).compile().simulate(until, **request).to_dict()
+
+
+REQUESTS = [
+    ([], {}),
+    (["--until", "swings=2"], {"until": "swings=2"}),
+    (["--times", "0:1:5"], {"times": [0.0, 0.25, 0.5, 0.75, 1.0]}),
+    (["--until", "time=1", "--want", "*.reaction"], {"until": "time=1", "want": ["*.reaction"]}),
+    (["--until", "angle=-1", "--accuracy", "1e-6"], {"until": "angle=-1", "accuracy": 1e-6}),
+    (["--method", "rk4", "--step", "0.01"], {"method": "rk4", "step": 0.01}),
+    (["--method", "euler_q", "--step", "0.01"], {"method": "euler_q", "step": 0.01}),
+    (["--friction", "none"], {"friction": "none"}),
+]
+
+
+@pytest.mark.parametrize(("words", "request_"), REQUESTS)
+def test_json_is_what_python_computes_and_fits_the_schema(call, words, request_):
+    said = call("simulate", WATT, *words, "--json")
+    assert said.code == 0
+    found = json.loads(said.out)
+    jsonschema.validate(found, result_schema())
+    assert found == json.loads(json.dumps(simulated(**request_)))
+
+
+def test_the_standstill_is_an_event_with_time_and_place(call):
+    found = json.loads(call("simulate", WATT, "--json").out)
+    (event,) = found["events"]
+    assert event["kind"] == "standstill"
+    assert event["time"] == found["motion"]["end_time"] == found["time"][-1]
+    assert event["crank.q"] == pytest.approx(-3.7998507643768, abs=1e-12)
+
+
+def test_alone_it_prints_a_table_and_how_it_went_and_writes_nothing(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = call("simulate", WATT, "--deg")
+    assert said.code == 0
+    assert "standstill at 1.38475256594 s, crank.q = -217.7" in said.out
+    assert "method energy (all loads depend on the driver's coordinate alone)" in said.out
+    assert "estimated error" in said.out
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_folder_gets_the_numbers_and_the_pictures(call, tmp_path):
+    out = tmp_path / "fall"
+    said = call("simulate", WATT, "--out", out)
+    assert said.code == 0
+    pictures = ["animation.gif", "animation.html", "energy.png", "motion.png", "phase.png"]
+    assert sorted(os.listdir(out)) == [*pictures, "result.json", "results.csv"]
+    assert all((out / name).stat().st_size > 1000 for name in pictures)
+    head = (out / "results.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert "time [s]" in head
+
+
+def test_times_that_the_motion_does_not_reach_are_said_by_the_exit_code(call):
+    said = call("simulate", WATT, "--until", "standstill", "--times", "0,1,2")
+    assert said.code == 1
+    assert "1 of 3 times after the end are left out" in said.out
+
+
+def test_friction_is_refused_by_name_unless_it_is_waived(call, ruiz, tmp_path):
+    data = json.loads(ruiz.read_text(encoding="utf-8"))
+    data["scene"]["initial"] = {"crank": {"q": 1.0, "rate": 0.0}}
+    path = tmp_path / "falling.json"
+    path.write_text(json.dumps(data), encoding="utf-8")
+    said = call("simulate", path, "--until", "time=0.1")
+    assert said.code == 2
+    assert "crank.A, dyad.B, dyad.C, dyad.D" in said.err
+    assert "--friction none" in said.err
+    assert call("simulate", path, "--until", "time=0.1", "--friction", "none").code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (["--until", "sometime"], "says nothing about when to stop"),
+        (["--method", "magic"], 'no method "magic"'),
+        (["--method", "spectral"], "standstill"),
+        (["--times", "1:0"], "is not a range"),
+        (["--json", "--plot", "x.png"], "only one of them"),
+    ],
+)
+def test_calls_that_make_no_sense_are_refused_in_one_message(call, words, part):
+    said = call("simulate", WATT, *words)
+    assert said.code == 2
+    assert said.out == ""
+    assert part in said.err
+    assert "Traceback" not in said.err
+
+
+def test_a_steady_state_tells_its_period(call):
+    found = json.loads(call("simulate", GRAPHS / "pump.json", "--until", "steady", "--json").out)
+    assert found["motion"]["facts"]["period"] == pytest.approx(found["time"][-1], rel=1e-12)
+    assert found["outputs"]["crank.q"]["values"][-1] == pytest.approx(2 * math.pi, abs=1e-9)

@@ -1,0 +1,78 @@
+"""Pictures of a simulation: the second paper's Figures 6 and 7, phase plot, animation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.draw.simulation import (
+    energy_panels,
+    motion_panels,
+    phase_plots,
+    screen_time,
+    simulation_pictures,
+)
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+WANT = ("*.q", "*.rate", "*.reaction", "mechanism.kinetic_energy", "mechanism.potential_energy")
+
+
+def fallen(name, until, want=WANT):
+    return bm.Graph.load(GRAPHS / f"{name}.json").compile().simulate(until, want=want)
+
+
+def test_figure_6_has_the_coordinate_the_rate_and_every_reactions_magnitude():
+    result = fallen("watt_sixbar", "standstill")
+    angle, rate, *reactions = motion_panels(result)
+    assert (angle.unit, rate.unit) == ("°", "rad/s")
+    assert np.array_equal(angle.curves[0].values, np.degrees(result["crank.q"]))
+    drawn = {curve.name: curve.values for panel in reactions for curve in panel.curves}
+    assert set(drawn) == {n.removesuffix(".reaction") for n in result if "reaction" in n}
+    for name, values in drawn.items():
+        assert np.array_equal(values, np.abs(result[f"{name}.reaction"]))
+
+
+def test_figure_7_shows_that_the_total_energy_is_kept():
+    (panel,) = energy_panels(fallen("watt_sixbar", "standstill"))
+    kinetic, potential, total = (curve.values for curve in panel.curves)
+    assert np.array_equal(total, kinetic + potential)
+    assert np.ptp(total) < 1e-12 * kinetic.max()
+
+
+@pytest.mark.parametrize(("name", "drivers"), [("watt_sixbar", 1), ("fivebar_falling", 2)])
+def test_the_phase_plot_has_a_curve_for_each_driver_with_its_ends(name, drivers):
+    result = fallen(name, "time=0.5")
+    (figure,) = phase_plots(result, degrees=False).values()
+    curves = [line for line in figure.axes[0].get_lines() if len(line.get_xdata()) > 1]
+    assert len(curves) == drivers
+    ends = [line for line in figure.axes[0].get_lines() if len(line.get_xdata()) == 1]
+    assert len(ends) == 2 * drivers
+    first = result.mechanism.drivers[0]
+    assert np.array_equal(curves[0].get_xdata(), result[f"{first}.q"])
+    assert np.array_equal(curves[0].get_ydata(), result[f"{first}.rate"])
+
+
+def test_the_animation_lasts_as_long_as_the_motion_and_never_runs_backward(tmp_path):
+    from PIL import Image
+
+    result = fallen("watt_sixbar", "standstill", ["*.q"])
+    files = {path.name for path in simulation_pictures(result, tmp_path)}
+    assert files == {"motion.png", "energy.png", "phase.png", "animation.gif", "animation.html"}
+    with Image.open(tmp_path / "animation.gif") as film:
+        seconds = film.n_frames * film.info["duration"] / 1000
+        assert seconds == pytest.approx(result.motion.t_end, abs=0.05)
+
+
+def test_a_motion_too_short_or_too_long_to_watch_is_slowed_or_sped_up():
+    assert screen_time(2.0) == 2.0
+    assert screen_time(0.03) == pytest.approx(3.0)
+    assert screen_time(40.0) == 8.0
+    assert screen_time(1e5) == 16.0
+
+
+def test_a_motion_of_no_duration_has_no_pictures(tmp_path):
+    mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
+    assert simulation_pictures(mech.simulate("time=0"), tmp_path) == []

@@ -1,0 +1,180 @@
+"""Every kind of load sets the motion that its own formula says.
+
+A uniform rod on a pivot is one equation, J q'' = -m g l cos q + M(q, q', t), which SciPy
+integrates here straight from the formula of the load; nothing of the package is used in it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import blockmech as bm
+
+MASS, LENGTH = 1.0, 1.0
+J = MASS * LENGTH**2 / 3  # [kg m2] about the pivot
+WEIGHT = MASS * 9.81 * LENGTH / 2  # [N m]
+TIMES = [0.3, 0.7, 1.1, 1.5]
+AGREES = 1e-8  # [rad] of two integrations in time, the judge's at 1e-12
+TURN = 2 * math.pi
+
+
+def rod(**elements):
+    """The rod with elements between frame (a, or from) and crank (b, or to)."""
+    graph = bm.Graph("rod", gravity=(0.0, -9.81))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "K": (0.5, 1.5)}))
+    link = bm.Link(mass=MASS, inertia=MASS * LENGTH**2 / 12, cm=(LENGTH / 2, 0.0))
+    graph.add("crank", bm.Crank(length=LENGTH, links={"crank": link}))
+    graph.connect("frame.A", "crank.A")
+    for name, (element, wires) in elements.items():
+        graph.add(name, element)
+        for terminal, marker in wires.items():
+            graph.connect(marker, f"{name}.{terminal}")
+    return graph.compile()
+
+
+ON_CRANK = {"a": "frame.A", "b": "crank.crank"}
+BACKWARD = {"a": "crank.crank", "b": "frame.A"}
+
+
+def judged(moment, q0, rate, knots=()):
+    """q at TIMES from the formula of the moment; steps end at kinks in time."""
+
+    def slope(t, y):
+        return [y[1], (moment(y[0], y[1], t) - WEIGHT * math.cos(y[0])) / J]
+
+    y, t, found = [q0, rate], 0.0, {}
+    for station in sorted({*TIMES, *knots}):
+        if station > TIMES[-1]:
+            break
+        run = solve_ivp(slope, (t, station), y, method="DOP853", rtol=1e-13, atol=1e-12)
+        y, t = run.y[:, -1], station
+        found[station] = y[0]
+    return np.array([found[t] for t in TIMES])
+
+
+def straight(xs, ys, x):
+    return float(np.interp(x, xs, ys))
+
+
+CLOCK = ([0.0, 0.4, 0.9, 2.0], [3.0, -2.0, 4.0, 1.0])
+RATES = ([-40.0, -5.0, 0.0, 4.0, 40.0], [6.0, 2.5, 0.0, -3.0, -8.0])
+ANGLES = ([0.0, 1.0, 2.5, 4.0], [1.0, -1.0, 2.0, 0.5])
+WAVE = CubicSpline([*ANGLES[0], TURN], [*ANGLES[1], ANGLES[1][0]], bc_type="periodic")
+
+
+def table(of, data, **more):
+    return {"kind": "table", "of": of, "arguments": data[0], "values": data[1], **more}
+
+
+LINEAR = {"interpolation": "linear"}
+CASES = {
+    "a table of the time": (
+        (bm.Motor(law=table("time", CLOCK, **LINEAR)), ON_CRANK),
+        lambda q, w, t: straight(*CLOCK, t),
+        CLOCK[0],
+    ),
+    "a wave of the time, wired backward": (
+        (bm.Motor(law={"kind": "fourier", "of": "time", "period": 0.7, "sines": [2.0]}), BACKWARD),
+        lambda q, w, t: -2.0 * math.sin(TURN * t / 0.7),
+        (),
+    ),
+    "a straight law of the rate": (
+        (bm.Motor(law={"kind": "dc", "stall_moment": 3.0, "no_load_speed": 20.0}), ON_CRANK),
+        lambda q, w, t: 3.0 * (1 - w / 20.0),
+        (),
+    ),
+    "a crooked law of the rate": (
+        (
+            bm.Motor(law={"kind": "polynomial", "of": "rate", "coefficients": [1.0, -0.2, -0.03]}),
+            ON_CRANK,
+        ),
+        lambda q, w, t: 1.0 - 0.2 * w - 0.03 * w * w,
+        (),
+    ),
+    "a crooked law of the rate, wired backward": (
+        (
+            bm.Motor(law={"kind": "polynomial", "of": "rate", "coefficients": [1.0, -0.2, 0.03]}),
+            BACKWARD,
+        ),
+        # what it measures and what it gives are both turned round
+        lambda q, w, t: -(1.0 + 0.2 * w + 0.03 * w * w),
+        (),
+    ),
+    "a periodic table of the angle": (
+        (bm.Motor(law=table("coordinate", ANGLES, turns=1), driver="crank"), ON_CRANK),
+        lambda q, w, t: float(WAVE(q % TURN)),
+        (),
+    ),
+    "a torsional damper": (
+        (bm.TorsionSpring(stiffness=0.0, damping=0.4), ON_CRANK),
+        lambda q, w, t: -0.4 * w,
+        (),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("start", [(0.2, 0.0), (1.0, 9.0)])
+def test_the_motion_is_that_of_the_loads_own_formula(name, start):
+    load, moment, knots = CASES[name]
+    mech = rod(load=load)
+    r = mech.simulate(times=TIMES, accuracy=1e-9, start={"crank": start})
+    error = np.abs(r["crank.q"] - judged(moment, *start, knots)).max()
+    assert error <= r.motion.error + AGREES
+
+
+def test_a_force_that_follows_the_time_on_the_frames_axis_needs_the_kernels():
+    law = {"kind": "fourier", "of": "time", "period": 0.9, "cosines": [5.0]}
+    load = (bm.Thrust(law=law, direction=(0.0, 1.0)), {"a": "frame.A", "b": "crank.B"})
+    mech = rod(load=load)
+    assert mech.reduced.rate_load_kernels
+
+    def moment(q, w, t):
+        return 5.0 * math.cos(TURN * t / 0.9) * LENGTH * math.cos(q)
+
+    r = mech.simulate(times=TIMES, accuracy=1e-9, start={"crank": (0.2, 0.0)})
+    assert np.abs(r["crank.q"] - judged(moment, 0.2, 0.0)).max() <= r.motion.error + AGREES
+
+
+def test_a_damped_spring_to_a_point_is_damping_that_changes_with_the_angle():
+    spring = bm.Spring(stiffness=30.0, free_length=0.4, damping=2.0)
+    mech = rod(load=(spring, {"a": "frame.K", "b": "crank.B"}))
+    assert mech.reduced.damped
+
+    def moment(q, w, t):
+        tip = np.exp(1j * q)
+        d = tip - (0.5 + 1.5j)
+        size = abs(d)
+        stretching = (d.conjugate() * 1j * tip).real / size  # per unit rate
+        return -(30.0 * (size - 0.4) + 2.0 * stretching * w) * stretching
+
+    r = mech.simulate(times=TIMES, accuracy=1e-9, start={"crank": (0.2, 0.0)})
+    assert np.abs(r["crank.q"] - judged(moment, 0.2, 0.0)).max() <= r.motion.error + AGREES
+
+
+def test_kinks_of_tables_and_of_wrapped_angles_are_known_to_the_methods():
+    by_driver = bm.Motor(law=table("coordinate", ANGLES, turns=2), driver="crank")
+    reduced = rod(load=(by_driver, ON_CRANK)).reduced
+    assert reduced.period == 2 * TURN
+    assert reduced.knots == pytest.approx(ANGLES[0])
+    spring = bm.TorsionSpring(stiffness=1.0, rest_angle=0.5)
+    assert rod(load=(spring, ON_CRANK)).reduced.knots == pytest.approx([0.5 + math.pi])
+    own = bm.Motor(law=table("coordinate", ([-1.0, 0.0, 2.0], [0.0, 1.0, 0.0]), turns=1))
+    knots = rod(load=(own, ON_CRANK)).reduced.knots
+    assert knots == pytest.approx([0.0, 2.0, TURN - 1.0], abs=1e-12)
+
+
+def test_a_law_of_a_driver_that_counts_turns_has_no_period():
+    law = {"kind": "polynomial", "of": "coordinate", "coefficients": [0.0, -0.5]}
+    reduced = rod(load=(bm.Motor(law=law, driver="crank"), ON_CRANK)).reduced
+    assert reduced.period is None
+    r = rod(load=(bm.Motor(law=law, driver="crank"), ON_CRANK)).simulate(
+        times=TIMES, start={"crank": (1.0, 9.0)}
+    )
+    wanted = judged(lambda q, w, t: -0.5 * q, 1.0, 9.0)
+    assert np.abs(r["crank.q"] - wanted).max() <= r.motion.error + AGREES

@@ -1,0 +1,99 @@
+"""Blocks, links and laws made in Python: what they accept, what they refuse and how."""
+
+import copy
+import pickle
+import subprocess
+import sys
+import textwrap
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+
+MISTAKES = {
+    "RRR.l_i: l_i must be > 0 m, got -1": lambda: bm.RRR(l_i=-1, l_j=2),
+    'RRR.l_j: RRR needs "l_j" [m]': lambda: bm.RRR(l_i=1),
+    "RRR.l_j: l_j must be a finite number in m, got NaN": lambda: bm.RRR(l_i=1, l_j=float("nan")),
+    'did you mean "branch"?': lambda: bm.RRR(l_i=1, l_j=2, branh=1),
+    "RRR.links.i.mass: mass must be >= 0 kg": lambda: bm.RRR(
+        l_i=1, l_j=2, links={"i": {"mass": -1}}
+    ),
+    "Link.inertia: inertia must be a finite number in kg m2": lambda: bm.Link(inertia=np.inf),
+    'keys there: law, rate, start, end. did you mean "start"?': lambda: bm.ConstantRate(
+        rate=1, stat=2
+    ),
+    "Frame.markers.A: A must be a place in m,": lambda: bm.Frame(markers={"A": (0, "x")}),
+    "Force.force: force must be a vector [x, y]": lambda: bm.Force(force=(0,)),
+    "Marker: the direction is given twice": lambda: bm.Marker(at=0j, angle=1.0, dir=(1, 0)),
+    "Scene.gravity: gravity must be a vector": lambda: bm.Graph(gravity=(0, 0, 1)),
+    "gravity must be a vector [x, y] of finite numbers, got 9.81": lambda: bm.Graph(gravity=9.81),
+    "1: not an address": lambda: bm.Graph().connect(1, "a.b"),
+}
+
+
+@pytest.mark.parametrize("said", MISTAKES)
+def test_a_mistake_is_one_sentence_with_the_place(said):
+    with pytest.raises(bm.GraphError) as caught:
+        MISTAKES[said]()
+    assert said in str(caught.value)
+    assert "pydantic" not in str(caught.value)
+
+
+def test_all_mistakes_of_a_call_are_said_at_once():
+    with pytest.raises(bm.GraphError) as caught:
+        bm.RRR(l_i=-1, l_j="2", branch=0)
+    assert [p.where for p in caught.value.problems] == ["RRR.l_i", "RRR.l_j", "RRR.branch"]
+
+
+def test_a_block_does_not_change_once_it_is_made():
+    dyad = bm.RRR(l_i=1, l_j=2)
+    with pytest.raises(bm.GraphError, match="does not change"):
+        dyad.l_i = 3.0
+    assert dyad.l_i == 1.0
+
+
+def test_blocks_are_pickled_and_copied_as_they_are():
+    dyad = bm.RRR(l_i=1, l_j=2, links={"i": bm.Link(mass=1, cm=(0.5, 0))})
+    assert pickle.loads(pickle.dumps(dyad)) == dyad
+    assert copy.deepcopy(dyad) == dyad
+    assert dyad.model_copy(update={"l_i": 3.0}).l_i == 3.0
+
+
+def test_numbers_and_arrays_of_numpy_are_numbers():
+    lengths = np.array([6, 3])
+    dyad = bm.RRR(l_i=lengths[0], l_j=np.float32(3), branch=np.sign(-lengths[1]))
+    assert dyad == bm.RRR(l_i=6.0, l_j=3.0, branch=-1)
+    frame = bm.Frame(markers={"A": np.zeros(2), "D": (lengths[0], 0)})
+    assert frame == bm.Frame(markers={"A": (0, 0), "D": (6, 0)})
+    table = bm.Table(times=np.arange(3), values=np.arange(3) / 2)
+    assert table == bm.Table(times=[0, 1, 2], values=[0, 0.5, 1])
+
+
+TYPED = textwrap.dedent(
+    """
+    import numpy as np
+    import blockmech as bm
+
+    links = {"i": bm.Link(mass=1.0, cm=(3.0, 0.0), markers={"S": (1.0, 2.0)})}
+    drive = {"crank": bm.ConstantRate(rate=10.0, start=0.0, end=1.0)}
+    g = bm.Graph("typed", gravity=(0.0, -9.81), drive=drive)
+    pivot = bm.Marker(at=(5.5, 0.0), dir=(0.0, 1.0))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": pivot, "E": 1 + 2j}))
+    g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, branch=-1, links=links))
+    g.add("weight", bm.Force(force=(0.0, -1000.0)))
+    place: complex = pivot.at.z
+    times = bm.Table(times=np.linspace(0.0, 1.0, 5), values=[0.0, 1.0, 2.0, 3.0, 4.0])
+    """
+)
+
+
+@pytest.mark.skipif(find_spec("mypy") is None, reason="the type checker is for development")
+def test_a_type_checker_takes_what_the_constructors_take(tmp_path):
+    script = tmp_path / "typed.py"
+    for text, code in ((TYPED, 0), (TYPED + 'bm.Force(force="down")\n', 1)):
+        script.write_text(text, encoding="utf-8")
+        command = [sys.executable, "-m", "mypy", "--strict", "--no-incremental", str(script)]
+        found = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+        assert found.returncode == code, found.stdout

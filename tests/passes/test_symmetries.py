@@ -1,0 +1,219 @@
+"""Mirrored, rotated, scaled and shuffled mechanisms give the mirrored, rotated, ... numbers.
+
+Mirroring changes signs and scaling by powers of two changes exponents, no digit of any number:
+those answers are the same to the last bit. Turning rounds every vector anew.
+"""
+
+import random
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from blockmech.judge.verify import _Judge
+from blockmech.testing.strategies import KINDS, Options, mechanisms
+from tests.wiring import EPS, mirrored, rewired, rotated, ruiz, same_bits, scaled, toggle, watt
+
+CHAINS = Options(kinds=("dyad.rrr",), groups=(1, 4), drivers=(1, 3))
+ALL = Options(kinds=KINDS, groups=(1, 3))
+HAND_MADE = {
+    "ruiz": (ruiz, {"at": {"crank": 1.3}}),
+    "toggle": (toggle, {"at": {"ram": 0.3}}),
+    "watt": (lambda: watt(spring=2.0, friction=True), {"at": {"crank": -2.0}}),
+}
+EACH = pytest.mark.parametrize("name", HAND_MADE)
+
+
+def hand_made(name):
+    make, request = HAND_MADE[name]
+    rates = dict.fromkeys(request["at"], 3.0)
+    return make(), {**request, "rates": rates, "accelerations": dict.fromkeys(rates, -2.0)}
+
+
+def solve(graph, request, **settings):
+    return graph.compile().run(**request, on_gap="mark", **settings)
+
+
+def numbers(result):
+    return {k: np.asarray(result[k]) for k in result if result.output(k).kind != "number"}
+
+
+# ---- mirrored -----------------------------------------------------------------------------------
+
+TURNING = ("rad", "rad/s", "rad/s2", "N m", "kg m2/rad")  # odd under mirroring
+UNSIGNED = (".transmission_angle",)
+
+
+def image(result):
+    """What a result must become in the mirror."""
+    rotary = np.array([-1 if u == "rad" else 1 for u in map(result.unit, result.drivers)])
+    found = {}
+    for name, values in numbers(result).items():
+        output = result.output(name)
+        if output.kind == "vector":
+            found[name] = values.conj()
+        elif name == "mechanism.M":
+            found[name] = values * np.outer(rotary, rotary)
+        elif name == "mechanism.Q":
+            found[name] = values * rotary
+        elif name.endswith(UNSIGNED):
+            found[name] = values
+        else:
+            odd = output.unit in TURNING or name.endswith(".N")
+            found[name] = -values if odd else values
+    return found
+
+
+def in_the_mirror(mech, request):
+    """The request of the mirror image: angles turn the other way, slides do not."""
+
+    def seen(values):
+        rotary = mech.structure.blocks
+        return {d: -x if rotary[d].rotary else x for d, x in values.items()}
+
+    return {k: seen(values) for k, values in request.items()}
+
+
+def check_mirror(graph, request):
+    one = solve(graph, request)
+    other = solve(mirrored(graph), in_the_mirror(graph.compile(), request))
+    assert other.quality.status == one.quality.status
+    assert same_bits(image(one), numbers(other)) == []
+
+
+@EACH
+def test_mirror_image_of_a_hand_made_mechanism(name):
+    check_mirror(*hand_made(name))
+
+
+@given(mechanisms(CHAINS))
+@settings(max_examples=25)
+def test_mirror_image_of_a_random_chain(case):
+    check_mirror(case.graph, case.request)
+
+
+@given(mechanisms(ALL))
+@settings(max_examples=25)
+def test_mirror_image_of_a_random_mechanism(case):
+    check_mirror(case.graph, case.request)
+
+
+def test_mirrored_twice_is_the_mechanism_itself():
+    graph = watt(spring=2.0, friction=True)
+    assert mirrored(mirrored(graph)).to_json() == rewired(graph).to_json()
+
+
+# ---- scaled -------------------------------------------------------------------------------------
+
+
+def powers(unit):
+    """Powers of length and force in a unit; the unit of time stays, so kg is N / m."""
+    length = force = 0
+    parts = unit.replace("(", "").replace(")", "").split("/")
+    for sign, part in zip((1, -1, -1), parts, strict=False):
+        for symbol in part.split():
+            letters, power = symbol.rstrip("23"), int(symbol[-1]) if symbol[-1] in "23" else 1
+            length += sign * power * {"m": 1, "J": 1, "W": 1, "kg": -1}.get(letters, 0)
+            force += sign * power * {"N": 1, "J": 1, "W": 1, "kg": 1}.get(letters, 0)
+    return length, force
+
+
+def test_powers_of_units_are_read_right():
+    assert powers("N m") == (1, 1)
+    assert powers("m/s2") == (1, 0)
+    assert powers("kg m2") == (1, 1)
+    assert powers("kg m2/rad") == (1, 1)
+    assert powers("kg/m") == (-2, 1)
+    assert powers("N/(N m)") == (-1, 0)
+    assert powers("rad/s2") == powers("") == (0, 0)
+
+
+def check_scale(graph, request, length, force):
+    mech = graph.compile()
+    slides = {d: 1.0 if mech.structure.blocks[d].rotary else length for d in mech.drivers}
+    wanted = solve(graph, request)
+    bigger = {k: {d: x * slides[d] for d, x in v.items()} for k, v in request.items()}
+    found = solve(scaled(graph, length, force), bigger)
+    assert found.quality.status == wanted.quality.status
+    for name, values in numbers(wanted).items():
+        if wanted.unit(name) == "SI":
+            continue  # of mixed units; drives and energies stand for it
+        a, b = powers(wanted.unit(name))
+        exact = np.array_equal(found[name], values * length**a * force**b, equal_nan=True)
+        assert exact, name
+
+
+@EACH
+@pytest.mark.parametrize(("length", "force"), [(2.0, 1.0), (1.0, 0.5), (0.125, 1024.0)])
+def test_other_units_of_length_and_force_change_no_digit(name, length, force):
+    check_scale(*hand_made(name), length, force)
+
+
+@given(mechanisms(ALL), st.integers(-12, 12), st.integers(-12, 12))
+@settings(max_examples=25)
+def test_other_units_change_no_digit_of_a_random_mechanism(case, length, force):
+    # A block without lengths of its own counts as 1 m long where pairs at rest are looked for.
+    resting = solve(case.graph, case.request).quality.flags
+    assume(not any(f.code == "zero-relative-speed" for f in resting))
+    check_scale(case.graph, case.request, 2.0**length, 2.0**force)
+
+
+# ---- rotated ------------------------------------------------------------------------------------
+
+
+def check_rotation(graph, request, angle):
+    one, other = solve(graph, request), solve(rotated(graph, angle), request)
+    assert other.quality.status == one.quality.status
+    e, fixed = np.exp(1j * angle), one.mechanism.structure.frame
+    condition = _Judge(one).worst ** 2  # once in the motion, once in the forces
+    sizes: dict = {}
+    for name, values in numbers(one).items():
+        kind = one.unit(name), one.output(name).kind
+        sizes[kind] = max(sizes.get(kind, 0.0), np.nanmax(np.abs(values), initial=0.0))
+    for name, values in numbers(one).items():
+        output = one.output(name)
+        wanted, found = values, np.asarray(other[name])
+        if output.kind == "vector":
+            wanted = values * e
+        elif name.endswith(".angle"):
+            wanted, found = np.exp(1j * values) * e, np.exp(1j * found)
+        elif name.startswith(f"{fixed}."):
+            continue
+        scale = max(1.0, sizes[output.unit, output.kind], sizes.get(("N", "vector"), 0.0))
+        assert np.nanmax(np.abs(found - wanted), initial=0.0) <= 500 * EPS * condition * scale, name
+
+
+@EACH
+@pytest.mark.parametrize("angle", [0.3, np.pi / 2, 2.0, -1.1])
+def test_turned_mechanism_gives_the_turned_numbers(name, angle):
+    check_rotation(*hand_made(name), angle)
+
+
+@given(mechanisms(CHAINS), st.floats(-3.0, 3.0))
+@settings(max_examples=25)
+def test_turned_random_chain_gives_the_turned_numbers(case, angle):
+    check_rotation(case.graph, case.request, angle)
+
+
+# ---- shuffled -----------------------------------------------------------------------------------
+
+
+@given(mechanisms(ALL), st.integers(0, 2**32 - 1))
+@settings(max_examples=25)
+def test_order_of_writing_changes_no_bit_of_a_random_mechanism(case, seed):
+    one = solve(case.graph, case.request)
+    other = solve(rewired(case.graph, random.Random(seed)), case.request)
+    assert set(one) == set(other)
+    assert same_bits(numbers(one), numbers(other)) == []
+    assert str(one.mechanism) == str(other.mechanism)
+
+
+def test_order_of_drivers_in_the_request_does_not_matter():
+    options = Options(kinds=("dyad.rrr",), drivers=(3, 3), groups=(2, 2))
+    from blockmech.testing.strategies import Seeded, random_mechanism
+
+    case = random_mechanism(Seeded(4), options)
+    backwards = {k: dict(reversed(v.items())) for k, v in case.request.items()}
+    one, other = solve(case.graph, case.request), solve(case.graph, backwards)
+    assert same_bits(numbers(one), numbers(other)) == []

@@ -1,0 +1,84 @@
+"""The cost model: what each wanted output drags in, and what asking for less saves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.cost import CostModel, Counted, price, shares
+from tests.wiring import chain, ruiz, watt
+
+
+def test_arrays_count_what_is_done_to_them() -> None:
+    Counted.tally = {}
+    x = np.arange(3.0).view(Counted)
+    y = np.sqrt(x * 2.0 + 1.0)
+    np.where(y > 1.0, y, x)
+    assert Counted.tally == {"multiply": 1, "add": 1, "sqrt": 1, "greater": 1, "where": 1}
+
+
+def test_what_is_not_wanted_costs_nothing() -> None:
+    mech = ruiz().compile()
+    places, forces = mech.plan("*.p"), mech.plan("*.reaction")
+    assert price(mech, places) < price(mech, forces) / 3
+
+
+def test_shares_name_the_blocks_and_stages_that_an_output_drags_in() -> None:
+    mech = watt().compile()
+    found = {s.name: s for s in shares(mech, ["first.C.p", "last.C.v", "crank.drive"])}
+    assert found["first.C.p"].blocks == ("crank", "first")
+    assert found["first.C.p"].stages == ("position",)
+    assert found["last.C.v"].blocks == ("crank", "first", "last")
+    assert "force" in found["crank.drive"].stages
+
+
+def test_the_dearest_output_saves_most_and_a_free_one_nothing() -> None:
+    found = shares(ruiz().compile(), ["crank.drive", "dyad.j.alpha", "crank.q"])
+    assert found[0].name == "crank.drive"
+    assert found[0].saves > 3
+    last = {s.name: s.saves for s in found}
+    assert last["dyad.j.alpha"] == pytest.approx(1.0, abs=0.05)  # the drive needs it anyway
+
+
+def test_many_outputs_are_told_by_the_stage_that_they_need() -> None:
+    names = [s.name for s in shares(ruiz().compile(), "*")]
+    assert {"positions", "velocities", "accelerations", "reactions and drives"} <= set(names)
+
+
+def test_solving_friction_is_counted_with_its_iterations() -> None:
+    mech = ruiz().compile()
+    few = mech.plan("*.reaction", friction="successive", iterations=2)
+    many = mech.plan("*.reaction", friction="successive", iterations=8)
+    assert price(mech, many) > 1.3 * price(mech, few)
+
+
+def test_costs_of_a_chain_grow_with_its_length() -> None:
+    short, long = chain(5).compile(), chain(20).compile()
+    ratio = price(long, long.plan("*.v")) / price(short, short.plan("*.v"))
+    assert 3 < ratio < 4.5  # 41 links against 11
+
+
+def test_explain_says_what_asking_for_less_would_save() -> None:
+    text = ruiz().compile().explain(["crank.drive", "dyad.j.alpha"])
+    assert "8 kernel calls for 2 outputs" in text
+    assert "without crank.drive:" in text
+    assert "without friction:" in text
+    assert "times cheaper" in text
+
+
+def test_explain_works_where_drivers_have_no_law_of_motion() -> None:
+    g = bm.Graph("pendulum", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("crank", bm.Crank(length=1.0, links={"crank": bm.Link(mass=1.0, cm=(0.5, 0.0))}))
+    g.connect("frame.A", "crank.A")
+    assert "crank.J_red" in g.compile().explain(["crank.J_red", "crank.tau_red"])
+
+
+def test_lines_that_plans_share_are_counted_once() -> None:
+    mech = ruiz().compile()
+    model = CostModel(mech)
+    whole = model.cost(mech.plan("*"))
+    before = dict(model._lines)
+    assert model.cost(mech.plan("*.p")) < whole
+    assert model._lines == before

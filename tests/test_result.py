@@ -1,0 +1,520 @@
+"""A result says what it holds, in which unit, how good it is, and what it does not hold."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import NotComputedError
+from blockmech.values import Marker
+from tests.wiring import EPS, off, ruiz, toggle, watt, wire
+
+EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
+
+
+# ---- labels, units, kinds -----------------------------------------------------------------------
+
+UNITS = {
+    "crank.q": "rad",
+    "crank.rate": "rad/s",
+    "crank.acceleration": "rad/s2",
+    "crank.drive": "N m",
+    "crank.drive_by_reduction": "N m",
+    "crank.power": "W",
+    "crank.J_red": "kg m2",
+    "crank.tau_red": "N m",
+    "crank.dJ_red": "kg m2/rad",
+    "crank.crank.angle": "rad",
+    "dyad.i.omega": "rad/s",
+    "dyad.j.alpha": "rad/s2",
+    "dyad.C.p": "m",
+    "dyad.C.v": "m/s",
+    "dyad.C.a": "m/s2",
+    "dyad.C.reaction": "N",
+    "dyad.C.friction": "N m",
+    "dyad.C.slip": "rad/s",
+    "dyad.C.friction_power": "W",
+    "dyad.B.wrench_F": "N",
+    "dyad.B.wrench_M": "N m",
+    "dyad.margin": "",
+    "dyad.transmission_angle": "rad",
+    "dyad.J_red": "kg m2",
+    "weightlike.at.force": "N",
+    "couple.on.couple": "N m",
+    "couple.power": "W",
+    "mechanism.kinetic_energy": "J",
+    "mechanism.shaking_force": "N",
+    "mechanism.shaking_moment": "N m",
+    "mechanism.friction_efficiency": "",
+}
+
+
+@EACH_ENGINE
+def test_every_output_has_its_unit_and_shape(engine):
+    r = ruiz().run(at=[1.0, 2.0, 3.0], engine=engine)
+    assert UNITS.items() <= {name: r.unit(name) for name in r}.items()
+    for name, values in r.items():
+        kind = r.output(name).kind
+        if kind == "number":
+            assert isinstance(values, float)
+            continue
+        assert values.shape == (3,)
+        assert np.iscomplexobj(values) == (kind == "vector"), name
+
+
+def test_slide_drive_is_in_metres_and_newtons():
+    r = toggle().run(at=0.3)
+    found = {n: r.unit(f"ram.{n}") for n in ("q", "rate", "drive", "J_red", "tau_red", "dJ_red")}
+    assert found == {
+        "q": "m",
+        "rate": "m/s",
+        "drive": "N",
+        "J_red": "kg",
+        "tau_red": "N",
+        "dJ_red": "kg/m",
+    }
+    joint = {n: r.unit(f"ram.S.{n}") for n in ("reaction", "N", "C", "friction", "slip")}
+    assert joint == {"reaction": "N", "N": "N", "C": "N m", "friction": "N", "slip": "m/s"}
+    assert r["ram.S.reaction"][0] == pytest.approx(
+        r["ram.S.N"][0] * 1j * np.exp(1j * r["ram.slider.angle"][0]), rel=1e-14
+    )
+
+
+def test_forces_say_who_acts_on_whom():
+    r = ruiz().run(at=1.0)
+
+    def sides(name):
+        return r.output(name).by, r.output(name).on
+
+    assert sides("crank.A.reaction") == ("frame.frame", "crank.crank")
+    assert sides("dyad.B.reaction") == ("crank.crank", "dyad.i")
+    assert sides("dyad.C.reaction") == ("dyad.i", "dyad.j")
+    assert sides("dyad.D.reaction") == ("frame.frame", "dyad.j")
+    assert sides("dyad.B.wrench_F") == ("dyad.i", "crank.crank")
+    assert sides("crank.drive") == ("frame.frame", "crank.crank")
+    assert sides("weightlike.at.force") == ("weightlike", "dyad.i")
+
+
+def test_several_drivers_have_a_mass_matrix():
+    g = bm.Graph("arm", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    link = bm.Link(mass=2.0, inertia=0.0, cm=(1.0, 0.0))
+    g.add("upper", bm.Crank(length=1.0, links={"crank": link}))
+    g.add("lower", bm.Crank(length=1.0, links={"crank": link}))
+    wire(g, "frame.A upper.A", "upper.B lower.A")
+    r = g.run(at={"upper": [0.2, 0.5], "lower": [0.3, -1.0]})
+    # the double pendulum of textbooks: equal masses at the ends of equal rods
+    M = r["mechanism.M"]
+    assert M.shape == (2, 2, 2)
+    for k, bend in enumerate((0.3, -1.0)):
+        c = math.cos(bend)
+        assert off(M[k], [[6 + 4 * c, 2 + 2 * c], [2 + 2 * c, 2]]) <= 4 * EPS
+    q1 = np.array([0.2, 0.5])
+    q12 = q1 + [0.3, -1.0]
+    g = 2.0 * 9.81
+    wanted = np.stack([-g * (2 * np.cos(q1) + np.cos(q12)), -g * np.cos(q12)], axis=-1)
+    assert off(r["mechanism.Q"], wanted) <= 4 * EPS
+    assert "upper.dJ_red" not in r
+
+
+# ---- reading what is there, and what is not -------------------------------------------------------
+
+
+def test_result_is_a_mapping_of_what_was_wanted():
+    r = ruiz().run(at=1.0, want=["dyad.C.*", "crank.drive"])
+    assert list(r) == [
+        "crank.drive",
+        "dyad.C.p",
+        "dyad.C.v",
+        "dyad.C.a",
+        "dyad.C.reaction",
+        "dyad.C.friction",
+        "dyad.C.slip",
+        "dyad.C.friction_power",
+    ]
+    assert len(r) == 8
+    assert "crank.drive" in r
+    assert "dyad.B.reaction" not in r
+    assert r.get("dyad.B.reaction") is None
+    assert dict(r)["crank.drive"] is r["crank.drive"]
+
+
+def test_missing_output_is_a_key_error_that_helps():
+    r = ruiz().run(at=1.0, want="crank.drive")
+    with pytest.raises(KeyError):
+        r["dyad.B.reaction"]
+    with pytest.raises(NotComputedError) as caught:
+        r["dyad.B.reaction"]
+    assert str(caught.value) == (
+        "[not-wanted] dyad.B.reaction: the run did not compute it. "
+        "computed: crank.drive. name it in want=."
+    )
+    with pytest.raises(bm.RequestError, match='did you mean "crank.drive"'):
+        r["crank.drve"]
+
+
+def test_reports_of_the_plan_are_no_outputs():
+    r = ruiz().run(at=1.0)
+    assert not any("/" in name for name in r)
+    with pytest.raises(KeyError):
+        r["margin/dyad"]
+
+
+def test_one_sample_and_many_read_alike():
+    mech = ruiz().compile()
+    one, many = mech.run(at=1.0), mech.run(at=[1.0, 2.0])
+    for name in one:
+        if np.ndim(many[name]):
+            assert one[name].shape == (1,)
+            assert one[name][0] == many[name][0]
+
+
+def test_text_of_a_result_is_a_short_table_with_units():
+    text = str(ruiz().run(at=[1.0, 2.0], want=["crank.drive", "dyad.margin"]))
+    assert "[rad]" in text
+    assert "[N m]" in text
+    assert "3775.35" in text
+    assert len(text.splitlines()) < 12
+    assert repr(ruiz().run(at=[1.0, 2.0], want="crank.drive")) == (
+        "<Result of ruiz_fourbar: 2 samples, 1 outputs, 8 kernel calls a sample, scalar engine>"
+    )
+
+
+# ---- comparing and running again ------------------------------------------------------------------
+
+
+def test_comparison_is_the_largest_difference_of_the_largest_size():
+    mech = ruiz().compile()
+    rough = mech.run(at=[1.0, 2.0], want=["crank.drive", "dyad.C.p"])
+    smooth = mech.run(at=[1.0, 2.0], want=["crank.drive", "dyad.margin"], friction="none")
+    difference = np.abs(rough["crank.drive"] - smooth["crank.drive"])
+    wanted = difference.max() / np.abs(rough["crank.drive"]).max()
+    assert rough.compare(smooth) == {"crank.drive": wanted}
+    assert rough.compare(rough) == {"crank.drive": 0.0, "dyad.C.p": 0.0}
+    assert rough.compare({}) == {}
+
+
+def test_comparison_does_not_overlook_a_missing_answer():
+    run = ruiz().run(at=[1.0, 2.0], want="crank.drive")
+    half = {"crank.drive": np.array([run["crank.drive"][0], math.nan])}
+    assert run.compare(half) == {"crank.drive": math.inf}
+    gap = ruiz(radius=3.75).run(at=[1.0, 2.0], want="crank.drive", on_gap="mark")
+    assert gap.compare(gap) == {"crank.drive": 0.0}
+
+
+def test_comparison_of_different_samples_is_refused():
+    run = ruiz().run(at=[1.0, 2.0])
+    with pytest.raises(bm.RequestError, match=r"has shape \(2,\) here and \(3,\) there"):
+        run.compare(ruiz().run(at=[1.0, 2.0, 3.0]))
+
+
+@EACH_ENGINE
+def test_rerun_gives_other_outputs_of_the_same_run(engine):
+    settings = {"friction": "successive", "iterations": 2}
+    run = ruiz().run(at=[1.0, 2.0], want="crank.drive", engine=engine, **settings)
+    again = run.rerun("dyad.C.reaction", "crank.drive")
+    assert again.settings == run.settings
+    assert again.engine == engine
+    assert np.array_equal(again["crank.drive"], run["crank.drive"])
+    direct = ruiz().run(at=[1.0, 2.0], engine=engine, **settings)
+    assert np.array_equal(again["dyad.C.reaction"], direct["dyad.C.reaction"])
+
+
+def test_rerun_marks_gaps_and_does_not_raise():
+    run = ruiz(radius=3.75).run(at=[1.0, 2.0], want="dyad.C.p")
+    assert run.quality.status == ("ok", "ok")
+    again = run.rerun("crank.drive")
+    assert again.quality.status[1] == "self-locked"
+    assert np.isnan(again["crank.drive"][1])
+
+
+# ---- wires ----------------------------------------------------------------------------------------
+
+
+def test_wire_shows_motion_forward_and_force_back():
+    r = ruiz().run(at=[1.0, 2.0])
+    found = r.wire("crank.B", "dyad.B")
+    assert np.array_equal(found["p"], r["crank.B.p"])
+    assert np.array_equal(found["v"], r["crank.B.v"])
+    assert np.array_equal(found["a"], r["crank.B.a"])
+    assert np.array_equal(found["om"], r["crank.crank.omega"])
+    assert np.array_equal(found["al"], r["crank.crank.alpha"])
+    assert np.array_equal(found["F"], -r["dyad.B.reaction"])
+    assert np.array_equal(found["M"], -r["dyad.B.friction"])
+
+
+def test_power_of_a_wire_is_what_flows_through_the_crank():
+    # at constant rate the crank stores nothing: drive power = friction at A + flow to the dyad
+    r = ruiz().run(at=np.linspace(0.1, 6.1, 13))
+    flow = r.wire("crank.B", "dyad.B")["power"]
+    balance = r["crank.power"] - r["crank.A.friction_power"] - flow
+    assert np.max(np.abs(balance)) <= 20 * EPS * np.max(np.abs(flow))
+
+
+def test_power_into_a_dyad_is_lost_stored_or_taken_by_its_loads():
+    # through B and D comes what friction at B, C, D, the loads and d(kinetic energy)/dt take
+    r = ruiz().run(at=np.linspace(0.1, 6.1, 13), want=["*"])
+    flow = r.wire("crank.B", "dyad.B")["power"] + r.wire("frame.D", "dyad.D")["power"]
+    lost = sum(r[f"dyad.{pin}.friction_power"] for pin in "BCD")
+    step = 1e-5
+    ahead, behind = (
+        ruiz().run(at=r["crank.q"] + h, want="mechanism.kinetic_energy") for h in (step, -step)
+    )
+    name = "mechanism.kinetic_energy"
+    stored = 10.0 * (ahead[name] - behind[name]) / (2 * step)
+    balance = flow - lost + r["weightlike.power"] + r["couple.power"] - stored
+    # central difference: step^2 / 6 times a third derivative some 10 times the energy
+    assert np.max(np.abs(balance)) <= 1e-8 * np.max(np.abs(stored))
+
+
+def test_wire_to_a_prismatic_pair_carries_its_couple():
+    r = toggle().run(at=0.3)
+    found = r.wire("frame.G", "ram.S")
+    assert found["power"][0] == 0.0  # the frame does not move
+    assert found["om"][0] == found["al"][0] == 0.0
+    n = 1j * np.exp(0.2j)
+    assert (found["F"] * np.conj(n)).real[0] == pytest.approx(-r["ram.S.N"][0], rel=1e-14)
+
+
+def test_unknown_wire_names_the_wires_there_are():
+    r = ruiz().run(at=1.0)
+    with pytest.raises(bm.RequestError) as caught:
+        r.wire("crank.A", "dyad.B")
+    assert caught.value.problems[0].code == "no-such-wire"
+    assert "crank.B -> dyad.B" in str(caught.value)
+
+
+# ---- gaps -----------------------------------------------------------------------------------------
+
+
+def reaching():
+    """A four-bar that closes only from -1.37 to 1.37 rad, as cos q > 0.2."""
+    g = bm.Graph("reaching")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (2.0, 0.0)}))
+    g.add("crank", bm.Crank(length=1.0))
+    g.add("dyad", bm.RRR(l_i=1.5, l_j=math.sqrt(4.2) - 1.5, links={"i": bm.Link(mass=1.0)}))
+    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
+    return g
+
+
+GAPPY = [0.5, 1.0, 1.5, 1.2, 3.0]
+
+
+@EACH_ENGINE
+def test_gap_raises_with_block_samples_drivers_and_margin(engine):
+    with pytest.raises(bm.AssemblyError) as caught:
+        reaching().run(at=GAPPY, rates=2.0, engine=engine)
+    failure = caught.value.failure
+    assert failure.block == "dyad"
+    assert list(failure.samples) == [2, 4]
+    assert failure.drivers == {"crank.q": 1.5}
+    marked = reaching().run(at=GAPPY, rates=2.0, engine=engine, on_gap="mark")
+    assert failure.margin == marked["dyad.margin"][2] < 0
+    (problem,) = caught.value.problems
+    assert problem.code == "no-assembly"
+    assert problem.where == "dyad at crank.q = 1.5 rad (sample 2 of 5)"
+    assert "2 of 5 samples affected" in problem.found
+    assert 'on_gap="mark"' in problem.remedy
+
+
+@EACH_ENGINE
+def test_gap_is_marked_and_the_rest_is_kept(engine):
+    r = reaching().run(at=GAPPY, rates=2.0, engine=engine, on_gap="mark")
+    assert r.quality.status == ("ok", "ok", "no-assembly", "ok", "no-assembly")
+    assert r.quality.gaps == (2, 4)
+    assert np.isnan(r["dyad.C.p"]).tolist() == [False, False, True, False, True]
+    assert np.isfinite(r["crank.B.p"]).all()
+    assert "2 without an answer" in repr(r)
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize(("at", "n"), [(GAPPY, 2), (GAPPY[2:], 0), (GAPPY[:2], 2)])
+def test_run_stops_before_the_first_gap(at, n, engine):
+    r = reaching().run(at=at, rates=2.0, engine=engine, on_gap="stop")
+    assert r.n == n
+    assert r["dyad.C.p"].shape == (n,)
+    assert r.quality.status == ("ok",) * n
+    assert r.drivers["crank.q"].tolist() == at[:n]
+    assert str(r)
+    assert r.to_dict()["samples"] == n
+
+
+@EACH_ENGINE
+def test_single_gap_stops_at_nothing(engine):
+    r = reaching().run(at=3.0, engine=engine, on_gap="stop")
+    assert (r.n, r.quality.status) == (0, ())
+
+
+def test_vectors_are_lost_as_a_whole():
+    r = reaching().run(at=GAPPY, on_gap="mark")
+    for name, values in r.items():
+        if np.iscomplexobj(values):
+            assert np.array_equal(np.isnan(values.real), np.isnan(values.imag)), name
+        assert not np.any(np.isinf(values)), name
+
+
+def test_errors_of_samples_can_be_sent_between_processes():
+    with pytest.raises(bm.AssemblyError) as caught:
+        reaching().run(at=GAPPY)
+    copy = pickle.loads(pickle.dumps(caught.value))
+    assert str(copy) == str(caught.value)
+    assert copy.failure == caught.value.failure
+
+
+def test_kinds_of_gaps_have_their_own_errors():
+    assert issubclass(bm.AssemblyError, bm.BlockmechError)
+    with pytest.raises(bm.FrictionError):
+        ruiz(radius=3.75).run(at=2.0)
+    g = reaching()
+    g.blocks["crank"] = bm.Crank(length=0.5)
+    g.blocks["dyad"] = bm.RRR(l_i=1.0, l_j=0.5, links={"i": bm.Link(mass=1.0)})
+    with pytest.raises(bm.SingularError):  # stretched at crank 0: 0.5 + 1.0 + 0.5 = 2
+        g.run(at=0.0, rates=1.0)
+
+
+# ---- quality ----------------------------------------------------------------------------------------
+
+
+@EACH_ENGINE
+def test_quality_has_a_column_for_every_group_and_every_solved_friction(engine):
+    q = watt(friction=True).run(at=[1.0, 2.0, 4.0], engine=engine).quality
+    assert set(q.margin) == {"first", "last"}
+    assert set(q.iterations) == set(q.residual) == set(q.contraction) == {"crank", "first", "last"}
+    for columns in (q.margin, q.iterations, q.residual, q.contraction):
+        assert all(np.shape(x) == (3,) for x in columns.values())
+    assert np.all(q.residual["last"] < 1e-14)
+    assert np.all(q.contraction["first"] < 1)
+
+
+def test_quality_reports_only_what_was_computed():
+    q = watt(friction=True).run(at=[1.0, 2.0], want="first.C.p").quality
+    assert set(q.margin) == {"first"}
+    assert not q.iterations
+
+
+def test_near_dead_centre_is_flagged_with_its_margin():
+    q = math.acos(0.2) * (1 - 1e-8)  # the dyad is stretched to within a few 1e-9
+    r = reaching().run(at=q, rates=1.0)
+    (flag,) = r.quality.flags
+    assert (flag.code, flag.where) == ("near-dead-centre", "dyad")
+    assert 0 < flag.value == r["dyad.margin"][0] < 1e-6
+
+
+def test_dictionary_holds_no_number_where_there_is_no_answer():
+    found = reaching().run(at=GAPPY, want=["dyad.C.p", "dyad.margin"], on_gap="mark").to_dict()
+    assert found["outputs"]["dyad.C.p"]["values"][2] is None
+    assert found["quality"]["status"][2] == "no-assembly"
+    assert found["drivers"] == {"crank.q": GAPPY}
+
+
+# ---- efficiency --------------------------------------------------------------------------------------
+
+RADIUS, COEFFICIENT, FORCE = 0.05, 0.2, 100.0
+
+
+def winch(rate=3.0, useful=True, start=0.0, end=6.0):
+    """A rough crank of 1 m that works against a force turning with it."""
+    g = bm.Graph("winch")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    law = bm.Coulomb(coefficient=COEFFICIENT, radius=RADIUS)
+    g.add("crank", bm.Crank(length=1.0, friction={"A": law}))
+    against = -math.copysign(FORCE, rate)
+    g.add("work", bm.Force(force=(0.0, against), axes="link", useful=useful))
+    wire(g, "frame.A crank.A", "crank.B work.at")
+    g.drive("crank", bm.ConstantRate(rate=rate, start=start, end=end))
+    return g
+
+
+# drive = 100 N 1 m + f r |R| = 100 + 0.2 0.05 100 = 101 N m
+EFFICIENCY = 100.0 / 101.0
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize("rate", [3.0, -3.0])
+@pytest.mark.parametrize(
+    "how", [{"samples": 7}, {"times": [0.0, 0.5, 1.5]}, {"at": [0.0, 1.0, 4.0]}]
+)
+def test_efficiency_is_useful_work_over_drive_work(how, rate, engine):
+    r = winch(rate).run(**how, engine=engine)
+    assert r["mechanism.efficiency"] == pytest.approx(EFFICIENCY, rel=10 * EPS)
+    assert r["mechanism.friction_efficiency"] == pytest.approx(EFFICIENCY, rel=10 * EPS)
+    assert np.allclose(np.abs(r["crank.drive"]), 101.0, rtol=10 * EPS, atol=0)
+    assert np.allclose(r["mechanism.useful_power"], 300.0, rtol=10 * EPS, atol=0)
+
+
+def test_efficiency_weighs_samples_by_their_time():
+    # a rod against gravity: work of its weight between two angles, unevenly sampled
+    g = winch(useful=False)
+    g.blocks["crank"] = bm.Crank(length=1.0, links={"crank": bm.Link(mass=2.0, cm=(0.5, 0.0))})
+    g.scene = g.scene.model_copy(update={"gravity": bm.values.Vector(-9.81j)})
+    g.blocks["work"] = g.blocks["work"].model_copy(update={"useful": True})
+    q = np.sort(np.random.default_rng(1).uniform(0.0, 1.5, 4001))
+    r = g.run(at=q)
+    useful = FORCE * (q[-1] - q[0])
+    drive = useful + 2.0 * 9.81 * 0.5 * (math.sin(q[-1]) - math.sin(q[0]))
+    # trapezoids: (1.5 / 4000 * some)^2 / 12 of the second derivative
+    assert r["mechanism.efficiency"] == pytest.approx(useful / drive, rel=1e-6)
+
+
+def test_without_useful_load_there_is_only_the_friction_efficiency():
+    r = winch(useful=False).run(samples=5)
+    assert "mechanism.efficiency" not in r.mechanism.outputs
+    assert r["mechanism.friction_efficiency"] == pytest.approx(EFFICIENCY, rel=10 * EPS)
+
+
+def test_no_efficiency_where_the_drive_does_no_positive_work():
+    r = winch(3.0).run(at=[0.0, 1.0], rates=-3.0)  # the load now drives the crank
+    assert math.isnan(r["mechanism.efficiency"])
+    assert math.isnan(r["mechanism.friction_efficiency"])
+    assert r.to_dict()["outputs"]["mechanism.efficiency"]["values"] in (None, [None])
+
+
+def test_no_efficiency_of_a_single_sample():
+    r = winch().run(at=1.0)
+    assert math.isnan(r["mechanism.efficiency"])
+    assert r.quality.status == ("ok",)
+
+
+def test_mechanical_advantage_is_load_over_effort():
+    r = winch().run(samples=3)
+    assert np.allclose(r["mechanism.mechanical_advantage"], FORCE / 101.0, rtol=10 * EPS, atol=0)
+    assert r.unit("mechanism.mechanical_advantage") == "N/(N m)"
+
+
+def test_mechanical_advantage_of_a_resting_drive_is_no_number_and_no_gap():
+    g = bm.Graph("idle")
+    g.add("frame", bm.Frame(markers={"A": Marker(at=(0.0, 0.0))}))
+    g.add("crank", bm.Crank(length=1.0))
+    g.add("pull", bm.Force(force=(5.0, 0.0), axes="link", useful=True))
+    wire(g, "frame.A crank.A", "crank.B pull.at")
+    r = g.run(at=[0.0, 1.0], rates=1.0)
+    assert r.quality.status == ("ok", "ok")
+    assert np.isnan(r["mechanism.mechanical_advantage"]).all()
+
+
+# ---- shaking force, energies ---------------------------------------------------------------------------
+
+
+def test_shaking_force_is_all_that_the_mechanism_does_to_the_frame():
+    r = ruiz().run(at=[1.0, 2.5])
+    wanted = -(r["crank.A.reaction"] + r["dyad.D.reaction"])
+    assert np.array_equal(r["mechanism.shaking_force"], wanted)
+    about = -(np.conj(5.5) * r["dyad.D.reaction"]).imag
+    about = about - (r["crank.drive"] + r["crank.A.friction"] + r["dyad.D.friction"])
+    assert off(r["mechanism.shaking_moment"], about) <= 10 * EPS
+
+
+def test_shaking_force_is_momentum_and_loads():
+    # Newton for the whole: -shaking + loads = sum of m a
+    r = watt(force=True).run(at=[1.0, 2.5], rates=4.0)
+    masses = {"crank.crank": (1.0, 0.5), "first.i": (1.5, 0.75), "first.j": (1.5, 0.75)}
+    masses |= {"last.i": (1.0, 0.5), "last.j": (1.0, 0.5)}
+    momentum = 0
+    for link, (m, arm) in masses.items():
+        e = np.exp(1j * r[f"{link}.angle"])
+        om, al = r[f"{link}.omega"], r[f"{link}.alpha"]
+        momentum = momentum + m * (r[f"{link}.a"] + (1j * al - om**2) * arm * e)
+    weight = -9.81j * sum(m for m, _ in masses.values())
+    assert off(30 - 40j + weight - r["mechanism.shaking_force"], momentum) <= 100 * EPS
