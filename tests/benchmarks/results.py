@@ -106,6 +106,8 @@ def write(path: Path) -> None:
 def machine() -> list[str]:
     """Processor, system, compiler and versions."""
     found = [f"{_processor()}, {os.cpu_count()} processors", platform.platform(terse=True)]
+    if hasattr(os, "getloadavg"):
+        found.append(f"{os.getloadavg()[0]:.1f} processes at work at the end of the run")
     found.append(f"Python {platform.python_version()}")
     for name in VERSIONS:
         try:

@@ -17,7 +17,7 @@ from blockmech.judge.trade.turned import turned_run
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 from blockmech.samples import make_samples
-from tests.wiring import chain, ruiz
+from tests.wiring import chain, ruiz, watt
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -220,6 +220,26 @@ def error_against_turned(mech: Mechanism, run: Result) -> float:
         if size[name] > 1e-6 * max(size[n] for n in plain if run.unit(n) == run.unit(name)):
             worst = max(worst, float(np.max(np.abs(run[name] - other[name])[good])) / size[name])
     return worst
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_the_recommended_simulation_meets_its_target_against_an_outside_number(
+    target: float,
+) -> None:
+    asked = {"until": "time=2", "times": [2.0], "start": {"crank": (math.pi / 3, 0.0)}}
+    best = from_sixty_degrees().best(target)
+    assert best is not None
+    fresh = watt().compile().simulate(**asked, **best.options)
+    # Crank angle [rad] at 2 s by Runge and Kutta's method in long double, made outside.
+    error = abs(fresh["crank.q"][-1] + 4.375366616457432)
+    assert error <= max(target, from_sixty_degrees().reference.floor)
+
+
+@cache
+def from_sixty_degrees() -> Trade:
+    start = {"crank": (math.pi / 3, 0.0)}
+    asked = {"until": "time=2", "times": [2.0], "start": start}
+    return trade(watt().compile(), "simulate", "crank.q", budget=8.0, **asked)
 
 
 JUDGED = (".drive", ".omega", ".margin", ".slip", ".J_red")

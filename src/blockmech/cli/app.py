@@ -10,6 +10,7 @@ import blockmech
 from blockmech.cli.check import check, verify
 from blockmech.cli.describe import blocks, schema
 from blockmech.cli.draw import draw
+from blockmech.cli.extremes import extremes
 from blockmech.cli.limits import limits
 from blockmech.cli.new import new
 from blockmech.cli.run import run
@@ -18,7 +19,7 @@ from blockmech.cli.terminal import say
 from blockmech.cli.test import test
 from blockmech.cli.trade import trade
 
-COMMANDS = (run, simulate, check, draw, verify, limits, trade, test, new, blocks, schema)
+COMMANDS = (run, simulate, check, draw, verify, limits, extremes, trade, test, new, blocks, schema)
 
 
 def command() -> Any:

@@ -99,7 +99,7 @@ class Planned:
     @property
     def survey(self) -> float:
         """Relative error of a survey's series that may remain [-]."""
-        share = 0.1 * (self.asked.accuracy or FINEST) / TURN
+        share = 0.5 * (self.asked.accuracy or FINEST) / TURN
         return min(max(share, SURVEY[0]), SURVEY[1])
 
     @property

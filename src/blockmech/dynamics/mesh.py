@@ -23,6 +23,7 @@ from blockmech.dynamics.reduced import Metered, feasible
 
 NODES = 64  # a panel
 RESOLVED = 1e-14  # what a series misses, relative, that is rounding
+SLIP = 1e-12  # of a panel: how far beyond its end a part of it may seem to reach
 STRONG = 0.03  # share of a panel's largest effort below which its series is not read
 
 
@@ -91,13 +92,11 @@ def sampled(
     edges: Floats,
     known: Mesh | None = None,
     limits: tuple[bool, bool] = (False, False),
-    read: bool = False,
 ) -> Mesh:
     """Samples on the panels between ``edges``; those ``known`` already has are reused.
 
-    With ``read``, panels at either end that lie within a known one are read from its
-    series, where that is as good as samples. Cost: one batch call of 64 samples for
-    every panel that is new.
+    Panels that lie within a known one are read from its series where that is as good as
+    samples. Cost: one batch call of 64 samples for every other panel that is new.
     """
     p = edges.size - 1
     length = edges[1:] - edges[:-1]
@@ -113,16 +112,13 @@ def sampled(
     both, missed = known.both[:, found], known.missed[:, found]  # new ones are overwritten
     possible = known.possible[found]
     new = [i for i, old in enumerate(found) if old < 0]
-    if read:
-        for i in {0, p - 1}.intersection(new):
-            samples = part(known, float(edges[i]), float(edges[i + 1]))
-            if samples is not None:
-                both[:, i], missed[:, i], possible[i] = samples, 0.0, True
-                new.remove(i)
+    if new:
+        for i, samples in _read(known, edges, new):
+            both[:, i], missed[:, i], possible[i] = samples, 0.0, True
+            new.remove(i)
     if new:
         here = (limits[0] and new[0] == 0, limits[1] and new[-1] == p - 1)
-        low = edges[:-1][new]
-        both[:, new], possible[new] = _samples(view, low, edges[1:][new], here)
+        both[:, new], possible[new] = _samples(view, edges[:-1][new], edges[1:][new], here)
         missed[:, new] = remainder(both[:, new], rule(NODES))
     return Mesh(edges, both, missed, length, limits, possible)
 
@@ -151,25 +147,37 @@ def joined(low: Mesh, high: Mesh) -> Mesh:
     )
 
 
-def part(mesh: Mesh, low: float, high: float) -> Floats | None:
-    """J and tau (2, n) on a panel within one of a mesh's, from its series; None if it is poor.
+def _read(known: Mesh, edges: Floats, new: list[int]) -> list[tuple[int, Floats]]:
+    """Panels, and J and tau (2, n) on them, that the series of known panels give.
 
-    Poor is a series that has not ended in rounding, or an effort there much smaller than
-    elsewhere on the panel, of which the series then has lost digits.
+    A series that has not ended in rounding gives none; nor does one on a panel where the
+    effort is much smaller than elsewhere: of that it has lost digits.
     """
-    p = int(mesh.edges.searchsorted((low + high) / 2)) - 1
-    a, b = float(mesh.edges[p]), float(mesh.edges[p + 1])
-    limited = (mesh.limits[0] and p == 0) or (mesh.limits[1] and p == mesh.panels - 1)
-    if not (a <= low < high <= b) or limited:
-        return None
-    r, whole = rule(NODES), mesh.both[:, p]
-    largest = np.abs(whole).max(axis=1)
-    if not (mesh.missed[:, p] <= RESOLVED * largest).all():
-        return None
-    share = (low - a) / (b - a) + (high - low) / (b - a) * r.low
-    found = between(whole, r, share)
-    strong = min(abs(found[1, 0]), abs(found[1, -1])) >= STRONG * largest[1]
-    return found if strong and np.isfinite(found).all() else None
+    r = rule(NODES)
+    low, high = edges[new], edges[[i + 1 for i in new]]
+    parents = known.edges.searchsorted((low + high) / 2) - 1
+    found = []
+    for p in set(parents.tolist()):
+        limited = (known.limits[0] and p == 0) or (known.limits[1] and p == known.panels - 1)
+        if limited or not 0 <= p < known.panels:
+            continue
+        a, width = known.edges[p], known.length[p]
+        whole = known.both[:, p]
+        largest = np.abs(whole).max(axis=1)
+        if not (known.missed[:, p] <= RESOLVED * largest).all():
+            continue
+        children = np.flatnonzero(parents == p)
+        start, share = (low[children] - a) / width, (high - low)[children] / width
+        if start.min() < 0 or (start + share).max() > 1 + SLIP:
+            continue
+        inside = start[:, None] + share[:, None] * r.low
+        values = between(whole, r, inside.ravel()).reshape(2, children.size, NODES)
+        for k, i in enumerate(children.tolist()):
+            samples = values[:, k]
+            ends = np.abs(samples[1, [0, -1]]).min()
+            if ends >= STRONG * largest[1] and np.isfinite(samples).all():
+                found.append((new[i], samples))
+    return found
 
 
 def bisected(edges: Floats, chosen: NDArray[np.bool_]) -> Floats:

@@ -95,7 +95,7 @@ def converged(
     mesh = known
     tails: dict[tuple[float, float], float] = {}
     for level in range(LEVELS):
-        mesh = sampled(view, edges, mesh, limits, read=level == 0)
+        mesh = sampled(view, edges, mesh, limits)
         stretch = _judged(view, mesh, low, high, inside)
         if not stretch.complete or level == LEVELS - 1 or mesh.panels > MOST_PANELS:
             break

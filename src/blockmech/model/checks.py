@@ -285,6 +285,7 @@ def block_dag(graph: Graph) -> nx.DiGraph:
     dag.add_nodes_from(n for n, b in graph.blocks.items() if not isinstance(b, Element))
     for wire in graph.wires:
         source, target = wire.source.split(".")[0], wire.target.split(".")[0]
-        if source in dag and target in dag and source != target:
+        fixed = isinstance(graph.blocks.get(target), Frame)  # nothing can feed it
+        if source in dag and target in dag and source != target and not fixed:
             dag.add_edge(source, target)
     return dag

@@ -1,0 +1,489 @@
+"""Wiring: what is locally wrong is refused at once, `check` finds all the rest together."""
+
+import ast
+import json
+import math
+from pathlib import Path
+
+import networkx as nx
+import pytest
+
+import blockmech as bm
+from blockmech.model import checks, graph
+from blockmech.model.diagram import UnknownBlock, Wire
+from blockmech.values import Marker
+
+from tests.wiring import ruiz, toggle, watt, wire
+
+
+def fourbar():
+    """Blocks of a four-bar, not yet wired."""
+    g = bm.Graph("fourbar")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
+    g.add("crank", bm.Crank(length=2.0))
+    g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0))
+    return g
+
+
+def wired(g=None):
+    return wire(g or fourbar(), "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
+
+
+def ring(x, y):
+    """Two dyads that wait for each other: a.D on a marker of b, b.B on a marker of a."""
+    g = bm.Graph("ring")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (1.0, 0.0)}))
+    links = {"i": bm.Link(markers={"E": (0.3, 0.4)}), "j": bm.Link(markers={"F": (0.2, 0.5)})}
+    g.add("a", bm.RRR(l_i=1.0, l_j=1.0, links=links))
+    g.add("b", bm.RRR(l_i=1.0, l_j=1.0, links=links))
+    return wire(g, "frame.A a.B", f"b.{x} a.D", f"a.{y} b.B", "frame.D b.D")
+
+
+# ---- golden text of every problem -------------------------------------------------------------------
+
+
+def with_block(name, block):
+    g = wired()
+    g.add(name, block)
+    return g
+
+
+def with_wires(*wires):
+    g = wired()
+    g.wires += [Wire(*text.split()) for text in wires]
+    return g
+
+
+def without(*targets):
+    g = wired()
+    g.wires[:] = [w for w in g.wires if w.target not in targets]
+    return g
+
+
+def no_frame():
+    g = bm.Graph("bare")
+    g.blocks["crank"] = bm.Crank(length=1.0)
+    return g
+
+
+def driven_by_nobody():
+    g = wired()
+    g.drive("crnak", bm.ConstantRate(rate=1.0))
+    g.start("dyad", q=1.0)
+    return g
+
+
+def slider_on_a_point():
+    g = with_block("slide", bm.SlideDrive())
+    g.wires.append(Wire("frame.D", "slide.S"))
+    return g
+
+
+PROBLEMS = {
+    "no frame": (
+        no_frame,
+        [
+            "[no-frame] blocks: no block of type frame. a mechanism has one fixed link. "
+            "add a frame with a marker for each pivot and guide.",
+            "[unwired-joint] crank.A: nothing is wired to it. every joint is fed once. "
+            'connect("block.marker", "crank.A").',
+        ],
+    ),
+    "two frames": (
+        lambda: with_block("ground", bm.Frame()),
+        [
+            "[two-frames] ground: a second frame beside frame. a mechanism has one fixed link. "
+            "move its markers to frame."
+        ],
+    ),
+    "unwired joint": (
+        lambda: without("dyad.D"),
+        [
+            "[unwired-joint] dyad.D: nothing is wired to it. every joint is fed once. "
+            'connect("block.marker", "dyad.D").'
+        ],
+    ),
+    "unwired terminal": (
+        lambda: with_block("push", bm.Force(force=(1.0, 0.0))),
+        [
+            "[unwired-joint] push.at: nothing is wired to it. every joint is fed once. "
+            'connect("block.marker", "push.at").'
+        ],
+    ),
+    "double wire": (
+        lambda: with_wires("frame.A dyad.D"),
+        [
+            "[double-wire] dyad.D: already fed by frame.D, cannot also take frame.A. "
+            "a joint has one source. remove one of: frame.D -> dyad.D; frame.A -> dyad.D."
+        ],
+    ),
+    "bad address": (
+        lambda: with_wires("frame dyad.D.x"),
+        [
+            '[bad-address] frame: not an address, in wire "frame -> dyad.D.x". '
+            'an address is "block.joint" or "block.marker".',
+            '[bad-address] dyad.D.x: not an address, in wire "frame -> dyad.D.x". '
+            'an address is "block.joint" or "block.marker".',
+        ],
+    ),
+    "no such block": (
+        lambda: with_wires("frmae.A dyda.D"),
+        [
+            '[no-such-block] frmae.A: no block "frmae". blocks: frame, crank, dyad. '
+            'did you mean "frame"?',
+            '[no-such-block] dyda.D: no block "dyda". blocks: frame, crank, dyad. '
+            'did you mean "dyad"?',
+        ],
+    ),
+    "unknown marker": (
+        lambda: with_wires("crank.X dyad.E"),
+        [
+            '[unknown-marker] crank.X: no marker "X". markers there: A, B, crank. '
+            "add the marker to a link of the block.",
+            '[unknown-joint] dyad.E: no joint "E". joints that take a wire: B, D.',
+        ],
+    ),
+    "inner joint": (
+        lambda: with_wires("frame.A dyad.C"),
+        [
+            "[unknown-joint] dyad.C: an inner joint takes no wire. joints that take a wire: B, D."
+        ],
+    ),
+    "joint of a block without joints": (
+        lambda: with_wires("crank.B frame.A"),
+        ['[unknown-joint] frame.A: no joint "A". it takes no wires.'],
+    ),
+    "self wire": (
+        lambda: with_wires("dyad.C dyad.D"),
+        [
+            "[double-wire] dyad.D: already fed by frame.D, cannot also take dyad.C. "
+            "a joint has one source. remove one of: frame.D -> dyad.D; dyad.C -> dyad.D.",
+            "[self-wire] dyad.D: fed by dyad.C of the same block. "
+            "a joint is fed by an earlier block. wire it to another block.",
+        ],
+    ),
+    "pair mismatch": (
+        slider_on_a_point,
+        [
+            "[pair-mismatch] slide.S: a prismatic joint needs a guide, frame.D is a point. "
+            "a guide is a marker with a direction. "
+            'give frame.D an "angle" [rad] or a "dir" [dx, dy].'
+        ],
+    ),
+    "wire from an element": (
+        lambda: wire_from_element(),
+        [
+            "[not-a-marker] push.at: load.force has no markers. a wire starts at a marker of a "
+            "link and ends at the element. turn the wire round: dyad.D -> push.at.",
+            "[double-wire] dyad.D: already fed by frame.D, cannot also take push.at. "
+            "a joint has one source. remove one of: frame.D -> dyad.D; push.at -> dyad.D.",
+            "[unwired-joint] push.at: nothing is wired to it. every joint is fed once. "
+            'connect("block.marker", "push.at").',
+        ],
+    ),
+    "unknown driver": (
+        driven_by_nobody,
+        [
+            '[unknown-driver] scene.drive.crnak: no driving link "crnak". driving links: crank. '
+            'did you mean "crank"?',
+            '[unknown-driver] scene.initial.dyad: no driving link "dyad". driving links: crank.',
+        ],
+    ),
+    "a group of class III": (
+        lambda: ring("E", "E"),
+        [
+            "[cycle] a, b: the blocks wait for each other: b.E -> a.D, a.E -> b.B; a.i, a.j, b.i, "
+            "b.j are one Assur group of class III with 4 links and 6 pairs. a formation sequence "
+            "feeds every joint from an earlier block. replace a, b by one group.general block of "
+            "class III, or re-wire a joint to a link that already moves."
+        ],
+    ),
+    "a group of class IV": (
+        lambda: ring("F", "E"),
+        [
+            "[cycle] a, b: the blocks wait for each other: b.F -> a.D, a.E -> b.B; a.i, a.j, b.i, "
+            "b.j are one Assur group of class IV with 4 links and 6 pairs. a formation sequence "
+            "feeds every joint from an earlier block. replace a, b by one group.general block of "
+            "class IV, or re-wire a joint to a link that already moves."
+        ],
+    ),
+    "over-constrained links": (
+        lambda: ring("E", "F"),
+        [
+            "[cycle] a, b: the blocks wait for each other: b.E -> a.D, a.F -> b.B; a.i, a.j, b.i, "
+            "b.j are no Assur group; over-constrained: a.j, b.i; loose: a.i, a.j, b.i, b.j. "
+            "a formation sequence feeds every joint from an earlier block. re-wire a joint of an "
+            "over-constrained link to a loose or an earlier link."
+        ],
+    ),
+}
+
+
+def wire_from_element():
+    g = with_block("push", bm.Force(force=(1.0, 0.0)))
+    g.wires.append(Wire("push.at", "dyad.D"))
+    return g
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_check_says_what_is_wrong_and_what_to_do(name):
+    make, texts = PROBLEMS[name]
+    assert [str(p) for p in make().check()] == texts
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_wrong_graph_does_not_compile_and_says_all_of_it(name):
+    make, texts = PROBLEMS[name]
+    with pytest.raises(bm.GraphError) as caught:
+        make().compile()
+    assert str(caught.value) == "\n".join(texts)
+    assert "not complete: see check()" in repr(make())
+
+
+def test_unknown_block_is_kept_and_refused_by_name():
+    g = with_block("geneva", UnknownBlock("geneva.rod", {"type": "geneva.rod", "pins": 4}))
+    (problem,) = g.check()
+    assert (problem.code, problem.where) == ("unknown-block", "geneva")
+    assert problem.found == 'no block type "geneva.rod"'
+    assert problem.valid.startswith("known types: ")
+    assert "dyad.rrr" in problem.valid
+    assert problem.remedy == "install the package that defines it"
+    near = with_block("d", UnknownBlock("dyad.rrrr", {}))
+    assert near.check()[0].remedy == 'did you mean "dyad.rrr"?'
+
+
+def test_element_that_follows_a_driver_needs_one():
+    law = bm.laws.Polynomial(coefficients=[0.0, 5.0])
+    g = with_block("gas", bm.Thrust(law=law, driver="crnak"))
+    wire(g, "frame.A gas.a", "dyad.C gas.b")
+    assert [str(p) for p in g.check()] == [
+        '[unknown-driver] gas.driver: no driving link "crnak". driving links: crank. '
+        'did you mean "crank"?'
+    ]
+
+
+def test_all_problems_come_at_once():
+    g = fourbar()
+    g.add("ground", bm.Frame())
+    g.add("push", bm.Force(force=(1.0, 0.0)))
+    g.wires += [Wire("frame.A", "dyad.X"), Wire("frame.Q", "crank.A")]
+    g.drive("motor", bm.ConstantRate(rate=1.0))
+    found = [(p.code, p.where) for p in g.check()]
+    assert found == [
+        ("two-frames", "ground"),
+        ("unknown-joint", "dyad.X"),
+        ("unknown-marker", "frame.Q"),
+        ("unwired-joint", "dyad.B"),
+        ("unwired-joint", "dyad.D"),
+        ("unwired-joint", "push.at"),
+        ("unknown-driver", "scene.drive.motor"),
+    ]
+
+
+def test_cycle_with_a_broken_address_is_still_told():
+    g = ring("E", "E")
+    g.wires[1] = Wire("b.i.E", "a.D")
+    assert [p.code for p in g.check()] == ["bad-address", "cycle"]
+    g.wires[1] = Wire("b.nothing", "a.D")
+    assert [p.code for p in g.check()] == ["unknown-marker", "cycle"]
+
+
+@pytest.mark.xfail(reason="cycles are diagnosed without knowing which pairs share a pin")
+def test_links_between_the_same_two_pins_are_no_group():
+    # a.j and b.i both reach from pin a.C to pin b.C: one of them is too many
+    (problem,) = ring("C", "C").check()
+    assert "no Assur group" in problem.found
+    assert "over-constrained: a.j, b.i" in problem.found
+
+
+def codes_in(module):
+    """First arguments of all calls of Problem in a module."""
+    tree = ast.parse(Path(module.__file__).read_text(encoding="utf-8"))
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call)]
+    return {
+        n.args[0].value
+        for n in calls
+        if isinstance(n.func, ast.Name) and n.func.id == "Problem" and n.args
+    }
+
+
+REFUSED_AT_ONCE = {"bad-name", "duplicate-block", "not-a-block", "not-a-law"}
+REMARKS = {"unreachable", "unused-marker", "idle-driver"}
+
+
+def test_every_code_of_the_checks_has_a_golden_text_here():
+    golden = {text.split("]")[0][1:] for _, texts in PROBLEMS.values() for text in texts}
+    wanted = codes_in(checks) | codes_in(graph) | {"cycle"}
+    assert wanted == golden | REFUSED_AT_ONCE | REMARKS
+
+
+# ---- refused at once ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "code"),
+    [
+        ("frame.X", "crank.A", "unknown-marker"),
+        ("frame.A", "crank.B", "unknown-joint"),
+        ("frame.A", "dyad.C", "unknown-joint"),
+        ("frame.A", "dyad.D", "double-wire"),
+        ("dyad.C", "dyad.B", "self-wire"),
+        ("frame.A", "dyad", "bad-address"),
+        ("", "crank.A", "bad-address"),
+        ("frame.", "crank.A", "bad-address"),
+        ("nobody.A", "crank.A", "no-such-block"),
+    ],
+)
+def test_locally_wrong_wire_is_refused_and_not_kept(source, target, code):
+    g = fourbar()
+    g.connect("frame.D", "dyad.D")
+    before = list(g.wires)
+    with pytest.raises(bm.GraphError) as caught:
+        g.connect(source, target)
+    assert code in [p.code for p in caught.value.problems]
+    assert g.wires == before
+
+
+@pytest.mark.parametrize("name", ["", "a.b", "a/b", 3, None])
+def test_bad_name_is_refused(name):
+    with pytest.raises(bm.GraphError) as caught:
+        fourbar().add(name, bm.Frame())
+    (problem,) = caught.value.problems
+    assert problem.code == "bad-name"
+    assert problem.valid == 'a name is not empty and has no "." or "/"'
+
+
+def test_taken_name_is_refused():
+    with pytest.raises(bm.GraphError, match=r"\[duplicate-block\] crank: the name is taken"):
+        fourbar().add("crank", bm.Crank())
+
+
+@pytest.mark.parametrize("thing", [bm.Crank, 3, "crank", None])
+def test_what_is_no_block_is_refused(thing):
+    with pytest.raises(bm.GraphError, match="not-a-block"):
+        fourbar().add("x", thing)
+
+
+@pytest.mark.parametrize("law", [5, 10.0, "constant_rate", None, bm.ConstantRate])
+def test_what_is_no_law_of_motion_is_refused(law):
+    with pytest.raises(bm.GraphError, match=r"\[not-a-law\] scene.drive.crank"):
+        fourbar().drive("crank", law)
+
+
+# ---- remarks ------------------------------------------------------------------------------------------
+
+
+def test_unused_and_unreachable_things_are_remarks_not_problems():
+    g = wired()
+    g.blocks["frame"] = bm.Frame(markers={"A": (0, 0), "D": (5.5, 0), "spare": (1, 1)})
+    g.add("idle", bm.Crank(length=1.0))
+    g.connect("frame.A", "idle.A")
+    assert g.check() == []
+    assert [str(p) for p in g.remarks()] == [
+        "[unused-marker] frame.spare: no wire starts there.",
+        "[idle-driver] idle: it moves nothing and carries no load.",
+    ]
+
+
+def test_block_off_the_frame_is_remarked():
+    g = wired()
+    g.add("lost", bm.Crank(length=1.0))
+    assert ("unreachable", "lost") in [(p.code, p.where) for p in g.remarks()]
+
+
+@pytest.mark.parametrize("make", [ruiz, watt, toggle])
+def test_good_mechanisms_have_no_remarks(make):
+    assert make().check() == []
+    assert make().remarks() == []
+
+
+def test_heavy_driver_that_moves_nothing_is_no_idle_one():
+    g = bm.Graph("pendulum", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("rod", bm.Crank(links={"crank": bm.Link(mass=1.0, cm=(0.5, 0.0))}))
+    g.connect("frame.A", "rod.A")
+    assert g.remarks() == []
+
+
+# ---- repr, copies, editing ----------------------------------------------------------------------------
+
+
+def test_repr_counts_links_pairs_and_mobility_and_shows_the_formula():
+    assert repr(wired()) == (
+        "<Graph fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II RRR(dyad: 2,3)>"
+    )
+    assert repr(fourbar()) == "<Graph fourbar: 3 blocks, not complete: see check()>"
+    assert repr(wired().compile()) == repr(wired()).replace("Graph", "Mechanism")
+
+
+def test_networkx_copy_has_blocks_and_wires_and_is_a_copy():
+    g = ruiz()
+    copy = g.to_networkx()
+    assert isinstance(copy, nx.DiGraph)
+    assert nx.is_directed_acyclic_graph(copy)
+    assert set(copy) == set(g.blocks)
+    assert copy.nodes["dyad"]["type"] == "dyad.rrr"
+    assert copy.nodes["dyad"]["block"] is g.blocks["dyad"]
+    assert copy.edges["crank", "dyad"]["wires"] == [("crank.B", "dyad.B")]
+    assert copy.edges["dyad", "weightlike"]["wires"] == [("dyad.S", "weightlike.at")]
+    copy.remove_node("dyad")
+    copy.edges["frame", "crank"]["wires"].clear()
+    assert "dyad" in g.blocks
+    assert g.check() == []
+    assert g.to_networkx().edges["frame", "crank"]["wires"] == [("frame.A", "crank.A")]
+
+
+def test_networkx_copy_of_a_wrong_graph_shows_its_cycle():
+    copy = ring("E", "F").to_networkx()
+    assert sorted(map(sorted, nx.simple_cycles(copy))) == [["a", "b"]]
+
+
+def test_compiling_takes_a_snapshot():
+    g = ruiz()
+    mech = g.compile()
+    before = mech.run(at=1.0, want="crank.drive")["crank.drive"][0]
+    g.blocks["couple"] = bm.Couple(moment=1e6)
+    g.drive("crank", bm.ConstantRate(rate=99.0))
+    g.wires.pop()
+    assert mech.run(at=1.0, want="crank.drive")["crank.drive"][0] == before
+    assert [p.code for p in g.check()] == ["unwired-joint"]
+
+
+def test_law_of_motion_can_be_replaced():
+    g = wired()
+    g.drive("crank", bm.ConstantRate(rate=1.0))
+    g.drive("crank", bm.ConstantRate(rate=2.0))
+    assert g.run(at=0.5, want="crank.rate")["crank.rate"][0] == 2.0
+
+
+def test_marker_has_one_direction_exact_for_vertical_guides():
+    assert Marker(at=(0, 0), dir=(0, -7)).direction == -1j
+    assert Marker(at=(0, 0)).direction == 1
+    assert abs(Marker(at=(0, 0), angle=-math.pi / 2).direction + 1j) < 1e-16
+
+
+# ---- multiple pins, drivers on moving links -------------------------------------------------------------
+
+
+def test_marker_feeds_any_number_of_joints():
+    g = wired()
+    g.blocks["frame"] = bm.Frame(markers={"A": (0, 0), "D": (5.5, 0), "H": (3.0, 5.0)})
+    g.add("third", bm.RRR(l_i=4.0, l_j=4.0))
+    wire(g, "dyad.C third.B", "frame.H third.D")  # three links on one pin
+    assert g.check() == []
+    assert g.structure().pairs == 4 + 3
+    r = g.run(at=1.0)
+    assert r["third.B.p"][0] == r["dyad.C.p"][0]
+
+
+def test_unused_frame_is_no_problem():
+    g = bm.Graph("empty")
+    g.add("frame", bm.Frame())
+    assert g.check() == []
+    assert repr(g) == "<Graph empty: 0 moving links, 0 pairs, mobility 0; >"
+    assert len(g.run()) > 0
+
+
+def test_graph_with_all_its_names_goes_through_json():
+    g = ruiz()
+    assert json.loads(g.to_json())["name"] == "ruiz_fourbar"
