@@ -1,4 +1,4 @@
-"""What a request costs: the kernel calls of the Watt six-bar, and that pruning changes nothing else.
+"""What a request costs: the kernel calls of the Watt six-bar, and that pruning changes no number.
 
 The counts are those of the port contract for a crank and two RRR dyads: positions cost one
 call a block, velocities and accelerations one more each, the force pass one call for every
@@ -48,7 +48,7 @@ def test_kernel_calls_of_the_massive_sixbar(want, count):
     assert calls(watt(), *want) == count
 
 
-WEIGHTLESS = dict(massive=False, gravity=False)
+WEIGHTLESS = {"massive": False, "gravity": False}
 LIGHT = [
     ("reactions of the first dyad", {"force": True}, ["first.*.reaction"], 3),
     ("reactions of the last dyad", {"force": True}, ["last.*.reaction"], 0),

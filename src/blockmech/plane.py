@@ -19,6 +19,7 @@ from typing import Any
 from blockmech.typing import Complex, Real
 
 NAN = math.nan
+EPS = 2.220446049250313e-16  # of the numbers at hand: an engine binds its own precision's
 REST_SHARE = 1e-12  # of the largest speed: a relative speed below it counts as rest
 
 

@@ -18,8 +18,8 @@ def test_extremes_of_a_shaper_are_those_of_its_closed_form(call):
     assert lever["value"]["maximum"]["value"] == pytest.approx(math.pi / 2 + SWING, rel=1e-13)
     along = 0.6 * math.sin(SWING)
     rest = math.sqrt(0.25**2 - (0.65 - 0.6 * math.cos(SWING)) ** 2)
-    assert ram["x"]["maximum"]["value"] == pytest.approx(rest + along, rel=1e-13)
-    assert ram["x"]["minimum"]["value"] == pytest.approx(rest - along, rel=1e-12)
+    assert ram["value"]["maximum"]["value"] == pytest.approx(rest + along, rel=1e-13)
+    assert ram["value"]["minimum"]["value"] == pytest.approx(rest - along, rel=1e-12)
 
 
 def test_stroke_of_a_shaper_with_its_time_ratio(call):

@@ -23,6 +23,8 @@ POSIX = pytest.mark.skipif(sys.platform == "win32", reason="pipes and devices of
 def started(*words: str | os.PathLike[str], **more) -> subprocess.Popen[bytes]:
     """The real command in its own process."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL}
+    if os.name == "posix":  # a background job ignores Ctrl-C, and its children would as well
+        pipes["preexec_fn"] = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
     return subprocess.Popen([*PYTHON, *map(os.fspath, words)], **{**pipes, **more})
 
 

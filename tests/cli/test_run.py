@@ -298,3 +298,11 @@ def test_explain_shows_the_plan_and_computes_nothing(call, ruiz):
     assert said.code == 0
     assert said.out == bm.Graph.load(ruiz).compile().explain("dyad.C.p") + "\n"
     assert said.out.startswith("2 kernel calls for 1 output")
+
+
+def test_run_does_not_write_over_the_file_that_it_reads(call, ruiz):
+    before = ruiz.read_bytes()
+    done = call("run", ruiz, "--csv", ruiz)
+    assert done.code == 2
+    assert "it is the graph file itself" in done.err
+    assert ruiz.read_bytes() == before

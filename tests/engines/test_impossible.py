@@ -120,7 +120,7 @@ def test_out_of_reach_has_a_negative_margin_and_is_refused_by_name(engine):
     r = CASES["out of reach"].run(at=0.0, engine=engine, on_gap="mark")
     # (L - r)(L + r)(r - g)(r + g) / (2 l_i l_j)^2 with r = 3, L = 2.75, g = 0.25
     assert r["first.margin"][0] == pytest.approx(-0.25 * 5.75 * 2.75 * 3.25 / 3.75**2, rel=1e-15)
-    with pytest.raises(bm.AssemblyError, match="first at crank.q = 0 rad"):
+    with pytest.raises(bm.AssemblyError, match=r"first at crank\.q = 0 rad"):
         CASES["out of reach"].run(at=0.0, engine=engine)
 
 

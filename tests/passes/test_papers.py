@@ -114,7 +114,7 @@ def test_squeezer_moves_as_the_benchmark_says(engine):
     r = squeezer().run(at=[q[0]], rates=dq[0], accelerations=ddq[0], engine=engine)
 
     def links(x):
-        """Link angles or rates from the benchmark's (beta, Theta, gamma, Phi, delta, Omega, eps)."""
+        """Angles or rates from the benchmark's (beta, Theta, gamma, Phi, delta, Omega, eps)."""
         return {
             "first.i": x[0] + x[1],
             "first.j": x[2],

@@ -86,6 +86,13 @@ def one_of(**given: bool) -> None:
         raise refused(" ".join(asked), "only one of them at a time", "--out writes all files")
 
 
+def spare(source: str, *targets: str | None) -> None:
+    """Refuse to write over the file that is read."""
+    for target in targets:
+        if target and Path(target).exists() and Path(target).samefile(source):
+            raise refused(target, "it is the graph file itself", "give the output another name")
+
+
 def refused(where: str, found: str, remedy: str) -> RequestError:
     """The error of a call that makes no sense."""
     return RequestError(Problem("bad-request", where, found, "", remedy))

@@ -23,6 +23,7 @@ from blockmech.cli.output import (
     one_of,
     option,
     refused,
+    spare,
     switch,
     written,
 )
@@ -74,6 +75,7 @@ def run(
     some sample has no answer.
     """
     one_of(json=json, out=out is not None, csv=csv is not None, plot=plot is not None)
+    spare(file, csv, plot)
     if json and deg:
         raise refused("--deg", "JSON results are in SI units", "leave it out")
     mechanism = compiled(file)

@@ -23,6 +23,7 @@ from blockmech.cli.output import (
     one_of,
     option,
     refused,
+    spare,
     switch,
     written,
 )
@@ -74,6 +75,7 @@ def simulate(
     integration; what was computed until then is shown or written.
     """
     one_of(json=json, out=out is not None, csv=csv is not None, plot=plot is not None)
+    spare(file, csv, plot)
     if json and deg:
         raise refused("--deg", "JSON results are in SI units", "leave it out")
     mechanism = compiled(file)

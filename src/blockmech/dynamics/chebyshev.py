@@ -31,6 +31,8 @@ Floats: TypeAlias = NDArray[np.float64]
 GAUSS = 12  # points between two nodes, where the fastest wave is half a wave long
 TAIL = 4  # coefficients in each of the two last blocks, which judge a series together:
 # more than one, because of even and odd zeros
+# A series that crawls goes down in a line to its last sample: its blocks are as 1 to 0.5.
+ALIKE, NOISE = 0.4, 1e-9  # ratio of the blocks from which on it does, if it is no noise
 STEADY, SLOW = 0.02, 0.5  # least and largest ratio of the blocks that an estimate believes
 
 
@@ -140,6 +142,16 @@ def remainder(f: Floats, r: Rule) -> Floats:
     before, end = last[..., 0], last[..., 1]
     ratio = np.minimum(np.maximum(end / (before + 1e-300), STEADY), SLOW)
     return np.asarray((2 * TAIL / r.n) * end * ratio / (1 - ratio))
+
+
+def crawls(f: Floats, r: Rule) -> NDArray[np.bool_]:
+    """Whether the series of f (..., n) has hardly begun to end: its last blocks are alike.
+
+    `remainder` means nothing then; something narrower than the nodes lies on the panel.
+    """
+    last = np.abs(f @ r.tail).reshape(*f.shape[:-1], 2, TAIL).max(axis=-1)
+    before, end = last[..., 0], last[..., 1]
+    return np.asarray((end > ALIKE * before) & (end > NOISE * np.abs(f).max(axis=-1)))
 
 
 def between(f: Floats, r: Rule, share: Floats) -> Floats:

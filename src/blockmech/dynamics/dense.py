@@ -66,7 +66,6 @@ def place_one(quad: Quadrature, time: float) -> tuple[float, float]:
     w = w0 + (w1 - w0) * min(max((local - t0) / (t1 - t0), 0.0), 1.0) if t1 > t0 else w0
     c = F @ r.cosine
     s = half_waves(c) if ended else F @ r.sine
-    slope = 0.0
     for _ in range(NEWTON_STEPS):
         phi = 2 * math.asin(w if ended else math.sqrt(w))
         slope = float(np.cos(r.k * phi) @ c)
@@ -80,6 +79,7 @@ def place_one(quad: Quadrature, time: float) -> tuple[float, float]:
         if done:
             break
     part = w * w if ended else w
+    slope = float(np.cos(r.k * (2 * math.asin(math.sqrt(part)))) @ c)
     rate = (2 * math.sqrt(L * part) if ended else 1.0) / slope
     low, high = float(quad.mesh.edges[p]), float(quad.mesh.edges[p + 1])
     from_low = 1 - part if mirrored else part

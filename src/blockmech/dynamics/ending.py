@@ -14,6 +14,7 @@ from blockmech.dynamics.reduced import TURN, Metered
 from blockmech.dynamics.until import Asked, Start, Until
 
 MOST_EVENTS = 10_000
+UNDECIDED = 1e-3  # error of the time, relative to a passage, that is no longer a small one
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,11 @@ def ended(meter: Metered, asked: Asked, course: Course) -> Motion:
     seconds, angle = _errors(track, t_end - start.t)
     error = seconds * _fastest(track, t_end) + angle + 4 * EPS * abs(q_end)
     notes = course.doubts
+    if seconds > UNDECIDED * track.line.first.total and not notes:
+        notes += (
+            "it comes so near an equilibrium that the rounding of the data decides when, or "
+            "whether, it goes on",
+        )
     if accuracy is not None and error > accuracy:
         notes += (
             f"accuracy not reached: {error:.1e} instead of {accuracy:.1e}; "

@@ -13,6 +13,7 @@ panel then has its own coordinate v, and ``J`` and ``tau`` are those for v:
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -224,7 +225,7 @@ def _samples(
 
 def _keys(edges: Floats, limits: tuple[bool, bool]) -> list[tuple[float, float, bool]]:
     e = edges.tolist()
-    keys = [(a, b, False) for a, b in zip(e[:-1], e[1:], strict=True)]
+    keys = [(a, b, False) for a, b in itertools.pairwise(e)]
     for at_limit, i in ((limits[0], 0), (limits[1], -1)):
         if at_limit:
             keys[i] = (keys[i][0], keys[i][1], True)

@@ -128,7 +128,7 @@ def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
     slowing = np.where(ended, duration / K[:, -1], L / 4 * ((F / K) @ r.total))
     doubt = ROUNDING * anchored[owner] + np.abs(spread[owner, 1, begin + 1 - 2 * mirrored])
     doubted = float(slowing @ doubt)
-    missed = float(lost.sum() / (lost.sum() + rounded.sum()))
+    missed = float(lost.sum() / (lost.sum() + rounded.sum() + 1e-300))
     return Quadrature(
         mesh=mesh,
         mirrored=mirrored,

@@ -124,6 +124,8 @@ def _one_period(
         gain = 0.0
     if first is not None:
         return Reach("standstill", first, mesh, edges, 0, gain, *nearly)
+    if gain == 0 and K0 == 0:  # it can come no further than to the start's image
+        return Reach("standstill", period, mesh, edges, 0, gain, *nearly)
     if gain >= 0:
         return Reach("endless", period, mesh, edges, 0, gain, *nearly)
     least = min(float(known.nodes.min()), nearly[0], float(known.edges.min()))
@@ -235,8 +237,9 @@ def _resolved(
             break
     x = None if stop is None else standstill(mesh, known, stop)
     dips = [dip for dip in dips if x is None or dip.x < x or dip.K <= 0]
-    whole = pieces is None or pieces.size != mesh.panels
-    return mesh, mesh.edges if whole else cut(mesh.edges, pieces), x, dips, known
+    if pieces is None or pieces.size != mesh.panels:
+        return mesh, mesh.edges, x, dips, known
+    return mesh, cut(mesh.edges, pieces), x, dips, known
 
 
 def _pieces(

@@ -146,27 +146,30 @@ def _at_limit(mesh: Mesh, p: int) -> bool:
 
 
 def _dips(mesh: Mesh, known: Energies, panels: int) -> list[Dip]:
-    """Places where the effort turns from braking to driving at little energy."""
-    n = mesh.nodes
-    r = rule(n)
-    tau = mesh.tau[:panels].ravel()
-    K = known.nodes[:panels].ravel()
-    turns = (tau[:-1] < 0) & (tau[1:] >= 0) & (K[:-1] > 0) & (K[1:] > 0)
+    """Places where the effort turns from braking to driving at little energy.
+
+    Looked for between neighbouring nodes, and between the outer nodes and the ends.
+    """
+    n, r = mesh.nodes, rule(mesh.nodes)
+    first, last = (mesh.tau[i] @ r.ends[:, k] for i, k in ((0, 0), (panels - 1, 1)))
+    tau = np.concatenate([[first], mesh.tau[:panels].ravel(), [last]])
+    turns = (tau[:-1] < 0) & (tau[1:] >= 0)
     if not turns.any():
         return []
-    slow = np.minimum(K[:-1], K[1:]) < SLOW * K.max()
+    K = np.concatenate(
+        [known.edges[:1], known.nodes[:panels].ravel(), known.edges[panels : panels + 1]]
+    )
+    slow = (np.minimum(K[:-1], K[1:]) < SLOW * K.max()) & (K[:-1] > 0) & (K[1:] > 0)
     found = []
     for i in np.flatnonzero(turns & slow).tolist():
-        p, j = divmod(i, n)
-        low, high = float(r.phi[j]), float(r.phi[j + 1]) if j + 1 < n else math.pi
-        if j + 1 == n:
-            end = series_one(mesh.tau[p] @ r.cosine, math.pi)
-            if end < 0:
-                p, low, high = p + 1, 0.0, float(r.phi[0])
+        p, j = divmod(i - 1, n) if i else (0, -1)  # between nodes j and j + 1 of panel p
+        low = float(r.phi[j]) if j >= 0 else 0.0
+        high = float(r.phi[j + 1]) if j + 1 < n else math.pi
+        if j + 1 == n and p + 1 < panels and mesh.tau[p] @ r.ends[:, 1] < 0:
+            p, low, high = p + 1, 0.0, float(r.phi[0])
         phi = _sign_change(mesh.tau[p] @ r.cosine, low, high)
-        depth = float(known.edges[p]) + float(mesh.length[p]) / 2 * integral_one(
-            mesh.tau[p] @ r.sine, phi
-        )
+        half = float(mesh.length[p]) / 2
+        depth = float(known.edges[p]) + half * integral_one(mesh.tau[p] @ r.sine, phi)
         found.append(Dip(p, phi, place_in(mesh, p, phi), depth))
     return found
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics.chebyshev import Floats, rule
+from blockmech.dynamics.chebyshev import Floats, crawls, rule
 from blockmech.dynamics.dense import place, when
 from blockmech.dynamics.mesh import Mesh, View, bisected, sampled
 from blockmech.dynamics.passage import Allowed, End, Known, Place
@@ -27,6 +27,8 @@ from blockmech.dynamics.quadrature import (
 )
 
 LEVELS = 40
+COARSE = 1e-6  # relative error of the time above which a series is looked at twice
+LOOSE = 1e-9  # relative error that is no rounding, even beside a dead centre
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,12 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
     if not np.isfinite(T):
         possible = bool(mesh.possible.all())
         return Stretch(low, high, quad, np.inf, 0.0, np.inf, possible)
-    reducible = float(quad.truncation.sum()) + quad.lost_time
+    truncation = quad.truncation
+    if truncation.max() > COARSE * T:
+        hidden = crawls(quad.F, rule(mesh.nodes))
+        truncation = np.where(hidden, np.maximum(truncation, quad.duration), truncation)
+        quad = replace(quad, truncation=truncation)
+    reducible = float(truncation.sum()) + quad.lost_time
     rounding = quad.rounded_time + 2 * EPS * T
     ends, end_error = [low, high], 0.0
     for side, end in enumerate(ends):
@@ -205,6 +212,8 @@ def _unresolved(
         bad |= quad.lost > quad.lost.sum() / (2 * L.size)
     bad &= np.diff(edges) > 64 * EPS * (origin + np.abs(edges[:-1]))
     weight = np.where(quad.ended, np.sqrt(L), L)
+    # towards a dead centre the kernels' rounding grows: smaller panels would be worse
+    bad[[0, -1]] &= ~np.array(quad.mesh.limits) | (quad.truncation[[0, -1]] > LOOSE * quad.total)
     tail = quad.truncation / (weight * np.abs(quad.F).max(axis=1))
     for i in np.flatnonzero(bad).tolist():
         a, b = float(edges[i]), float(edges[i + 1])

@@ -179,6 +179,7 @@ def primitives(dtype: Any) -> dict[str, Any]:
         "modulo": modulo,
         "piecewise": piecewise,
         "some": some,
+        "EPS": float(np.finfo(dtype).eps),
         "repair": repair,
     }
 

@@ -24,13 +24,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from blockmech.friction.continuation import Outcome, bounded, confirmed, replaced
-from blockmech.plane import NAN, hyp, maximum, mul, repair, some, sqrt, where
+from blockmech.plane import EPS, NAN, hyp, maximum, mul, repair, some, sqrt, where
 from blockmech.typing import Complex, Real
 
 CAP = 100  # iterations of `successive` before it counts as not converged
 NEWTON_CAP = 12
-SETTLED = 1e-12  # [-] residual above which Newton's method was caught between contacts of guides
-EPS = 2.220446049250313e-16
+SETTLED = 4500.0  # [ulps] residual above which Newton was caught between contacts of guides
 
 
 class Solution(NamedTuple):
@@ -191,7 +190,7 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     misfit = _top([tj - kj * gj for tj, kj, gj in zip(t, k, g, strict=True)])
     residual = misfit / where(best > 0.0, best, 1.0)
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
-    unproved = ((P >= 1.0) & _known(base, edges)) | (residual > SETTLED)
+    unproved = ((P >= 1.0) & _known(base, edges)) | (residual > SETTLED * EPS)
     settled: Solution = repair(unproved, replaced, solution, k, edges, base, rows)
     return settled
 

@@ -1,0 +1,178 @@
+"""Data walks through the rooms in one direction, and so do the imports.
+
+A room may import from the rooms above it when it is loaded, never from one below;
+conveniences that forward to a lower room import it inside.
+"""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import networkx as nx
+import pytest
+
+import blockmech
+from blockmech.blocks.contract import REGISTRY, Moving
+from blockmech.plane import SCALAR_PRIMITIVES
+
+SOURCE = Path(blockmech.__file__).parent
+ROOMS = (
+    "typing",
+    "plane",
+    "errors",
+    "values",
+    "friction",
+    "blocks",
+    "loads",
+    "model",
+    "__init__",  # the public names
+    "plan",
+    "passes",
+    "quality",
+    "outputs",
+    "catalogue",
+    "engines",
+    "samples",
+    "result",
+    "export",
+    "wires",
+    "cost",
+    "accuracy",
+    "mechanism",
+    "judge",
+    "dynamics",
+    "draw",
+    "testing",
+    "cli",
+    "__main__",
+)
+LATE = {"scipy", "matplotlib", "typer", "rich", "pandas", "hypothesis", "pytest", "mpmath"}
+NEEDED_IN = {"typer": "cli", "rich": "cli"}  # a room that is entered by its command only
+
+
+def modules():
+    for path in sorted(SOURCE.rglob("*.py")):
+        parts = path.relative_to(SOURCE.parent).with_suffix("").parts
+        yield ".".join(p for p in parts if p != "__init__"), path
+
+
+MODULES = dict(modules())
+
+
+def statements(body):
+    """What runs when a module is loaded: no functions, nothing for type checkers only."""
+    for node in body:
+        if isinstance(node, ast.If):
+            if "TYPE_CHECKING" not in ast.unparse(node.test):
+                yield from statements(node.body)
+            yield from statements(node.orelse)
+        elif isinstance(node, ast.Try):
+            yield from statements([*node.body, *node.orelse, *node.finalbody])
+        elif isinstance(node, ast.ClassDef):
+            yield from statements(node.body)
+        else:
+            yield node
+
+
+def imports(path):
+    """Names of the modules that a module imports when it is loaded."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in statements(tree.body):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield inner if inner in MODULES else str(node.module)
+
+
+def room(module):
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else "__init__"
+
+
+def test_every_file_is_in_a_room():
+    assert {room(m) for m in MODULES} == set(ROOMS)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_imports_go_up_only(name):
+    own = ROOMS.index(room(name))
+    for other in imports(MODULES[name]):
+        if other.split(".")[0] == "blockmech":
+            assert ROOMS.index(room(other)) <= own, f"{name} imports {other}, a room below it"
+
+
+def test_no_module_waits_for_itself():
+    graph = nx.DiGraph()
+    for name, path in MODULES.items():
+        # importing a package's module runs the package's own file first, which is a list of names
+        graph.add_edges_from((name, other) for other in imports(path) if other in MODULES)
+    cycles = list(nx.simple_cycles(graph))
+    assert cycles == []
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_heavy_packages_are_loaded_late(name):
+    loaded = {other.split(".")[0] for other in imports(MODULES[name])} & LATE
+    allowed = {package for package, where in NEEDED_IN.items() if room(name) == where}
+    assert loaded <= allowed
+
+
+def test_importing_blockmech_loads_no_heavy_package():
+    code = "import sys, blockmech; print(*sorted(m for m in sys.modules if '.' not in m))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert LATE & set(done.stdout.split()) == set()
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_private_names_stay_in_their_room(name):
+    tree = ast.parse(MODULES[name].read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        foreign = isinstance(node, ast.ImportFrom) and room(str(node.module)) != room(name)
+        if foreign and str(node.module).startswith("blockmech"):
+            private = [a.name for a in node.names if a.name.startswith("_") and a.name[1] != "_"]
+            assert private == [], f"{name} takes {private} from {node.module}"
+
+
+# ---- kernels ------------------------------------------------------------------------------------
+
+FORBIDDEN = (ast.Raise, ast.Try, ast.While, ast.If, ast.Global, ast.Await, ast.Yield, ast.Assert)
+
+
+def kernels():
+    for name in REGISTRY:
+        cls = REGISTRY[name]
+        if issubclass(cls, Moving) and cls.__module__.startswith("blockmech."):
+            yield pytest.param(cls, id=name)
+
+
+@pytest.mark.parametrize("cls", list(kernels()))
+def test_kernels_are_straight_formulas_over_the_primitives(cls):
+    tree = ast.parse(Path(sys.modules[cls.__module__].__file__).read_text(encoding="utf-8"))
+    functions = {n.name: n for n in tree.body if isinstance(n, ast.FunctionDef)}
+    records = {n.name for n in tree.body if isinstance(n, ast.ClassDef)}
+    imported = {
+        alias.asname or alias.name
+        for n in tree.body
+        if isinstance(n, ast.ImportFrom) and n.module == "blockmech.typing"
+        for alias in n.names
+    }
+    waiting = [k.__name__ for k in vars(cls.kernels).values() if k is not None]
+    seen = set()
+    while waiting:
+        name = waiting.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        body = functions[name].body
+        for node in (x for statement in body for x in ast.walk(statement)):
+            assert not isinstance(node, FORBIDDEN), f"{name}: {ast.unparse(node)}"
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                called = node.func.id
+                known = {*SCALAR_PRIMITIVES, *records, *imported, "abs"}
+                assert called in known | functions.keys(), f"{name} calls {called}"
+                if called in functions:
+                    waiting.append(called)
