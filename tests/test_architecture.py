@@ -5,6 +5,7 @@ conveniences that forward to a lower room import it inside.
 """
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -48,7 +49,7 @@ ROOMS = (
     "__main__",
 )
 LATE = {"scipy", "matplotlib", "typer", "rich", "pandas", "hypothesis", "pytest", "mpmath"}
-NEEDED_IN = {"typer": "cli", "rich": "cli"}  # a room that is entered by its command only
+NEEDED_IN = {"typer": "cli", "rich": "cli", "pytest": "blockmech.testing.pytest_plugin"}
 
 
 def modules():
@@ -93,32 +94,36 @@ def room(module):
     return parts[1] if len(parts) > 1 else "__init__"
 
 
+IMPORTS = {name: set(imports(path)) for name, path in MODULES.items()}
+
+
 def test_every_file_is_in_a_room():
     assert {room(m) for m in MODULES} == set(ROOMS)
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_imports_go_up_only(name):
-    own = ROOMS.index(room(name))
-    for other in imports(MODULES[name]):
-        if other.split(".")[0] == "blockmech":
-            assert ROOMS.index(room(other)) <= own, f"{name} imports {other}, a room below it"
+def test_imports_go_up_only():
+    down = [
+        f"{name} imports {other}, a room below it"
+        for name, others in IMPORTS.items()
+        for other in others
+        if other in MODULES and ROOMS.index(room(other)) > ROOMS.index(room(name))
+    ]
+    assert down == []
 
 
 def test_no_module_waits_for_itself():
-    graph = nx.DiGraph()
-    for name, path in MODULES.items():
-        # importing a package's module runs the package's own file first, which is a list of names
-        graph.add_edges_from((name, other) for other in imports(path) if other in MODULES)
-    cycles = list(nx.simple_cycles(graph))
-    assert cycles == []
+    graph = nx.DiGraph((a, b) for a, others in IMPORTS.items() for b in others if b in MODULES)
+    assert list(nx.simple_cycles(graph)) == []
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_heavy_packages_are_loaded_late(name):
-    loaded = {other.split(".")[0] for other in imports(MODULES[name])} & LATE
-    allowed = {package for package, where in NEEDED_IN.items() if room(name) == where}
-    assert loaded <= allowed
+def test_heavy_packages_are_loaded_late():
+    early = {
+        (name, package)
+        for name, others in IMPORTS.items()
+        for package in {other.split(".")[0] for other in others} & LATE
+        if NEEDED_IN.get(package) not in (room(name), name)
+    }
+    assert early == set()
 
 
 def test_importing_blockmech_loads_no_heavy_package():
@@ -127,14 +132,16 @@ def test_importing_blockmech_loads_no_heavy_package():
     assert LATE & set(done.stdout.split()) == set()
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_private_names_stay_in_their_room(name):
-    tree = ast.parse(MODULES[name].read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        foreign = isinstance(node, ast.ImportFrom) and room(str(node.module)) != room(name)
-        if foreign and str(node.module).startswith("blockmech"):
-            private = [a.name for a in node.names if a.name.startswith("_") and a.name[1] != "_"]
-            assert private == [], f"{name} takes {private} from {node.module}"
+def test_private_names_stay_in_their_room():
+    taken = [
+        f"{name} takes {alias.name} from {node.module}"
+        for name, path in MODULES.items()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith("blockmech")
+        for alias in node.names
+        if re.match("_[^_]", alias.name) and room(str(node.module)) != room(name)
+    ]
+    assert taken == []
 
 
 # ---- kernels ------------------------------------------------------------------------------------

@@ -112,7 +112,7 @@ def test_several_drivers_have_a_mass_matrix():
         c = math.cos(bend)
         assert off(M[k], [[6 + 4 * c, 2 + 2 * c], [2 + 2 * c, 2]]) <= 4 * EPS
     q1 = np.array([0.2, 0.5])
-    q12 = [*q1, 0.3, -1.0]
+    q12 = q1 + np.array([0.3, -1.0])
     g = 2.0 * 9.81
     wanted = np.stack([-g * (2 * np.cos(q1) + np.cos(q12)), -g * np.cos(q12)], axis=-1)
     assert off(r["mechanism.Q"], wanted) <= 4 * EPS

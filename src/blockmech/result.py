@@ -184,7 +184,7 @@ class Result(Mapping[str, NDArray[Any]]):
         return bad
 
     def without_gaps(self, on_gap: str) -> Result:
-        """This result; raises at gaps (``"raise"``) or stops before the first (``"stop"``)."""
+        """The result, unless it has gaps: raises, or is cut before the first (``"stop"``)."""
         if on_gap not in ("raise", "stop"):
             raise RequestError(
                 Problem("bad-value", "on_gap", f"got {on_gap!r}", "valid: raise, mark, stop", "")

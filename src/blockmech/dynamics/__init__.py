@@ -1,0 +1,1 @@
+"""Motion under loads: quadratures, integrators, events, and the reduced system they solve."""

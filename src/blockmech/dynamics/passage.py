@@ -49,9 +49,15 @@ class Passage(Protocol):
     """Motion along growing x between two ends."""
 
     @property
-    def low(self) -> End: ...
+    def low(self) -> End:
+        """The end with the smaller x."""
+        ...
+
     @property
-    def high(self) -> End: ...
+    def high(self) -> End:
+        """The end with the larger x."""
+        ...
+
     @property
     def total(self) -> float:
         """Time from end to end [s]."""

@@ -4,7 +4,7 @@ One plan gives J_red and the reduced loads in batches, the same plan bound to Py
 numbers gives single states. What the loads depend on is read from the elements'
 declarations; nobody has to say it twice.
 
-Sources: [D14] Eqs. 1-6; `numerics.md` is the project's own derivation.
+Sources: [D14] Eqs. 1-6.
 """
 
 from __future__ import annotations

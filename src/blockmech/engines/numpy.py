@@ -158,6 +158,8 @@ def _store(whole: Any, index: tuple[int, ...], answer: Any) -> None:
 
 
 def primitives(dtype: Any) -> dict[str, Any]:
+    """The primitives of the plane on arrays of one precision; see `blockmech.plane`."""
+
     def expi(t: Any) -> Planar:
         # Sine and cosine are taken in (at least) double before the cast.
         wide = np.asarray(t, dtype=np.promote_types(np.float64, dtype))

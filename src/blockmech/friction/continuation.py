@@ -13,6 +13,9 @@ beyond). The last two are self-locking, and lambda there is the limit.
 
 The load of a guide, max(|N|, 2 |C| / L), has kinks where its contact changes. The
 path is followed to each kink with the contacts held, and goes on with the new one.
+
+Sources: Allgower & Georg, Introduction to Numerical Continuation Methods, SIAM 2003
+(pseudo-arclength steps); the homogeneous form and its limits are blockmech's own.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ class Coulomb(Strictly):
     of the guide, whose two edges carry the couple C,
     coefficient * max(|N|, 2 |C| / guide_length).
 
-    >>> Coulomb.from_material_coefficient(0.3, radius=0.0075).coefficient
-    0.4
+    >>> Coulomb.from_material_coefficient(0.375, radius=0.0075).coefficient
+    0.5
     """
 
     law: Literal["coulomb"] = "coulomb"

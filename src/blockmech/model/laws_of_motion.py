@@ -83,7 +83,7 @@ class ConstantRate(_Range):
 
 
 class RateAcceleration(_Range):
-    """Constant acceleration; ``rate`` is the one at ``from``."""
+    """Constant acceleration [rad/s2 or m/s2]; ``rate`` [rad/s or m/s] is the one at ``from``."""
 
     law: Literal["rate_acceleration"] = "rate_acceleration"
     rate: Number = 0.0
@@ -144,7 +144,10 @@ class Harmonic(LawOfMotion):
 
 
 class Cycloidal(LawOfMotion):
-    """A rise from ``from`` to ``to`` without jerk at its ends, then a dwell."""
+    """A rise from ``from`` to ``to`` [rad or m] without jerk at its ends, then a dwell.
+
+    ``duration`` [s] is that of the rise.
+    """
 
     law: Literal["cycloidal"] = "cycloidal"
     start: Annotated[Number, Field(alias="from")]
@@ -166,7 +169,7 @@ class Cycloidal(LawOfMotion):
 
 
 class Table(LawOfMotion):
-    """Values at times, joined by a cubic spline (not-a-knot) or by straight lines."""
+    """Values [rad or m] at times [s], joined by a cubic spline (not-a-knot) or straight lines."""
 
     law: Literal["table"] = "table"
     times: Annotated[NumbersGiven, Field(min_length=2)]

@@ -170,6 +170,7 @@ def rigidity(
 def check_names(
     moving: Sequence[str], pairs: Sequence[Pair], earlier: Collection[str], drivers: Collection[str]
 ) -> None:
+    """Raise `ValueError` where pairs or drivers name what is not there, or a name is used twice."""
     known = set(moving) | set(earlier)
     unknown = sorted({a for pair in pairs for a in pair.links} - known)
     if unknown:
