@@ -144,7 +144,7 @@ def test_private_names_stay_in_their_room():
     assert taken == []
 
 
-# ---- kernels ------------------------------------------------------------------------------------
+# ---- kernels -----------------------------------------------------------------------------
 
 FORBIDDEN = (ast.Raise, ast.Try, ast.While, ast.If, ast.Global, ast.Await, ast.Yield, ast.Assert)
 

@@ -41,7 +41,7 @@ def public(tree, prefix=""):
                 yield from public(node, f"{prefix}{node.name}.")
 
 
-# ---- docstrings ---------------------------------------------------------------------------------
+# ---- docstrings --------------------------------------------------------------------------
 
 
 def test_every_module_says_what_it_is():
@@ -69,7 +69,7 @@ def test_first_lines_are_short_and_to_the_point():
     assert wrong == []
 
 
-# ---- units and sources --------------------------------------------------------------------------
+# ---- units and sources -------------------------------------------------------------------
 
 
 def records():
@@ -163,7 +163,7 @@ def test_block_types_are_described_by_their_own_docstring():
         assert cls.__doc__ != Block.__doc__, name
 
 
-# ---- public names -------------------------------------------------------------------------------
+# ---- public names ------------------------------------------------------------------------
 
 
 def test_public_names_exist_and_star_import_works():
@@ -181,7 +181,7 @@ def test_every_public_class_is_documented_as_its_own(name):
     assert not cls.__doc__.startswith("!!! abstract"), "pydantic's own text shows through"
 
 
-# ---- examples that run --------------------------------------------------------------------------
+# ---- examples that run -------------------------------------------------------------------
 
 WITH_EXAMPLES = [m for m, path in MODULES.items() if ">>>" in path.read_text(encoding="utf-8")]
 
@@ -204,7 +204,7 @@ def test_public_blocks_and_loads_have_an_example():
     assert without == []
 
 
-# ---- README -------------------------------------------------------------------------------------
+# ---- README ------------------------------------------------------------------------------
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 SNIPPETS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)

@@ -26,7 +26,7 @@ def stages(graph, *want, **settings):
     return {s: plan.count(s) for s in {e.stage for e in plan.entries}}
 
 
-# ---- kernel calls, all links massive, weight on -----------------------------------------
+# ---- kernel calls, all links massive, weight on ------------------------------------------
 
 MASSIVE = [
     ("position of the first dyad", ["first.C.p"], 2),
@@ -124,7 +124,7 @@ def test_no_wish_costs_nothing():
     assert len(watt().run(at=1.0, want=[])) == 0
 
 
-# ---- structural zeros -------------------------------------------------------------------
+# ---- structural zeros --------------------------------------------------------------------
 
 
 def test_block_without_load_is_a_structural_zero():
@@ -152,7 +152,7 @@ def test_load_on_the_frame_alone_loads_nothing():
     assert r["crank.drive"][0] == 0
 
 
-# ---- pruning changes nothing but cost ---------------------------------------------------
+# ---- pruning changes nothing but cost ----------------------------------------------------
 
 SUBJECTS = {
     "ruiz": (ruiz, {"at": [0.0, 0.7, 3.0]}),
@@ -189,7 +189,7 @@ def test_static_and_friction_settings_do_not_leak_into_each_other():
     assert same_bits(mech.run(at=[1.0, 2.0]), before) == []
 
 
-# ---- the same plan for any order of writing ---------------------------------------------
+# ---- the same plan for any order of writing ----------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -214,7 +214,7 @@ def test_order_of_wishes_changes_no_bit():
     assert same_bits(one, two) == []
 
 
-# ---- explain ----------------------------------------------------------------------------
+# ---- explain -----------------------------------------------------------------------------
 
 
 def test_explain_prints_the_schedule_and_the_calls():
@@ -238,7 +238,7 @@ def test_plan_is_kept_and_not_made_twice():
     assert mech.plan("crank.drive") is not mech.plan("crank.drive", friction="none")
 
 
-# ---- names of blocks are the user's -----------------------------------------------------
+# ---- names of blocks are the user's ------------------------------------------------------
 
 NAMES = [
     {"dyad": "rrr"},  # the dyad's own module
@@ -280,7 +280,7 @@ def test_any_name_of_a_block_gives_the_same_answer(names):
         assert found[f"{crank}.drive"][0] == pytest.approx(wanted["crank.drive"][0], rel=1e-12)
 
 
-# ---- long chains ------------------------------------------------------------------------
+# ---- long chains -------------------------------------------------------------------------
 
 
 def test_thousand_dyads_compile_and_run_without_deep_recursion(capsys):

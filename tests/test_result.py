@@ -14,7 +14,7 @@ from tests.wiring import EPS, off, ruiz, toggle, watt, wire
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 
 
-# ---- labels, units, kinds -----------------------------------------------------------------------
+# ---- labels, units, kinds ----------------------------------------------------------------
 
 UNITS = {
     "crank.q": "rad",
@@ -119,7 +119,7 @@ def test_several_drivers_have_a_mass_matrix():
     assert "upper.dJ_red" not in r
 
 
-# ---- reading what is there, and what is not -----------------------------------------------------
+# ---- reading what is there, and what is not ----------------------------------------------
 
 
 def test_result_is_a_mapping_of_what_was_wanted():
@@ -182,7 +182,7 @@ def test_text_of_a_result_is_a_short_table_with_units():
     )
 
 
-# ---- comparing and running again ----------------------------------------------------------------
+# ---- comparing and running again ---------------------------------------------------------
 
 
 def test_comparison_is_the_largest_difference_of_the_largest_size():
@@ -230,7 +230,7 @@ def test_rerun_marks_gaps_and_does_not_raise():
     assert np.isnan(again["crank.drive"][1])
 
 
-# ---- wires --------------------------------------------------------------------------------------
+# ---- wires -------------------------------------------------------------------------------
 
 
 def test_wire_shows_motion_forward_and_force_back():
@@ -286,7 +286,7 @@ def test_unknown_wire_names_the_wires_there_are():
     assert "crank.B -> dyad.B" in str(caught.value)
 
 
-# ---- gaps ---------------------------------------------------------------------------------------
+# ---- gaps --------------------------------------------------------------------------------
 
 
 def reaching():
@@ -374,7 +374,7 @@ def test_kinds_of_gaps_have_their_own_errors():
         g.run(at=0.0, rates=1.0)
 
 
-# ---- quality ------------------------------------------------------------------------------------
+# ---- quality -----------------------------------------------------------------------------
 
 
 @EACH_ENGINE
@@ -409,7 +409,7 @@ def test_dictionary_holds_no_number_where_there_is_no_answer():
     assert found["drivers"] == {"crank.q": GAPPY}
 
 
-# ---- efficiency ---------------------------------------------------------------------------------
+# ---- efficiency --------------------------------------------------------------------------
 
 RADIUS, COEFFICIENT, FORCE = 0.05, 0.2, 100.0
 
@@ -494,7 +494,7 @@ def test_mechanical_advantage_of_a_resting_drive_is_no_number_and_no_gap():
     assert np.isnan(r["mechanism.mechanical_advantage"]).all()
 
 
-# ---- shaking force, energies --------------------------------------------------------------------
+# ---- shaking force, energies -------------------------------------------------------------
 
 
 def test_shaking_force_is_all_that_the_mechanism_does_to_the_frame():

@@ -43,7 +43,7 @@ def own_error(found, wanted):
     return np.max(np.abs(np.asarray(found) - wanted) / np.abs(wanted))
 
 
-# ---- motion -----------------------------------------------------------------------------
+# ---- motion ------------------------------------------------------------------------------
 
 
 @EACH_ENGINE
@@ -75,7 +75,7 @@ def test_coupler_point_moves_as_its_link_does():
     assert off(r["dyad.S.a"], r["dyad.i.a"] + (1j * al - om**2) * arm) <= MOTION
 
 
-# ---- forces -----------------------------------------------------------------------------
+# ---- forces ------------------------------------------------------------------------------
 
 
 @EACH_ENGINE
@@ -125,7 +125,7 @@ def test_friction_couples_have_the_size_of_coulomb_and_oppose_the_slip():
         assert np.all(np.sign(couple) == -np.sign(slip))
 
 
-# ---- successive approximations ----------------------------------------------------------
+# ---- successive approximations -----------------------------------------------------------
 
 
 @EACH_ENGINE
@@ -176,7 +176,7 @@ def test_contraction_of_the_paper_s_linkage_is_small_and_reported():
     assert np.all(observed <= newton)
 
 
-# ---- zero relative speed ----------------------------------------------------------------
+# ---- zero relative speed -----------------------------------------------------------------
 
 
 @EACH_ENGINE
@@ -224,7 +224,7 @@ def test_interval_at_rest_reaches_from_one_side_to_the_other():
     assert np.allclose(sorted(couples), flag.interval, rtol=5e-3, atol=0)
 
 
-# ---- self-locking -----------------------------------------------------------------------
+# ---- self-locking ------------------------------------------------------------------------
 
 LOCKED = ruiz(radius=1.5 / COEFFICIENT)  # f' r = 1.5 m
 

@@ -44,7 +44,7 @@ SPEEDING = bm.RateAcceleration(rate=2.0, acceleration=3.0, start=1.0, end=3.0)
 TABLE = bm.Table(times=[1.0, 2.0, 4.0], values=[0.0, 1.0, 5.0], interpolation="linear")
 
 
-# ---- by coordinate ----------------------------------------------------------------------
+# ---- by coordinate -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_law_sampled_by_time_may_be_asked_by_coordinate_with_rates():
         g.run(at=0.5)
 
 
-# ---- several drivers --------------------------------------------------------------------------
+# ---- several drivers ---------------------------------------------------------------------
 
 
 def test_each_driver_gets_its_own_row():
@@ -123,7 +123,7 @@ def test_laws_of_coordinate_and_of_time_meet_in_time():
     assert r["left.q"].tolist() == [1.0, 11.0, 21.0]
 
 
-# ---- by range -----------------------------------------------------------------------------
+# ---- by range ----------------------------------------------------------------------------
 
 
 def test_default_is_the_laws_range_with_361_samples():
@@ -166,7 +166,7 @@ def test_table_is_sampled_where_it_is_given():
     assert r["crank.q"].tolist() == [0.0, 1.0, 3.0, 5.0]
 
 
-# ---- by time --------------------------------------------------------------------------------
+# ---- by time -----------------------------------------------------------------------------
 
 
 def test_times_sample_the_law_by_time():
@@ -189,7 +189,7 @@ def test_samples_come_back_as_they_were_given(at):
     assert r["crank.q"].tolist() == at
 
 
-# ---- wrong ways --------------------------------------------------------------------------------
+# ---- wrong ways --------------------------------------------------------------------------
 
 NOT_A_ROW = "at[crank]: not a row of numbers. give a number or a sequence."
 WRONG = [
@@ -277,7 +277,7 @@ def test_mechanism_without_drivers_has_one_pose_and_takes_no_coordinates():
         g.run(at=1.0)
 
 
-# ---- settings that go with a request ------------------------------------------------------------
+# ---- settings that go with a request -----------------------------------------------------
 
 SETTINGS = [
     ({"friction": "x"}, "unknown-method", 'no friction method "x"'),

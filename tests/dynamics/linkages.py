@@ -184,3 +184,101 @@ def pendulum(couple: float = 0.0, **more: Any) -> ReducedSystem:
         return 1.0 + 0 * sine, couple - sine, 0 * sine, 1.0 + 0 * sine
 
     return reduced(parts, **more)
+
+
+@dataclass(frozen=True)
+class FourBar:
+    """A four-bar whose crank cannot turn fully; rods of 1 kg, gravity 9.81 m/s2 down."""
+
+    crank: float = 1.0
+    coupler: float = 0.8
+    rocker: float = 0.7
+    base: float = 1.2
+
+    def __call__(self, m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
+        e = m.expi(q)
+        A, D = Moving(self.crank * e, 1j * self.crank * e, -self.crank * e), Moving(self.base + 0j)
+        ab, db, (o3, l3), (o4, l4), margin = dyad(m, A, D, self.coupler, self.rocker, 1, second)
+        J, tau, dJ = 1.0 + 0 * margin, -9.81 * A.v.imag / 2, 0.0
+        for g, o, al in ((add(A, times(0.5, ab)), o3, l3), (add(D, times(0.5, db)), o4, l4)):
+            J = J + dot(g.v, g.v) + 0.1 * o * o
+            tau = tau - 9.81 * g.v.imag
+            if second:
+                dJ = dJ + 2 * (dot(g.v, g.a) + 0.1 * o * al)
+        return J, tau, dJ, margin
+
+    def potential(self, m: Any, q: Any) -> Any:
+        """Energy of the weights [J]."""
+        A, D = Moving(self.crank * m.expi(q)), Moving(self.base + 0j)
+        ab, db, *_ = dyad(m, A, D, self.coupler, self.rocker, 1, False)
+        height = A.p.imag / 2 + (A.p + 0.5 * ab.p).imag + (D.p + 0.5 * db.p).imag
+        return 9.81 * height
+
+
+def fourbar(**more: Any) -> ReducedSystem:
+    """The four-bar that runs into dead centres."""
+    return reduced(FourBar(), **more)
+
+
+def guided(inertia: float, effort: Callable[[Any], Any], **more: Any) -> ReducedSystem:
+    """A body on a straight guide: constant inertia [kg], effort(q) [N]."""
+
+    def sample(q: Any, wanted: frozenset[str]) -> Sample:
+        dJ = 0 * q if "dJ" in wanted else None
+        return Sample(inertia + 0 * q, effort(q) + 0 * q, 1 + 0 * q, dJ)
+
+    def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
+        return inertia, float(effort(q)), 0.0, 1.0
+
+    return ReducedSystem(sample=sample, one=one, kind="translation", period=None, **more)
+
+
+def smooth(rng: np.random.Generator, mean: float) -> ReducedSystem:
+    """A random smooth scene: Fourier series of J and tau, tau with a mean effort [N m]."""
+    k = np.arange(1, 4)
+    a, b = rng.normal(size=(2, 3)) * 0.5**k
+    c, d = 0.5 * rng.normal(size=(2, 3)) * 0.4**k
+    J0 = 1 + np.abs(c).sum() + np.abs(d).sum()
+
+    def parts(q: Any) -> tuple[Any, Any, Any]:
+        w = np.multiply.outer(q, k)
+        cos, sin = np.cos(w), np.sin(w)
+        return J0 + cos @ c + sin @ d, mean + cos @ a + sin @ b, (cos * k) @ d - (sin * k) @ c
+
+    def sample(q: Any, wanted: frozenset[str]) -> Sample:
+        J, tau, dJ = parts(q)
+        return Sample(J, tau, np.ones_like(q), dJ if "dJ" in wanted else None)
+
+    def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
+        J, tau, dJ = parts(np.float64(q))
+        return float(J), float(tau), float(dJ), 1.0
+
+    return ReducedSystem(sample=sample, one=one)
+
+
+def motored(stall: float = 60.0, idle: float = 20.0, damper: float = 0.3) -> ReducedSystem:
+    """The Watt six-bar with a motor M = stall (1 - q'/idle) and a damper that varies with q."""
+    base = watt()
+
+    def damping(q: Any) -> Any:
+        return damper * (1 + 0.5 * np.cos(q))
+
+    def motor(q: Any, qd: Any, t: float = 0.0) -> Any:
+        return stall * (1 - qd / idle) if stall else 0.0 * qd
+
+    def sample(q: Any, wanted: frozenset[str]) -> Sample:
+        found = base.sample(q, wanted - {"damping"})
+        return found._replace(damping=damping(q) if "damping" in wanted else None)
+
+    def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
+        J, tau, dJ, margin = base.one(q, qd, t)
+        return J, tau + float(motor(q, qd)) - float(damping(q)) * qd, dJ, margin
+
+    return ReducedSystem(
+        sample=sample,
+        one=one,
+        depends_on=frozenset({"q", "rate"}),
+        damped=True,
+        rate_load=motor,
+        rate_load_one=lambda q, qd, t: float(motor(q, qd)),
+    )

@@ -32,7 +32,7 @@ def limits(at, factor=3.0):
     return np.array([factor * f.value for f in flags]), [f.code for f in flags]
 
 
-# ---- the limits ---------------------------------------------------------------------------
+# ---- the limits --------------------------------------------------------------------------
 
 
 def test_limits_are_those_of_the_independent_solver():
@@ -77,7 +77,7 @@ def test_below_the_limit_there_is_an_answer_and_above_there_is_none(q):
     assert np.isnan(above["crank.drive"][0])
 
 
-# ---- answers beyond the certificate ---------------------------------------------------------
+# ---- answers beyond the certificate ------------------------------------------------------
 
 
 @pytest.mark.parametrize("factor", [0.3, 0.7, 0.79, 1.0, 1.2])
@@ -127,7 +127,7 @@ def test_answers_satisfy_coulombs_law_to_rounding():
             assert np.all(np.sign(couple) == -np.sign(r[f"dyad.{pin}.slip"][good]))
 
 
-# ---- successive approximations never pass off a wrong answer -----------------------------------
+# ---- successive approximations never pass off a wrong answer -----------------------------
 
 
 @pytest.mark.parametrize("tolerance", [1.0, STOP])
@@ -168,7 +168,7 @@ def test_fixed_count_of_iterations_is_not_passed_off_as_good_where_there_is_no_s
     assert r.quality.status != ("ok",) or r.quality.flags
 
 
-# ---- prismatic pairs ----------------------------------------------------------------------------
+# ---- prismatic pairs ---------------------------------------------------------------------
 
 
 def slider_crank(mu, guide_length=None, height=0.0):

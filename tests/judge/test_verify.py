@@ -24,7 +24,7 @@ EACH = pytest.mark.parametrize("name", MECHANISMS)
 SLIGHTLY = 1 + 1e-9  # far above the tolerance, far below what a picture would show
 
 
-# ---- right mechanics ----------------------------------------------------------------------------
+# ---- right mechanics ---------------------------------------------------------------------
 
 
 @EACH
@@ -112,7 +112,7 @@ def test_text_is_a_table_with_every_number_and_the_verdict():
     assert lines[-1].startswith("25 samples; errors are relative to the sum of absolute terms")
 
 
-# ---- wrong mechanics ----------------------------------------------------------------------------
+# ---- wrong mechanics ---------------------------------------------------------------------
 
 # Kernels are called by the names they are imported under, so that every engine binds them.
 

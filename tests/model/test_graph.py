@@ -38,7 +38,7 @@ def ring(x, y):
     return wire(g, "frame.A a.B", f"b.{x} a.D", f"a.{y} b.B", "frame.D b.D")
 
 
-# ---- golden text of every problem ---------------------------------------------------------------
+# ---- golden text of every problem --------------------------------------------------------
 
 
 def with_block(name, block):
@@ -314,7 +314,7 @@ def test_every_code_of_the_checks_has_a_golden_text_here():
     assert wanted == golden | REFUSED_AT_ONCE | REMARKS
 
 
-# ---- refused at once ----------------------------------------------------------------------------
+# ---- refused at once ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -367,7 +367,7 @@ def test_what_is_no_law_of_motion_is_refused(law):
         fourbar().drive("crank", law)
 
 
-# ---- remarks ------------------------------------------------------------------------------------
+# ---- remarks -----------------------------------------------------------------------------
 
 
 def test_unused_and_unreachable_things_are_remarks_not_problems():
@@ -402,7 +402,7 @@ def test_heavy_driver_that_moves_nothing_is_no_idle_one():
     assert g.remarks() == []
 
 
-# ---- repr, copies, editing ----------------------------------------------------------------------
+# ---- repr, copies, editing ---------------------------------------------------------------
 
 
 def test_repr_counts_links_pairs_and_mobility_and_shows_the_formula():
@@ -459,7 +459,7 @@ def test_marker_has_one_direction_exact_for_vertical_guides():
     assert abs(Marker(at=(0, 0), angle=-math.pi / 2).direction + 1j) < 1e-16
 
 
-# ---- multiple pins, drivers on moving links -----------------------------------------------------
+# ---- multiple pins, drivers on moving links ----------------------------------------------
 
 
 def test_marker_feeds_any_number_of_joints():

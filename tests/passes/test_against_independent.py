@@ -161,7 +161,7 @@ def test_branch_is_the_sign_it_is_declared_by(case):
         assert np.sign(((D - B).conjugate() * (C - B)).imag) == block.branch
 
 
-# ---- balances ---------------------------------------------------------------------------------
+# ---- balances ----------------------------------------------------------------------------
 
 
 @given(mechanisms(ALL))

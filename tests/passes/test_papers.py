@@ -89,7 +89,7 @@ def test_equation_of_motion_holds_at_any_state():
     assert np.max(np.abs(left - r["crank.drive"] - r["crank.tau_red"]) / size) <= DIGITS / worst
 
 
-# ---- Andrews' squeezer: three dyads on one pin --------------------------------------------
+# ---- Andrews' squeezer: three dyads on one pin -------------------------------------------
 
 ANDREWS = recorded("andrews_squeezer")["converged_at_0_03"]
 # Source of the reference: two formulations agree to 1e-12 at speeds of 1,000 rad/s.

@@ -22,6 +22,7 @@ HAND_MADE = {
     "toggle": (toggle, {"at": {"ram": 0.3}}),
     "watt": (lambda: watt(spring=2.0, friction=True), {"at": {"crank": -2.0}}),
 }
+STEPPED = 1e-11  # [-] rounding, times a condition of the friction equations below 1e4
 EACH = pytest.mark.parametrize("name", HAND_MADE)
 
 
@@ -39,7 +40,16 @@ def numbers(result):
     return {k: np.asarray(result[k]) for k in result if result.output(k).kind != "number"}
 
 
-# ---- mirrored -----------------------------------------------------------------------------------
+def same(found, wanted, result):
+    """Equal to the last bit; to rounding where continuation took its steps to the answer."""
+    stepped = any(f.code == "by-continuation" for f in result.quality.flags)
+    if not stepped:
+        return np.array_equal(found, wanted, equal_nan=True)
+    size = np.nanmax(np.abs(wanted), initial=0.0)
+    return np.allclose(found, wanted, rtol=0, atol=STEPPED * size, equal_nan=True)
+
+
+# ---- mirrored ----------------------------------------------------------------------------
 
 TURNING = ("rad", "rad/s", "rad/s2", "N m", "kg m2/rad")  # odd under mirroring
 UNSIGNED = (".transmission_angle",)
@@ -79,7 +89,8 @@ def check_mirror(graph, request):
     one = solve(graph, request)
     other = solve(mirrored(graph), in_the_mirror(graph.compile(), request))
     assert other.quality.status == one.quality.status
-    assert same_bits(image(one), numbers(other)) == []
+    for name, values in image(one).items():
+        assert same(other[name], values, one), name
 
 
 @EACH
@@ -104,7 +115,7 @@ def test_mirrored_twice_is_the_mechanism_itself():
     assert mirrored(mirrored(graph)).to_json() == rewired(graph).to_json()
 
 
-# ---- scaled -------------------------------------------------------------------------------------
+# ---- scaled ------------------------------------------------------------------------------
 
 
 def powers(unit):
@@ -140,8 +151,7 @@ def check_scale(graph, request, length, force):
         if wanted.unit(name) == "SI":
             continue  # of mixed units; drives and energies stand for it
         a, b = powers(wanted.unit(name))
-        exact = np.array_equal(found[name], values * length**a * force**b, equal_nan=True)
-        assert exact, name
+        assert same(found[name], values * length**a * force**b, wanted), name
 
 
 @EACH
@@ -159,7 +169,7 @@ def test_other_units_change_no_digit_of_a_random_mechanism(case, length, force):
     check_scale(case.graph, case.request, 2.0**length, 2.0**force)
 
 
-# ---- rotated ------------------------------------------------------------------------------------
+# ---- rotated -----------------------------------------------------------------------------
 
 
 def check_rotation(graph, request, angle):
@@ -196,7 +206,7 @@ def test_turned_random_chain_gives_the_turned_numbers(case, angle):
     check_rotation(case.graph, case.request, angle)
 
 
-# ---- shuffled -----------------------------------------------------------------------------------
+# ---- shuffled ----------------------------------------------------------------------------
 
 
 @given(mechanisms(ALL), st.integers(0, 2**32 - 1))

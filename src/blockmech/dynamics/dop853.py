@@ -151,10 +151,10 @@ def _short(
 
 
 def _first_step(v: float, a: float, atol: Sequence[float], speed: float) -> float:
-    """A cautious first step: the state changes by some of its own size."""
-    pace = max(abs(v), abs(a) * abs(speed) / max(abs(a), abs(speed), 1e-300), 1e-12)
-    length = max(min(abs(speed) / max(abs(a), 1e-300), 1.0 / pace), 1e-9)
-    return float(0.1 * length * min(1.0, (atol[0] * 1e2) ** 0.125))
+    """A cautious first step [s]: less than a radian at a typical speed, less for tight targets."""
+    pace = max(abs(speed), abs(v))
+    length = min(1.0 / pace, pace / abs(a)) if a else 1.0 / pace
+    return 0.1 * length * min(1.0, float((atol[0] * 1e2) ** 0.125))
 
 
 def _attempt(

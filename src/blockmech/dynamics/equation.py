@@ -103,15 +103,18 @@ def from_table(meter: Metered, table: Table, qd0: float) -> Equation:
     return Equation(1, rhs, None, kinetic, speed or 1.0, "table", table.error)
 
 
-def splits(meter: Metered, q0: float, qd0: float, t0: float) -> bool:
-    """Whether the effort is what the system says it is made of; checked at a few states."""
+def splits(meter: Metered, q0: float, qd0: float, t0: float, batch: bool = False) -> bool:
+    """Whether the effort is what the system says it is made of; checked at a few states.
+
+    ``batch``: with the part that follows rate and time as batches give it, else as single
+    states do.
+    """
     system = meter.system
-    if "rate" in system.depends_on and not system.damped and system.rate_load_one is None:
-        return False
-    if "time" in system.depends_on and system.rate_load_one is None:
-        return False
     if system.depends_on <= {"q"}:
         return True
+    rest = system.rate_load if batch else system.rate_load_one
+    if rest is None and ("time" in system.depends_on or not system.damped):
+        return False
     wanted = frozenset({"damping"}) if system.damped else frozenset()
     for i in range(1, PROBES + 1):
         q, qd, t = q0 + 0.7 * i, (qd0 or 1.0) * (1.0 + 0.37 * i), t0 + 0.23 * i
@@ -120,7 +123,9 @@ def splits(meter: Metered, q0: float, qd0: float, t0: float) -> bool:
         found = float(sample.tau[0])
         if sample.damping is not None:
             found -= float(sample.damping[0]) * qd
-        if system.rate_load_one is not None:
+        if batch:
+            found += float(np.sum(meter.rate_load(np.array([q]), np.array([qd]), t)))
+        elif system.rate_load_one is not None:
             found += system.rate_load_one(q, qd, t)
         if math.isfinite(whole) and not abs(found - whole) <= AGREES * (abs(found) + abs(whole)):
             return False

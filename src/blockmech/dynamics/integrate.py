@@ -34,6 +34,7 @@ Method: TypeAlias = Literal["dop853", "lsoda", "radau"]
 Ending: TypeAlias = Literal["reached", "ended", "failed"]
 
 MOST_EVALUATIONS = 400_000
+MOST_WITHOUT_TIME = 100_000  # where the goal may never be met
 MOST_LEGS = 100_000
 TOO_MANY = "more evaluations than allowed"
 INTERRUPTED = "interrupted"
@@ -44,7 +45,8 @@ FOREVER = 1e9  # [s] for goals without a time
 class Task:
     """What is to be integrated; the same at every tolerance.
 
-    ``y0`` is (q, q', 0), (2k + 1,); ``system`` is None with several drivers.
+    ``y0`` is (q, q', 0), (2k + 1,); ``system`` is None with several drivers; a swing
+    shorter than ``rest`` [rad or m] is none.
     """
 
     equation: Equation
@@ -54,6 +56,7 @@ class Task:
     until: Until
     watches: tuple[Watch, ...] = ()
     time_knots: tuple[float, ...] = ()
+    rest: float = 1e-9
 
     @property
     def t_max(self) -> float:
@@ -117,10 +120,12 @@ class Run:
         return State(y[:k].T, y[k : 2 * k].T)
 
 
-def run(task: Task, method: Method, tolerance: float, most: int = MOST_EVALUATIONS) -> Run:
+def run(task: Task, method: Method, tolerance: float, most: int | None = None) -> Run:
     """Integrate at one tolerance until the goal or whatever ends the motion before."""
     count = 0
     right = task.equation.rhs
+    if most is None:
+        most = MOST_EVALUATIONS if task.until.goal == "time" else MOST_WITHOUT_TIME
 
     def rhs(t: float, y: Any) -> Any:
         nonlocal count
@@ -167,7 +172,7 @@ def run(task: Task, method: Method, tolerance: float, most: int = MOST_EVALUATIO
         if last is not None and last.surface.kind == "standstill":
             stops += 1
             y[1] = 0.0
-            if stops < task.stops and abs(y[0] - before[0]) <= 10 * tolerance:
+            if stops < task.stops and abs(y[0] - before[0]) <= task.rest:
                 status, end = "ended", "rest"
         if status is None:
             status, end = _verdict(task, last, t, stops)

@@ -63,7 +63,9 @@ def scales(equation: Equation, y: Floats, tolerance: float) -> tuple[Floats, Flo
     """rtol and atol by component: never relative to an angle, which may grow for ever."""
     k, w = equation.drivers, equation.speed
     rest = max(tolerance, FINEST)
-    energy = max(equation.kinetic(y), 1e-6 * w * w)
+    moving = y.copy()
+    moving[k : 2 * k] = w
+    energy = max(equation.kinetic(moving), 1e-300)
     rtol = np.array([FINEST] * k + [rest] * (k + 1))
     atol = np.array([rest] * k + [rest * w] * k + [rest * energy])
     return rtol, atol

@@ -18,7 +18,7 @@ from blockmech.dynamics.mesh import View
 from blockmech.dynamics.passage import Passage, Place
 from blockmech.dynamics.quadrature import Quadrature
 
-TURNS_AT_ONCE = 1024
+TURNS_AT_ONCE = (16, 4096)  # at first, at most
 MOST_TURNS = 10_000_000
 
 
@@ -117,9 +117,11 @@ def turn_starts(first: float, later: Quadrature, gain: float, clock: float, turn
     half_J = (later.J / 2).ravel()
     weights, K = weights.ravel(), later.K.ravel()
     chunks, done, end = [np.array([0.0, first])], 1, first
+    count = min(max(turns, TURNS_AT_ONCE[0]), TURNS_AT_ONCE[1])
     while (end < clock or done < turns) and done < MOST_TURNS:
-        more = np.arange(done - 1, done - 1 + TURNS_AT_ONCE) * gain
+        more = np.arange(done - 1, done - 1 + count) * gain
         T = np.sqrt(half_J / (K + more[:, None])) @ weights
         chunks.append(end + np.cumsum(T))
-        end, done = float(chunks[-1][-1]), done + TURNS_AT_ONCE
+        end, done = float(chunks[-1][-1]), done + count
+        count = min(2 * count, TURNS_AT_ONCE[1])
     return np.concatenate(chunks)

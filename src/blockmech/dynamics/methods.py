@@ -152,7 +152,7 @@ def _automatic(meter: Metered, asked: Asked) -> Motion:
     accuracy = asked.accuracy
     loose = accuracy is not None and accuracy >= LOOSE and goal == "time" and not asked.watches
     motion = in_time(meter, replace(asked, why=why), "lsoda" if loose else "dop853")
-    if motion.end == TOO_MANY and not loose:
+    if motion.end == TOO_MANY and goal == "time" and not loose:
         return in_time(meter, replace(asked, why=f"{why}; it is stiff"), "radau")
     return motion
 

@@ -1,9 +1,9 @@
 """Integration with an honest error: the same run at finer tolerances until two agree.
 
-The estimate is half the largest difference between the last two runs (four times it where
-kinks interrupt them), at twenty common times and at those asked for; the finer run is the
-answer. Where evaluations
-are counted (kernels), the tolerances are always the same ones, from the coarsest on, so
+The estimate is the largest difference between the last two runs (four times it where kinks
+interrupt them), at twenty common times and at those asked for; the finer run is the answer.
+Half of it would nearly always do, but the coarser run is good by luck now and then. Where
+evaluations are counted (kernels), the tolerances are always the same ones, from the coarsest on, so
 a looser target never costs more; on the table, where they are cheap, they begin near the
 target.
 """
@@ -64,9 +64,7 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
         if before is not None:
             error, time_error = _difference(before, now, times)
             floor = task.equation.table_error
-            share = 0.5 if tolerance > FINEST else 1.0
-            if _kinked(task):
-                share = 4.0
+            share = 4.0 if _kinked(task) else 1.0
             error, time_error = share * error, share * time_error
             best = Refined(now, error + floor, time_error, tolerance, error + floor <= accuracy)
             if best.reached or now.end == TOO_MANY:

@@ -16,6 +16,7 @@ import numpy as np
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.conservative import Conservative
 from blockmech.dynamics.dense import place, when
+from blockmech.dynamics.equation import splits
 from blockmech.dynamics.line import Line
 from blockmech.dynamics.march import March, as_quadrature, errors, march
 from blockmech.dynamics.mesh import View
@@ -32,6 +33,7 @@ PER_TURN = 4
 TOLERANCES = (1e-6, 1e-9, 1e-12, 1e-15)  # of a panel, one after the other
 FINEST = 1e-10  # target if none is given [rad or m]
 COMPARED = 20
+MIXED = "it is not declared how the loads depend on place and rate"
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,8 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
         return f"{trouble(one)} at the start"
     if start.rate == 0 and one.tau == 0:
         return "it starts at rest at an equilibrium"
+    if not splits(meter, start.q, start.rate, start.t, batch=True):
+        return MIXED
     view = View(meter, start.q, math.copysign(1.0, start.rate or one.tau))
     far = {"turns": value * TURN, "angle": view.sign * (value - start.q)}.get(goal, math.inf)
     if goal not in ("time", "turns", "angle") or far < 0:
@@ -147,6 +151,8 @@ def steady_motion(meter: Metered, asked: Asked) -> Motion | str:
         one = meter.one(start.q, start.rate, start.t)
         if trouble(one):
             return f"{trouble(one)} at the start"
+        if not splits(meter, start.q, start.rate, start.t, batch=True):
+            return MIXED
         view = View(meter, start.q, math.copysign(1.0, start.rate or one.tau or 1.0))
         found = steady(view, asked.accuracy or FINEST)
         if not found:

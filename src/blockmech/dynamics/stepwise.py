@@ -39,7 +39,8 @@ def in_time(meter: Metered, asked: Asked, method: Method) -> Motion:
         return nothing(meter, asked, method, reason)
     equation = one_driver(meter, start.q, start.rate, start.t, asked.accuracy or FINEST)
     y0 = np.array([start.q, start.rate, 0.0])
-    task = Task(equation, system, y0, start.t, asked.until, asked.watches, system.time_knots)
+    rest = asked.accuracy or FINEST
+    task = Task(equation, system, y0, start.t, asked.until, asked.watches, system.time_knots, rest)
     if start.rate == 0 and "time" not in system.depends_on and equation.rhs(start.t, y0)[1] == 0:
         return resting(meter, asked, method)
     motion = _assembled(task, asked, method)

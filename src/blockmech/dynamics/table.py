@@ -58,6 +58,8 @@ class Table:
 
         def at(q: float) -> tuple[float, float, float, float]:
             u = (q - low) * per
+            if u - u != 0.0:
+                return nothing  # infinite, or no number
             if period is not None:
                 u -= floor(u / count) * count
             if not 0 <= u <= count:

@@ -1,0 +1,345 @@
+"""Method ``energy``: quadrature against exact motions, in all regimes."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from blockmech.dynamics.methods import move
+from blockmech.dynamics.reduced import Metered
+from blockmech.dynamics.until import Start
+from tests.dynamics import exact
+from tests.dynamics.linkages import (
+    FourBar,
+    fourbar,
+    guided,
+    pendulum,
+    recorded,
+    smooth,
+    squeezer,
+    watt,
+)
+
+WATT = recorded("watt_sixbar")
+ANDREWS = recorded("andrews_squeezer")["converged_at_0_03"]
+ANDREWS_START = -0.06171389001427645  # [rad] beta at rest, IVP test set
+TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
+TURN = 2 * math.pi
+
+
+def run(system, q, until, rate=0.0, accuracy=1e-12, **more):
+    return move(system, Start(q, rate), until, "energy", accuracy, **more)
+
+
+def truth(system, q, rate, times):
+    """An independent integration, to about 1e-12."""
+    from scipy.integrate import solve_ivp
+
+    def right(t, y):
+        J, tau, dJ, _ = system.one(y[0], y[1], t)
+        return [y[1], (tau - dJ * y[1] ** 2 / 2) / J]
+
+    found = solve_ivp(
+        right, (0, times[-1]), [q, rate], "DOP853", t_eval=times, rtol=2.3e-14, atol=1e-15
+    )
+    return found.y
+
+
+# -- the references of the two papers --------------------------------------------------------
+
+
+def test_watt_sixbar_from_rest_at_0_follows_the_table():
+    motion = run(watt(), 0.0, "standstill")
+    table = WATT["from_0"]["table"]
+    state = motion.at(np.minimum([row["t"] for row in table], motion.t_end))
+    assert abs(motion.q_end - WATT["from_0"]["theta_standstill"]) <= 1e-14
+    assert abs(motion.t_end - WATT["from_0"]["time_until_standstill"]) <= 1e-14
+    assert np.abs(state.q - [row["theta"] for row in table]).max() <= 2e-14
+    assert np.abs(state.qd - [row["omega"] for row in table]).max() <= 1e-12
+
+
+@pytest.mark.parametrize("accuracy", TARGETS)
+def test_watt_sixbar_from_rest_at_60_degrees(accuracy):
+    wanted = WATT["from_60_degrees"]
+    start = wanted["theta0"]
+    motion = run(watt(), start, "time=2", accuracy=accuracy)
+    assert motion.reached
+    assert abs(motion.q_end - wanted["theta_at_2s"]) <= 1e-14
+    assert abs(motion.qd_end - wanted["omega_at_2s"]) <= 1e-12
+    swing = run(watt(), start, "standstill", accuracy=accuracy)
+    assert abs(swing.q_end - wanted["theta_standstill"]) <= 1e-14
+    assert abs(swing.t_end - wanted["time_until_standstill"]) <= 1e-13
+
+
+def test_watt_sixbar_from_90_degrees_against_an_integration():
+    times = np.linspace(0.1, 4.0, 40)
+    motion = run(watt(), math.pi / 2, "time=4")
+    found = np.abs(motion.at(times).q - truth(watt(), math.pi / 2, 0.0, times)[0]).max()
+    assert found <= 5e-11  # what the integrator leaves near the top
+    assert motion.error <= 1e-11
+
+
+@pytest.mark.parametrize("accuracy", TARGETS)
+def test_andrews_squeezer_after_two_and_a_half_turns(accuracy):
+    motion = run(squeezer(), ANDREWS_START, "time=0.03", accuracy=accuracy)
+    assert motion.regime == "secular"
+    assert abs(motion.q_end - ANDREWS["q"][0]) <= 1e-13
+    assert abs(motion.qd_end / ANDREWS["dq"][0] - 1) <= 1e-13
+
+
+def test_a_thousand_swings_of_the_watt_sixbar():
+    motion = run(watt(), math.pi / 3, "swings=1000", accuracy=1e-9)
+    swing = WATT["from_60_degrees"]["time_until_standstill"]
+    assert abs(motion.t_end - 1000 * swing) <= 1e-10
+    state = motion.at(motion.times(2001))
+    inertia = watt().sample(state.q, frozenset())
+    kinetic = inertia.J * state.qd**2 / 2
+    assert kinetic.min() >= 0
+    assert len(motion.events) == 1000
+
+
+# -- the pendulum, exactly -------------------------------------------------------------------
+
+PENDULA = [
+    (1.0, 0.0, 40.0),
+    (2.9, 0.0, 100.0),
+    (-0.3, 1.2, 25.0),
+    (0.5, -1.9, 60.0),
+    (0.0, 2.5, 30.0),
+    (1.0, -3.0, 200.0),
+    (1e-5, 0.0, 30.0),
+    (math.pi - 1e-2, 0.0, 33.0),
+    (math.pi - 1e-4, 0.0, 33.0),
+    (math.pi - 1e-6, 0.0, 33.0),
+    (0.0, 2.0001, 33.0),
+    (0.0, 1.99999999, 33.0),
+]
+
+
+@pytest.mark.parametrize(("q", "rate", "t"), PENDULA)
+def test_pendulum_is_exact_and_its_estimate_honest(q, rate, t):
+    motion = run(pendulum(), q, f"time={t!r}", rate)
+    place, speed = exact.pendulum(q, rate, t)
+    error = abs(float(place - mp.mpf(motion.q_end)))
+    assert error <= motion.error
+    assert abs(float(speed - mp.mpf(motion.qd_end))) <= 2 * motion.error + 1e-13
+
+
+@pytest.mark.parametrize(("q", "rate", "t"), PENDULA[:7])
+def test_away_from_separatrices_the_error_is_rounding(q, rate, t):
+    motion = run(pendulum(), q, f"time={t!r}", rate)
+    place, _ = exact.pendulum(q, rate, t)
+    assert abs(float(place - mp.mpf(motion.q_end))) <= 1e-15 * max(20.0, t, abs(motion.q_end))
+    assert motion.reached or motion.error <= 1e-11
+
+
+def test_period_of_a_swing():
+    motion = run(pendulum(), 2.0, "steady")
+    assert abs(motion.t_end - float(exact.pendulum_period(2.0))) <= 1e-14 * motion.t_end
+    assert motion.facts["period"] == motion.t_end
+
+
+def test_one_ulp_from_the_separatrix_it_says_that_the_data_do_not_decide():
+    motion = run(pendulum(), 0.0, "time=50", 2.0)
+    assert not motion.reached
+    assert any("rounding of the data" in note or "do not decide" in note for note in motion.notes)
+
+
+# -- regimes ---------------------------------------------------------------------------------
+
+
+def test_regimes_are_named():
+    cases = {
+        "libration": run(pendulum(), 1.0, "time=1"),
+        "rotation": run(pendulum(), 1.0, "time=1", 3.0),
+        "secular": run(pendulum(couple=1.5), 0.0, "time=1"),
+        "secular braking": run(pendulum(couple=-0.2), 0.0, "time=1", 6.0),
+        "turning back": run(pendulum(couple=-1.5), 0.0, "time=1", 1.0),
+        "rest": run(pendulum(), 0.0, "time=1"),
+        "end stop": run(pendulum(stops=(-0.5, 2.0)), 1.0, "time=9"),
+        "dead centre": run(fourbar(), 0.3, "time=9"),
+    }
+    assert {name: motion.regime for name, motion in cases.items()} == {n: n for n in cases}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_scenes_against_an_integration(seed):
+    rng = np.random.default_rng(seed)
+    system = smooth(rng, rng.choice([0.0, 0.0, 0.4, -1.0]))
+    q, rate = rng.uniform(-4, 4), rng.choice([0.0, rng.normal() * 3])
+    times = np.linspace(0, rng.uniform(2, 15), 9)[1:]
+    wanted = truth(system, q, rate, times)
+    evaluations = []
+    for accuracy in TARGETS:
+        motion = run(system, q, f"time={float(times[-1])!r}", rate, accuracy)
+        noise = 1e-11 * max(1.0, float(np.abs(wanted[0]).max()))  # of the integration
+        assert np.abs(motion.at(times).q - wanted[0]).max() <= motion.error + noise
+        evaluations.append(motion.cost.evaluations)
+    assert evaluations == sorted(evaluations)
+
+
+@pytest.mark.parametrize("rate", [6.0, 40.0])
+def test_braking_runs_back_the_way_it_came(rate):
+    system = pendulum(couple=-0.3)
+    stop = run(system, 0.0, "standstill", rate)
+    back = run(system, 0.0, f"time={2 * stop.t_end!r}", rate)
+    assert abs(back.q_end) <= 1e-9
+    assert abs(back.qd_end + rate) <= 1e-9
+    assert stop.q_end > TURN
+
+
+def test_a_hundred_thousand_turns_cost_what_one_turn_costs():
+    one = run(pendulum(), 0.0, "turns=1", 3.0)
+    many = run(pendulum(), 0.0, "turns=100000", 3.0)
+    assert many.cost == one.cost
+    assert abs(many.t_end / one.t_end / 1e5 - 1) <= 1e-15
+    with mp.workdps(30):
+        turn = 4 / mp.mpf(3) * mp.ellipk(mp.mpf(4) / 9)
+    assert abs(many.at(float(5e4 * turn)).q - 5e4 * TURN) <= 1e-9
+
+
+def test_secular_motion_over_a_thousand_turns_keeps_its_energy():
+    system = pendulum(couple=0.5)
+    motion = run(system, 0.3, "turns=1000", 4.0)
+    gained = 0.5 * TURN * 1000
+    assert abs(motion.qd_end**2 / 2 - 8.0 - gained) <= 1e-11 * gained
+    assert motion.cost.evaluations <= 400
+
+
+def test_end_stop_ends_the_run_with_its_name():
+    motion = run(pendulum(stops=(-0.5, 2.0)), 1.0, "time=5")
+    assert (motion.status, motion.end) == ("ended", "end stop")
+    with mp.workdps(30):
+        k = mp.sin(mp.mpf(0.5))
+        reached = mp.ellipk(k**2) + mp.ellipf(mp.asin(mp.sin(mp.mpf(0.25)) / k), k**2)
+    assert abs(motion.t_end - float(reached)) <= 1e-14
+    assert motion.events[-1].kind == "end stop"
+
+
+def test_dead_centre_is_reached_in_the_exact_time():
+    bar = FourBar()
+    precise = SimpleNamespace(expi=mp.expj, sqrt=mp.sqrt, hyp=abs, low=min)
+    with mp.workdps(30):
+        outer = mp.mpf(bar.coupler) + mp.mpf(bar.rocker)
+        base, q0 = mp.mpf(bar.base), mp.mpf(0.3)
+        stop = -mp.acos((1 + base**2 - outer**2) / (2 * base))
+        start = bar.potential(precise, q0)
+
+        def slowness(q):
+            J = bar(precise, q, False)[0]
+            return mp.sqrt(J / (2 * (start - bar.potential(precise, q))))
+
+        exact_time = float(abs(mp.quad(slowness, [q0, -0.6, stop])))
+    motion = run(fourbar(), 0.3, "time=5", accuracy=1e-9)
+    assert motion.end == "dead centre"
+    assert abs(motion.q_end - float(stop)) <= 1e-15
+    assert abs(motion.t_end - exact_time) <= min(motion.time_error, 5e-12)
+    assert motion.qd_end == pytest.approx(0.0, abs=1e-12)
+
+
+def test_equilibria_say_whether_they_are_stable():
+    stable, unstable = run(pendulum(), 0.0, "standstill"), run(pendulum(), math.pi, "standstill")
+    assert stable.end == "stable equilibrium"
+    assert stable.facts["frequency"] == pytest.approx(1.0, abs=1e-10)
+    assert unstable.end == "unstable equilibrium"
+    assert unstable.facts["rate"] == pytest.approx(1.0, abs=1e-10)
+    assert unstable.at(unstable.t_end).q == math.pi
+
+
+def test_an_impossible_start_is_no_motion():
+    motion = run(fourbar(), 2.5, "time=1")
+    assert (motion.status, motion.end) == ("failed", "impossible pose")
+
+
+# -- drivers without a period ----------------------------------------------------------------
+
+
+def test_free_fall_and_spring_on_a_guide():
+    fall = guided(2.0, lambda q: 3.0 + 0 * q)
+    assert run(fall, 0.0, "time=100").q_end == pytest.approx(7500, abs=1e-9)
+    assert run(fall, 0.0, "time=10", -20.0).q_end == pytest.approx(-125, abs=1e-11)
+    assert run(fall, 0.0, "standstill", -3.0).t_end == pytest.approx(2.0, abs=1e-14)
+    assert run(guided(2.0, lambda q: 0 * q), 0.0, "time=7", -3.0).q_end == pytest.approx(-21)
+    spring = guided(1.0, lambda q: -q)
+    for amplitude in (1e-3, 1.0, 1e4):
+        found = run(spring, amplitude, "time=10").q_end / amplitude
+        assert abs(found - math.cos(10)) <= 1e-12
+
+
+@pytest.mark.parametrize("knots", [(0.0,), ()])
+def test_a_kink_in_a_load_costs_no_accuracy(knots):
+    kinked = guided(1.0, lambda q: np.where(q < 0, -q, -4.0 * q), knots=knots)
+    motion = run(kinked, 1.0, "standstill")
+    assert abs(motion.t_end - 0.75 * math.pi) <= 1e-14
+    assert abs(motion.q_end + 2) <= 1e-14
+
+
+def test_a_torsion_spring_on_the_crank_has_no_period():
+    base = pendulum()
+
+    def sample(q, wanted):
+        found = base.sample(q, wanted)
+        return found._replace(tau=found.tau - 0.05 * q)
+
+    def one(q, qd, t):
+        J, tau, dJ, margin = base.one(q, qd, t)
+        return J, tau - 0.05 * q, dJ, margin
+
+    from blockmech.dynamics.reduced import ReducedSystem
+
+    system = ReducedSystem(sample=sample, one=one, period=None)
+    times = np.linspace(1, 30, 12)
+    motion = run(system, 0.0, "time=30", 4.0)
+    assert np.abs(motion.at(times).q - truth(system, 0.0, 4.0, times)[0]).max() <= 1e-10
+    assert motion.regime == "libration"
+
+
+# -- what is asked for -----------------------------------------------------------------------
+
+
+def test_goals_of_a_swinging_pendulum():
+    period = float(exact.pendulum_period(1.0))
+    assert run(pendulum(), 1.0, "swings=3").t_end == pytest.approx(1.5 * period, rel=1e-15)
+    assert run(pendulum(), 1.0, "angle=0").t_end == pytest.approx(period / 4, rel=1e-14)
+    third = run(pendulum(), 1.0, "angle=-0.5")
+    assert abs(float(exact.pendulum(1.0, 0.0, third.t_end)[0]) + 0.5) <= 1e-14
+    never = run(pendulum(), 1.0, "turns=1")
+    assert (never.status, never.end) == ("ended", "never reached: libration")
+    assert run(pendulum(), 0.0, "angle=-1", 1.5).q_end == -1.0
+
+
+def test_only_inertia_and_effort_are_asked_for():
+    asked = []
+    base = watt()
+
+    def sample(q, wanted):
+        asked.append(wanted)
+        return base.sample(q, wanted)
+
+    from dataclasses import replace
+
+    meter = Metered(replace(base, sample=sample))
+    move(meter, Start(math.pi / 3), "time=2", "energy", 1e-12)
+    assert set(asked) == {frozenset()}
+    assert meter.cost.calls == len(asked)
+
+
+def test_dense_output_at_many_and_at_single_times_agree():
+    motion = run(watt(), math.pi / 3, "time=7")
+    times = motion.times(301)
+    many = motion.at(times)
+    single = np.array([[float(x) for x in motion.at(float(t))] for t in times])
+    assert np.abs(many.q - single[:, 0]).max() <= 1e-14
+    assert np.abs(many.qd - single[:, 1]).max() <= 1e-12
+    assert np.isnan(motion.at(7.1).q)
+
+
+def test_time_starts_where_the_start_says():
+    early = move(pendulum(), Start(1.0, 0.0, 0.0), "time=3", "energy")
+    late = move(pendulum(), Start(1.0, 0.0, 100.0), "time=3", "energy")
+    assert late.t_end == 103.0
+    assert late.at(102.0).q == pytest.approx(early.at(2.0).q, abs=1e-13)

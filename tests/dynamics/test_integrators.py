@@ -1,0 +1,298 @@
+"""Integrators in time: accuracy, honest estimates, events, kinks, dead centres, order."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blockmech.dynamics import euler_q, rk4
+from blockmech.dynamics.equation import (
+    cholesky_solved,
+    from_kernels,
+    from_table,
+    one_driver,
+    splits,
+)
+from blockmech.dynamics.integrate import Task, run
+from blockmech.dynamics.methods import move
+from blockmech.dynamics.reduced import Metered, ReducedSystem, ReducedSystems, Sample, Terms
+from blockmech.dynamics.table import tabulated
+from blockmech.dynamics.until import Start, Until, Watch
+from tests.dynamics.linkages import (
+    fourbar,
+    guided,
+    motored,
+    pendulum,
+    recorded,
+    squeezer,
+    watt,
+)
+
+WATT = recorded("watt_sixbar")
+SIXTY = WATT["from_60_degrees"]
+ANDREWS = recorded("andrews_squeezer")["converged_at_0_03"]
+TURN = 2 * math.pi
+
+
+# -- accuracy --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("method", "accuracy"),
+    [("dop853", 1e-9), ("lsoda", 1e-9), ("dop853", 1e-11), ("dop853", 1e-5), ("radau", 1e-4)],
+)
+def test_watt_sixbar_at_two_seconds(method, accuracy):
+    motion = move(watt(), Start(math.pi / 3), "time=2", method, accuracy)
+    error = abs(motion.q_end - SIXTY["theta_at_2s"])
+    assert error <= min(accuracy, motion.error)
+    assert motion.reached
+    assert motion.facts["energy_balance"] <= 1e-4
+
+
+def test_standstill_by_integration():
+    motion = move(watt(), Start(math.pi / 3), "standstill", "dop853", 1e-9)
+    assert abs(motion.q_end - SIXTY["theta_standstill"]) <= 1e-9
+    assert abs(motion.t_end - SIXTY["time_until_standstill"]) <= 1e-9
+    assert motion.end == "standstill"
+
+
+def test_andrews_squeezer_by_integration():
+    motion = move(squeezer(), Start(-0.06171389001427645), "time=0.03", "dop853", 1e-9)
+    assert abs(motion.q_end - ANDREWS["q"][0]) <= 1e-9
+    assert abs(motion.qd_end / ANDREWS["dq"][0] - 1) <= 1e-9
+
+
+@pytest.mark.parametrize("method", ["dop853", "lsoda"])
+@pytest.mark.parametrize("q", [0.0, 0.4, math.pi / 3, math.pi / 2, 2.5])
+def test_estimates_are_honest_and_looser_targets_never_cost_more(method, q):
+    exact = move(watt(), Start(q), "time=2", "energy", 1e-12)
+    times, costs = np.linspace(0.1, 2, 20), []
+    for accuracy in (1e-3, 1e-5, 1e-7):
+        motion = move(watt(), Start(q), "time=2", method, accuracy)
+        assert np.abs(motion.at(times).q - exact.at(times).q).max() <= motion.error
+        costs.append(motion.cost.evaluations)
+    assert costs == sorted(costs)
+
+
+def test_counted_evaluations_grow_with_the_target():
+    undeclared = replace(watt(), depends_on=frozenset({"q", "rate"}))  # no split: kernels only
+    exact = move(watt(), Start(1.0), "time=1", "energy").q_end
+    costs = []
+    for accuracy in (1e-3, 1e-5, 1e-7, 1e-9):
+        motion = move(undeclared, Start(1.0), "time=1", "dop853", accuracy)
+        assert abs(motion.q_end - exact) <= motion.error <= accuracy
+        costs.append(motion.cost.evaluations)
+    assert costs == sorted(costs)
+
+
+def test_a_target_that_cannot_be_reached_is_said():
+    motion = move(watt(), Start(math.pi / 2), "time=6", "dop853", 1e-15)
+    assert not motion.reached
+    assert any("accuracy not reached" in note for note in motion.notes)
+
+
+def test_table_and_kernels_give_one_equation():
+    system = motored()
+    meter = Metered(system)
+    table = tabulated(meter, 1e-11)
+    assert table is not None
+    by_table, by_kernels = from_table(meter, table, 0.0), from_kernels(meter, 0.5, 0.0, 0.0)
+    for q, qd in ((0.3, 2.0), (-7.0, 11.0), (40.0, -3.0)):
+        y = np.array([q, qd, 0.0])
+        assert by_table.rhs(0.0, y) == pytest.approx(by_kernels.rhs(0.0, y), rel=1e-9)
+
+
+def test_a_split_that_does_not_add_up_is_not_trusted():
+    wrong = replace(motored(), rate_load_one=lambda q, qd, t: 1.0)
+    assert splits(Metered(motored()), 0.5, 0.0, 0.0)
+    assert not splits(Metered(wrong), 0.5, 0.0, 0.0)
+    assert one_driver(Metered(wrong), 0.5, 0.0, 0.0, 1e-6).source == "kernels"
+
+
+def test_own_dop853_agrees_with_scipys():
+    from blockmech.dynamics import wrapped
+    from blockmech.dynamics.legs import Ask
+    from blockmech.dynamics.surfaces import standstill
+
+    equation = from_kernels(Metered(watt()), math.pi / 3, 0.0, 0.0)
+    y = np.array([math.pi / 3, 0.0, 0.0])
+    task = Task(equation, watt(), y, 0.0, Until("time", 2.0))
+    own = run(task, "dop853", 1e-10)
+    ask = Ask(equation, equation.rhs, 0.0, y, 2.0, [standstill(False)], 1e-10)
+    other = wrapped.integrate(ask, "dop853")
+    times = np.linspace(0, 2, 41)
+    assert np.abs(own.state(times).q - other.dense(times)[0]).max() <= 1e-7
+    assert own.events[0].t == pytest.approx(other.hits[0].t, abs=1e-8)
+
+
+# -- events and ends -------------------------------------------------------------------------
+
+
+def test_users_events_are_found_by_integration_and_by_quadrature():
+    fast = Watch("fast", lambda t, q, qd: abs(qd) - 8.0)
+    by_energy = move(watt(), Start(math.pi / 3), "time=2", "energy", watch=[fast])
+    by_steps = move(watt(), Start(math.pi / 3), "event", "dop853", 1e-10, watch=[fast])
+    assert by_energy.end == by_steps.end == "fast"
+    assert by_energy.t_end == pytest.approx(by_steps.t_end, abs=1e-9)
+    assert abs(abs(by_energy.qd_end) - 8.0) <= 1e-12
+    noted = replace(fast, terminal=False)
+    through = move(watt(), Start(math.pi / 3), "time=2", "energy", watch=[noted])
+    assert [e.kind for e in through.events] == ["fast", "fast", "standstill"]
+
+
+def test_swings_are_counted():
+    motion = move(watt(), Start(math.pi / 3), "swings=3", "dop853", 1e-9)
+    assert motion.t_end == pytest.approx(3 * SIXTY["time_until_standstill"], abs=1e-8)
+    assert [e.kind for e in motion.events] == ["standstill"] * 3
+
+
+def test_an_end_stop_ends_an_integration():
+    system = pendulum(stops=(-0.5, 2.0))
+    exact = move(system, Start(1.0), "time=5", "energy")
+    motion = move(system, Start(1.0), "time=5", "dop853", 1e-9)
+    assert (motion.status, motion.end) == ("ended", "end stop")
+    assert motion.t_end == pytest.approx(exact.t_end, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+def test_a_dead_centre_is_an_event_not_an_accident(method):
+    exact = move(fourbar(), Start(0.3), "time=5", "energy")
+    motion = move(fourbar(), Start(0.3), "time=5", method, 1e-5)
+    assert (motion.status, motion.end) == ("ended", "dead centre")
+    assert motion.facts["dead_centre_time"] == pytest.approx(exact.t_end, abs=1e-5)
+    assert math.isfinite(motion.q_end)
+    assert motion.cost.evaluations < 20_000
+
+
+def test_kinks_in_place_and_in_time_do_not_cost_the_order():
+    kinked = guided(1.0, lambda q: np.where(q < 0, -q, -4.0 * q), knots=(0.0,))
+    motion = move(kinked, Start(1.0), "standstill", "dop853", 1e-9)
+    assert abs(motion.t_end - 0.75 * math.pi) <= 1e-9
+
+    def pulse(q, qd, t):
+        return 1.0 if t < 1.0 else -2.0
+
+    one = lambda q, qd, t: (1.0, pulse(q, qd, t), 0.0, 1.0)  # noqa: E731
+    timed = replace(
+        guided(1.0, lambda q: 0 * q),
+        one=one,
+        depends_on=frozenset({"q", "time"}),
+        time_knots=(1.0,),
+    )
+    found = move(timed, Start(0.0), "time=3", "auto", 1e-10)
+    assert found.q_end == pytest.approx(0.5 + 2.0 - 4.0, abs=1e-10)
+    assert "time" in found.why
+
+
+def test_a_damped_swing_ends_at_rest():
+    motion = move(motored(stall=0.0, damper=3.0), Start(-1.2), "swings=500", "dop853", 1e-6)
+    assert motion.end == "rest"
+
+
+def test_evaluations_are_capped():
+    equation = from_kernels(Metered(watt()), 1.0, 0.0, 0.0)
+    task = Task(equation, watt(), np.array([1.0, 0.0, 0.0]), 0.0, Until("time", 50.0))
+    found = run(task, "dop853", 1e-10, most=300)
+    assert (found.status, found.end) == ("failed", "more evaluations than allowed")
+
+
+# -- several drivers -------------------------------------------------------------------------
+
+
+def double_pendulum():
+    """Two point masses of 1 kg on rods of 1 m, absolute angles from the vertical, g = 1."""
+
+    def terms(q, qd, t):
+        a, b = q
+        c, s = math.cos(a - b), math.sin(a - b)
+        M = np.array([[2.0, c], [c, 1.0]])
+        bias = np.array([s * qd[1] ** 2, -s * qd[0] ** 2])
+        return Terms(M, bias, np.array([-2 * math.sin(a), -math.sin(b)]), 1.0)
+
+    return ReducedSystems(2, terms)
+
+
+def test_two_drivers_keep_their_energy_and_agree_with_another_method():
+    q0, qd0 = [1.0, -0.5], [0.3, 0.0]
+    motion = move(double_pendulum(), (q0, qd0), "time=10", "auto", 1e-9)
+    other = move(double_pendulum(), (q0, qd0), "time=10", "lsoda", 1e-6)
+    assert motion.method == "dop853"
+    assert np.abs(motion.q_end - other.q_end).max() <= motion.error + other.error
+
+    def energy(q, qd):
+        a, b = q.T
+        kinetic = qd[:, 0] ** 2 + qd[:, 1] ** 2 / 2 + qd[:, 0] * qd[:, 1] * np.cos(a - b)
+        return kinetic - 2 * np.cos(a) - np.cos(b)
+
+    state = motion.at(np.linspace(0, 10, 101))
+    assert np.ptp(energy(state.q, state.qd)) <= 1e-9
+    assert motion.facts["energy_balance"] <= 1e-10
+
+
+def test_cholesky_solves_and_refuses():
+    M = [[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]]
+    x = cholesky_solved(M, [1.0, 2.0, 3.0])
+    assert np.abs(np.array(M) @ x - [1, 2, 3]).max() <= 1e-14
+    assert all(math.isnan(v) for v in cholesky_solved([[1.0, 2.0], [2.0, 1.0]], [1.0, 1.0]))
+
+
+# -- fixed steps -----------------------------------------------------------------------------
+
+
+def test_euler_q_reproduces_the_papers_errors():
+    wanted = {
+        1e-2: (-2.18e-2, 9.580e-2),
+        1e-3: (-2.561e-3, 1.038e-2),
+        1e-4: (-2.601e-4, 1.047e-3),
+    }
+    for step, (time, place) in wanted.items():
+        grid = euler_q.stepped(Metered(watt()), Start(0.0), Until("standstill"), step)
+        time_error = grid.t[-1] - WATT["from_0"]["time_until_standstill"]
+        assert time_error == pytest.approx(time, rel=1e-3)
+        assert grid.q[-1] - WATT["from_0"]["theta_standstill"] == pytest.approx(place, rel=1e-3)
+
+
+def test_euler_q_estimates_its_error_and_goes_on_after_a_standstill():
+    motion = move(watt(), Start(0.0), "swings=2", "euler_q", step=1e-3)
+    assert [e.kind for e in motion.events] == ["standstill"] * 2
+    assert abs(motion.t_end - 2 * WATT["from_0"]["time_until_standstill"]) <= motion.time_error
+    assert motion.q_end == pytest.approx(0.0, abs=0.05)
+
+
+def test_rk4_is_of_order_four():
+    equation = from_kernels(Metered(watt()), math.pi / 3, 0.0, 0.0)
+    errors = []
+    for steps in (500, 1000, 2000):
+        found = rk4.stepped(equation, Start(math.pi / 3), Until("time", 2.0), 2.0 / steps)
+        errors.append(abs(found.q[-1] - SIXTY["theta_at_2s"]))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all((orders > 3.8) & (orders < 5.2))
+
+
+def test_rk4_meets_standstills_and_targets():
+    motion = move(watt(), Start(math.pi / 3), "standstill", "rk4", step=1e-3)
+    assert abs(motion.t_end - SIXTY["time_until_standstill"]) <= motion.time_error
+    timed = move(watt(), Start(math.pi / 3), "time=2", "rk4", 1e-6)
+    assert abs(timed.q_end - SIXTY["theta_at_2s"]) <= timed.error <= 1e-6
+
+
+def test_time_dependent_loads_are_integrated():
+    """q'' = cos t from rest: q = 1 - cos t."""
+
+    def sample(q, wanted):
+        one = np.ones_like(q)
+        return Sample(one, 0 * one, one, 0 * one)
+
+    system = ReducedSystem(
+        sample=sample,
+        one=lambda q, qd, t: (1.0, math.cos(t), 0.0, 1.0),
+        depends_on=frozenset({"q", "time"}),
+        rate_load_one=lambda q, qd, t: math.cos(t),
+        rate_load=lambda q, qd, t: np.cos(t) + 0 * q,
+    )
+    motion = move(system, Start(0.0), "time=7", "auto", 1e-10)
+    times = np.linspace(0, 7, 30)
+    assert np.abs(motion.at(times).q - (1 - np.cos(times))).max() <= 1e-10

@@ -1,0 +1,75 @@
+"""Which method is taken, why, and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from blockmech.dynamics.methods import move
+from blockmech.dynamics.until import Start, Until
+from blockmech.errors import RequestError
+from tests.dynamics.linkages import motored, pendulum, watt
+from tests.dynamics.test_integrators import double_pendulum
+
+
+def test_auto_says_what_it_took_and_why():
+    plain = move(watt(), Start(1.0), "time=1")
+    assert (plain.method, plain.why) == (
+        "energy",
+        "all loads depend on the driver's coordinate alone",
+    )
+    rated = move(motored(), Start(1.0), "time=1")
+    assert rated.method == "spectral"
+    stopping = move(motored(), Start(1.0), "standstill", accuracy=1e-6)
+    assert stopping.method == "dop853"
+    assert "rate" in stopping.why
+
+
+def test_cost_and_accuracy_are_in_the_result():
+    motion = move(watt(), Start(1.0), "time=1", accuracy=1e-9)
+    assert motion.reached
+    assert motion.error <= motion.accuracy == 1e-9
+    assert motion.cost.evaluations == motion.cost.samples + motion.cost.singles
+    assert 0 < motion.cost.calls <= 3
+
+
+@pytest.mark.parametrize(
+    ("call", "code", "text"),
+    [
+        (lambda: move(watt(), Start(1.0), "time=1", "enrgy"), "method", 'did you mean "energy"?'),
+        (lambda: move(motored(), Start(1.0), "time=1", "energy"), "method", "rate"),
+        (lambda: move(motored(), Start(1.0), "time=1", "euler_q"), "method", "rate"),
+        (lambda: move(watt(), Start(1.0), "event"), "until", "no event"),
+        (lambda: move(watt(), Start(1.0), "steady", "rk4"), "method", "knows no events"),
+        (lambda: move(watt(), Start(1.0), "swing=2"), "until", 'did you mean "swings"?'),
+        (lambda: move(watt(), Start(1.0), "time"), "until", "valid: "),
+        (
+            lambda: move(double_pendulum(), ([0.1, 0.2], [0, 0]), "turns=1"),
+            "until",
+            "it needs one driver",
+        ),
+        (
+            lambda: move(double_pendulum(), ([0.1, 0.2], [0, 0]), "time=1", "energy"),
+            "method",
+            "it needs one driver",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_name(call, code, text):
+    with pytest.raises(RequestError) as caught:
+        call()
+    (problem,) = caught.value.problems
+    assert problem.code == code
+    assert text in str(problem)
+
+
+def test_until_reads_its_spellings():
+    assert Until.parse("standstill") == Until("standstill")
+    assert Until.parse("swings=3") == Until("swings", 3.0)
+    assert Until.parse("angle=-6.28") == Until("angle", -6.28)
+
+
+def test_a_motion_is_printed_without_its_tables():
+    assert len(repr(move(pendulum(), Start(1.0), "time=1"))) < 1000
+    assert math.isfinite(move(pendulum(), Start(1.0), "time=1").error)
