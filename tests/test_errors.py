@@ -144,10 +144,10 @@ MADE = {
 @pytest.mark.parametrize("make", MADE, ids=lambda make: make.__name__)
 def test_a_file_that_cannot_be_read_is_one_message(make, tmp_path):
     path = make(tmp_path)
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(FormatError) as raised:
         load(path)
-    assert time.perf_counter() - started < SOON
+    assert time.process_time() - started < SOON
     (problem,) = raised.value.problems
     assert problem.code == MADE[make]
     assert problem.file.startswith(str(tmp_path))
@@ -226,9 +226,9 @@ def test_a_flood_is_answered_soon_and_shortly(name, tmp_path):
     path = tmp_path / "flood.json"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     assert path.stat().st_size <= LARGEST
-    started = time.perf_counter()
+    started = time.process_time()
     problems = problems_in(path)
-    assert time.perf_counter() - started < SOON
+    assert time.process_time() - started < SOON
     assert 1 <= len(problems) <= MOST + 1
     assert max(len(str(problem)) for problem in problems) < 5 * LONGEST
 
