@@ -23,8 +23,7 @@ class Wheel(DrivingLink, type="demo.wheel"):
 
     kind = "wheel"
     link_names = ("crank",)
-    drive = "A"
-    A = outer_joint("R", "crank", reads="guide")
+    A = outer_joint("R", "crank", reads="guide", driven=True)
     built_in = {"A": BuiltIn("crank"), "R": BuiltIn("crank", "radius")}
     lengths = ("radius",)
     kernels = Kernels(crank.position, crank.velocity, crank.acceleration, crank.reactions)

@@ -276,7 +276,7 @@ def mirrored(graph: Graph) -> Graph:
         updates = {
             n: -getattr(block, n)
             for n in block.model_fields_set & turned
-            if n != "offset" or getattr(block, "rotary", True)
+            if n != "offset" or all(j.rotary for j in block.driven)
         }
         if block.type_name == "dyad.rrr":
             updates["branch"] = -block.branch
@@ -329,7 +329,7 @@ def scaled(graph: Graph, length: float, force: float) -> Graph:
         if isinstance(block, bm.TorsionSpring):  # N m a radian, not N a metre
             turns = block.model_fields_set & {"stiffness", "damping"}
             updates |= {n: getattr(block, n) * force * length for n in turns}
-        if "offset" in block.model_fields_set and not getattr(block, "rotary", True):
+        if "offset" in block.model_fields_set and not block.driven[0].rotary:
             updates["offset"] = block.offset * length
         if "force" in block.model_fields_set:
             updates["force"] = block.force.z * force

@@ -5,11 +5,12 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Iterable, Iterator, Mapping
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs import Output, outputs_of
+from blockmech.outputs_by_link import outputs_by_link
 from blockmech.passes import forces, forward, friction
 from blockmech.plan import STAGES, Friction, Plan, Schedule
 
@@ -17,9 +18,13 @@ from blockmech.plan import STAGES, Friction, Plan, Schedule
 class Catalogue(Mapping[str, Output]):
     """All outputs of a mechanism by name, made once and on first use."""
 
-    def __init__(self, structure: Structure) -> None:
+    def __init__(self, structure: Structure, names: Names | None = None) -> None:
+        """With ``names`` the outputs are those of a joint-based document, and no others."""
         self.structure = structure
         self._outputs = {o.name: o for o in outputs_of(structure)}
+        if names is not None:
+            found = outputs_by_link(structure, names, self._outputs)
+            self._outputs = {o.name: o for o in found}
 
     def __getitem__(self, name: str) -> Output:
         return self._outputs[name]
@@ -94,21 +99,21 @@ class Catalogue(Mapping[str, Output]):
 def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Margins and friction reports of what the plan computes anyway."""
     for entry in list(s.entries):
-        block = s.structure.blocks[entry.block]
-        if entry.stage == "position" and not isinstance(block, DrivingLink):
-            yield f"margin/{entry.block}", (f"{s.ask(forward.position, entry.block)}.margin",)
+        if entry.stage == "position" and s.structure.blocks[entry.block].closes:
+            yield f"margin/{entry.block}", (s.ask(forward.margin, entry.block),)
         if entry.stage == "force":
-            solved = s.ask(forces.solution, entry.block)
-            if solved is None:
-                continue
-            what = ("iterations", "residual", "contraction", "outcome", "limit")
-            yield f"friction/{entry.block}", tuple(f"{solved}.{x}" for x in what)
-            for i, ref in enumerate(s.ask(friction.friction_joints, entry.block)):
-                yield (
-                    f"rest/{ref}",
-                    (
-                        s.ask(friction.rest, ref),
-                        f"{solved}.g[{i}]",
-                        s.ask(friction.factor_slot, ref),
-                    ),
-                )
+            yield from _friction_quality(s, entry.block)
+
+
+def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """How the friction of a block was solved, and which of its pairs rest."""
+    joints = s.ask(friction.friction_joints, block)
+    found = [(ref, *at) for ref in joints if (at := s.ask(forces.friction_at, ref)) is not None]
+    if not found:
+        return
+    solved = s.ask(forces.solution, block) or found[0][1]
+    what = ("iterations", "residual", "contraction", "outcome", "limit")
+    yield f"friction/{block}", tuple(f"{solved}.{x}" for x in what)
+    for ref, by, i in found:
+        rest = (s.ask(friction.rest, ref), f"{by}.g[{i}]", s.ask(friction.factor_slot, ref))
+        yield f"rest/{ref}", rest

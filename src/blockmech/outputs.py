@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from blockmech.blocks.contract import DrivingLink, Joint
+from blockmech.blocks.contract import Joint
 from blockmech.loads.contract import Element
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.passes import energy, forces, forward, loads, pairs, reduction
@@ -70,15 +70,15 @@ def _asked(rule: Callable[..., str], *key: Any) -> Callable[[Schedule], tuple[st
 def outputs_of(structure: Structure) -> Iterator[Output]:
     """Every output of a mechanism, in formation order."""
     for name, block in structure.blocks.items():
-        if isinstance(block, DrivingLink):
-            yield from _driver_outputs(structure, name, block)
+        for driver in structure.drivers_of(name):
+            yield from _driver_outputs(structure, driver)
         for link in block.link_names:
             yield from _link_outputs(LinkRef(name, link))
         for marker in structure.markers(name):
             yield from _marker_outputs(marker)
         for joint in block.joints.values():
             yield from _joint_outputs(structure, JointRef(name, joint.name), joint)
-        if not isinstance(block, DrivingLink):
+        if block.closes:
             yield from _group_outputs(structure, name)
     for marker in structure.markers(structure.frame):
         yield from _marker_outputs(marker)
@@ -104,9 +104,10 @@ def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
     yield Output(f"{name}.power", "W", "real", _asked(energy.element_power, name), _same)
 
 
-def _driver_outputs(structure: Structure, name: str, block: DrivingLink) -> Iterator[Output]:
-    q, effort = block.coordinate_unit(), block.effort_unit()
-    inertia = "kg m2" if block.rotary else "kg"
+def _driver_outputs(structure: Structure, name: str) -> Iterator[Output]:
+    ref, joint = structure.driven[name], structure.driver_joint(name)
+    q, effort = joint.coordinate_unit, joint.effort_unit
+    inertia = "kg m2" if joint.rotary else "kg"
 
     def given(quantity: str) -> Callable[[Schedule], tuple[str]]:
         return lambda s: (s.input(quantity, name),)
@@ -120,8 +121,8 @@ def _driver_outputs(structure: Structure, name: str, block: DrivingLink) -> Iter
         "real",
         _asked(forces.drive, name),
         _same,
-        by=str(structure.earlier_link(JointRef(name, block.drive))),
-        on=f"{name}.{block.link_names[0]}",
+        by=str(structure.earlier_link(ref)),
+        on=str(structure.later_link(ref)),
     )
     yield Output(
         f"{name}.drive_by_reduction",
@@ -249,7 +250,7 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
         f"{name}.margin",
         "",
         "real",
-        lambda s: (f"{s.ask(forward.position, name)}.margin",),
+        _asked(forward.margin, name),
         at_most_one,
     )
     if block.kernels.transmission is not None:
@@ -263,8 +264,7 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
     if len(structure.drivers) != 1:
         return
     driver = structure.drivers[0]
-    head = structure.blocks[driver]
-    assert isinstance(head, DrivingLink)
+    head = structure.driver_joint(driver)
     yield Output(
         f"{name}.J_red",
         "kg m2" if head.rotary else "kg",
@@ -274,7 +274,7 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
     )
     yield Output(
         f"{name}.tau_red",
-        head.effort_unit(),
+        head.effort_unit,
         "real",
         _asked(reduction.share_of_load, name, driver),
         _same,
@@ -334,7 +334,6 @@ def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
 
 def _advantage_unit(structure: Structure, useful: Element) -> str:
     """Unit of the mechanical advantage: useful load per driving effort."""
-    block = structure.blocks[structure.drivers[0]]
-    assert isinstance(block, DrivingLink)
-    load, effort = next(iter(useful.terminals.values())).unit, block.effort_unit()
+    effort = structure.driver_joint(structure.drivers[0]).effort_unit
+    load = next(iter(useful.terminals.values())).unit
     return "" if load == effort else f"{load}/({effort})"

@@ -19,7 +19,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 
@@ -174,8 +173,7 @@ class Schedule:
         """Name of an input: "q", "qd" or "qdd" of a driver."""
         name = f"{quantity}_{self.structure.drivers.index(driver)}"
         self.inputs.add(name)
-        block = self.structure.blocks[driver]
-        if quantity == "q" and isinstance(block, DrivingLink) and block.rotary:
+        if quantity == "q" and self.structure.driver_joint(driver).rotary:
             self.angles.add(name)
         return name
 

@@ -75,7 +75,7 @@ def sign_of(mechanism, name):
         return -1
     if what in ("friction", "slip") and blocks[block].joints[joint].kind == "R":
         return -1
-    rotary = block in mechanism.drivers and blocks[block].rotary
+    rotary = block in mechanism.drivers and mechanism.structure.driver_joint(block).rotary
     turning = ("q", "rate", "acceleration", "drive", "drive_by_reduction", "tau_red", "dJ_red")
     return -1 if rotary and what in turning else 1
 

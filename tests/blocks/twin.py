@@ -11,7 +11,7 @@ import numpy as np
 
 import blockmech as bm
 from blockmech.blocks.contract import BuiltIn, Line
-from blockmech.model.structure import JointRef, LinkRef
+from blockmech.model.structure import JointRef
 from tests.independent import multibody as mb
 
 TURN = 2 * np.pi
@@ -88,7 +88,7 @@ class Twin:
         raise LookupError(f"no marker for joint {joint.name} on link {link}")
 
     def _driver(self, name):
-        return mb.Driver(joint=f"{name}.{self.structure.blocks[name].drive}")
+        return mb.Driver(joint=str(self.structure.driven[name]))
 
     def _load(self, name, element):
         held = {t: self.structure.holds[JointRef(name, t)] for t in element.terminals}
@@ -138,11 +138,11 @@ class Twin:
         """The judge's driver coordinates: it does not know of offsets."""
         offsets = []
         for name in self.structure.drivers:
-            ref = JointRef(name, self.structure.blocks[name].drive)
+            ref = self.structure.driven[name]
             turn = 0.0
             if self.structure.joint(ref).kind == "R":
                 turn = self._place(self.structure.feeds[ref])[1]
-            offsets.append(turn + self.structure.blocks[name].offset)
+            offsets.append(turn + getattr(self.structure.blocks[ref.block], "offset", 0.0))
         return np.asarray(q, float) + offsets
 
     def _guess(self, q):
@@ -158,14 +158,13 @@ class Twin:
         poses = np.array(rows)
         coordinates = self._coordinates(q)
         for k, name in enumerate(self.structure.drivers):
-            block = self.structure.blocks[name]
-            ref = JointRef(name, block.drive)
+            ref = self.structure.driven[name]
             earlier = self.structure.earlier_link(ref)
-            if block.rotary:
+            if self.structure.driver_joint(name).rotary:
                 base = 0.0
                 if earlier != self.structure.frame_link:
                     base = poses[self._moving().index(earlier), 2]
-                row = self._moving().index(LinkRef(name, block.link_names[0]))
+                row = self._moving().index(self.structure.later_link(ref))
                 poses[row, 2] = base + coordinates[k]
         return poses
 

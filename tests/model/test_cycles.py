@@ -25,9 +25,9 @@ def rings(number, size):
 @pytest.mark.parametrize(("number", "size"), [(1, 3200), (2000, 2), (1, 490)])
 def test_rings_of_dyads_are_told_soon(number, size):
     graph = rings(number, size)
-    start = time.perf_counter()
+    start = time.process_time()
     problems = graph.check()
-    assert time.perf_counter() - start < SOON
+    assert time.process_time() - start < SOON
     assert [p.code for p in problems] == ["cycle"] * number
     assert all("the blocks wait for each other" in p.found for p in problems)
 

@@ -181,9 +181,9 @@ PROBLEMS = {
     "unknown driver": (
         driven_by_nobody,
         [
-            '[unknown-driver] scene.drive.crnak: no driving link "crnak". driving links: crank. '
+            '[unknown-driver] scene.drive.crnak: no driver "crnak". drivers: crank. '
             'did you mean "crank"?',
-            '[unknown-driver] scene.initial.dyad: no driving link "dyad". driving links: crank.',
+            '[unknown-driver] scene.initial.dyad: no driver "dyad". drivers: crank.',
         ],
     ),
     "a group of class III": (
@@ -254,7 +254,7 @@ def test_element_that_follows_a_driver_needs_one():
     g = with_block("gas", bm.Thrust(law=law, driver="crnak"))
     wire(g, "frame.A gas.a", "dyad.C gas.b")
     assert [str(p) for p in g.check()] == [
-        '[unknown-driver] gas.driver: no driving link "crnak". driving links: crank. '
+        '[unknown-driver] gas.driver: no driver "crnak". drivers: crank. '
         'did you mean "crank"?'
     ]
 

@@ -79,8 +79,8 @@ def in_the_mirror(mech, request):
     """The request of the mirror image: angles turn the other way, slides do not."""
 
     def seen(values):
-        rotary = mech.structure.blocks
-        return {d: -x if rotary[d].rotary else x for d, x in values.items()}
+        joint = mech.structure.driver_joint
+        return {d: -x if joint(d).rotary else x for d, x in values.items()}
 
     return {k: seen(values) for k, values in request.items()}
 
@@ -142,7 +142,7 @@ def test_powers_of_units_are_read_right():
 
 def check_scale(graph, request, length, force):
     mech = graph.compile()
-    slides = {d: 1.0 if mech.structure.blocks[d].rotary else length for d in mech.drivers}
+    slides = {d: 1.0 if mech.structure.driver_joint(d).rotary else length for d in mech.drivers}
     wanted = solve(graph, request)
     bigger = {k: {d: x * slides[d] for d, x in v.items()} for k, v in request.items()}
     found = solve(scaled(graph, length, force), bigger)

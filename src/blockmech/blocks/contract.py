@@ -5,7 +5,8 @@ checks, schedules, drawings, schemas and documents are derived from that. The
 rules are numbered, and `blockmech.testing.conformance` tests them by number:
 
  1. Inputs are declared: a kernel gets what its outer joints read, in the order
-    of declaration, and the block's parameters ``p``. Nothing else.
+    of declaration, the coordinates of its driven joints (or their rates), and the
+    block's parameters ``p``. Nothing else.
  2. Outputs depend on inputs and parameters only.
  3. ``position`` returns a named tuple with a `LinkPosition` per link, named like
     the link; a group adds ``margin``: at most 1, 0 at dead centre, negative where
@@ -17,7 +18,7 @@ rules are numbered, and `blockmech.testing.conformance` tests them by number:
  6. ``reactions`` is linear in the loads (`Load` per link about the link's own
     origin). It returns, named like the joint, a force for a revolute pair and a
     `Slide` for a prismatic pair (outer: on the group; inner: of link i on link j),
-    and ``tau`` for a drive joint. A slide's couple is about the origin of the later
+    and ``tau`` for a driven joint. A slide's couple is about the origin of the later
     link; the core moves it to the slider's point.
  7. Kernels are batch-transparent: any batch shape, no loop over samples.
  8. NaN in, NaN out.
@@ -65,13 +66,14 @@ class Joint:
 
     Attributes
     ----------
-    kind : "R" or "P"; a drive joint carries the pair it drives
+    kind : "R" or "P"
     link : the block's own link at an outer joint (the later link)
     links : the two own links of an inner joint, (i, j); the reaction is of i on j
     reads : what an outer joint gives to the kernels: the "point" of the wired
         marker, or its "guide" (place, direction and the rate of its link)
     lines : of a prismatic pair, its guide line on own links: link name -> `Line`
     name : filled in from the class body
+    driven : whether its coordinate is an input of the block: a driver
     """
 
     kind: PairKind
@@ -80,6 +82,22 @@ class Joint:
     reads: Literal["point", "guide"] = "point"
     lines: Mapping[str, Line] = field(default_factory=dict)
     name: str = ""
+    driven: bool = False
+
+    @property
+    def rotary(self) -> bool:
+        """Whether its coordinate is an angle."""
+        return self.kind == "R"
+
+    @property
+    def coordinate_unit(self) -> str:
+        """Unit of its coordinate."""
+        return "rad" if self.rotary else "m"
+
+    @property
+    def effort_unit(self) -> str:
+        """Unit of what acts along its coordinate."""
+        return "N m" if self.rotary else "N"
 
     @property
     def outer(self) -> bool:
@@ -97,17 +115,21 @@ def outer_joint(
     link: str,
     reads: Literal["point", "guide"] | None = None,
     line: Line | None = None,
+    driven: bool = False,
 ) -> Joint:
     """Declare a joint fed by a marker of an earlier link; ``link`` is the own one."""
     what = reads or ("guide" if kind == "P" else "point")
-    return Joint(kind, link=link, reads=what, lines={link: line} if line else {})
+    return Joint(kind, link=link, reads=what, lines={link: line} if line else {}, driven=driven)
 
 
 def inner_joint(
-    kind: PairKind, links: tuple[str, str], lines: Mapping[str, Line] | None = None
+    kind: PairKind,
+    links: tuple[str, str],
+    lines: Mapping[str, Line] | None = None,
+    driven: bool = False,
 ) -> Joint:
     """Declare a joint between two own links; its reaction is of the first on the second."""
-    return Joint(kind, links=links, lines=lines or {})
+    return Joint(kind, links=links, lines=lines or {}, driven=driven)
 
 
 @dataclass(frozen=True)
@@ -205,13 +227,28 @@ class Moving(Block):
     """A block with links and joints: a driving link or an Assur group."""
 
     kernels: ClassVar[Kernels]
-    mobility: ClassVar[int] = 0
     group_class: ClassVar[str] = ""
     kind: ClassVar[str] = ""
+    closes: ClassVar[bool] = True  # a loop, so it has a margin and may fail to
     lengths: ClassVar[tuple[str, ...]] = ()
 
     links: dict[str, Link] = {}
     friction: dict[str, Coulomb] = {}
+
+    @property
+    def driven(self) -> tuple[Joint, ...]:
+        """Joints whose coordinates are inputs, in the order of declaration."""
+        return tuple(joint for joint in self.joints.values() if joint.driven)
+
+    @staticmethod
+    def driver_name(block: str, joint: str) -> str:
+        """Name of the driver at a driven joint; ``block`` is what the block is called."""
+        return block
+
+    @staticmethod
+    def effort_name(joint: str) -> str:
+        """Field of the reactions that is the driving effort at a driven joint."""
+        return "tau"
 
     @field_validator("links")
     @classmethod
@@ -253,13 +290,21 @@ class Moving(Block):
 
     def slider_place(self, joint: str, link: str) -> complex:
         """Place [m] of a slider's point on one of its links, in the link's frame."""
+        foot, direction = self.guide_line(joint, link)
+        along = self.joints[joint].lines.get(link, Line()).along
+        return foot + float(getattr(self, along)) * direction if along else foot
+
+    def guide_line(self, joint: str, link: str) -> tuple[complex, complex]:
+        """A place [m] on the guide line of a prismatic pair, and its unit direction.
+
+        Both in the frame of one of the block's own links.
+        """
         line = self.joints[joint].lines.get(link, Line())
-        along, offset, turn = (
-            float(getattr(self, name)) if name else 0.0
-            for name in (line.along, line.offset, line.turn)
+        offset, turn = (
+            float(getattr(self, name)) if name else 0.0 for name in (line.offset, line.turn)
         )
-        at = complex(along, offset)
-        return at * complex(math.cos(turn), math.sin(turn)) if turn else at
+        direction = complex(math.cos(turn), math.sin(turn)) if turn else 1 + 0j
+        return 1j * offset * direction, direction
 
     def largest_length(self) -> float:
         """The largest length [m] that the block's parameters and markers know."""
@@ -276,26 +321,14 @@ class Moving(Block):
 
 
 class DrivingLink(Moving):
-    """A class I module: one link, one pair, one driver coordinate; mobility 1."""
+    """A class I module: one link and one driven pair; mobility 1."""
 
-    mobility: ClassVar[int] = 1
     group_class: ClassVar[str] = "I"
-    rotary: ClassVar[bool] = True
-    drive: ClassVar[str] = ""
-
-    @classmethod
-    def coordinate_unit(cls) -> str:
-        """Unit of the driver coordinate."""
-        return "rad" if cls.rotary else "m"
-
-    @classmethod
-    def effort_unit(cls) -> str:
-        """Unit of the driving effort."""
-        return "N m" if cls.rotary else "N"
+    closes: ClassVar[bool] = False
 
 
 class AssurGroup(Moving):
-    """A group of mobility 0: kinematically and statically determinate by itself."""
+    """A group that its drivers, if it has any, and its supports determine by themselves."""
 
 
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
@@ -336,11 +369,13 @@ def _declare(cls: type[Block]) -> None:
     if not issubclass(cls, Moving):
         return
     outer = [j.name for j in cls.joints.values() if j.outer]
-    drive = [cls.drive] if issubclass(cls, DrivingLink) else []
+    driven = [f"q_{j.name}" for j in cls.joints.values() if j.driven]
+    if issubclass(cls, DrivingLink) and len(driven) != 1:
+        raise TypeError(f"{cls.__name__}: declare its one joint with driven=True")
     expected = {
-        "position": [*outer, *drive, "p"],
-        "velocity": ["pose", *outer, *drive, "p"],
-        "acceleration": ["pose", "vel", *outer, *drive, "p"],
+        "position": [*outer, *driven, "p"],
+        "velocity": ["pose", *outer, *driven, "p"],
+        "acceleration": ["pose", "vel", *outer, *driven, "p"],
         "reactions": ["pose", *(f"load_{n}" for n in cls.link_names), "p"],
     }
     for name, wanted in expected.items():

@@ -92,8 +92,7 @@ class Crank(DrivingLink, type="driver.crank"):
 
     kind = "crank"
     link_names = ("crank",)
-    drive = "A"
-    A = outer_joint("R", "crank", reads="guide")
+    A = outer_joint("R", "crank", reads="guide", driven=True)
     built_in = {"A": BuiltIn("crank"), "B": BuiltIn("crank", "length")}
     lengths = ("length",)
     kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions)

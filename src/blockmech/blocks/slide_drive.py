@@ -101,10 +101,8 @@ class SlideDrive(DrivingLink, type="driver.slide"):
     """
 
     kind = "slide"
-    rotary: ClassVar[bool] = False
     link_names = ("slider",)
-    drive = "S"
-    S = outer_joint("P", "slider", line=Line())
+    S = outer_joint("P", "slider", line=Line(), driven=True)
     built_in = {"S": BuiltIn("slider")}
     kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions)
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.blocks.contract import REGISTRY, SHARED_FIELDS, Block, DrivingLink, Moving
+from blockmech.blocks.contract import REGISTRY, SHARED_FIELDS, Block, Moving
 from blockmech.cli.terminal import say
 from blockmech.errors import Problem, RequestError
 from blockmech.loads.contract import Element
@@ -61,8 +61,7 @@ def _described(name: str, block: type[Block]) -> Iterator[str]:
     for joint in block.joints.values():
         between = f"on {joint.link}" if joint.outer else f"between {' and '.join(joint.links)}"
         wired = ", wired to a guide" if joint.kind == "P" else ", wired to a marker"
-        driven = issubclass(block, DrivingLink) and joint.name == block.drive
-        more = (wired if joint.outer else "") + (", driven" if driven else "")
+        more = (wired if joint.outer else "") + (", driven" if joint.driven else "")
         yield f"  joint       {joint.name}: {joint.kind}, {between}{more}"
     if block.built_in:
         yield f"  markers     {', '.join(block.built_in)}"

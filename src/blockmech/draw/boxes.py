@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from blockmech.blocks.contract import DrivingLink, Moving
+from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
 from blockmech.draw.layout import Box, Ends
 from blockmech.draw.palette import SMALL, TEXT
@@ -151,12 +151,11 @@ def _shown(graph: Graph, name: str, wires: list[Ends], fed: set[tuple[str, str]]
     markers = tuple(w.marker for w in wires if w.source == name)
     if isinstance(block, Frame):
         return Shown(name, "frame", "fixed link", ports, markers)
-    if isinstance(block, DrivingLink):
-        drive = "q [rad], τ [N m]" if block.rotary else "q [m], τ [N]"
-        words = f"{block.group_class} {block.kind}"
-        return Shown(name, "driver", words, ports, markers, drive)
     if isinstance(block, Moving):
-        return Shown(name, "group", f"{block.group_class} {block.kind}".strip(), ports, markers)
+        words = f"{block.group_class} {block.kind}".strip()
+        drives = (f"q [{j.coordinate_unit}], τ [{j.effort_unit}]" for j in block.driven)
+        kind: Kind = "group" if block.closes else "driver"
+        return Shown(name, kind, words, ports, markers, "; ".join(dict.fromkeys(drives)))
     if isinstance(block, Element):
         words = block.type_name.rsplit(".", 1)[-1].replace("_", " ")
         return Shown(name, "element", words, ports, markers)

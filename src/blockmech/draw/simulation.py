@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.draw.animation import gif, page, reel_of
 from blockmech.draw.curves import reaction_panels
 from blockmech.draw.panels import Abscissa, Curve, Panel, draw_panels
@@ -94,12 +93,8 @@ def _states(result: Result, degrees: bool) -> tuple[Panel, ...]:
 
 def _drivers(result: Result, what: str, rotary: bool, degrees: bool) -> tuple[list[Curve], str]:
     """Curves of the drivers of one sort, and their unit; an angle is drawn in degrees."""
-    blocks = result.mechanism.structure.blocks
-    names = [
-        d
-        for d in result.mechanism.drivers
-        if isinstance(block := blocks[d], DrivingLink) and block.rotary == rotary
-    ]
+    joint = result.mechanism.structure.driver_joint
+    names = [d for d in result.mechanism.drivers if joint(d).rotary == rotary]
     turned = rotary and degrees and what == "q"
     curves = []
     for name in names:

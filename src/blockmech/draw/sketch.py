@@ -7,14 +7,13 @@ from declarations: joints, guide lines, markers, mass properties, terminals.
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from blockmech.blocks.contract import Line, Moving
+from blockmech.blocks.contract import Moving
 from blockmech.draw.motion import Motion, marker_place
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.plane import cross
@@ -209,12 +208,8 @@ def _direction(s: Structure, marker: MarkerRef) -> complex:
 
 def _own_line(block: Moving, ref: JointRef, link: str) -> tuple[Spot, complex]:
     """A place on the guide line of a block's own link, and its direction."""
-    line = block.joints[ref.name].lines.get(link, Line())
-    offset, turn = (
-        float(getattr(block, name)) if name else 0.0 for name in (line.offset, line.turn)
-    )
-    direction = cmath.exp(1j * turn)
-    return Spot(LinkRef(ref.block, link), 1j * offset * direction), direction
+    foot, direction = block.guide_line(ref.name, link)
+    return Spot(LinkRef(ref.block, link), foot), direction
 
 
 def shown_markers(s: Structure) -> list[MarkerRef]:
@@ -283,13 +278,10 @@ def _load(s: Structure, name: str) -> LoadMark:
 
 def _drives(s: Structure) -> Iterable[DriveMark]:
     for name in s.drivers:
-        block = s.blocks[name]
-        drive: str = getattr(block, "drive", "")
-        own = LinkRef(name, block.link_names[0])
-        if drive not in block.joints:
-            continue
-        if block.joints[drive].kind == "R":
-            marker = s.feeds[JointRef(name, drive)]
-            yield DriveMark(name, True, Spot(marker.on, marker_place(s, marker)), own)
-        else:
-            yield DriveMark(name, False, Spot(own, block.slider_place(drive, own.link)), own)
+        ref, joint = s.driven[name], s.driver_joint(name)
+        own = s.later_link(ref)
+        if not joint.rotary:
+            at = s.blocks[ref.block].slider_place(ref.name, own.link)
+            yield DriveMark(name, False, Spot(own, at), own)
+        elif (spot := _pin_spot(s, ref)) is not None:
+            yield DriveMark(name, True, spot, own)

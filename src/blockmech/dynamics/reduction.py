@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.dynamics.knots import knots_of
 from blockmech.dynamics.reduced import TURN, ReducedSystem, ReducedSystems, Sample, Terms
 from blockmech.dynamics.split import depends_on, load_size, own_loads, period_of, straight
@@ -109,11 +108,10 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
     refuse_no_inertia(mechanism)
     (driver,) = mechanism.drivers
     structure, scene = mechanism.structure, mechanism.scene
-    block = structure.blocks[driver]
-    assert isinstance(block, DrivingLink)
+    rotary = structure.driver_joint(driver).rotary
     depends = depends_on(structure)
-    period = period_of(structure, driver, block.rotary)
-    span = TURN if block.rotary else _length(mechanism)
+    period = period_of(structure, driver, rotary)
+    span = TURN if rotary else _length(mechanism)
     crooked = not all(map(straight, structure.elements.values()))
     own = own_loads(structure, scene, driver) if crooked else None
     J, tau, dJ = f"{driver}.J_red", f"{driver}.tau_red", f"{driver}.dJ_red"
@@ -166,7 +164,7 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
     return ReducedSystem(
         sample=sample,
         one=one,
-        kind="rotation" if block.rotary else "translation",
+        kind="rotation" if rotary else "translation",
         period=period,
         depends_on=depends,
         damped=damped,

@@ -20,7 +20,7 @@ from blockmech.engines import NumpyEngine, ScalarEngine
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
 from blockmech.loads.laws import DC, Fourier, Polynomial, Table
 from blockmech.loads.motor import Motor
-from blockmech.model.structure import JointRef, LinkRef, Structure
+from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forces import negated
 from blockmech.passes.forward import ZERO, link_velocity, marker_velocity
 from blockmech.passes.loads import NOTHING, cm_velocity, terminal_term, weight_on
@@ -111,9 +111,9 @@ def _way(structure: Structure, name: str, driver: str) -> int:
     element = structure.elements[name]
     if not isinstance(element, Motor):
         return 0
-    block = structure.blocks[driver]
-    crank = LinkRef(driver, block.link_names[0])
-    if structure.earlier_link(JointRef(driver, next(iter(block.joints)))) != structure.frame_link:
+    ref = structure.driven[driver]
+    crank = structure.later_link(ref)
+    if structure.earlier_link(ref) != structure.frame_link:
         return 0
     a, b = (structure.holds[JointRef(name, terminal)].on for terminal in ("a", "b"))
     if (a, b) == (structure.frame_link, crank):

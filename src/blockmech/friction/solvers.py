@@ -103,7 +103,7 @@ def _top(values: Any) -> Real:
 
 
 def direct(k: Any, edges: Any, base: Any) -> Solution:
-    """Friction of a driving link's own pair: its load does not depend on it."""
+    """Friction of a driven pair: the load on the pair does not depend on it."""
     g = norms(base, edges)
     t = tuple(kj * gj for kj, gj in zip(k, g, strict=True))
     zero = 0.0 * t[0]

@@ -168,7 +168,8 @@ def travel(mechanism: Mechanism, driver: str, samples: int) -> Floats:
     law: Any = mechanism.scene.drive.get(driver)
     by_coordinate = law is not None and law.by_coordinate
     low, high = sorted((law.start, law.end)) if by_coordinate else (0.0, 0.0)
-    sizes += [abs(getattr(structure.blocks[driver], "offset", 0.0)), abs(low), abs(high)]
+    head = structure.blocks[structure.driven[driver].block]
+    sizes += [abs(getattr(head, "offset", 0.0)), abs(low), abs(high)]
     size = sum(sizes) or 1.0
     far = size * 2.0 ** (np.arange(1, OCTAVES * PER_OCTAVE + 1) / PER_OCTAVE)
     near = np.linspace(-size, size, samples + 1)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.errors import Problem, RequestError
 from blockmech.judge.arcs import TURN
 from blockmech.judge.peaks import Floats
@@ -88,8 +87,7 @@ def _of_mechanism(mechanism: Mechanism, settings: Mapping[str, Any]) -> Cycle:
     }
     if len(drivers) == 1:
         law = laws.get(drivers[0])
-        head = mechanism.structure.blocks[drivers[0]]
-        rotary = isinstance(head, DrivingLink) and head.rotary
+        rotary = mechanism.structure.driver_joint(drivers[0]).rotary
         if law is None or (law.by_coordinate and law.start == law.end):
             if not rotary:
                 raise _no_range(drivers[0], 'give the driver a law of motion with "from" and "to"')
@@ -160,8 +158,7 @@ def _by_coordinate(
     driver = mechanism.drivers[0]
     if low == high:
         raise _no_range(driver, "follow more than one place")
-    head = mechanism.structure.blocks[driver]
-    rotary = isinstance(head, DrivingLink) and head.rotary
+    rotary = mechanism.structure.driver_joint(driver).rotary
     count = (high - low) / TURN
     whole = rotary and round(count) >= 1 and abs(count - round(count)) <= SAME * count
     steps = min(MOST, max(steps, math.ceil(STEPS * count))) if rotary else steps

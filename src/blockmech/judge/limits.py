@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.judge.arcs import TURN, Bound, Nearest, Piece, closed_pieces
 from blockmech.judge.closure import Closure, one_turn, travel
@@ -211,13 +210,12 @@ def limits(
         raise _error("samples", f"got {samples}", f"give at least {FEWEST}")
     moved, held = _request(mechanism, driver, dict(at or {}))
     closure = Closure(mechanism, moved, held, _groups(mechanism.structure, blocks))
-    block = mechanism.structure.blocks[moved]
-    assert isinstance(block, DrivingLink)
-    nodes = one_turn(samples) if block.rotary else travel(mechanism, moved, samples)
-    pieces, nearest = closed_pieces(closure.margins(), nodes, block.rotary)
+    joint = mechanism.structure.driver_joint(moved)
+    nodes = one_turn(samples) if joint.rotary else travel(mechanism, moved, samples)
+    pieces, nearest = closed_pieces(closure.margins(), nodes, joint.rotary)
     return Limits(
         driver=moved,
-        unit=block.coordinate_unit(),
+        unit=joint.coordinate_unit,
         held=held,
         arcs=tuple(_arc(closure, p) for p in pieces),
         whole_turn=len(pieces) == 1 and pieces[0].start is None,
@@ -269,9 +267,7 @@ def _groups(structure: Structure, blocks: Iterable[str] | None) -> tuple[str, ..
     kept = set(structure.blocks) if blocks is None else set()
     for name in blocks or ():
         kept |= structure.ancestors(name)
-    return tuple(
-        n for n, b in structure.blocks.items() if n in kept and not isinstance(b, DrivingLink)
-    )
+    return tuple(n for n, b in structure.blocks.items() if n in kept and b.closes)
 
 
 def _request(

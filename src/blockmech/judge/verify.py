@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 TOLERANCE = 1e-12  # of the sum of absolute terms, times the conditioning
+ROUNDING = 2.0**-46  # of all forces from which a reaction is solved: 128 roundings of 2**-53
 SAMPLES = 25
 
 
@@ -123,6 +123,25 @@ class Term(NamedTuple):
     size: Array
 
 
+class Balance(NamedTuple):
+    """Terms of the force and of the moment balance of a link, about its origin.
+
+    ``reach`` is the largest arm of its pairs [m]: as far as rounding of a reaction can act.
+    """
+
+    forces: list[Term]
+    moments: list[Term]
+    reach: Array
+
+
+class Sizes(NamedTuple):
+    """Sums of absolute forces [N], moments [N m] and powers [W] of a block."""
+
+    force: Array
+    moment: Array
+    power: Array
+
+
 def _plain(x: Array) -> Term:
     return Term(np.asarray(x), np.abs(x))
 
@@ -185,14 +204,7 @@ class _Judge:
         e = np.exp(1j * r[f"{link}.angle"])
         return r[f"{link}.p"], r[f"{link}.v"], r[f"{link}.omega"], e
 
-    # -- the terms on a link: (force, place, moment) -------------------------------
-
-    def _terms(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
-        """Everything that acts on a link: force, where it acts, couple."""
-        yield from self._inertia_and_weight(link)
-        yield from self._elements(link)
-        for joint in self._joints_on(link):
-            yield self._pair(joint, link)
+    # -- what acts on a link: (force, place, couple) --------------------------------
 
     def _inertia_and_weight(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
         properties = self.structure.properties(link)
@@ -229,10 +241,10 @@ class _Judge:
     def _pair(self, ref: JointRef, link: LinkRef) -> tuple[Array, Array, Array]:
         """What a pair does to one of its links, from the reported reaction and friction."""
         r, joint = self.run, self.structure.joint(ref)
-        block = self.structure.blocks[ref.block]
         t = np.array(r[f"{ref}.friction"])
-        if isinstance(block, DrivingLink):
-            t = t + r[f"{ref.block}.drive"]
+        if joint.driven:
+            driver = self.structure.blocks[ref.block].driver_name(*ref)
+            t = t + r[f"{driver}.drive"]
         sign = 1.0 if self.structure.later_link(ref) == link else -1.0
         if joint.kind == "R":
             return sign * r[f"{ref}.reaction"], self._pin(ref), sign * t
@@ -272,45 +284,63 @@ class _Judge:
 
     def links(self) -> Iterator[Check]:
         """Force and moment balance of every moving link."""
-        for link, (forces, moments) in self._balances.items():
-            condition, (force, moment, _) = self._below(link.block), self._sizes[link.block]
-            yield self._error(f"forces on {link}", forces, force * condition)
-            yield self._error(f"moments on {link}", moments, moment * condition)
+        for link, balance in self._balances.items():
+            condition, size = self._below(link.block), self._sizes[link.block]
+            yield self._error(f"forces on {link}", balance.forces, size.force * condition)
+            yield self._error(f"moments on {link}", balance.moments, size.moment * condition)
 
     @cached_property
-    def _balances(self) -> dict[LinkRef, tuple[list[Term], list[Term]]]:
-        """Terms of the force and of the moment balance of each moving link, about its origin."""
+    def _balances(self) -> dict[LinkRef, Balance]:
+        """The balances of each moving link."""
         found = {}
         for link in self.structure.links:
             if link != self.structure.frame_link:
-                o, terms = self._link(link)[0], list(self._terms(link))
+                o, pairs = self._link(link)[0], [self._pair(j, link) for j in self._joints_on(link)]
+                terms = [*self._inertia_and_weight(link), *self._elements(link), *pairs]
                 moments = [_plain(m) for _, _, m in terms]
                 moments += [_moment(p - o, f) for f, p, _ in terms]
-                found[link] = [_plain(f) for f, _, _ in terms], moments
+                reach = np.max(np.abs([p - o for _, p, _ in pairs]), axis=0)
+                found[link] = Balance([_plain(f) for f, _, _ in terms], moments, reach)
         return found
 
     @cached_property
-    def _sizes(self) -> dict[str, tuple[Array, Array, Array]]:
-        """Sums of absolute forces, moments and powers of each block, or of one that loads it.
+    def _sizes(self) -> dict[str, Sizes]:
+        """Sums of absolute terms of each block, or of one that loads it.
 
         Loads of a group may cancel within it and leave a link, and the blocks before it,
-        nothing but their rounding: that is measured by the loads themselves.
+        nothing but their rounding: that is measured by the loads themselves. The reactions
+        of a block are solved from all its loads at once, so any of them may carry the
+        rounding of the sum of all forces. At its arm it is a moment, at its speed a power,
+        also where the terms themselves are nothing: loads that go straight into one pin.
+        What rounding is allowed there is `ROUNDING`, not `TOLERANCE`.
         """
-        found = {}
-        for name, block in self.structure.blocks.items():
-            both = [self._balances[LinkRef(name, link)] for link in block.link_names]
-            found[name] = (
-                np.sum([_size(forces) for forces, _ in both], axis=0),
-                np.sum([_size(moments) for _, moments in both], axis=0),
-                _size(self._powers[name]),
+        share = ROUNDING / TOLERANCE
+        found: dict[str, Sizes] = {}
+        for name, block in reversed(self.structure.blocks.items()):
+            own = [self._balances[LinkRef(name, link)] for link in block.link_names]
+            later = [found[b] for b in found if name in self.structure.supports(b)]
+            force = np.sum([_size(link.forces) for link in own], axis=0)
+            force = np.max([force, *(block.force for block in later)], axis=0)
+            reach = np.max([link.reach for link in own], axis=0)
+            moment = np.sum([_size(link.moments) for link in own], axis=0)
+            v, om = self._speeds(name)
+            power = _size(self._powers[name]) + share * (force * v + (moment + force * reach) * om)
+            moment = moment + share * force * reach
+            found[name] = Sizes(
+                force,
+                np.max([moment, *(block.moment for block in later)], axis=0),
+                np.max([power, *(block.power for block in later)], axis=0),
             )
-        for name in reversed(list(self.structure.blocks)):
-            for support in set(self.structure.supports(name)) & found.keys():
-                larger = [
-                    np.maximum(x, y) for x, y in zip(found[support], found[name], strict=True)
-                ]
-                found[support] = (larger[0], larger[1], larger[2])
         return found
+
+    def _speeds(self, block: str) -> tuple[Array, Array]:
+        """Largest speed [m/s] and rate [rad/s] of a block's links, and of what they hang on."""
+        structure, kind = self.structure, self.structure.blocks[block]
+        links = [self._link(LinkRef(block, link)) for link in kind.link_names]
+        outer = [JointRef(block, j.name) for j in kind.joints.values() if j.outer]
+        wired = [self.run[f"{structure.feeds[ref]}.v"] for ref in outer]
+        v = np.max(np.abs([*(v for _, v, _, _ in links), *wired]), axis=0)
+        return v, np.max(np.abs([om for _, _, om, _ in links]), axis=0)
 
     def _below(self, block: str) -> Array:
         """Conditioning of a block and of all blocks that load it."""
@@ -321,7 +351,7 @@ class _Judge:
     def blocks(self) -> Iterator[Check]:
         """Power through every block: what wires bring is taken out, lost or stored."""
         for name, terms in self._powers.items():
-            scale = self._sizes[name][2] * self._below(name)
+            scale = self._sizes[name].power * self._below(name)
             yield self._error(f"power through {name}", terms, scale)
 
     @cached_property
@@ -335,8 +365,7 @@ class _Judge:
                 terms.append(_plain(-r[f"{ref}.friction_power"]))
                 if joint.outer:
                     terms += self._wire(ref, -1.0)
-            if isinstance(block, DrivingLink):
-                terms.append(_plain(r[f"{name}.power"]))
+            terms += [_plain(r[f"{d}.power"]) for d in self.structure.drivers_of(name)]
             for link_name in block.link_names:
                 link = LinkRef(name, link_name)
                 for child in self.structure.carried[link]:
@@ -370,7 +399,7 @@ class _Judge:
         for link in self.structure.links:
             terms += self._power_of_loads(link)
         condition = np.max(list(self.condition.values()), axis=0)
-        flows = [power for _, _, power in self._sizes.values()]  # what may cancel in the whole
+        flows = [size.power for size in self._sizes.values()]  # what may cancel in the whole
         return self._error(
             "power of the whole", terms, np.max([_size(terms), *flows], axis=0) * condition
         )
@@ -380,7 +409,7 @@ class _Judge:
         r, worst = self.run, np.max(list(self.condition.values()), axis=0)
         for driver in self.structure.drivers:
             difference = r[f"{driver}.drive"] - r[f"{driver}.drive_by_reduction"]
-            force, moment, _ = self._sizes[driver]
-            rotary = getattr(self.structure.blocks[driver], "rotary", True)
-            scale = (moment if rotary else force) * worst
+            size = self._sizes[driver]
+            rotary = self.structure.driver_joint(driver).rotary
+            scale = (size.moment if rotary else size.force) * worst
             yield self._error(f"two routes to {driver}.drive", [_plain(difference)], scale)

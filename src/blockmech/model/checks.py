@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
-from blockmech.blocks.contract import REGISTRY, Block, DrivingLink, Moving
+from blockmech.blocks.contract import REGISTRY, Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.errors import Problem, close_match, listed
 from blockmech.loads.contract import Element, Following
@@ -55,8 +55,10 @@ def remarks(graph: Graph) -> list[Problem]:
             if f"{name}.{marker}" not in used:
                 found.append(Problem("unused-marker", f"{name}.{marker}", "no wire starts there"))
     for name, block in graph.blocks.items():
-        if not isinstance(block, DrivingLink) or any(u.startswith(f"{name}.") for u in used):
+        drives = isinstance(block, Moving) and not block.closes
+        if not drives or any(u.startswith(f"{name}.") for u in used):
             continue
+        assert isinstance(block, Moving)
         if not any(link.massive for link in block.links.values()):
             found.append(Problem("idle-driver", name, "it moves nothing and carries no load"))
     return found
@@ -238,30 +240,36 @@ def _unwired(graph: Graph) -> Iterable[Problem]:
                 )
 
 
+def driver_names(graph: Graph) -> list[str]:
+    """Names of all drivers, in the author's order of blocks."""
+    moving = ((n, b) for n, b in graph.blocks.items() if isinstance(b, Moving))
+    return [b.driver_name(name, joint.name) for name, b in moving for joint in b.driven]
+
+
 def _scene_problems(graph: Graph) -> Iterable[Problem]:
-    drivers = [n for n, b in graph.blocks.items() if isinstance(b, DrivingLink)]
-    for section in ("drive", "initial"):
+    drivers = driver_names(graph)
+    for section in ("drive", "initial", "stops"):
         for name in getattr(graph.scene, section):
             if name not in drivers:
                 yield Problem(
                     "unknown-driver",
                     f"scene.{section}.{name}",
-                    f'no driving link "{name}"',
-                    f"driving links: {listed(drivers) or 'none'}",
+                    f'no driver "{name}"',
+                    f"drivers: {listed(drivers) or 'none'}",
                     close_match(name, drivers),
                 )
 
 
 def _driver_problems(graph: Graph) -> Iterable[Problem]:
     """Elements whose law is of a driver that is none."""
-    drivers = [n for n, b in graph.blocks.items() if isinstance(b, DrivingLink)]
+    drivers = driver_names(graph)
     for name, block in graph.blocks.items():
         if isinstance(block, Following) and block.driver not in (None, *drivers):
             yield Problem(
                 "unknown-driver",
                 f"{name}.driver",
-                f'no driving link "{block.driver}"',
-                f"driving links: {listed(drivers) or 'none'}",
+                f'no driver "{block.driver}"',
+                f"drivers: {listed(drivers) or 'none'}",
                 close_match(str(block.driver), drivers),
             )
 

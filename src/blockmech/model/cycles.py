@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blockmech.blocks.contract import Block, DrivingLink, Moving
+from blockmech.blocks.contract import Block, Moving
 from blockmech.errors import Problem, listed
 from blockmech.model.assur import Waiting, roman, waiting
 from blockmech.model.rigidity import Pair
@@ -47,8 +47,10 @@ def diagnose_cycle(graph: Graph, blocks: list[str]) -> Problem:
             elif where in sources:
                 support = _link_of(graph, sources[where])
                 pairs.append(Pair(where, support, f"{name}.{joint.link}", joint.kind))
-                if isinstance(block, DrivingLink):
-                    drivers.append(where)
+            else:
+                continue
+            if joint.driven:
+                drivers.append(where)
     earlier = {pair.first for pair in pairs} - links
     within = set(blocks)
     inside = [

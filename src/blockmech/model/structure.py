@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import networkx as nx
 
-from blockmech.blocks.contract import Block, BuiltIn, DrivingLink, Joint, Moving
+from blockmech.blocks.contract import Block, BuiltIn, Joint, Moving
 from blockmech.loads.contract import Element
 from blockmech.values import Link, Marker
 
@@ -75,9 +75,30 @@ class Structure:
     holds: Mapping[JointRef, MarkerRef]
 
     @cached_property
+    def driven(self) -> Mapping[str, JointRef]:
+        """Driver -> the pair that it drives, in formation order.
+
+        A driver is named after its block, or ``block.joint`` where a block may have several.
+        """
+        return {
+            block.driver_name(name, joint.name): JointRef(name, joint.name)
+            for name, block in self.blocks.items()
+            for joint in block.driven
+        }
+
+    @cached_property
     def drivers(self) -> tuple[str, ...]:
-        """Driving links in formation order."""
-        return tuple(n for n, b in self.blocks.items() if isinstance(b, DrivingLink))
+        """Names of the drivers in formation order."""
+        return tuple(self.driven)
+
+    def drivers_of(self, block: str) -> tuple[str, ...]:
+        """Drivers inside a block, in the order of its joints."""
+        b = self.blocks[block]
+        return tuple(b.driver_name(block, joint.name) for joint in b.driven)
+
+    def driver_joint(self, driver: str) -> Joint:
+        """Declaration of the pair that a driver drives: units, kind."""
+        return self.joint(self.driven[driver])
 
     @cached_property
     def frame_link(self) -> LinkRef:
@@ -98,7 +119,7 @@ class Structure:
         """Drivers on which each block's motion depends."""
         found: dict[str, frozenset[str]] = {self.frame: frozenset()}
         for name in self.blocks:
-            own = frozenset([name]) if name in self.drivers else frozenset()
+            own = frozenset(self.drivers_of(name))
             found[name] = own.union(*(found[s] for s in self.supports(name)))
         return found
 
@@ -185,7 +206,7 @@ class Structure:
     def _term(self, name: str) -> str:
         block = self.blocks[name]
         own = [self.links[LinkRef(name, link)] for link in block.link_names]
-        if isinstance(block, DrivingLink):
+        if not block.closes:
             joint = next(JointRef(name, j.name) for j in block.joints.values() if j.outer)
             own.insert(0, self.links[self.feeds[joint].on])
             head = block.group_class

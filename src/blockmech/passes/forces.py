@@ -8,7 +8,6 @@ Sources: [R10] Eqs. 2-7 and 14-16, Fig. 11.
 
 from __future__ import annotations
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import friction
 from blockmech.passes.forward import (
@@ -86,20 +85,28 @@ def smooth(s: Schedule, block: str) -> str | None:
 
 
 def solution(s: Schedule, block: str) -> str | None:
-    """The solved friction of a block: couples and forces ``t``, and how it went."""
+    """The solved friction of a block's pairs, driven ones aside: ``t``, and how it went."""
+    if not s.ask(friction.coupled_joints, block):
+        return None  # before the reactions are asked for: nothing here needs them
     reactions = s.ask(smooth, block)
-    if reactions is None or not s.ask(friction.friction_joints, block):
-        return None
-    return s.ask(friction.solve, block, reactions)
+    return None if reactions is None else s.ask(friction.solve, block, reactions)
 
 
 def resisting(s: Schedule, ref: JointRef) -> str:
     """Friction of a pair on the later link: couple [N m] or force [N]."""
-    solved = s.ask(solution, ref.block)
-    joints = s.ask(friction.friction_joints, ref.block)
-    if solved is None or ref not in joints:
-        return "0.0"
-    return f"{solved}.t[{joints.index(ref)}]"
+    found = s.ask(friction_at, ref)
+    return "0.0" if found is None else f"{found[0]}.t[{found[1]}]"
+
+
+def friction_at(s: Schedule, ref: JointRef) -> tuple[str, int] | None:
+    """Solved friction that a pair is part of, and its place there; None without friction."""
+    if ref not in s.ask(friction.friction_joints, ref.block):
+        return None
+    if not s.structure.joint(ref).driven:
+        solved, joints = s.ask(solution, ref.block), s.ask(friction.coupled_joints, ref.block)
+        return None if solved is None else (solved, joints.index(ref))
+    pair = s.ask(reaction, ref)
+    return None if pair is None else (s.ask(friction.solve_driven, ref, pair), 0)
 
 
 def reaction(s: Schedule, ref: JointRef) -> PairLoad | None:
@@ -109,10 +116,10 @@ def reaction(s: Schedule, ref: JointRef) -> PairLoad | None:
         return None
     base = pair_load(s, ref, reactions)
     solved = s.ask(solution, ref.block)
-    if solved is None or isinstance(s.structure.blocks[ref.block], DrivingLink):
+    if solved is None:
         return base
     by = [
-        s.ask(friction.influence, ref, unit) for unit in s.ask(friction.friction_joints, ref.block)
+        s.ask(friction.influence, ref, unit) for unit in s.ask(friction.coupled_joints, ref.block)
     ]
     t = f"{solved}.t"
     if base.force:
@@ -139,20 +146,21 @@ def reaction(s: Schedule, ref: JointRef) -> PairLoad | None:
 
 def drive(s: Schedule, driver: str) -> str:
     """Driving moment [N m] or force [N] by the force pass, friction included."""
-    reactions = s.ask(smooth, driver)
+    joint = s.structure.driven[driver]
+    reactions = s.ask(smooth, joint.block)
     if reactions is None:
         return "0.0"
-    joint = JointRef(driver, _drive_joint(s, driver))
+    effort = f"{reactions}.{s.structure.blocks[joint.block].effort_name(joint.name)}"
+    solved = s.ask(solution, joint.block)
+    if solved is not None:
+        units = s.ask(friction.coupled_joints, joint.block)
+        by = friction.tuple_of(s.ask(friction.effort_influence, joint, unit) for unit in units)
+        name = f"{driver}_smooth_drive"
+        effort = s.emit(friction.affine_real, effort, f"{solved}.t", by, name=name)
     t = s.ask(resisting, joint)
     if t == "0.0":
-        return f"{reactions}.tau"
-    return s.emit(difference, f"{reactions}.tau", t, name=f"{driver}_drive")
-
-
-def _drive_joint(s: Schedule, driver: str) -> str:
-    block = s.structure.blocks[driver]
-    assert isinstance(block, DrivingLink)
-    return block.drive
+        return effort
+    return s.emit(difference, effort, t, name=f"{driver}_drive")
 
 
 def wrench(s: Schedule, ref: JointRef) -> tuple[str, str]:
@@ -161,8 +169,8 @@ def wrench(s: Schedule, ref: JointRef) -> tuple[str, str]:
     if pair is None:
         return ZERO, "0.0"
     along = [s.ask(resisting, ref)]
-    if isinstance(s.structure.blocks[ref.block], DrivingLink):
-        along.append(s.ask(drive, ref.block))
+    if s.structure.joint(ref).driven:
+        along.append(s.ask(drive, s.structure.blocks[ref.block].driver_name(*ref)))
     along = [x for x in along if x != "0.0"]
     total = s.sum(along, f"{ref}_along") if along else "0.0"
     if pair.force:

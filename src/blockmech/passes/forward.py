@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from blockmech.blocks.contract import BuiltIn, DrivingLink
+from blockmech.blocks.contract import BuiltIn
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.plan import Entry, Schedule
 from blockmech.plane import imul, mul
@@ -86,10 +86,14 @@ def position(s: Schedule, block: str) -> str:
     s.ask_first(position, block, s.structure.supports)
     b = s.structure.blocks[block]
     args = [s.ask(joint_position, JointRef(block, j.name)) for j in b.joints.values() if j.outer]
-    if isinstance(b, DrivingLink):
-        args.append(s.input("q", block))
+    args += [s.input("q", driver) for driver in s.structure.drivers_of(block)]
     args.append(s.ask(parameters, block))
     return s.kernel(Entry(block, "position"), b.kernels.position, *args, name=f"{block}_pose")
+
+
+def margin(s: Schedule, block: str) -> str:
+    """Margin [-] of a block that closes a loop."""
+    return f"{s.ask(position, block)}.margin"
 
 
 def joint_position(s: Schedule, ref: JointRef) -> str:
@@ -181,8 +185,7 @@ def velocity(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
     args += [
         s.ask(joint_velocity, JointRef(block, j.name), mode) for j in b.joints.values() if j.outer
     ]
-    if isinstance(b, DrivingLink):
-        args.append(s.ask(driver_rate, block, mode))
+    args += [s.ask(driver_rate, driver, mode) for driver in s.structure.drivers_of(block)]
     args.append(s.ask(parameters, block))
     stage = "unit velocity" if mode else "velocity"
     name = f"{block}_vel{_suffix(mode)}"
@@ -243,8 +246,8 @@ def acceleration(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
         for j in b.joints.values()
         if j.outer
     ]
-    if isinstance(b, DrivingLink):
-        args.append("0.0" if mode else s.input("qdd", block))
+    for driver in s.structure.drivers_of(block):
+        args.append("0.0" if mode else s.input("qdd", driver))
     args.append(s.ask(parameters, block))
     stage = "unit acceleration" if mode else "acceleration"
     name = f"{block}_acc{_suffix(mode)}"
@@ -293,8 +296,8 @@ def difference(later: Real, earlier: Real) -> Real:
 def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> str:
     """Relative rate of a pair: [rad/s] for R, sliding rate [m/s] for P; later on earlier."""
     block, joint = s.structure.blocks[ref.block], s.structure.joint(ref)
-    if isinstance(block, DrivingLink):
-        return s.ask(driver_rate, ref.block, mode)
+    if joint.driven:
+        return s.ask(driver_rate, block.driver_name(*ref), mode)
     if joint.kind == "P":
         vel = s.ask(velocity, ref.block, mode)
         return "0.0" if vel is None else f"{vel}.{ref.name}"
@@ -311,7 +314,13 @@ def guide_direction(s: Schedule, ref: JointRef) -> str:
     joint = s.structure.joint(ref)
     if joint.outer:
         return s.ask(marker_direction, s.structure.feeds[ref])
-    return s.ask(link_position, LinkRef(ref.block, joint.links[0])).scalar
+    earlier = LinkRef(ref.block, joint.links[0])
+    e = s.ask(link_position, earlier).scalar
+    u = s.structure.blocks[ref.block].guide_line(ref.name, earlier.link)[1]
+    if u == 1:
+        return e
+    slot = s.parameter(("guide direction", ref), u, f"dir_{ref}")
+    return s.emit(turned, e, slot, name=f"{ref}_u")
 
 
 def _suffix(mode: str) -> str:

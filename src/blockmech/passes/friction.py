@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.friction import solvers
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes.forward import (
@@ -108,6 +107,15 @@ def friction_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     if off:
         return ()
     return tuple(JointRef(block, n) for n in b.joints if n in b.friction and b.friction[n].factor)
+
+
+def coupled_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
+    """Those of them whose friction loads each other.
+
+    Friction in a driven pair only changes what the drive has to give.
+    """
+    joints = s.ask(friction_joints, block)
+    return tuple(ref for ref in joints if not s.structure.joint(ref).driven)
 
 
 def top_speed(s: Schedule, block: str) -> str:
@@ -254,14 +262,22 @@ def influence(s: Schedule, ref: JointRef, unit: JointRef) -> PairLoad:
     )
 
 
+def effort_influence(s: Schedule, driven: JointRef, unit: JointRef) -> str:
+    """What a unit of friction in one pair adds to the driving effort at another."""
+    effort = s.structure.blocks[driven.block].effort_name(driven.name)
+    later, earlier = s.ask(unit_reactions, unit)
+    if not earlier:
+        return f"{later}.{effort}"
+    name = f"{driven}_effort_by_{unit}"
+    return s.emit(difference, f"{later}.{effort}", f"{earlier}.{effort}", name=name)
+
+
 def solve(s: Schedule, block: str, reactions: str) -> str:
     """The solved friction of a block with these frictionless reactions: ``t``, and how it went."""
-    joints = s.ask(friction_joints, block)
+    joints = s.ask(coupled_joints, block)
     k = tuple_of(s.ask(resistance, j) for j in joints)
     edges = tuple_of(s.ask(edge_norm, j) for j in joints)
     base = tuple_of(measure(s, j, pair_load(s, j, reactions)) for j in joints)
-    if isinstance(s.structure.blocks[block], DrivingLink):
-        return s.emit(solvers.direct, k, edges, base, name=f"{block}_friction")
     rows = tuple_of(
         tuple_of(measure(s, j, s.ask(influence, j, unit)) for unit in joints) for j in joints
     )
@@ -269,6 +285,13 @@ def solve(s: Schedule, block: str, reactions: str) -> str:
     given = {"tolerance": s.friction.tolerance, "iterations": s.friction.iterations}
     more = [repr(given[o]) for o in options]
     return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
+
+
+def solve_driven(s: Schedule, ref: JointRef, pair: PairLoad) -> str:
+    """The friction of a driven pair, which does not change what the pair transmits."""
+    k, edges = s.ask(resistance, ref), s.ask(edge_norm, ref)
+    args = (f"({k},)", f"({edges},)", f"({measure(s, ref, pair)},)")
+    return s.emit(solvers.direct, *args, name=f"{ref}_friction")
 
 
 def tuple_of(items: Iterable[str]) -> str:

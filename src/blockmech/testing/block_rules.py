@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.blocks.contract import AssurGroup, DrivingLink, Moving
+from blockmech.blocks.contract import AssurGroup, Moving
 from blockmech.testing import rig
 from blockmech.testing.batches import (
     Leaves,
@@ -270,8 +270,10 @@ class BlockRules(Checks):
             reaction = getattr(found, joint.name, None)
             if reaction is None or (joint.kind == "P") != isinstance(reaction, Slide):
                 yield f"reactions returns no {wanted} named {joint.name}"
-        if isinstance(self.block, DrivingLink) and not hasattr(found, "tau"):
-            yield "reactions of a driving link returns no tau"
+        for joint in self.block.driven:
+            effort = self.block.effort_name(joint.name)
+            if not hasattr(found, effort):
+                yield f"reactions returns no {effort} for the driven joint {joint.name}"
         both = [
             Load(rig.planar(X * vectors(a.F) + Y * vectors(b.F)), X * a.M + Y * b.M)
             for a, b in zip(one, two, strict=True)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.blocks.contract import DrivingLink, Moving
+from blockmech.blocks.contract import Moving
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.slide_drive import SlideDrive
@@ -108,8 +108,8 @@ def random_motions(block: Moving, n: int, size: float, seed: int) -> Motions:
             found[joint.name] = MarkerMotion(
                 vectors(), numbers(np.pi), vectors(), numbers(), vectors(), numbers()
             )
-    if isinstance(block, DrivingLink):
-        scale = 1.0 if block.rotary else size
+    for joint in block.driven:
+        scale = 1.0 if joint.rotary else size
         found[DRIVE] = DriveMotion(numbers(3 * scale), numbers(scale), numbers(scale))
     return found
 
