@@ -1,6 +1,6 @@
 """Planar mechanisms as block diagrams, solved module by module through Assur groups."""
 
-from blockmech.blocks import PRP, RPP, RPR, RRP, RRR, Crank, Frame, SlideDrive
+from blockmech.blocks import PRP, RPP, RPR, RRP, RRR, Crank, Cylinder, Frame, SlideDrive
 from blockmech.errors import (
     AssemblyError,
     BlockmechError,
@@ -37,6 +37,7 @@ __all__ = [
     "Couple",
     "Crank",
     "Cycloidal",
+    "Cylinder",
     "Force",
     "FormatError",
     "Frame",

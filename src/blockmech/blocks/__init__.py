@@ -5,6 +5,7 @@ Importing this package registers the built-in types.
 
 from blockmech.blocks.contract import REGISTRY, AssurGroup, Block, DrivingLink
 from blockmech.blocks.crank import Crank
+from blockmech.blocks.cylinder import Cylinder
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.prp import PRP
 from blockmech.blocks.rpp import RPP
@@ -23,6 +24,7 @@ __all__ = [
     "AssurGroup",
     "Block",
     "Crank",
+    "Cylinder",
     "DrivingLink",
     "Frame",
     "SlideDrive",

@@ -68,19 +68,23 @@ def position(B: Complex, D: Complex, p: RRR) -> RRRPose:
     The height of the triangle comes from factored differences, so no digits
     cancel near dead centre.
     """
-    d = D - B
-    r = hyp(d)
-    outer, inner = p.l_i + p.l_j, p.l_i - p.l_j
-    k = 1 / r
-    area2 = (outer - r) * (outer + r) * ((r - abs(inner)) * (r + abs(inner)))
-    det = p.branch * sqrt(area2) / 2
-    e = mul(d, k)
-    u = mul(e, (inner * outer * k + r) / 2) + imul(e, det * k)
-    w = u - d
-    margin = area2 * (1 / (2 * p.l_i * p.l_j) ** 2) * (r * k)  # r k: NaN where B = D
+    u, w, det, margin = triangle(D - B, p.l_i, p.l_j, p.branch)
     return RRRPose(
         LinkPosition(B, mul(u, 1 / p.l_i)), LinkPosition(D, mul(w, 1 / p.l_j)), u, w, det, margin
     )
+
+
+def triangle(d: Complex, l_i: Real, l_j: Real, branch: Real) -> tuple[Complex, Complex, Real, Real]:
+    """Sides u and w = u - d of a triangle over d, cross(u, w), and sin^2 between them."""
+    r = hyp(d)
+    outer, inner = l_i + l_j, l_i - l_j
+    k = 1 / r
+    area2 = (outer - r) * (outer + r) * ((r - abs(inner)) * (r + abs(inner)))
+    det = branch * sqrt(area2) / 2
+    e = mul(d, k)
+    u = mul(e, (inner * outer * k + r) / 2) + imul(e, det * k)
+    margin = area2 * (1 / (2 * l_i * l_j) ** 2) * (r * k)  # r k: NaN where B = D
+    return u, u - d, det, margin
 
 
 def rates(pose: RRRPose, rhs: Complex) -> tuple[Real, Real]:
