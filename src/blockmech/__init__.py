@@ -1,6 +1,17 @@
 """Planar mechanisms as block diagrams, solved module by module through Assur groups."""
 
-from blockmech.blocks import PRP, RPP, RPR, RRP, RRR, Crank, Cylinder, Frame, SlideDrive
+from blockmech.blocks import (
+    PRP,
+    RPP,
+    RPR,
+    RRP,
+    RRR,
+    Crank,
+    Cylinder,
+    Frame,
+    GeneralGroup,
+    SlideDrive,
+)
 from blockmech.errors import (
     AssemblyError,
     BlockmechError,
@@ -42,6 +53,7 @@ __all__ = [
     "FormatError",
     "Frame",
     "FrictionError",
+    "GeneralGroup",
     "Graph",
     "GraphError",
     "Harmonic",

@@ -17,7 +17,7 @@ import re
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
@@ -26,6 +26,8 @@ LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper 
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
 T = TypeVar("T")
+Guess: TypeAlias = "Callable[[Schedule, str], str]"
+"""What gives a group without closed form the guess of its pose: the value's name."""
 
 
 class Entry(NamedTuple):
@@ -83,12 +85,18 @@ class Schedule:
     """A program under construction: asks, remembers, emits."""
 
     def __init__(
-        self, structure: Structure, scene: Scene, friction: Friction, static: bool = False
+        self,
+        structure: Structure,
+        scene: Scene,
+        friction: Friction,
+        static: bool = False,
+        guess: Guess | None = None,
     ) -> None:
         self.structure = structure
         self.scene = scene
         self.friction = friction
         self.static = static
+        self.guess = guess or _followed
         self.entries: list[Entry] = []
         self.lines: list[Line] = []
         self.functions: dict[str, Callable[..., Any]] = {}
@@ -177,6 +185,12 @@ class Schedule:
             self.angles.add(name)
         return name
 
+    def unknown(self, name: str) -> str:
+        """Name of an input that is neither a driver's nor the time."""
+        self.inputs.add(name)
+        self._taken.add(name)
+        return name
+
     def time(self) -> str:
         """Name of the input "t", the time [s]."""
         self.inputs.add("t")
@@ -210,6 +224,13 @@ class Schedule:
             value = f"{base}_{count}"
         self._taken.add(value)
         return value
+
+
+def _followed(s: Schedule, block: str) -> str:
+    """The guess of a group's pose by following it from its home."""
+    from blockmech.passes.following import guess  # few mechanisms need it
+
+    return s.ask(guess, block)
 
 
 def _identifier(name: str) -> str:

@@ -121,6 +121,40 @@ def repair(condition: Real, one: Any, given: Any, *data: Any) -> Any:
     return one(given, *data) if condition else given
 
 
+def planar(x: Real, y: Real) -> Complex:
+    """A planar vector from its components, in the engine's precision."""
+    return complex(x, y)
+
+
+def matrix(rows: Any) -> Any:
+    """A square matrix from rows of numbers; what the two functions below take."""
+    import numpy as np
+
+    return np.array(rows)
+
+
+def solve(a: Any, right: Any) -> tuple[Real, ...]:
+    """Solution x of a x = right; not finite where the matrix is singular."""
+    import numpy as np
+
+    return tuple(np.linalg.solve(a, right).tolist())
+
+
+def solve_transposed(a: Any, right: Any) -> tuple[Real, ...]:
+    """Solution x of a^T x = right."""
+    import numpy as np
+
+    return tuple(np.linalg.solve(a.T, right).tolist())
+
+
+def spread(a: Any) -> tuple[Real, Real]:
+    """Ratio of the smallest to the largest singular value, and the sign of the determinant."""
+    import numpy as np
+
+    values = np.linalg.svd(a, compute_uv=False)
+    return float(values[-1] / values[0]), float(np.linalg.slogdet(a)[0])
+
+
 SCALAR_PRIMITIVES = {
     f.__name__: f
     for f in (
@@ -140,6 +174,11 @@ SCALAR_PRIMITIVES = {
         piecewise,
         some,
         repair,
+        planar,
+        matrix,
+        solve,
+        solve_transposed,
+        spread,
     )
 }
 """Name of each primitive and its meaning on Python numbers."""

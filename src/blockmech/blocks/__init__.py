@@ -7,6 +7,7 @@ from blockmech.blocks.contract import REGISTRY, AssurGroup, Block, DrivingLink
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.cylinder import Cylinder
 from blockmech.blocks.frame import Frame
+from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.prp import PRP
 from blockmech.blocks.rpp import RPP
 from blockmech.blocks.rpr import RPR
@@ -27,5 +28,6 @@ __all__ = [
     "Cylinder",
     "DrivingLink",
     "Frame",
+    "GeneralGroup",
     "SlideDrive",
 ]

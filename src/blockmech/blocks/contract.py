@@ -146,7 +146,8 @@ class Kernels:
 
     ``transmission(pose, p)`` gives two non-negative numbers in the ratio of sine to
     cosine of the transmission angle. ``size(pose, p)`` is the block's largest length
-    [m] where no parameter says it.
+    [m] where no parameter says it. ``margin(pose, p)`` is the margin where the pose does
+    not hold it.
     """
 
     position: Callable[..., Any]
@@ -155,6 +156,7 @@ class Kernels:
     reactions: Callable[..., Any]
     transmission: Callable[..., Any] | None = None
     size: Callable[..., Any] | None = None
+    margin: Callable[..., Any] | None = None
 
 
 class Block(Strictly):
@@ -174,7 +176,8 @@ class Block(Strictly):
     def __pydantic_init_subclass__(cls, type: str = "", **kwargs: Any) -> None:
         if not type:
             return
-        _declare(cls)
+        if not getattr(cls, "own_form", False):
+            _declare(cls)
         REGISTRY.register(type, cls)
 
     def links_or_default(self) -> dict[str, Link]:
@@ -230,6 +233,7 @@ class Moving(Block):
     group_class: ClassVar[str] = ""
     kind: ClassVar[str] = ""
     closes: ClassVar[bool] = True  # a loop, so it has a margin and may fail to
+    own_form: ClassVar[bool] = False  # each instance says its links and joints, not the class
     lengths: ClassVar[tuple[str, ...]] = ()
 
     links: dict[str, Link] = {}
@@ -245,8 +249,17 @@ class Moving(Block):
         """Name of the driver at a driven joint; ``block`` is what the block is called."""
         return block
 
-    @staticmethod
-    def effort_name(joint: str) -> str:
+    # Where the kernels' named tuples keep what belongs to a link or a joint.
+
+    def link_field(self, link: str) -> str:
+        """Field of pose, velocity and acceleration that is of a link."""
+        return link
+
+    def joint_field(self, joint: str) -> str:
+        """Field of velocity (sliding rate) and reactions that is of a joint."""
+        return joint
+
+    def effort_field(self, joint: str) -> str:
         """Field of the reactions that is the driving effort at a driven joint."""
         return "tau"
 

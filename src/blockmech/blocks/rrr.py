@@ -13,7 +13,7 @@ Sources: [R10] Ruiz, Durango & Calle 2010; [D14] Durango et al. 2014.
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Protocol
 
 from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, inner_joint, outer_joint
 from blockmech.errors import GraphError, Problem
@@ -38,6 +38,22 @@ class RRRPose(NamedTuple):
     w: Complex  # (...) [m]  C - D
     det: Real  # (...) [m2]  cross(u, w), from the factored form
     margin: Real  # (...) [-]  sin^2 of the angle at C
+
+
+class Bent(Protocol):
+    """What the rates and reactions of two pinned links need of their pose."""
+
+    @property
+    def u(self) -> Complex:
+        """C - B [m]."""
+
+    @property
+    def w(self) -> Complex:
+        """C - D [m]."""
+
+    @property
+    def det(self) -> Real:
+        """cross(u, w) [m2]."""
 
 
 class RRRVelocity(NamedTuple):
@@ -87,7 +103,7 @@ def triangle(d: Complex, l_i: Real, l_j: Real, branch: Real) -> tuple[Complex, C
     return u, u - d, det, margin
 
 
-def rates(pose: RRRPose, rhs: Complex) -> tuple[Real, Real]:
+def rates(pose: Bent, rhs: Complex) -> tuple[Real, Real]:
     """Solve ``i x_i u - i x_j w = rhs``; singular at margin = 0."""
     k = 1 / pose.det
     return dot(rhs, pose.w) * k, dot(rhs, pose.u) * k
@@ -108,7 +124,7 @@ def acceleration(
     return RRRAcceleration(LinkAcceleration(a_B, al_i), LinkAcceleration(a_D, al_j))
 
 
-def reactions(pose: RRRPose, load_i: Load, load_j: Load, p: RRR) -> RRRReactions:
+def reactions(pose: Bent, load_i: Load, load_j: Load, p: object) -> RRRReactions:
     """Solve the moment equations of links i and j about C ([R10] Eqs. 2-7)."""
     (F_i, M_i), (F_j, M_j) = load_i, load_j
     m = M_i - cross(pose.u, F_i)

@@ -56,6 +56,9 @@ def schema(
 def _described(name: str, block: type[Block]) -> Iterator[str]:
     doc = (block.__doc__ or "").strip().splitlines()
     yield f"{name}  {doc[0] if doc else ''}".replace("``", "").rstrip()
+    if issubclass(block, Moving) and block.own_form:
+        yield "  links       and pairs are the user's: see the keys links, pairs and home"
+        return
     if block.link_names:
         yield f"  links       {', '.join(block.link_names)}"
     for joint in block.joints.values():

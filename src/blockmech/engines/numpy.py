@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.engines import linear
 from blockmech.engines.binding import bind
 from blockmech.plan import Program
 from blockmech.plane import REST_SHARE
@@ -165,6 +166,12 @@ def primitives(dtype: Any) -> dict[str, Any]:
         wide = np.asarray(t, dtype=np.promote_types(np.float64, dtype))
         return Planar(np.cos(wide).astype(dtype), np.sin(wide).astype(dtype))
 
+    def planar(x: Any, y: Any) -> Planar:
+        return Planar(np.asarray(x).astype(dtype), np.asarray(y).astype(dtype))
+
+    def matrix(rows: Any) -> NDArray[Any]:
+        return linear.matrix(rows, dtype)
+
     return {
         "cross": cross,
         "dot": dot,
@@ -183,6 +190,11 @@ def primitives(dtype: Any) -> dict[str, Any]:
         "some": some,
         "EPS": float(np.finfo(dtype).eps),
         "repair": repair,
+        "planar": planar,
+        "matrix": matrix,
+        "solve": linear.solve,
+        "solve_transposed": linear.solve_transposed,
+        "spread": linear.spread,
     }
 
 

@@ -81,7 +81,7 @@ def _any_block(types: dict[str, type[Block]]) -> dict[str, Any]:
 
 def _block_schema(name: str, cls: type[Block], schema: dict[str, Any]) -> dict[str, Any]:
     keys = {"type": {"const": name}, **schema["properties"]}
-    if issubclass(cls, Moving):
+    if issubclass(cls, Moving) and not cls.own_form:
         keys["links"] = _named({link: {"$ref": "#/$defs/Link"} for link in cls.link_names})
         keys["friction"] = _named({j.name: _friction_of(j.kind) for j in cls.joints.values()})
     if "markers" in keys:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import networkx as nx
 
@@ -99,6 +99,11 @@ class Structure:
     def driver_joint(self, driver: str) -> Joint:
         """Declaration of the pair that a driver drives: units, kind."""
         return self.joint(self.driven[driver])
+
+    @cached_property
+    def paths(self) -> dict[str, Any]:
+        """Room for the paths of groups without closed form; see `passes.following`."""
+        return {}
 
     @cached_property
     def frame_link(self) -> LinkRef:

@@ -16,6 +16,8 @@ from blockmech.plan import Schedule
 from blockmech.plane import dot
 from blockmech.typing import Complex, Real
 
+ROUNDINGS = 8  # of the sum of absolute powers; one at most in whole turns of rough four-bars
+
 
 def half_square(v: Complex, m: Real) -> Real:
     """m v.v / 2"""
@@ -214,8 +216,17 @@ def friction_efficiency(s: Schedule) -> tuple[str, str]:
 
 
 def read_friction_efficiency(friction: Any, drive: Any, weights: Any) -> float:
-    """1 - friction work / drive work; NaN without positive drive work."""
-    return 1.0 - _share(np.sum(friction * weights), np.sum(drive * weights))
+    """1 - friction work / drive work; NaN without positive drive work.
+
+    Zero where rounding is all that is left: over a whole turn without useful loads, friction
+    takes all that the drive gives, and the powers may be much larger than what is left of them.
+    """
+    taken, given = np.sum(friction * weights), np.sum(drive * weights)
+    eps = np.finfo(np.result_type(drive, friction, np.float32)).eps
+    flows = np.sum((np.abs(friction) + np.abs(drive)) * np.abs(weights))
+    if given > 0 and abs(given - taken) <= ROUNDINGS * eps * flows:
+        return 0.0
+    return 1.0 - _share(taken, given)
 
 
 def _share(part: float, whole: float) -> float:

@@ -150,7 +150,7 @@ def drive(s: Schedule, driver: str) -> str:
     reactions = s.ask(smooth, joint.block)
     if reactions is None:
         return "0.0"
-    effort = f"{reactions}.{s.structure.blocks[joint.block].effort_name(joint.name)}"
+    effort = f"{reactions}.{s.structure.blocks[joint.block].effort_field(joint.name)}"
     solved = s.ask(solution, joint.block)
     if solved is not None:
         units = s.ask(friction.coupled_joints, joint.block)

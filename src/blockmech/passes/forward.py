@@ -87,13 +87,18 @@ def position(s: Schedule, block: str) -> str:
     b = s.structure.blocks[block]
     args = [s.ask(joint_position, JointRef(block, j.name)) for j in b.joints.values() if j.outer]
     args += [s.input("q", driver) for driver in s.structure.drivers_of(block)]
+    if b.own_form:
+        args.append(s.guess(s, block))
     args.append(s.ask(parameters, block))
     return s.kernel(Entry(block, "position"), b.kernels.position, *args, name=f"{block}_pose")
 
 
 def margin(s: Schedule, block: str) -> str:
     """Margin [-] of a block that closes a loop."""
-    return f"{s.ask(position, block)}.margin"
+    pose, kernel = s.ask(position, block), s.structure.blocks[block].kernels.margin
+    if kernel is None:
+        return f"{pose}.margin"
+    return s.emit(kernel, pose, s.ask(parameters, block), name=f"{block}_margin")
 
 
 def joint_position(s: Schedule, ref: JointRef) -> str:
@@ -111,7 +116,8 @@ def link_position(s: Schedule, link: LinkRef) -> Moved:
     if link == s.structure.frame_link:
         return Moved(ZERO, ONE)
     pose = s.ask(position, link.block)
-    return Moved(f"{pose}.{link.link}.o", f"{pose}.{link.link}.e")
+    own = f"{pose}.{s.structure.blocks[link.block].link_field(link.link)}"
+    return Moved(f"{own}.o", f"{own}.e")
 
 
 def marker_arm(s: Schedule, marker: MarkerRef) -> str | None:
@@ -214,7 +220,8 @@ def link_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Moved:
     vel = None if link == s.structure.frame_link else s.ask(velocity, link.block, mode)
     if vel is None:
         return Moved(ZERO, "0.0")
-    return Moved(f"{vel}.{link.link}.v", f"{vel}.{link.link}.om")
+    own = f"{vel}.{s.structure.blocks[link.block].link_field(link.link)}"
+    return Moved(f"{own}.v", f"{own}.om")
 
 
 def marker_velocity(s: Schedule, marker: MarkerRef, mode: str = ACTUAL) -> str:
@@ -269,7 +276,8 @@ def link_acceleration(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Moved:
     acc = None if link == s.structure.frame_link else s.ask(acceleration, link.block, mode)
     if acc is None:
         return Moved(ZERO, "0.0")
-    return Moved(f"{acc}.{link.link}.a", f"{acc}.{link.link}.al")
+    own = f"{acc}.{s.structure.blocks[link.block].link_field(link.link)}"
+    return Moved(f"{own}.a", f"{own}.al")
 
 
 def marker_acceleration(s: Schedule, marker: MarkerRef, mode: str = ACTUAL) -> str:
@@ -300,7 +308,7 @@ def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> str:
         return s.ask(driver_rate, block.driver_name(*ref), mode)
     if joint.kind == "P":
         vel = s.ask(velocity, ref.block, mode)
-        return "0.0" if vel is None else f"{vel}.{ref.name}"
+        return "0.0" if vel is None else f"{vel}.{block.joint_field(ref.name)}"
     later = s.ask(link_velocity, s.structure.later_link(ref), mode).scalar
     earlier = s.ask(link_velocity, s.structure.earlier_link(ref), mode).scalar
     if earlier == "0.0":

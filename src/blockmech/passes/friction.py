@@ -264,7 +264,7 @@ def influence(s: Schedule, ref: JointRef, unit: JointRef) -> PairLoad:
 
 def effort_influence(s: Schedule, driven: JointRef, unit: JointRef) -> str:
     """What a unit of friction in one pair adds to the driving effort at another."""
-    effort = s.structure.blocks[driven.block].effort_name(driven.name)
+    effort = s.structure.blocks[driven.block].effort_field(driven.name)
     later, earlier = s.ask(unit_reactions, unit)
     if not earlier:
         return f"{later}.{effort}"

@@ -49,7 +49,7 @@ def couple_at_slider(slide: Slide, arm: Complex, u: Complex) -> Real:
 def pair_load(s: Schedule, ref: JointRef, reactions: str) -> PairLoad:
     """What a pair transmits according to one set of reactions."""
     joint = s.structure.joint(ref)
-    own = f"{reactions}.{ref.name}"
+    own = f"{reactions}.{s.structure.blocks[ref.block].joint_field(ref.name)}"
     if joint.kind == "R":
         return PairLoad(own)
     arm = s.ask(slider_arm, ref)

@@ -271,7 +271,7 @@ class BlockRules(Checks):
             if reaction is None or (joint.kind == "P") != isinstance(reaction, Slide):
                 yield f"reactions returns no {wanted} named {joint.name}"
         for joint in self.block.driven:
-            effort = self.block.effort_name(joint.name)
+            effort = self.block.effort_field(joint.name)
             if not hasattr(found, effort):
                 yield f"reactions returns no {effort} for the driven joint {joint.name}"
         both = [

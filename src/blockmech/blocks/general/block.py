@@ -1,0 +1,348 @@
+"""The general group as a user writes it: links and pairs in any frames, and a home.
+
+Class III and higher, R and P pairs, driven pairs allowed inside: n links and p pairs, k
+of them driven, with 3n = 2p + k. Its pose has no closed form, so a *home* is part of
+it: a pose and the driver values at which it stands. The pose at other values is the one
+that is reached from there along the straight line of driver values.
+
+Sources: [R10] Eq. 17 and [D14] Eq. 7 (structural formula), [D14] section 4 (groups of
+higher class as future work).
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+
+from pydantic import Discriminator, Tag, field_validator, model_validator
+
+from blockmech.blocks.contract import (
+    AssurGroup,
+    BuiltIn,
+    Joint,
+    Kernels,
+    Mistake,
+    bad_name,
+    inner_joint,
+    outer_joint,
+    refuse,
+    unknown_name,
+)
+from blockmech.blocks.general.equations import PairPlan
+from blockmech.blocks.general.kernels import kernels_of
+from blockmech.friction.laws import Coulomb
+from blockmech.values import (
+    Angle,
+    Link,
+    Marker,
+    Number,
+    Place,
+    PlaceGiven,
+    Strictly,
+    Vector,
+    VectorOrNoneGiven,
+    default,
+    is_name,
+    mistake,
+)
+
+PairType = Literal["R", "P"]
+
+
+class OuterPair(Strictly):
+    """A pair between an earlier link, which a wire brings, and a link of the group.
+
+    ``at`` and the direction of a guide are in the link's frame.
+    """
+
+    type: PairType
+    link: str
+    at: PlaceGiven = default(Place(0j))
+    angle: Angle | None = None
+    dir: VectorOrNoneGiven = default(None)
+    slider: Literal["later", "earlier"] = "later"
+    driven: bool = False
+
+    @model_validator(mode="after")
+    def _directed(self) -> OuterPair:
+        self.marker()
+        return self
+
+    def marker(self) -> Marker:
+        """The place and direction on the link."""
+        return Marker(at=self.at, angle=self.angle, dir=self.dir)
+
+    @property
+    def sides(self) -> Mapping[str, Marker]:
+        """Place and direction by own link."""
+        return {self.link: self.marker()}
+
+
+class InnerPair(Strictly):
+    """A pair between two links of the group: two places, and two directions of a guide.
+
+    Its reaction is of the first link on the second.
+    """
+
+    type: PairType
+    links: tuple[str, str]
+    at: tuple[Place, Place] = (Place(0j), Place(0j))
+    angle: tuple[Angle, Angle] | None = None
+    dir: tuple[Vector, Vector] | None = None
+    slider: Literal["i", "j"] = "j"
+    driven: bool = False
+
+    @model_validator(mode="after")
+    def _directed(self) -> InnerPair:
+        if self.links[0] == self.links[1]:
+            raise mistake("same-link", f'joins link "{self.links[0]}" to itself')
+        self.markers()
+        return self
+
+    def markers(self) -> tuple[Marker, Marker]:
+        """Place and direction on the first and on the second link."""
+        angles = self.angle or (None, None)
+        dirs = self.dir or (None, None)
+        first, second = (
+            Marker(at=at, angle=angle, dir=direction)
+            for at, angle, direction in zip(self.at, angles, dirs, strict=True)
+        )
+        return first, second
+
+    @property
+    def sides(self) -> Mapping[str, Marker]:
+        """Place and direction by own link."""
+        return dict(zip(self.links, self.markers(), strict=True))
+
+
+def _kind(raw: Any) -> str:
+    inner = "links" in raw if isinstance(raw, dict) else isinstance(raw, InnerPair)
+    return "inner" if inner else "outer"
+
+
+GroupPair: TypeAlias = Annotated[
+    Annotated[OuterPair, Tag("outer")] | Annotated[InnerPair, Tag("inner")], Discriminator(_kind)
+]
+
+
+class Home(Strictly):
+    """A pose of the group and the driver values at which it stands.
+
+    drivers : of every driver that moves the group or is inside it [rad or m]
+    poses : x [m], y [m] and angle [rad] of each link in ground axes; refined by Newton
+    """
+
+    drivers: dict[str, Number] = {}
+    poses: dict[str, tuple[Number, Number, Number]]
+
+
+class GeneralGroup(AssurGroup, type="group.general"):
+    """Links and pairs that are determinate together: an Assur group of any class.
+
+    Parameters
+    ----------
+    links : every link of the group with its mass properties; frames are free
+    pairs : outer ones with ``link``, inner ones with ``links``
+    home : a pose and its driver values; the assembly mode is the one reached from there
+    """
+
+    kind = "general"
+    own_form: ClassVar[bool] = True
+
+    pairs: dict[str, GroupPair]
+    home: Home
+
+    # -- what the contract asks, from the pairs ------------------------------------------
+
+    @cached_property
+    def link_names(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The group's links, in the author's order."""
+        return tuple(self.links)
+
+    @cached_property
+    def joints(self) -> Mapping[str, Joint]:  # type: ignore[override]
+        """The pairs as joints."""
+        found = {}
+        for name, pair in self.pairs.items():
+            if isinstance(pair, InnerPair):
+                joint = inner_joint(pair.type, pair.links, driven=pair.driven)
+            else:
+                guided = pair.type == "P" or pair.driven
+                reads: Any = "guide" if guided else "point"
+                joint = outer_joint(pair.type, pair.link, reads, driven=pair.driven)
+            found[name] = Joint(**{**vars(joint), "name": name})
+        return found
+
+    @cached_property
+    def kernels(self) -> Kernels:  # type: ignore[override]
+        """The kernels for these pairs."""
+        outer = sum(j.outer for j in self.joints.values())
+        return kernels_of(self.plans, len(self.link_names), outer, len(self.driven))
+
+    @cached_property
+    def plans(self) -> tuple[PairPlan, ...]:
+        """The pairs by numbers of links, inputs and parameters."""
+        found, outer, drive = [], 0, 0
+        for k, (name, pair) in enumerate(self.pairs.items()):
+            joint = self.joints[name]
+            inner = isinstance(pair, InnerPair)
+            directions = [m.direction != 1 for m in pair.sides.values()]
+            along = tuple(f"u{k}_{s}" if d else "" for s, d in enumerate(directions))
+            found.append(
+                PairPlan(
+                    prismatic=pair.type == "P",
+                    earlier=self.link_names.index(joint.links[0]) if inner else -1,
+                    later=self.link_names.index(joint.later),
+                    outer=-1 if inner else outer,
+                    drive=drive if pair.driven else -1,
+                    at=(f"at{k}_0", f"at{k}_1") if inner else ("", f"at{k}_0"),
+                    along=(along[0], along[1]) if inner else ("", along[0]),
+                    guided=joint.reads == "guide",
+                )
+            )
+            outer += not inner
+            drive += pair.driven
+        return tuple(found)
+
+    def parameters(self) -> Any:
+        """Places and directions of all pairs, and the group's size."""
+        numbers: dict[str, Any] = {"size": self.largest_length() or 1.0}
+        for k, pair in enumerate(self.pairs.values()):
+            for s, marker in enumerate(pair.sides.values()):
+                numbers[f"at{k}_{s}"] = marker.at.z
+                if marker.direction != 1:
+                    numbers[f"u{k}_{s}"] = marker.direction
+        return namedtuple("GeneralGroupNumbers", tuple(numbers))(**numbers)
+
+    def largest_length(self) -> float:
+        """The largest distance [m] of a pair or marker from its link's origin, or of origins."""
+        places = [m.at.z for pair in self.pairs.values() for m in pair.sides.values()]
+        places += [m.at.z for link in self.links.values() for m in link.markers.values()]
+        origins = [complex(x, y) for x, y, _ in self.home.poses.values()]
+        places += [z - origins[0] for z in origins[1:]]
+        return max(map(abs, places), default=0.0)
+
+    def markers_of(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
+        """All markers: of each pair on its (first) link, of each link, and the user's."""
+        found: dict[str, tuple[str, Marker | BuiltIn]] = {}
+        for name, pair in self.pairs.items():
+            link, marker = next(iter(pair.sides.items()))
+            found[name] = (link, marker)
+        for link in self.link_names:
+            found.setdefault(link, (link, BuiltIn(link)))
+        for link, properties in self.links.items():
+            for name, marker in properties.markers.items():
+                found[name] = (link, marker)
+        return found
+
+    def slider_place(self, joint: str, link: str) -> complex:
+        """Place [m] of a slider's point on one of its links: the pair's place there."""
+        return self.pairs[joint].sides[link].at.z
+
+    def guide_line(self, joint: str, link: str) -> tuple[complex, complex]:
+        """A place [m] on a guide line and its unit direction, in a link's frame."""
+        marker = self.pairs[joint].sides[link]
+        return marker.at.z, marker.direction
+
+    def slider_owner(self, joint: str) -> Literal["later", "earlier"]:
+        """Which link owns the slider's point of a prismatic pair."""
+        return "earlier" if self.pairs[joint].slider in ("earlier", "i") else "later"
+
+    def link_field(self, link: str) -> str:
+        """Place of a link in what the kernels return."""
+        return f"links[{self.link_names.index(link)}]"
+
+    def joint_field(self, joint: str) -> str:
+        """Place of a pair in what the kernels return."""
+        return f"pairs[{list(self.pairs).index(joint)}]"
+
+    @staticmethod
+    def driver_name(block: str, joint: str) -> str:
+        """Name of the driver at a driven pair."""
+        return f"{block}.{joint}"
+
+    def effort_field(self, joint: str) -> str:
+        """Place of a driving effort in the reactions."""
+        return f"efforts[{[j.name for j in self.driven].index(joint)}]"
+
+    # -- what is refused ------------------------------------------------------------------
+
+    @field_validator("links")
+    @classmethod
+    def _links_exist(cls, links: dict[str, Link]) -> dict[str, Link]:
+        refuse(cls.__name__, _wrong_markers(links))
+        return links
+
+    @field_validator("friction")
+    @classmethod
+    def _friction_fits(cls, friction: dict[str, Coulomb]) -> dict[str, Coulomb]:
+        return friction  # held against the pairs below
+
+    @model_validator(mode="after")
+    def _hangs_together(self) -> GeneralGroup:
+        wrong = [*self._wrong_pairs(), *self._wrong_home(), *self._wrong_laws(), *self._taken()]
+        if not wrong:
+            wrong = list(self._wrong_count())
+        refuse(type(self).__name__, wrong)
+        return self
+
+    def _wrong_pairs(self) -> Iterator[Mistake]:
+        for name, pair in self.pairs.items():
+            if not is_name(name):
+                yield ("pairs", name), bad_name("pair", name)
+            for link in pair.sides:
+                if link not in self.links:
+                    key = "links" if isinstance(pair, InnerPair) else "link"
+                    error = unknown_name("unknown-link", "link", link, tuple(self.links))
+                    yield ("pairs", name, key), error
+
+    def _wrong_home(self) -> Iterator[Mistake]:
+        for link in self.home.poses:
+            if link not in self.links:
+                error = unknown_name("unknown-link", "link", link, tuple(self.links))
+                yield ("home", "poses", link), error
+        missing = [n for n in self.links if n not in self.home.poses]
+        if missing:
+            found = f"no pose for {', '.join(missing)}"
+            valid = "a home has the pose of every link"
+            yield ("home", "poses"), mistake("no-pose", found, valid, "add [x, y, angle]")
+
+    def _wrong_laws(self) -> Iterator[Mistake]:
+        for name, law in self.friction.items():
+            if name not in self.pairs:
+                error = unknown_name("unknown-joint", "pair", name, tuple(self.pairs))
+                yield ("friction", name), error
+                continue
+            try:
+                law.check_for(self.pairs[name].type, name)
+            except ValueError as error:
+                yield ("friction", name), error  # type: ignore[misc]
+
+    def _taken(self) -> Iterator[Mistake]:
+        taken = {*self.pairs, *self.links}
+        for name in self.pairs.keys() & self.links.keys():
+            yield ("pairs", name), mistake("taken-name", f'a link is called "{name}" as well')
+        for link, properties in self.links.items():
+            for marker in properties.markers:
+                if marker in taken:
+                    found = f'the marker name "{marker}" is taken in this block'
+                    yield ("links", link, "markers", marker), mistake("taken-name", found)
+                taken.add(marker)
+
+    def _wrong_count(self) -> Iterator[Mistake]:
+        n, p = len(self.links), len(self.pairs)
+        k = sum(pair.driven for pair in self.pairs.values())
+        if 3 * n != 2 * p + k or not n:
+            found = f"{n} links, {p} pairs and {k} driven pairs: 3n = {3 * n}, 2p + k = {2 * p + k}"
+            yield ("pairs",), mistake("not-a-group", found, "a group has 3n = 2p + k")
+
+
+def _wrong_markers(links: Mapping[str, Link]) -> Iterator[Mistake]:
+    for link, properties in links.items():
+        if not is_name(link):
+            yield (link,), bad_name("link", link)
+        for marker in properties.markers:
+            if not is_name(marker):
+                yield (link, "markers", marker), bad_name("marker", marker)

@@ -1,0 +1,219 @@
+"""Kernels of a general group: one Jacobian J serves every stage.
+
+    position       Newton from a guess near the pose:   J step = -residual
+    velocity       J x' = right side of the supports' and drivers' rates
+    acceleration   J x'' = the same with the quadratic terms
+    reactions      J^T lambda = -loads;  lambda are forces, couples and driving efforts
+    margin         squared ratio of the extreme singular values of J
+
+The guess is a pose that the core has followed from the group's home
+(`blockmech.passes.following`), so the answer is a function of the sample alone.
+
+Sources: [R10] Eqs. 2-7 and [D14] Eqs. 1-8 for groups of any class.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from blockmech.blocks.contract import Kernels
+from blockmech.blocks.general.equations import (
+    Ends,
+    PairPlan,
+    accelerations_wanted,
+    ends,
+    rates_of,
+    rates_wanted,
+    residuals,
+    rows,
+    slide,
+)
+from blockmech.plane import (
+    NAN,
+    dot,
+    expi,
+    hyp,
+    matrix,
+    maximum,
+    mul,
+    planar,
+    solve,
+    solve_transposed,
+    spread,
+    where,
+)
+from blockmech.typing import (
+    Complex,
+    LinkAcceleration,
+    LinkPosition,
+    LinkVelocity,
+    Load,
+    Real,
+    Slide,
+)
+
+STEPS = 4  # Newton steps of a position; from a followed guess the second is rounding
+CLOSED = 1e-5  # [-] last Newton step above which the group did not close
+
+
+class Pose(NamedTuple):
+    """Places of the links, both sides of each pair, Jacobian, and how Newton went."""
+
+    links: tuple[LinkPosition, ...]
+    ends: tuple[Ends, ...]
+    J: Any  # (..., N, N) lengths by the group's size
+    first: Real  # [-] largest first step, size or radians: how far the guess was off
+    reached: Real  # [-] share of the path from home that was possible; 1 is all of it
+
+
+class Velocity(NamedTuple):
+    """Velocities of the links and, by pair, sliding rates [m/s] (0 where it turns)."""
+
+    links: tuple[LinkVelocity, ...]
+    pairs: tuple[Real, ...]
+
+
+class Acceleration(NamedTuple):
+    """Accelerations of the links."""
+
+    links: tuple[LinkAcceleration, ...]
+
+
+class Reactions(NamedTuple):
+    """By pair: what it transmits onto its later link, and what drives it."""
+
+    pairs: tuple[Any, ...]
+    efforts: tuple[Real, ...]
+
+
+Guess = tuple[tuple[Real, Real, Real, Real], ...]
+"""Place x, y [m] and direction x, y [-] of each link."""
+
+
+def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int) -> Kernels:
+    """The kernels of a group with these pairs; see `PairPlan` for the numbers."""
+
+    def position(*given: Any) -> Pose:
+        *inputs, guess, p = given
+        supports, q = tuple(inputs[:outer]), tuple(inputs[outer:])
+        places = guess[0]
+        pose = tuple(LinkPosition(planar(x, y), planar(ex, ey)) for x, y, ex, ey in places)
+        first: Real = 0.0
+        last: Real = 0.0
+        for count in range(STEPS):
+            step = newton_step(plans, pose, supports, q, p)
+            pose, last = stepped(pose, step, p.size)
+            first = last if count == 0 else first
+        good = where(last < CLOSED, 1.0 + 0.0 * last, NAN)
+        pose = tuple(LinkPosition(mul(o, good), mul(e, good / hyp(e))) for o, e in pose)
+        at = tuple(ends(pair, pose, supports, p) for pair in plans)
+        return Pose(pose, at, jacobian(plans, at, links, p), first, guess[1])
+
+    def velocity(pose: Pose, *given: Any) -> Velocity:
+        *inputs, p = given
+        supports, qd = tuple(inputs[:outer]), tuple(inputs[outer:])
+        right: list[Real] = []
+        for pair, at in zip(plans, pose.ends, strict=True):
+            right += rates_wanted(pair, at, supports, qd, 1 / p.size)
+        found = vectors(solve(pose.J, right), p.size)
+        moving = tuple(LinkVelocity(v, om) for v, om in found)
+        both = zip(plans, pose.ends, strict=True)
+        return Velocity(moving, tuple(slide(pair, at, moving, supports) for pair, at in both))
+
+    def acceleration(pose: Pose, vel: Velocity, *given: Any) -> Acceleration:
+        *inputs, p = given
+        supports, qdd = tuple(inputs[:outer]), tuple(inputs[outer:])
+        right: list[Real] = []
+        for pair, at, sliding in zip(plans, pose.ends, vel.pairs, strict=True):
+            moving = rates_of(pair, at, vel.links, sliding)
+            right += accelerations_wanted(pair, at, moving, supports, qdd, 1 / p.size)
+        found = vectors(solve(pose.J, right), p.size)
+        return Acceleration(tuple(LinkAcceleration(a, al) for a, al in found))
+
+    def reactions(pose: Pose, *given: Any) -> Reactions:
+        *loads, p = given
+        right: list[Real] = []
+        for load in loads:
+            right += against(load, p.size)
+        found = solve_transposed(pose.J, right)
+        transmitted, efforts = [], [0.0] * driven
+        row = 0
+        for pair, at in zip(plans, pose.ends, strict=True):
+            own = found[row : row + pair.rows]
+            row += pair.rows
+            transmitted.append(carried(pair, at, own, p.size))
+            if pair.drive >= 0:
+                efforts[pair.drive] = own[2] * (1 / p.size if pair.prismatic else 1.0)
+        return Reactions(tuple(transmitted), tuple(efforts))
+
+    return Kernels(position, velocity, acceleration, reactions, margin=margin)
+
+
+def newton_step(
+    plans: tuple[PairPlan, ...],
+    pose: tuple[LinkPosition, ...],
+    supports: tuple[Any, ...],
+    q: tuple[Real, ...],
+    p: Any,
+) -> tuple[Real, ...]:
+    """Solution of J step = -residual."""
+    at = tuple(ends(pair, pose, supports, p) for pair in plans)
+    right: list[Real] = []
+    for pair, sides in zip(plans, at, strict=True):
+        right += [-x for x in residuals(pair, sides, q, 1 / p.size)]
+    return solve(jacobian(plans, at, len(pose), p), right)
+
+
+def stepped(
+    pose: tuple[LinkPosition, ...], step: tuple[Real, ...], size: Real
+) -> tuple[tuple[LinkPosition, ...], Real]:
+    """The pose after a step, and the step's largest part, by size or in radians."""
+    largest: Real = 0.0
+    for x in step:
+        largest = maximum(largest, abs(x))
+    moved = []
+    for k, link in enumerate(pose):
+        x, y, turn = step[3 * k : 3 * k + 3]
+        moved.append(LinkPosition(link.o + planar(x * size, y * size), link.e * expi(turn)))
+    return tuple(moved), largest
+
+
+def jacobian(plans: tuple[PairPlan, ...], at: tuple[Ends, ...], links: int, p: Any) -> Any:
+    """The matrix of all conditions."""
+    filled = []
+    for pair, sides in zip(plans, at, strict=True):
+        for row in rows(pair, sides, 1 / p.size):
+            filled.append([row.get(column, 0.0) for column in range(3 * links)])
+    return matrix(filled)
+
+
+def vectors(solution: tuple[Real, ...], size: Real) -> list[tuple[Complex, Real]]:
+    """Translation and turn of each link from a scaled solution."""
+    return [
+        (planar(solution[k] * size, solution[k + 1] * size), solution[k + 2])
+        for k in range(0, len(solution), 3)
+    ]
+
+
+def against(load: Load, size: Real) -> list[Real]:
+    """The opposite of a load, lengths by the group's size."""
+    return [-load.F.real * size, -load.F.imag * size, -load.M]
+
+
+def carried(pair: PairPlan, at: Ends, own: tuple[Real, ...], size: Real) -> Any:
+    """What a pair transmits from its part of the multipliers."""
+    if not pair.prismatic:
+        return planar(own[0] * (1 / size), own[1] * (1 / size))
+    N = own[0] * (1 / size)
+    return Slide(N, own[1] + N * dot(at.b.r, at.a.u))
+
+
+def margin(pose: Pose, p: Any) -> Real:
+    """Squared ratio of extreme singular values; below 0 where the path from home ends."""
+    ratio, _ = spread(pose.J)
+    return where(pose.reached < 1.0, pose.reached - 1.0, ratio * ratio)
+
+
+def orientation(pose: Pose, p: Any) -> Real:
+    """Sign of the determinant: it cannot change on a path without dead centre."""
+    return spread(pose.J)[1]

@@ -1,0 +1,95 @@
+"""Small linear systems on batches: one matrix a sample, each solved by itself.
+
+LAPACK factors every matrix of a stack alone, so a sample's answer does not depend on
+its batch. In extended precision, which LAPACK does not know, elimination is written out.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+LAPACK = (np.float32, np.float64)
+
+
+def matrix(rows: Any, dtype: Any) -> Array:
+    """Rows of numbers or batches (...) as one array (..., N, N)."""
+    shape = np.broadcast_shapes(*(np.shape(x) for row in rows for x in row))
+    filled = np.zeros((*shape, len(rows), len(rows)), dtype)
+    for i, row in enumerate(rows):
+        for j, x in enumerate(row):
+            if not isinstance(x, float) or x != 0.0:
+                filled[..., i, j] = x
+    return filled
+
+
+def solve(a: Array, right: Any) -> tuple[Array, ...]:
+    """Solutions of a x = right, N arrays (...); not finite where a matrix is singular."""
+    shape = np.broadcast_shapes(a.shape[:-2], *(np.shape(x) for x in right))
+    b = np.empty((*shape, len(right)), a.dtype)
+    for i, x in enumerate(right):
+        b[..., i] = x
+    found = np.ascontiguousarray(np.moveaxis(_solved(a, b), -1, 0))
+    return tuple(found)
+
+
+def solve_transposed(a: Array, right: Any) -> tuple[Array, ...]:
+    """Solutions of a^T x = right."""
+    return solve(np.swapaxes(a, -1, -2), right)
+
+
+def _solved(a: Array, b: Array) -> Array:
+    if a.dtype not in LAPACK:
+        return _eliminated(np.broadcast_to(a, (*b.shape, b.shape[-1])), b)
+    try:
+        return np.asarray(np.linalg.solve(a, b[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        return _one_by_one(a, b)
+
+
+def _one_by_one(a: Array, b: Array) -> Array:
+    """The rare batch with a singular matrix in it."""
+    found = np.full(b.shape, np.nan, a.dtype)
+    matrices = np.broadcast_to(a, (*b.shape, b.shape[-1]))
+    for index in np.ndindex(b.shape[:-1]):
+        try:
+            found[index] = np.linalg.solve(matrices[index], b[index])
+        except np.linalg.LinAlgError:
+            continue
+    return found
+
+
+def _eliminated(a: Array, b: Array) -> Array:
+    """Gaussian elimination with partial pivoting, all samples side by side."""
+    n = b.shape[-1]
+    whole = np.concatenate([a, b[..., None]], axis=-1)
+    for k in range(n):
+        pivot = np.argmax(np.abs(whole[..., k:, k]), axis=-1) + k
+        rows = np.broadcast_to(np.arange(n), whole.shape[:-1]).copy()
+        np.put_along_axis(rows, pivot[..., None], k, -1)
+        rows[..., k] = pivot
+        whole = np.take_along_axis(whole, rows[..., None], axis=-2)
+        factor = whole[..., k + 1 :, k] / whole[..., k, k, None]
+        whole[..., k + 1 :, k:] -= factor[..., None] * whole[..., k, None, k:]
+    x = np.empty_like(b)
+    for k in reversed(range(n)):
+        known = np.sum(whole[..., k, k + 1 : n] * x[..., k + 1 :], axis=-1)
+        x[..., k] = (whole[..., k, n] - known) / whole[..., k, k]
+    return x
+
+
+def spread(a: Array) -> tuple[Array, Array]:
+    """Ratio of extreme singular values, and the sign of the determinant, of each matrix."""
+    plain = np.asarray(a, np.float64) if a.dtype not in LAPACK else a
+    good = np.isfinite(plain).all(axis=(-2, -1))
+    plain = np.where(good[..., None, None], plain, np.eye(plain.shape[-1], dtype=plain.dtype))
+    values = np.linalg.svd(plain, compute_uv=False)
+    sign = np.linalg.slogdet(plain)[0]
+    lost = plain.dtype.type(np.nan)
+    return (
+        np.where(good, values[..., -1] / values[..., 0], lost).astype(a.dtype),
+        np.where(good, sign, lost).astype(a.dtype),
+    )
