@@ -100,12 +100,13 @@ def assess(
     Parameters
     ----------
     n : number of samples
-    values : report name (``margin/block``, ``friction/block``, ``rest/joint``) -> its arrays
+    values : report name (``margin/block``, ``path/block``, ``friction/block``, ``rest/joint``) -> its arrays
     wanted_bad : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
     """
     margin = {k[7:]: at_most_one(v[0]) for k, v in values.items() if k.startswith("margin/")}
     friction = {k[9:]: v for k, v in values.items() if k.startswith("friction/")}
+    paths = {k[5:]: v[0] for k, v in values.items() if k.startswith("path/")}
     rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
     status = [OK] * n
     blame: dict[int, str] = {}
@@ -118,6 +119,9 @@ def assess(
                 flags.append(Flag(int(i), "dead-centre", block, value=0.0))
         for i in np.flatnonzero((m > 0) & (m < NEAR)):
             flags.append(Flag(int(i), "near-dead-centre", block, value=float(m[i])))
+    for block, share in paths.items():  # followed from home, and lost on the way
+        for i in np.flatnonzero(share < 1.0):
+            flags.append(Flag(int(i), "path-ended", block, value=float(share[i])))
     for block, (_, _, _, outcome, limit) in friction.items():
         for i in np.flatnonzero(outcome > 0):
             how = Outcome(int(outcome[i]))

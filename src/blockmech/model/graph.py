@@ -15,7 +15,7 @@ from blockmech.loads.contract import Element
 from blockmech.model import checks
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.model.laws_of_motion import LawOfMotion
-from blockmech.model.scene import Initial, Scene
+from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.structure import JointRef, MarkerRef, Structure, formation_order
 
 if TYPE_CHECKING:
@@ -103,6 +103,14 @@ class Graph:
         initial = {**self.scene.initial, driver: Initial(q=q, rate=rate)}
         self.scene = self.scene.model_copy(update={"initial": initial})
 
+    def stop(self, driver: str, low: float | None = None, high: float | None = None) -> None:
+        """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
+
+        Raises `GraphError` where neither is given or they are in the wrong order.
+        """
+        made = Stops(**{"from": low, "to": high})
+        self.scene = self.scene.model_copy(update={"stops": {**self.scene.stops, driver: made}})
+
     # -- checking ---------------------------------------------------------
 
     def check(self) -> list[Problem]:
@@ -123,10 +131,13 @@ class Graph:
         order = formation_order(known, checks.block_dag(self))
         feeds: dict[JointRef, MarkerRef] = {}
         holds: dict[JointRef, MarkerRef] = {}
+        markers: dict[str, Any] = {}  # a frame may have thousands
         for wire in self.wires:
             block, joint = wire.target.split(".")
             source, marker = wire.source.split(".")
-            ref = MarkerRef(source, known[source].markers_of()[marker][0], marker)
+            if source not in markers:
+                markers[source] = known[source].markers_of()
+            ref = MarkerRef(source, markers[source][marker][0], marker)
             wires = holds if isinstance(known[block], Element) else feeds
             wires[JointRef(block, joint)] = ref
         moving = {n: b for n in order if isinstance(b := known[n], Moving)}
@@ -156,7 +167,12 @@ class Graph:
         """
         from blockmech.mechanism import Mechanism
 
-        return Mechanism(self.structure(), self.scene, name=self.name)
+        structure = self.structure()
+        if any(block.own_form for block in structure.blocks.values()):
+            from blockmech.passes.following import refuse_open_homes
+
+            refuse_open_homes(structure)
+        return Mechanism(structure, self.scene, name=self.name)
 
     def run(self, **request: Any) -> Result:
         """Compile and run; see `Mechanism.run`."""

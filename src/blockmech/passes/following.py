@@ -75,6 +75,19 @@ def path_of(structure: Structure, block: str) -> Path:
     return found
 
 
+def refuse_open_homes(structure: Structure) -> None:
+    """Raise `GraphError` for every general group that does not close at its home."""
+    problems = []
+    for name, block in structure.blocks.items():
+        if block.own_form:
+            try:
+                path_of(structure, name).at_home  # noqa: B018
+            except GraphError as error:
+                problems += error.problems
+    if problems:
+        raise GraphError(list(dict.fromkeys(problems)))
+
+
 class Path:
     """Follows one general group, and those it hangs on, from its home.
 

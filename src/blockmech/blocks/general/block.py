@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import namedtuple
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Discriminator, Tag, field_validator, model_validator
 
@@ -47,6 +47,9 @@ from blockmech.values import (
     is_name,
     mistake,
 )
+
+if TYPE_CHECKING:
+    from blockmech.model.assur import Unit
 
 PairType = Literal["R", "P"]
 
@@ -148,7 +151,6 @@ class GeneralGroup(AssurGroup, type="group.general"):
     home : a pose and its driver values; the assembly mode is the one reached from there
     """
 
-    kind = "general"
     own_form: ClassVar[bool] = True
 
     pairs: dict[str, GroupPair]
@@ -160,6 +162,32 @@ class GeneralGroup(AssurGroup, type="group.general"):
     def link_names(self) -> tuple[str, ...]:  # type: ignore[override]
         """The group's links, in the author's order."""
         return tuple(self.links)
+
+    @cached_property
+    def unit(self) -> Unit:
+        """What the group is in the trade's terms: kind and class."""
+        from blockmech.model.assur import classify
+        from blockmech.model.rigidity import Pair
+
+        pairs, driven = [], []
+        for name, pair in self.pairs.items():
+            *first, second = pair.sides
+            pairs.append(Pair(name, first[0] if first else "", second, pair.type))
+            if pair.driven:
+                driven.append(name)
+        return classify(self.link_names, pairs, driven)
+
+    @property
+    def group_class(self) -> str:  # type: ignore[override]
+        """The group's class in Roman numerals."""
+        from blockmech.model.assur import roman
+
+        return roman(self.unit.number)
+
+    @property
+    def kind(self) -> str:  # type: ignore[override]
+        """ "triad" or "group"."""
+        return "triad" if self.unit.kind == "triad" else "group"
 
     @cached_property
     def joints(self) -> Mapping[str, Joint]:  # type: ignore[override]
