@@ -18,7 +18,10 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal, NamedTuple
 
-from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
+from pydantic import Field
+
+from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
 from blockmech.blocks.points import Point, dead_centre, given_points, unit
 from blockmech.plane import cross, dot, hyp, imul, mul, sqrt
 from blockmech.typing import (
@@ -30,7 +33,7 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Branch, Distance
+from blockmech.values import Distance
 
 
 class RPRPose(NamedTuple):
@@ -128,15 +131,17 @@ def size(pose: RPRPose, p: RPR) -> Real:
     return pose.r
 
 
-class RPR(AssurGroup, type="dyad.rpr"):
+class RPR(TwoModes, type="dyad.rpr"):
     """Two links on pins at B and D that slide along each other.
 
     Parameters
     ----------
     h_i, h_j : float [m]
         Offset of the guide line from B and from D, along the guide's normal.
-    branch : +1 | -1
+    branch : +1 | -1 | "follow"
         Assembly mode, the sign of dot(u, D - B).
+    home : where ``branch`` is "follow"
+        A driver coordinate and the branch there; see `blockmech.blocks.modes`.
     x_S : float [m]
         Place of the slider's point S along the guide line, from the origin (foot of
         B or D) of the link that owns it.
@@ -163,7 +168,8 @@ class RPR(AssurGroup, type="dyad.rpr"):
 
     h_i: Distance = 0.0
     h_j: Distance = 0.0
-    branch: Branch = 1
+    branch: AnyBranch = 1
+    home: BranchHome | None = Field(default=None, repr=False)
     x_S: Distance = 0.0
     slider: Literal["later", "earlier", "j", "i"] = "later"
 

@@ -18,7 +18,10 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal, NamedTuple
 
-from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
+from pydantic import Field
+
+from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
 from blockmech.blocks.points import Point, dead_centre, given_points, unit
 from blockmech.plane import cross, dot, imul, mul, sqrt
 from blockmech.typing import (
@@ -33,7 +36,7 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Branch, Distance, Length
+from blockmech.values import Distance, Length
 
 
 class RRPPose(NamedTuple):
@@ -134,7 +137,7 @@ def transmission(pose: RRPPose, p: RRP) -> tuple[Real, Real]:
     return abs(pose.det), abs(cross(pose.j.e, pose.w))
 
 
-class RRP(AssurGroup, type="dyad.rrp"):
+class RRP(TwoModes, type="dyad.rrp"):
     """A link pinned to an earlier link at B and to a slider at C.
 
     Parameters
@@ -143,8 +146,10 @@ class RRP(AssurGroup, type="dyad.rrp"):
         Length BC.
     h : float [m]
         Offset of the guide line from C, along the guide's normal.
-    branch : +1 | -1
+    branch : +1 | -1 | "follow"
         Assembly mode, the sign of dot(u, C - B).
+    home : where ``branch`` is "follow"
+        A driver coordinate and the branch there; see `blockmech.blocks.modes`.
     x_S : float [m]
         Place of the slider's point S along the guide line, from the foot of C.
     slider : "later" | "earlier"
@@ -167,7 +172,8 @@ class RRP(AssurGroup, type="dyad.rrp"):
 
     l: Length
     h: Distance = 0.0
-    branch: Branch = 1
+    branch: AnyBranch = 1
+    home: BranchHome | None = Field(default=None, repr=False)
     x_S: Distance = 0.0
     slider: Literal["later", "earlier"] = "later"
 

@@ -15,7 +15,10 @@ from __future__ import annotations
 
 from typing import ClassVar, NamedTuple, Protocol
 
-from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, inner_joint, outer_joint
+from pydantic import Field
+
+from blockmech.blocks.contract import BuiltIn, Kernels, inner_joint, outer_joint
+from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
 from blockmech.errors import GraphError, Problem
 from blockmech.plane import cross, dot, hyp, imul, mul, sqrt
 from blockmech.typing import (
@@ -26,7 +29,7 @@ from blockmech.typing import (
     Load,
     Real,
 )
-from blockmech.values import Branch, Length
+from blockmech.values import Length
 
 
 class RRRPose(NamedTuple):
@@ -139,15 +142,17 @@ def transmission(pose: RRRPose, p: RRR) -> tuple[Real, Real]:
     return abs(pose.det), abs(dot(pose.u, pose.w))
 
 
-class RRR(AssurGroup, type="dyad.rrr"):
+class RRR(TwoModes, type="dyad.rrr"):
     """Two links joined at C, closing the loop between joints B and D.
 
     Parameters
     ----------
     l_i, l_j : float > 0 [m]
         Lengths BC and DC.
-    branch : +1 | -1
+    branch : +1 | -1 | "follow"
         Assembly mode, the sign of cross(D - B, C - B).
+    home : where ``branch`` is "follow"
+        A driver coordinate and the branch there; see `blockmech.blocks.modes`.
 
     >>> RRR.from_points(B=(2, 0), C=(5, 4), D=(5, 0))
     RRR(links={}, friction={}, l_i=5.0, l_j=4.0, branch=1)
@@ -170,7 +175,8 @@ class RRR(AssurGroup, type="dyad.rrr"):
 
     l_i: Length
     l_j: Length
-    branch: Branch = 1
+    branch: AnyBranch = 1
+    home: BranchHome | None = Field(default=None, repr=False)
 
     @classmethod
     def from_points(

@@ -21,6 +21,7 @@ from blockmech.loads.contract import VELOCITY_READS, Element, Following
 from blockmech.loads.laws import DC, Fourier, Polynomial, Table
 from blockmech.loads.motor import Motor
 from blockmech.model.structure import JointRef, Structure
+from blockmech.passes.following import followed, path_of
 from blockmech.passes.forces import negated
 from blockmech.passes.forward import ZERO, link_velocity, marker_velocity
 from blockmech.passes.loads import NOTHING, cm_velocity, terminal_term, weight_on
@@ -126,7 +127,7 @@ def _way(structure: Structure, name: str, driver: str) -> int:
 
 def period_of(structure: Structure, driver: str, rotary: bool) -> float | None:
     """Period [rad] of everything that depends on the coordinate; None if there is none."""
-    if not rotary:
+    if not rotary or not all(path_of(structure, n).repeats for n in followed(structure)):
         return None
     turns = 1
     for element in structure.elements.values():

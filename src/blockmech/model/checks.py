@@ -7,12 +7,13 @@ one pass, so that a user sees everything at once.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import networkx as nx
 
 from blockmech.blocks.contract import REGISTRY, Block, Moving
 from blockmech.blocks.frame import Frame
+from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, close_match, listed
 from blockmech.loads.contract import Element, Following
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
@@ -21,17 +22,22 @@ from blockmech.values import Marker
 if TYPE_CHECKING:
     from blockmech.model.graph import Graph
 
+Markers: TypeAlias = dict[str, tuple[str, Any]]
+"""Markers of a block by name, each with its link."""
+
 
 def all_problems(graph: Graph) -> list[Problem]:
     """Every problem of a graph."""
     problems = list(_block_problems(graph))
     fed: dict[str, Wire] = {}
+    markers: dict[str, Markers] = {}
     for wire in graph.wires:
-        problems += wire_problems(graph, wire, fed.get(wire.target))
+        problems += wire_problems(graph, wire, fed.get(wire.target), markers)
         fed.setdefault(wire.target, wire)
     problems += _unwired(graph)
     problems += _scene_problems(graph)
     problems += _driver_problems(graph)
+    problems += _group_problems(graph)
     if not any(p.code == "unknown-block" for p in problems):
         problems += _cycles(graph)
     return problems
@@ -116,13 +122,19 @@ def _block_problems(graph: Graph) -> Iterable[Problem]:
             yield REGISTRY.unknown(block.type, name)
 
 
-def wire_problems(graph: Graph, wire: Wire, fed: Wire | None) -> Iterable[Problem]:
-    """What is locally wrong with a wire; ``fed`` is an earlier wire to the same joint."""
-    marker = yield from _source(graph, wire)
+def wire_problems(
+    graph: Graph, wire: Wire, fed: Wire | None, known: dict[str, Markers] | None = None
+) -> Iterable[Problem]:
+    """What is locally wrong with a wire.
+
+    ``fed`` is an earlier wire to the same joint; ``known`` keeps the markers of each block
+    from wire to wire, for a frame may have thousands.
+    """
+    marker = yield from _source(graph, wire, {} if known is None else known)
     yield from _target(graph, wire, marker, fed)
 
 
-def _source(graph: Graph, wire: Wire) -> Any:
+def _source(graph: Graph, wire: Wire, known: dict[str, Markers]) -> Any:
     block, problem = _end(graph, wire, wire.source)
     if problem:
         yield problem
@@ -138,7 +150,10 @@ def _source(graph: Graph, wire: Wire) -> Any:
             f"turn the wire round: {wire.target} -> {wire.source}",
         )
         return None
-    markers = block.markers_of()
+    owner = wire.source.split(".")[0]
+    if owner not in known:
+        known[owner] = block.markers_of()
+    markers = known[owner]
     if name not in markers:
         yield Problem(
             "unknown-marker",
@@ -272,6 +287,17 @@ def _driver_problems(graph: Graph) -> Iterable[Problem]:
                 f"drivers: {listed(drivers) or 'none'}",
                 close_match(str(block.driver), drivers),
             )
+
+
+def _group_problems(graph: Graph) -> Iterable[Problem]:
+    """General groups whose pairs hold some links twice and leave others loose."""
+    for name, block in graph.blocks.items():
+        if isinstance(block, GeneralGroup):
+            from blockmech.model.assur import group_findings  # few graphs have such a group
+
+            for finding in group_findings(block.link_names, block.structure):
+                remedy = "move a pair from an over-constrained link to a loose one"
+                yield Problem(finding.code, f"{name}.pairs", finding.text, "", remedy)
 
 
 def _cycles(graph: Graph) -> Iterable[Problem]:

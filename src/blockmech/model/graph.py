@@ -168,10 +168,9 @@ class Graph:
         from blockmech.mechanism import Mechanism
 
         structure = self.structure()
-        if any(block.own_form for block in structure.blocks.values()):
-            from blockmech.passes.following import refuse_open_homes
+        from blockmech.passes.following import refuse_open_homes
 
-            refuse_open_homes(structure)
+        refuse_open_homes(structure)
         return Mechanism(structure, self.scene, name=self.name)
 
     def run(self, **request: Any) -> Result:

@@ -45,6 +45,8 @@ TURN = 2 * math.pi
 CORRECTION = 0.03  # [-] correction of a predicted pose up to which a step is taken
 STRIDE = 0.3  # [-] motion of a link in one step: radians, or sizes of the group
 SMALLEST = 1e-10  # share of a line below which a step is given up: the path ends there
+END = 1e-14  # [-] step of knots at which their side ends: a dead centre, to rounding
+BEFORE = 1.0 - 1e-16  # the largest share that is not all
 MOST = 5000  # steps of a line
 SAME = 1e-9  # [-] difference of poses that are one pose
 
@@ -75,15 +77,19 @@ def path_of(structure: Structure, block: str) -> Path:
     return found
 
 
+def followed(structure: Structure) -> tuple[str, ...]:
+    """Groups without closed form, in formation order."""
+    return tuple(name for name, block in structure.blocks.items() if block.own_form)
+
+
 def refuse_open_homes(structure: Structure) -> None:
     """Raise `GraphError` for every general group that does not close at its home."""
     problems = []
-    for name, block in structure.blocks.items():
-        if block.own_form:
-            try:
-                path_of(structure, name).at_home  # noqa: B018
-            except GraphError as error:
-                problems += error.problems
+    for name in followed(structure):
+        try:
+            path_of(structure, name).at_home  # noqa: B018
+        except GraphError as error:
+            problems += error.problems
     if problems:
         raise GraphError(list(dict.fromkeys(problems)))
 
@@ -188,6 +194,11 @@ class Path:
     def _rates(self, q: Array, line: Array, place: Array) -> Stand:
         return self.tracker.at(q, line, place)[0]
 
+    @property
+    def repeats(self) -> bool:
+        """Whether a turn of the only driver, if it is a rotary one, ends at home again."""
+        return not self.drivers or (len(self.drivers) == 1 and self.knots.repeats)
+
     @cached_property
     def knots(self) -> Knots:
         """Poses along the axis of the only driver."""
@@ -270,13 +281,15 @@ class Knots:
     def _folded(self, q: Array) -> Array:
         """Driver values of further turns, brought into the first one where it repeats."""
         far = np.abs(q - self.home) >= TURN
-        if not (self.rotary and far.any() and self.repeats):
+        if not (far.any() and self.repeats):
             return q
         return np.where(far, self.home + np.mod(q - self.home, TURN), q)
 
     @cached_property
     def repeats(self) -> bool:
         """Whether a turn of the driver ends in the pose at home."""
+        if not self.rotary:
+            return False
         place, _ = self.sides[1].follow(np.array([self.home + TURN]), np.array([TURN]))
         scaled = (place - self.path.at_home.place)[..., :2] * self.path.tracker.weights[..., :2]
         turned = (place - self.path.at_home.place)[..., 2:]
@@ -298,14 +311,16 @@ class _Side:
         """Places and shares at driver values (n,) on this side."""
         self._grow(float(np.abs(away).max()))
         knots, stands = self._arrays()
+        if self.ended:  # one end for all who ask
+            q = np.where((q - knots[-1]) * self.way > 0.0, np.nan, q)
         k = np.searchsorted(knots * self.way, q * self.way, side="right") - 1
         start = knots[k]
         line = q - start
         stand = Stand(stands.place[k], stands.rate[k] * line[:, None, None])
         found, share = travel(self.path, start[:, None], stand, q[:, None])
         with np.errstate(invalid="ignore", divide="ignore"):
-            gone = (start + share * line - self.path.home[0]) / away
-        return found.place, np.where(share >= 1.0, 1.0, np.minimum(gone, 1.0 - SMALLEST))
+            gone = np.where(np.isnan(q), knots[-1], start + share * line) - self.path.home[0]
+            return found.place, np.where(share >= 1.0, 1.0, np.minimum(gone / away, BEFORE))
 
     def _grow(self, reach: float) -> None:
         """Lay knots until one is further from home than ``reach``; each by its forerunner."""
@@ -321,7 +336,7 @@ class _Side:
                 if first[0] <= CORRECTION and (sign == path.sign).all():
                     break
                 step /= 4
-                if step < SMALLEST * max(1.0, abs(home)):
+                if step < END * max(1.0, abs(home)):
                     self.ended = True
                     return
             self.q.append(float(q[0, 0]))
@@ -342,7 +357,7 @@ class Tracker:
 
     def __init__(self, structure: Structure, block: str, drivers: tuple[str, ...]) -> None:
         above = structure.ancestors(block)
-        self.groups = [n for n, b in structure.blocks.items() if n in above and b.own_form]
+        self.groups = [name for name in followed(structure) if name in above]
         links = [LinkRef(n, k) for n in self.groups for k in structure.blocks[n].link_names]
         s = Schedule(structure, Scene(), Friction("none"), guess=_given)
         wanted, last = [], []

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from blockmech.blocks.contract import BuiltIn
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
+from blockmech.passes.branches import followed
 from blockmech.plan import Entry, Schedule
 from blockmech.plane import imul, mul
 from blockmech.typing import Complex, Guide, GuideAcceleration, GuideVelocity, Real
@@ -89,7 +90,8 @@ def position(s: Schedule, block: str) -> str:
     args += [s.input("q", driver) for driver in s.structure.drivers_of(block)]
     if b.own_form:
         args.append(s.guess(s, block))
-    args.append(s.ask(parameters, block))
+    numbers = s.ask(parameters, block)
+    args.append(s.ask(followed, block, numbers) if block in s.structure.followed else numbers)
     return s.kernel(Entry(block, "position"), b.kernels.position, *args, name=f"{block}_pose")
 
 

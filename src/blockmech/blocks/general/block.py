@@ -164,18 +164,22 @@ class GeneralGroup(AssurGroup, type="group.general"):
         return tuple(self.links)
 
     @cached_property
+    def structure(self) -> tuple[tuple[str, str, str, PairType, bool], ...]:
+        """Each pair without geometry: name, links ("" is the support), kind, whether driven."""
+        found = []
+        for name, pair in self.pairs.items():
+            *first, second = pair.sides
+            found.append((name, first[0] if first else "", second, pair.type, pair.driven))
+        return tuple(found)
+
+    @cached_property
     def unit(self) -> Unit:
         """What the group is in the trade's terms: kind and class."""
         from blockmech.model.assur import classify
         from blockmech.model.rigidity import Pair
 
-        pairs, driven = [], []
-        for name, pair in self.pairs.items():
-            *first, second = pair.sides
-            pairs.append(Pair(name, first[0] if first else "", second, pair.type))
-            if pair.driven:
-                driven.append(name)
-        return classify(self.link_names, pairs, driven)
+        pairs = [Pair(name, i, j, kind) for name, i, j, kind, _ in self.structure]
+        return classify(self.link_names, pairs, [j.name for j in self.driven])
 
     @property
     def group_class(self) -> str:  # type: ignore[override]

@@ -29,6 +29,7 @@ from blockmech.blocks.general.equations import (
     slide,
 )
 from blockmech.plane import (
+    EPS,
     NAN,
     dot,
     expi,
@@ -39,7 +40,9 @@ from blockmech.plane import (
     planar,
     solve,
     solve_transposed,
+    some,
     spread,
+    sqrt,
     where,
 )
 from blockmech.typing import (
@@ -52,8 +55,9 @@ from blockmech.typing import (
     Slide,
 )
 
-STEPS = 4  # Newton steps of a position; from a followed guess the second is rounding
-CLOSED = 1e-5  # [-] last Newton step above which the group did not close
+STEPS = 5  # Newton steps of a position at most
+SETTLED = 0.1  # of the root of the rounding: a last step whose square is below rounding
+CLOSED = 32.0  # [ulps] of the places, up to which the pairs are closed
 
 
 class Pose(NamedTuple):
@@ -98,13 +102,19 @@ def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int)
         supports, q = tuple(inputs[:outer]), tuple(inputs[outer:])
         places = guess[0]
         pose = tuple(LinkPosition(planar(x, y), planar(ex, ey)) for x, y, ex, ey in places)
-        first: Real = 0.0
-        last: Real = 0.0
-        for count in range(STEPS):
+        step = newton_step(plans, pose, supports, q, p)
+        pose, first = stepped(pose, step, p.size)
+        last = first
+        for _ in range(STEPS - 1):
+            # Samples stop one by one, so an answer does not depend on the batch.
+            more = last > SETTLED * sqrt(EPS)
+            if not some(more):
+                break
             step = newton_step(plans, pose, supports, q, p)
-            pose, last = stepped(pose, step, p.size)
-            first = last if count == 0 else first
-        good = where(last < CLOSED, 1.0 + 0.0 * last, NAN)
+            further, size = stepped(pose, tuple(where(more, x, 0.0) for x in step), p.size)
+            pose, last = further, where(more, size, last)
+        open_by, rounding = gap(plans, pose, supports, q, p)
+        good = where(open_by <= CLOSED * rounding, 1.0 + 0.0 * open_by, NAN)
         pose = tuple(LinkPosition(mul(o, good), mul(e, good / hyp(e))) for o, e in pose)
         at = tuple(ends(pair, pose, supports, p) for pair in plans)
         return Pose(pose, at, jacobian(plans, at, links, p), first, guess[1])
@@ -164,6 +174,24 @@ def newton_step(
     return solve(jacobian(plans, at, len(pose), p), right)
 
 
+def gap(
+    plans: tuple[PairPlan, ...],
+    pose: tuple[LinkPosition, ...],
+    supports: tuple[Any, ...],
+    q: tuple[Real, ...],
+    p: Any,
+) -> tuple[Real, Real]:
+    """Largest residual of a pose, and the rounding of the places it is made of."""
+    largest: Real = 0.0
+    reach: Real = 1.0
+    for pair in plans:
+        at = ends(pair, pose, supports, p)
+        for x in residuals(pair, at, q, 1 / p.size):
+            largest = maximum(largest, abs(x))
+        reach = maximum(reach, hyp(at.b.P) * (1 / p.size))
+    return largest, EPS * reach
+
+
 def stepped(
     pose: tuple[LinkPosition, ...], step: tuple[Real, ...], size: Real
 ) -> tuple[tuple[LinkPosition, ...], Real]:
@@ -182,8 +210,11 @@ def jacobian(plans: tuple[PairPlan, ...], at: tuple[Ends, ...], links: int, p: A
     """The matrix of all conditions."""
     filled = []
     for pair, sides in zip(plans, at, strict=True):
-        for row in rows(pair, sides, 1 / p.size):
-            filled.append([row.get(column, 0.0) for column in range(3 * links)])
+        for entries in rows(pair, sides, 1 / p.size):
+            row = [0.0] * (3 * links)
+            for column, x in entries.items():
+                row[column] = x
+            filled.append(row)
     return matrix(filled)
 
 

@@ -1,0 +1,79 @@
+"""Dyads with two assembly modes: one of them always, or the one that the motion carries on.
+
+At a *change point* the determinant of a dyad touches zero between two places where it
+closes: a parallelogram with all its links on one line. There both modes meet. With a
+given branch the links turn back from there in a corner; a real mechanism in motion
+passes, because its links have inertia. ``"branch": "follow"`` is that: the branch changes
+sign at every change point, so that the links' rates stay continuous.
+
+Which mode that is at a coordinate q depends on q alone: the mode at the block's *home*,
+times -1 for each change point between home and q along the driver.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from blockmech.blocks.contract import AssurGroup
+from blockmech.values import Branch, Number, Strictly, mistake, shown
+
+FOLLOW = "follow"
+
+
+class BranchHome(Strictly):
+    """A pose of the mechanism, by its driver, and the branch of the dyad in it.
+
+    drivers : the one driver that moves the dyad -> its coordinate [rad or m]
+    branch : +1 | -1, the assembly mode there
+    """
+
+    drivers: Annotated[dict[str, Number], Field(min_length=1)]
+    branch: Branch
+
+
+def _known(raw: Any) -> Any:
+    if raw == FOLLOW or (raw in (-1, 1) and not isinstance(raw, bool)):
+        return raw
+    raise mistake("wrong-value", f'must be -1, 1 or "{FOLLOW}", got {shown(raw)}')
+
+
+AnyBranch = Annotated[
+    Literal[-1, 1, "follow"],
+    Field(description="assembly mode, or the one that the motion carries on"),
+    BeforeValidator(_known),
+]
+
+
+class TwoModes(AssurGroup):
+    """A dyad with two assembly modes; classes that are one declare ``branch`` and ``home``."""
+
+    @model_validator(mode="after")
+    def _home_if_it_follows(self) -> TwoModes:
+        said: Any = self
+        if said.branch == FOLLOW and said.home is None:
+            raise mistake(
+                "missing-key",
+                'a branch that follows the motion needs a "home"',
+                "",
+                'add "home": {"drivers": {"<driver>": <coordinate>}, "branch": 1}',
+            )
+        if said.branch != FOLLOW and said.home is not None:
+            raise mistake(
+                "unknown-key", f'"home" has no meaning with branch {said.branch}', "", "remove it"
+            )
+        return self
+
+    @property
+    def follows(self) -> bool:
+        """Whether the branch changes at change points."""
+        return bool(getattr(self, "branch", None) == FOLLOW)
+
+    def parameters(self) -> Any:
+        """The block's numbers; of a branch that follows, the one at home."""
+        said: Any = self
+        if not self.follows:
+            return super().parameters()
+        at_home = self.model_copy(update={"branch": said.home.branch, "home": None})
+        return at_home.parameters()
