@@ -32,6 +32,7 @@ ROOMS = (
     "passes",
     "quality",
     "outputs",
+    "outputs_by_link",
     "catalogue",
     "engines",
     "samples",
@@ -42,6 +43,7 @@ ROOMS = (
     "accuracy",
     "mechanism",
     "judge",
+    "modes",
     "dynamics",
     "draw",
     "testing",
@@ -149,24 +151,33 @@ def test_private_names_stay_in_their_room():
 FORBIDDEN = (ast.Raise, ast.Try, ast.While, ast.If, ast.Global, ast.Await, ast.Yield, ast.Assert)
 
 
-def kernels():
+def kernels(own_form):
     for name in REGISTRY:
         cls = REGISTRY[name]
-        if issubclass(cls, Moving) and cls.__module__.startswith("blockmech."):
+        at_hand = issubclass(cls, Moving) and cls.__module__.startswith("blockmech.")
+        if at_hand and cls.own_form == own_form:
             yield pytest.param(cls, id=name)
 
 
-@pytest.mark.parametrize("cls", list(kernels()))
-def test_kernels_are_straight_formulas_over_the_primitives(cls):
-    tree = ast.parse(Path(sys.modules[cls.__module__].__file__).read_text(encoding="utf-8"))
+def written_in(module, seen=()):
+    """Functions and records of a module of kernels, and of those that it takes them from."""
+    tree = ast.parse(Path(sys.modules[module].__file__).read_text(encoding="utf-8"))
     functions = {n.name: n for n in tree.body if isinstance(n, ast.FunctionDef)}
     records = {n.name for n in tree.body if isinstance(n, ast.ClassDef)}
-    imported = {
-        alias.asname or alias.name
-        for n in tree.body
-        if isinstance(n, ast.ImportFrom) and n.module == "blockmech.typing"
-        for alias in n.names
-    }
+    for n in (n for n in tree.body if isinstance(n, ast.ImportFrom)):
+        if n.module == "blockmech.typing":
+            records |= {alias.asname or alias.name for alias in n.names}
+        elif n.module.startswith("blockmech.blocks.") and n.module not in seen:
+            more, others = written_in(n.module, (*seen, module))
+            functions = {**more, **functions}
+            records |= others
+    return functions, records
+
+
+@pytest.mark.parametrize("cls", list(kernels(own_form=False)))
+def test_kernels_are_straight_formulas_over_the_primitives(cls):
+    functions, records = written_in(cls.__module__)
+    known = {*SCALAR_PRIMITIVES, *records, *functions, "abs"}
     waiting = [k.__name__ for k in vars(cls.kernels).values() if k is not None]
     seen = set()
     while waiting:
@@ -174,12 +185,26 @@ def test_kernels_are_straight_formulas_over_the_primitives(cls):
         if name in seen:
             continue
         seen.add(name)
-        body = functions[name].body
-        for node in (x for statement in body for x in ast.walk(statement)):
+        for node in (x for statement in functions[name].body for x in ast.walk(statement)):
             assert not isinstance(node, FORBIDDEN), f"{name}: {ast.unparse(node)}"
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 called = node.func.id
-                known = {*SCALAR_PRIMITIVES, *records, *imported, "abs"}
-                assert called in known | functions.keys(), f"{name} calls {called}"
+                assert called in known, f"{name} calls {called}"
                 if called in functions:
                     waiting.append(called)
+
+
+@pytest.mark.parametrize("module", ["equations", "kernels"])
+def test_the_general_group_computes_with_the_primitives_alone(module):
+    name = f"blockmech.blocks.general.{module}"
+    tree = ast.parse(Path(sys.modules[name].__file__).read_text(encoding="utf-8"))
+    loaded = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
+    assert loaded <= {
+        "__future__",
+        "typing",
+        "blockmech.blocks.contract",
+        "blockmech.blocks.general.equations",
+        "blockmech.plane",
+        "blockmech.typing",
+    }
+    assert not [n for n in ast.walk(tree) if isinstance(n, ast.Import)]

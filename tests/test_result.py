@@ -464,6 +464,16 @@ def test_without_useful_load_there_is_only_the_friction_efficiency():
     assert r["mechanism.friction_efficiency"] == pytest.approx(EFFICIENCY, rel=10 * EPS)
 
 
+@EACH_ENGINE
+def test_friction_that_takes_all_the_work_of_a_turn_leaves_exactly_nothing(engine):
+    # the powers of the turn are a hundred times larger than what is lost in it
+    whole = ruiz().run(samples=361, engine=engine)
+    assert whole["mechanism.friction_efficiency"] == 0.0
+    # too few samples leave an error of the sum, and that is shown
+    coarse = ruiz().run(samples=37, engine=engine)
+    assert 1e-9 < abs(coarse["mechanism.friction_efficiency"]) < 1e-5
+
+
 def test_no_efficiency_where_the_drive_does_no_positive_work():
     r = winch(3.0).run(at=[0.0, 1.0], rates=-3.0)  # the load now drives the crank
     assert math.isnan(r["mechanism.efficiency"])

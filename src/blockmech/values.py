@@ -192,7 +192,7 @@ class Strictly(BaseModel):
     if not TYPE_CHECKING:  # type checkers read the fields instead
 
         def __init__(self, /, **given: Any) -> None:
-            raw = {name: _plain(said) for name, said in given.items()}
+            raw = _plain(given)
             try:
                 super().__init__(**raw)
             except ValidationError as error:
@@ -210,14 +210,19 @@ class Strictly(BaseModel):
                 raise GraphError(Problem("frozen", where, found, "", "make a new one")) from None
 
 
-def _plain(raw: Any) -> Any:
-    """Numbers and arrays of NumPy as Python's; all else as it is."""
+def _plain(raw: Any, name: str = "") -> Any:
+    """Numbers and arrays of NumPy as Python's, pairs for markers as tuples; all else as it is."""
     if hasattr(raw, "tolist"):
         said = raw.tolist()
         return tuple(said) if isinstance(said, list) else said
     if isinstance(raw, dict):
-        return {key: _plain(item) for key, item in raw.items()}
+        found = {key: _plain(item, key) for key, item in raw.items()}
+        return {k: _pair(item) for k, item in found.items()} if name == "markers" else found
     return type(raw)(map(_plain, raw)) if type(raw) in (list, tuple) else raw
+
+
+def _pair(raw: Any) -> Any:
+    return tuple(raw) if isinstance(raw, list) else raw
 
 
 if TYPE_CHECKING:
@@ -231,7 +236,7 @@ if TYPE_CHECKING:
         def __set__(self, instance: object, said: Said) -> None: ...
 
     Two: TypeAlias = tuple[float, float] | list[float] | NDArray[Any] | complex
-    AnyMarker: TypeAlias = "Marker | tuple[float, float] | complex"
+    AnyMarker: TypeAlias = "Marker | tuple[float, float] | list[float] | complex"
     PlaceGiven = Given[Place, Place | Two | dict[str, tuple[float, float]]]
     VectorGiven = Given[Vector, Vector | Two]
     VectorOrNoneGiven = Given[Vector | None, Vector | Two | None]
@@ -262,6 +267,10 @@ class Marker(Strictly):
     @classmethod
     def _from_place(cls, raw: Any) -> Any:
         # In Python a bare (x, y) or complex number is a marker without direction.
+        if isinstance(raw, list):  # only a file has these here
+            place = len(raw) == 2 and all(map(is_number, raw))
+            remedy = f'write {{"at": {shown(raw)}}}' if place else ""
+            raise mistake("wrong-type", f"must be an object {{...}}, got {shown(raw)}", "", remedy)
         return {"at": raw} if isinstance(raw, tuple | complex) else raw
 
     @model_validator(mode="after")

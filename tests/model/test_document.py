@@ -12,9 +12,10 @@ import pytest
 import blockmech as bm
 from blockmech.errors import FormatError, GraphError, RequestError
 from blockmech.model.diagram import UnknownBlock, Wire
-from blockmech.model.document import dumps, load, loads, problems_in, save
+from blockmech.model.document import dumps, load, loads, save
 from blockmech.model.expect import Expectation
 from blockmech.model.migrations import VERSION, migrate
+from blockmech.model.opening import problems_in
 from blockmech.model.writing import WIDTH, canonical_text, field_order
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
@@ -121,6 +122,17 @@ def test_places_keep_the_author_s_spelling():
     assert back["P"].at.written == {"polar": [2.0, 1.0]}
     assert back["Q"].at.z == cmath.rect(2, 1)
     assert back["R"].at.written == [1.0, 2.0]
+
+
+def test_a_bare_pair_for_a_marker_is_refused_with_what_to_write():
+    data = content(GRAPHS / "ruiz_fourbar.json")
+    data["blocks"]["frame"]["markers"]["A"] = [0, 0.5]
+    with pytest.raises(FormatError) as caught:
+        loads(json.dumps(data))
+    assert [str(p) for p in caught.value.problems] == [
+        "[wrong-type] blocks.frame.markers.A: A must be an object {...}, got [0, 0.5]. "
+        'write {"at": [0, 0.5]}.'
+    ]
 
 
 def test_own_keys_come_first_and_shared_ones_last():
@@ -404,3 +416,9 @@ def test_a_file_of_the_present_version_takes_no_step():
 def test_a_newer_file_asks_for_a_newer_blockmech():
     with pytest.raises(FormatError, match="made by a newer blockmech"):
         migrate({"version": 3}, steps=(to_version_2,))
+
+
+def test_links_and_joints_are_told_from_a_graph():
+    text = json.dumps({"format": "blockmech/joints", "version": 1, "links": {}, "joints": {}})
+    with pytest.raises(FormatError, match=r"wrong-format.*links and joints.*decompose"):
+        loads(text)

@@ -71,6 +71,16 @@ def test_numbers_and_arrays_of_numpy_are_numbers():
     assert table == bm.Table(times=[0, 1, 2], values=[0, 0.5, 1])
 
 
+def test_a_marker_is_a_place_in_either_bracket():
+    assert bm.Frame(markers={"A": [0, 1]}) == bm.Frame(markers={"A": (0, 1)})
+    crank = {"links": {"crank": {"markers": {"P": [0.5, 0]}}}}
+    assert bm.Crank(**crank).links["crank"].markers["P"].at.z == 0.5
+    with pytest.raises(bm.GraphError) as caught:
+        bm.Frame(markers={"A": [0, 1, 2], "D": ["x", 1]})
+    assert [p.where for p in caught.value.problems] == ["Frame.markers.A", "Frame.markers.D"]
+    assert all("must be a place in m, [x, y]" in p.found for p in caught.value.problems)
+
+
 TYPED = textwrap.dedent(
     """
     import numpy as np
@@ -80,7 +90,7 @@ TYPED = textwrap.dedent(
     drive = {"crank": bm.ConstantRate(rate=10.0, start=0.0, end=1.0)}
     g = bm.Graph("typed", gravity=(0.0, -9.81), drive=drive)
     pivot = bm.Marker(at=(5.5, 0.0), dir=(0.0, 1.0))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": pivot, "E": 1 + 2j}))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": pivot, "E": 1 + 2j, "F": [1.0, 2.0]}))
     g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, branch=-1, links=links))
     g.add("weight", bm.Force(force=(0.0, -1000.0)))
     place: complex = pivot.at.z

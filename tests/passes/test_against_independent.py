@@ -35,6 +35,7 @@ class Comparison:
         twin.system = without_idle_friction(twin.system, self.run)
         self.verdict = twin.judge(*order, friction=friction)
         self.worst = Counter()
+        self.inertial = 0.0
 
     def note(self, kind, found, wanted, scale):
         size = float(scale) * self.verdict.condition
@@ -61,6 +62,8 @@ class Comparison:
                 else:
                     found_e = np.exp(1j * r[f"{link}.angle"][0])
                     self.note("angle", found_e, np.exp(1j * float(x[2])), 1.0)
+        structure = r.mechanism.structure
+        self.inertial = largest * max(structure.properties(link).mass for link in structure.links)
         return self
 
     def forces(self):
@@ -68,9 +71,9 @@ class Comparison:
         forces = [abs(complex(*j.force)) for j in joints.values()]
         couples = [abs(j.C or 0.0) for j in joints.values()]
         couples += map(abs, self.verdict.forces.drivers.values())
-        # the judge solves for all of them at once, so each has rounding of the largest, which may
-        # be the drive alone: a couple straight on a crank (sizes are about 1 m here)
-        largest = max(*forces, *couples)
+        # all are solved for at once, so each has rounding of the largest (sizes are about 1 m),
+        # which may be the drive alone, or of an inertia force that only rounding has moved
+        largest = max(*forces, *couples, self.inertial)
         for name, joint in joints.items():
             self.note("reaction", r[f"{name}.reaction"][0], complex(*joint.force), largest)
             self.note("friction", r[f"{name}.friction"][0], joint.friction, largest)

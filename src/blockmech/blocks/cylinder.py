@@ -26,8 +26,7 @@ from blockmech.blocks.contract import (
     outer_joint,
 )
 from blockmech.blocks.points import Point, dead_centre, given_points
-from blockmech.blocks.rrr import rates, triangle
-from blockmech.blocks.rrr import reactions as reactions_of_dyad
+from blockmech.blocks.rrr import pin_forces, rates, triangle
 from blockmech.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
 from blockmech.typing import (
     Complex,
@@ -134,7 +133,7 @@ def reactions(
     """
     F_r, M_r = load_rod
     M_i = load_barrel.M + M_r + cross(pose.u, F_r)
-    R_B, R_C, R_D = reactions_of_dyad(pose, Load(load_barrel.F + F_r, M_i), load_j, p)
+    R_B, R_C, R_D = pin_forces(pose, Load(load_barrel.F + F_r, M_i), load_j)
     e, f = pose.barrel.e, R_C - F_r  # f is what the barrel does to the rod
     return CylinderReactions(R_B, Slide(cross(e, f), -M_r), R_C, R_D, dot(e, f))
 

@@ -127,14 +127,19 @@ def acceleration(
     return RRRAcceleration(LinkAcceleration(a_B, al_i), LinkAcceleration(a_D, al_j))
 
 
-def reactions(pose: Bent, load_i: Load, load_j: Load, p: object) -> RRRReactions:
+def reactions(pose: RRRPose, load_i: Load, load_j: Load, p: RRR) -> RRRReactions:
     """Solve the moment equations of links i and j about C ([R10] Eqs. 2-7)."""
+    return RRRReactions(*pin_forces(pose, load_i, load_j))
+
+
+def pin_forces(pose: Bent, load_i: Load, load_j: Load) -> tuple[Complex, Complex, Complex]:
+    """Forces [N] at B, at C (of i on j) and at D; loads are about B and D."""
     (F_i, M_i), (F_j, M_j) = load_i, load_j
     m = M_i - cross(pose.u, F_i)
     k = cross(pose.w, F_j) - M_j - cross(pose.w, F_i + F_j)
     R_B = mul(mul(pose.w, m) - mul(pose.u, k), 1 / pose.det)
     R_C = F_i + R_B
-    return RRRReactions(R_B, R_C, -(F_j + R_C))
+    return R_B, R_C, -(F_j + R_C)
 
 
 def transmission(pose: RRRPose, p: RRR) -> tuple[Real, Real]:

@@ -10,7 +10,7 @@ Sources: [R10] Eqs. 2-7 and 12-16 (balances), [D14] Eqs. 3-6 (reduction).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -95,8 +95,8 @@ def verify(mechanism: Mechanism, **request: Any) -> Verification:
     if not {"at", "samples", "times"} & set(request):
         request["samples"] = SAMPLES
     request |= {"want": ("*",), "on_gap": "mark"}
-    run = mechanism.run(**request)
-    smooth = mechanism.run(**_without_friction(request))
+    run = _of_blocks(mechanism, request)
+    smooth = _of_blocks(mechanism, _without_friction(request))
     judge = _Judge(run)
     rows = [
         *judge.links(),
@@ -104,7 +104,30 @@ def verify(mechanism: Mechanism, **request: Any) -> Verification:
         judge.whole(),
         *_Judge(smooth).drives(),
     ]
+    said = _names_said(mechanism)
+    rows = [replace(row, name=said.get(row.name, row.name)) for row in rows]
     return Verification(tuple(rows), int(judge.good.sum()), float(judge.worst))
+
+
+def _of_blocks(mechanism: Mechanism, request: dict[str, Any]) -> Result:
+    """A run of everything under the names of the graph."""
+    if mechanism.names is None:
+        return mechanism.run(**request)
+    return mechanism.run(**request | {"want": ()}).inside(*request["want"])
+
+
+def _names_said(mechanism: Mechanism) -> dict[str, str]:
+    """Name of a check -> the same in the words of a joint-based document."""
+    if mechanism.names is None:
+        return {}
+    blocks = mechanism.structure.blocks
+    found = {f"power through {b}": f"power through {mechanism.said(b)}" for b in blocks}
+    for name, link in mechanism.names.links.items():
+        found |= {f"{what} on {link.link}": f"{what} on {name}" for what in ("forces", "moments")}
+    for name, where in mechanism.driver_names.items():
+        drive = mechanism.of_driver(name, "drive")
+        found[f"two routes to {where.driver}.drive"] = f"two routes to {drive}"
+    return found
 
 
 def _without_friction(request: dict[str, Any]) -> dict[str, Any]:
@@ -126,7 +149,8 @@ class Term(NamedTuple):
 class Balance(NamedTuple):
     """Terms of the force and of the moment balance of a link, about its origin.
 
-    ``reach`` is the largest arm of its pairs [m]: as far as rounding of a reaction can act.
+    ``reach`` is the largest sum of coordinates [m] whose difference is an arm: no rounding of
+    a force acts farther from the origin, and an arm is known to the rounding of this.
     """
 
     forces: list[Term]
@@ -204,7 +228,14 @@ class _Judge:
         e = np.exp(1j * r[f"{link}.angle"])
         return r[f"{link}.p"], r[f"{link}.v"], r[f"{link}.omega"], e
 
-    # -- what acts on a link: (force, place, couple) --------------------------------
+    # -- the terms on a link: (force, place, moment) -------------------------------
+
+    def _terms(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
+        """Everything that acts on a link: force, where it acts, couple."""
+        yield from self._inertia_and_weight(link)
+        yield from self._elements(link)
+        for joint in self._joints_on(link):
+            yield self._pair(joint, link)
 
     def _inertia_and_weight(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
         properties = self.structure.properties(link)
@@ -295,11 +326,10 @@ class _Judge:
         found = {}
         for link in self.structure.links:
             if link != self.structure.frame_link:
-                o, pairs = self._link(link)[0], [self._pair(j, link) for j in self._joints_on(link)]
-                terms = [*self._inertia_and_weight(link), *self._elements(link), *pairs]
+                o, terms = self._link(link)[0], list(self._terms(link))
                 moments = [_plain(m) for _, _, m in terms]
                 moments += [_moment(p - o, f) for f, p, _ in terms]
-                reach = np.max(np.abs([p - o for _, p, _ in pairs]), axis=0)
+                reach = np.max([np.abs(p) + np.abs(o) for _, p, _ in terms], axis=0)
                 found[link] = Balance([_plain(f) for f, _, _ in terms], moments, reach)
         return found
 
@@ -311,12 +341,12 @@ class _Judge:
         nothing but their rounding: that is measured by the loads themselves. The reactions
         of a block are solved from all its loads at once, so any of them may carry the
         rounding of the sum of all forces. At its arm it is a moment, at its speed a power,
-        also where the terms themselves are nothing: loads that go straight into one pin.
-        What rounding is allowed there is `ROUNDING`, not `TOLERANCE`.
+        also where the terms themselves are nothing: loads that go straight into one pin, or
+        pass it by less than coordinates show. Only `ROUNDING` is allowed to these.
         """
         share = ROUNDING / TOLERANCE
         found: dict[str, Sizes] = {}
-        for name, block in reversed(self.structure.blocks.items()):
+        for name, block in reversed(list(self.structure.blocks.items())):
             own = [self._balances[LinkRef(name, link)] for link in block.link_names]
             later = [found[b] for b in found if name in self.structure.supports(b)]
             force = np.sum([_size(link.forces) for link in own], axis=0)
