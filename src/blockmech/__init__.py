@@ -26,6 +26,7 @@ from blockmech.errors import (
 from blockmech.friction.laws import Coulomb
 from blockmech.loads import Couple, Force, Motor, Spring, Thrust, TorsionSpring, laws
 from blockmech.model.graph import Graph
+from blockmech.model.joints import Linkage
 from blockmech.model.laws_of_motion import (
     ConstantRate,
     Cycloidal,
@@ -58,6 +59,7 @@ __all__ = [
     "GraphError",
     "Harmonic",
     "Link",
+    "Linkage",
     "Marker",
     "MissingEngineError",
     "Motor",

@@ -8,25 +8,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
+from blockmech.blocks.modes import TwoModes
 from blockmech.catalogue import Catalogue
 from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.friction.solvers import METHODS
+from blockmech.model.coordinates import (
+    GraphInputs,
+    drivers_in_order,
+    law_to_graph,
+    same,
+    scene_of_document,
+)
+from blockmech.model.naming import DriverName, Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
+from blockmech.outputs_by_link import blocks_by_link, joints_by_name
 from blockmech.plan import Friction, Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
 
 if TYPE_CHECKING:
+    from blockmech.blocks.contract import Joint
     from blockmech.dynamics.reduced import ReducedSystem, ReducedSystems
     from blockmech.judge.extremes import Extremes
     from blockmech.judge.limits import Limits
     from blockmech.judge.stroke import Stroke
     from blockmech.judge.trade import Trade
+    from blockmech.modes.found import Modes
 
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 EVERYTHING = ("*",)
@@ -40,10 +55,24 @@ class Mechanism:
     >>> mech.run(at=[0.0, 1.0], want=["crank.drive"])  # doctest: +SKIP
     """
 
-    def __init__(self, structure: Structure, scene: Scene, name: str = "mechanism") -> None:
-        self.structure = structure
-        self.scene = scene
+    def __init__(
+        self,
+        structure: Structure,
+        scene: Scene,
+        name: str = "mechanism",
+        names: Names | None = None,
+    ) -> None:
+        """``structure`` and ``scene`` are those of a graph.
+
+        With ``names`` the mechanism speaks of the links, joints and drivers of the
+        joint-based document that the graph was made of: outputs, `drivers`, coordinates
+        and `scene` are the document's; `inner` is the mechanism of the graph.
+        """
+        self.structure = _followed(structure, scene)
+        self.names = names
+        self.scene = scene if names is None else scene_of_document(scene, names)
         self.name = name
+        self._scene_of_graph = scene
         self._plans: dict[Any, Plan] = {}
         self._engines: dict[Any, Any] = {}
         self._feasible: dict[frozenset[str], str] = {}
@@ -51,12 +80,63 @@ class Mechanism:
     @cached_property
     def outputs(self) -> Catalogue:
         """Every output that can be wanted, by name."""
-        return Catalogue(self.structure)
+        return Catalogue(self.structure, self.names)
+
+    @cached_property
+    def inner(self) -> Mechanism:
+        """The mechanism of the graph, with the names and coordinates of blocks."""
+        if self.names is None:
+            return self
+        return Mechanism(self.structure, self._scene_of_graph, self.name)
+
+    @cached_property
+    def drivers(self) -> tuple[str, ...]:
+        """Drivers in formation order."""
+        return tuple(self.driver_names)
+
+    @cached_property
+    def driver_names(self) -> Mapping[str, DriverName]:
+        """Driver -> its id in the graph, and how the two coordinates differ, if they do."""
+        if self.names is None:
+            return {d: DriverName(d, 1, 0.0) for d in self.structure.drivers}
+        return drivers_in_order(self.structure, self.names)
+
+    def driver_joint(self, driver: str) -> Joint:
+        """Declaration of the pair that a driver drives: units, kind."""
+        return self.structure.driver_joint(self.driver_names[driver].driver)
+
+    def of_driver(self, driver: str, what: str) -> str:
+        """Name of an output of a driver: ``"crank.q"``, or ``"driver.motor.q"`` of a document."""
+        return f"{self.driver_prefix}{driver}.{what}"
 
     @property
-    def drivers(self) -> tuple[str, ...]:
-        """Driving links in formation order."""
-        return self.structure.drivers
+    def driver_prefix(self) -> str:
+        """What names of outputs put before a driver's."""
+        return "" if self.names is None else "driver."
+
+    def said(self, block: str) -> str:
+        """A block in a message: its name, and the links of a joint-based document in it."""
+        if self.names is None:
+            return block
+        return blocks_by_link(self.names).get(block, block)
+
+    @cached_property
+    def joint_names(self) -> Mapping[str, str]:
+        """Joint of the graph -> its name in a joint-based document; empty without one."""
+        return {} if self.names is None else joints_by_name(self.names)
+
+    def inward(self, taken: Samples) -> Samples:
+        """The same samples in the coordinates of the graph; see `inner`."""
+        if self._alike:
+            return taken
+        drivers = tuple(self.driver_names.values())
+        clock = None if taken.clock is None else law_to_graph(drivers[0], taken.clock)
+        return replace(taken, inputs=GraphInputs(taken.inputs, drivers), clock=clock)
+
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether all coordinates are those of the graph."""
+        return all(map(same, self.driver_names.values()))
 
     def plan(
         self,
@@ -142,7 +222,7 @@ class Mechanism:
         RequestError for unknown names or settings that do not fit
         AssemblyError, SingularError, FrictionError at gaps, unless marked
         """
-        taken = make_samples(self.structure, self.scene, at, samples, times, rates, accelerations)
+        taken = make_samples(self, self.scene, at, samples, times, rates, accelerations)
         if accuracy is not None:
             from blockmech.accuracy import refuse_settings, run_to
 
@@ -173,19 +253,18 @@ class Mechanism:
         chunk: int | None = None,
     ) -> tuple[tuple[Any, ...], str]:
         """Values of a plan's program at samples, and the engine that was taken."""
+        if chunk is not None and (not isinstance(chunk, int | np.integer) or chunk < 1):
+            found = f"must be a whole number, at least 1 sample, got {chunk!r}"
+            raise RequestError(Problem("bad-value", "chunk", found, "", ""))
         if engine == "auto":
             few = taken.n <= SCALAR_UP_TO and precision == "complex128"
             engine = "scalar" if few else "numpy"
-        inputs = taken.given(plan.program.inputs)
+        inputs = self.inward(taken).given(plan.program.inputs)
         if engine == "scalar" and precision == "complex128":
             scalar = self._engine(plan, "scalar", "")
             return scalar.run(inputs, taken.n), "scalar"
         if engine != "numpy" or precision not in PRECISIONS:
             raise RequestError(_unknown_engine(engine, precision))
-        if chunk is not None and not chunk >= 1:
-            raise RequestError(
-                Problem("bad-value", "chunk", f"must be at least 1 sample, got {chunk}", "", "")
-            )
         batch = self._engine(plan, "numpy", precision)
         more = {} if chunk is None else {"chunk": int(chunk)}
         return batch.run(inputs, taken.n, **more), "numpy"
@@ -217,7 +296,8 @@ class Mechanism:
         """The reduced system of forward dynamics; kept, so asking again costs nothing."""
         from blockmech.dynamics.reduction import reduced_system, reduced_systems
 
-        return reduced_system(self) if len(self.drivers) == 1 else reduced_systems(self)
+        of = self.inner
+        return reduced_system(of) if len(self.drivers) == 1 else reduced_systems(of)
 
     def trade(self, question: Any = "run", want: Any = None, **request: Any) -> Trade:
         """Measure speed against accuracy; see `blockmech.judge.trade.trade`."""
@@ -230,13 +310,20 @@ class Mechanism:
         """Names of the joints that have friction."""
         from blockmech.dynamics.reduction import frictional_joints
 
-        return frictional_joints(self.structure)
+        found = frictional_joints(self.structure)
+        return tuple(self.joint_names.get(joint, joint) for joint in found)
 
     def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
         """Feasible arcs of a driver; see `blockmech.judge.limits.limits`."""
         from blockmech.judge.limits import limits
 
         return limits(self, driver, at, **more)
+
+    def modes(self, at: Any = None, **more: Any) -> Modes:
+        """All assembly modes of every group; see `blockmech.modes.listing.modes`."""
+        from blockmech.modes.listing import modes
+
+        return modes(self, at, **more)
 
     def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message.
@@ -270,6 +357,17 @@ class Mechanism:
             f"<Mechanism {self.name}: {len(s.links) - 1} moving links, {s.pairs} pairs, "
             f"mobility {s.mobility}; {s.formula}>"
         )
+
+
+def _followed(structure: Structure, scene: Scene) -> Structure:
+    """The structure with the change points of branches that follow the motion."""
+    if structure.followed or not any(
+        isinstance(b, TwoModes) and b.follows for b in structure.blocks.values()
+    ):
+        return structure
+    from blockmech.judge.change_points import with_followed
+
+    return with_followed(structure, scene)
 
 
 def _friction(method: str, tolerance: float | None, iterations: int | None) -> Friction:

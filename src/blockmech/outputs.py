@@ -261,8 +261,8 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
             lambda s: energy.transmission(s, name),
             _ratio_angle,
         )
-    if len(structure.drivers) != 1:
-        return
+    if len(structure.drivers) != 1 or name in structure.drivers:
+        return  # under a driver's name stands its sum over all blocks
     driver = structure.drivers[0]
     head = structure.driver_joint(driver)
     yield Output(

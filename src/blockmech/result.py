@@ -25,7 +25,7 @@ from blockmech.errors import (
     listed,
 )
 from blockmech.plan import Plan
-from blockmech.quality import NO_ASSEMBLY, Flag, Quality, assess
+from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY, Flag, Quality, assess
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
@@ -95,7 +95,8 @@ class Result(Mapping[str, NDArray[Any]]):
     def drivers(self) -> dict[str, NDArray[np.float64]]:
         """Driver coordinates: ``"crank.q"`` -> (n,) [rad or m]."""
         names = self.mechanism.drivers
-        return {f"{d}.q": self.samples.coordinate(i) for i, d in enumerate(names)}
+        name = self.mechanism.of_driver
+        return {name(d, "q"): self.samples.coordinate(i) for i, d in enumerate(names)}
 
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
@@ -123,7 +124,8 @@ class Result(Mapping[str, NDArray[Any]]):
         if output.kind == "matrix":
             m = len(self.mechanism.drivers)
             table = np.stack(columns, axis=-1)
-            return table.reshape(self.n, m, m) if len(columns) == m * m else table
+            table = table.reshape(self.n, m, m) if len(columns) == m * m else table
+            return output.read(table)
         made = output.read(*columns)
         if output.kind == "vector":
             return _as_complex(made)
@@ -157,8 +159,12 @@ class Result(Mapping[str, NDArray[Any]]):
         prismatic = frozenset(
             name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
         )
-        found = assess(self.n, reports, self._not_finite(), prismatic)
-        return replace(found, flags=found.flags + self._without_effort(found))
+        following = frozenset(self.mechanism.structure.followed)
+        found = assess(self.n, reports, self._not_finite(), prismatic, following)
+        flags, joints = found.flags, self.mechanism.joint_names
+        if joints:
+            flags = tuple(replace(f, where=joints.get(f.where, f.where)) for f in flags)
+        return replace(found, flags=flags + self._without_effort(found))
 
     def _without_effort(self, quality: Quality) -> tuple[Flag, ...]:
         """Answered samples at which the drive rests, so that no mechanical advantage exists."""
@@ -223,7 +229,8 @@ class Result(Mapping[str, NDArray[Any]]):
         place = ", ".join(
             f"{name} = {q:.9g} {self.unit_of_driver(name)}" for name, q in drivers.items()
         )
-        where = f"{block or 'mechanism'} at {place} (sample {first} of {self.n})"
+        failing = self.mechanism.said(block) if block else "mechanism"
+        where = f"{failing} at {place} (sample {first} of {self.n})"
         what: tuple[type[SampleError], str, str]
         if status != NO_ASSEMBLY:
             limit = next(
@@ -235,6 +242,9 @@ class Result(Mapping[str, NDArray[Any]]):
                 by = "successive approximations"
                 by = by if self.settings["friction"] == "successive" else "continuation"
                 what = (FrictionError, status, f"{by} did not converge")
+        elif (first, CHANGE_POINT, block) in {(f.sample, f.code, f.where) for f in quality.flags}:
+            lost = "its two modes meet there, rates and reactions are limits of 0/0"
+            what = (SingularError, CHANGE_POINT, lost)
         elif margin == 0:
             lost = "rates and reactions do not exist there"
             if self.mechanism.structure.blocks[block].kind == "PRP":
@@ -269,7 +279,8 @@ class Result(Mapping[str, NDArray[Any]]):
         if len(drivers) == 1:
             return self.mechanism.feasible(groups)
         return self.mechanism.feasible(
-            groups, {d: float(self.drivers[f"{d}.q"][sample]) for d in drivers}
+            groups,
+            {d: float(q[sample]) for d, q in zip(drivers, self.drivers.values(), strict=True)},
         )
 
     def unit_of_driver(self, name: str) -> str:
@@ -296,6 +307,17 @@ class Result(Mapping[str, NDArray[Any]]):
         return Result(
             self.mechanism, plan, self.samples, values, engine, self.settings, self.motion
         )
+
+    def inside(self, *want: str) -> Result:
+        """Outputs of the graph's blocks at the same samples; gaps are marked.
+
+        For a mechanism made from a graph, these are its own outputs.
+        """
+        inner = self.mechanism.inner
+        samples = self.mechanism.inward(self.samples)
+        plan = inner.plan(want, **self.settings)
+        values, engine = inner.evaluate(plan, samples, self.engine)
+        return Result(inner, plan, samples, values, engine, self.settings, self.motion)
 
     def wire(self, source: str, target: str) -> dict[str, Any]:
         """What travels along a wire: forward motion, backward wrench; see `blockmech.wires`."""

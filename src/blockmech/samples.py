@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,19 @@ from numpy.typing import NDArray
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
 from blockmech.model.scene import Scene
-from blockmech.model.structure import Structure
 from blockmech.values import is_number
 
 Array = NDArray[np.float64]
 DEFAULT_SAMPLES = 361
+
+
+class Driven(Protocol):
+    """What has drivers: a mechanism, or its structure."""
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Names of the drivers in formation order."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -92,7 +100,7 @@ def _forward(weights: Array) -> Array:
 
 
 def make_samples(
-    structure: Structure,
+    driven: Driven,
     scene: Scene,
     at: Any = None,
     samples: int | None = None,
@@ -109,54 +117,52 @@ def make_samples(
     if len(given) > 1:
         raise _error(listed(given), "name the samples in one way only", "at, samples or times")
     if is_number(at) and rates is None and accelerations is None:
-        one = _one_pose(structure, scene, at)
+        one = _one_pose(driven, scene, at)
         if one is not None:
             return one
     if at is not None:
-        return _by_coordinate(structure, scene, at, rates, accelerations)
+        return _by_coordinate(driven, scene, at, rates, accelerations)
     if rates is not None or accelerations is not None:
         raise _error("rates", "rates need coordinates", "give at= as well")
-    laws = _laws(structure, scene)
+    laws = _laws(driven, scene)
     if times is not None:
-        return _by_time(structure, laws, _column("times", times))
+        return _by_time(driven, scene, laws, _column("times", times))
     n = DEFAULT_SAMPLES if samples is None else samples
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
         raise _error("samples", f"must be a positive whole number, got {n!r}", "")
-    return _by_range(structure, laws, int(n))
+    return _by_range(driven, scene, laws, int(n))
 
 
-def _one_pose(structure: Structure, scene: Scene, q: float) -> Samples | None:
+def _one_pose(driven: Driven, scene: Scene, q: float) -> Samples | None:
     """The commonest request without arrays: one coordinate of one driver at constant rate."""
-    if len(structure.drivers) != 1:
+    if len(driven.drivers) != 1:
         return None
-    law = scene.drive.get(structure.drivers[0])
+    law = scene.drive.get(driven.drivers[0])
     if type(law) is ConstantRate:
         return Samples(1, {"q_0": [float(q)], "qd_0": [law.rate], "qdd_0": [0.0]}, clock=law)
     return Samples(1, {"q_0": [float(q)], "qd_0": [0.0], "qdd_0": [0.0]}) if law is None else None
 
 
 def _by_coordinate(
-    structure: Structure, scene: Scene, at: Any, rates: Any, accelerations: Any
+    driven: Driven, scene: Scene, at: Any, rates: Any, accelerations: Any
 ) -> Samples:
-    q = _per_driver(structure, "at", at)
-    qd = _per_driver(structure, "rates", rates) if rates is not None else {}
-    qdd = (
-        _per_driver(structure, "accelerations", accelerations) if accelerations is not None else {}
-    )
+    q = _per_driver(driven, "at", at)
+    qd = _per_driver(driven, "rates", rates) if rates is not None else {}
+    qdd = _per_driver(driven, "accelerations", accelerations) if accelerations is not None else {}
     n = max((len(x) for part in (q, qd, qdd) for x in part.values()), default=1)
     inputs: dict[str, Any] = {}
     clock = None
-    for i, driver in enumerate(structure.drivers):
+    for i, driver in enumerate(driven.drivers):
         column = _stretched(driver, q[driver], n)
         law = scene.drive.get(driver)
         rate = acceleration = np.zeros(n)
         if isinstance(law, ConstantRate | RateAcceleration):
             _, rate, acceleration = law.at_coordinates(column)
-            if driver not in qd and len(structure.drivers) == 1:
+            if driver not in qd and len(driven.drivers) == 1:
                 clock = law
         elif law is not None and driver not in qd:
             raise _error(
-                f"scene.drive.{driver}",
+                scene.address("drive", driver),
                 f'the law "{law.law}" is sampled by time, not by coordinate',
                 "use times=, or give rates= and accelerations=",
             )
@@ -164,58 +170,58 @@ def _by_coordinate(
         inputs[f"qd_{i}"] = _stretched(driver, qd[driver], n) if driver in qd else rate
         given = driver in qdd
         inputs[f"qdd_{i}"] = _stretched(driver, qdd[driver], n) if given else acceleration
-    _finite(structure, inputs)
+    _finite(driven, scene, inputs)
     return Samples(n, inputs, clock=clock)
 
 
-def _by_time(structure: Structure, laws: Mapping[str, LawOfMotion], t: Array) -> Samples:
+def _by_time(driven: Driven, scene: Scene, laws: Mapping[str, LawOfMotion], t: Array) -> Samples:
     inputs: dict[str, Any] = {}
-    for i, driver in enumerate(structure.drivers):
+    for i, driver in enumerate(driven.drivers):
         motion = laws[driver].at_times(t)
         for name, column in zip(("q", "qd", "qdd"), motion, strict=True):
             inputs[f"{name}_{i}"] = column
-    _finite(structure, inputs)
+    _finite(driven, scene, inputs)
     return Samples(len(t), inputs, t)
 
 
-def _by_range(structure: Structure, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
+def _by_range(driven: Driven, scene: Scene, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
     ranged = {d: x for d, x in laws.items() if isinstance(x, ConstantRate | RateAcceleration)}
     if len(ranged) < len(laws):
         begin = max(x.begin() for x in laws.values())
         end = max(x.begin() + x.duration() for x in laws.values() if np.isfinite(x.duration()))
-        return _by_time(structure, laws, np.linspace(begin, end, n))
+        return _by_time(driven, scene, laws, np.linspace(begin, end, n))
     if all(x.start == x.end for x in ranged.values()):
         n = 1
     inputs: dict[str, Any] = {}
     clock = None
-    for i, driver in enumerate(structure.drivers):
+    for i, driver in enumerate(driven.drivers):
         law = ranged[driver]
         q = np.linspace(law.start, law.end, n) if n > 1 else np.array([law.start])
         for name, column in zip(("q", "qd", "qdd"), law.at_coordinates(q), strict=True):
             inputs[f"{name}_{i}"] = column
         clock = law if len(ranged) == 1 else None
-    _finite(structure, inputs)
+    _finite(driven, scene, inputs)
     return Samples(n, inputs, clock=clock)
 
 
-def _laws(structure: Structure, scene: Scene) -> dict[str, LawOfMotion]:
-    missing = [d for d in structure.drivers if d not in scene.drive]
+def _laws(driven: Driven, scene: Scene) -> dict[str, LawOfMotion]:
+    missing = [d for d in driven.drivers if d not in scene.drive]
     if missing:
         raise RequestError(
             Problem(
                 "no-law",
-                f"scene.drive.{d}",
+                scene.address("drive", d),
                 "the driver has no law of motion",
                 "",
-                "give the scene one, or name the samples with at=",
+                "give it one, or name the samples with at=",
             )
             for d in missing
         )
-    return {d: scene.drive[d] for d in structure.drivers}
+    return {d: scene.drive[d] for d in driven.drivers}
 
 
-def _per_driver(structure: Structure, what: str, raw: Any) -> dict[str, Array]:
-    drivers = structure.drivers
+def _per_driver(driven: Driven, what: str, raw: Any) -> dict[str, Array]:
+    drivers = driven.drivers
     if not isinstance(raw, Mapping):
         if len(drivers) != 1:
             raise _error(
@@ -257,14 +263,14 @@ def _stretched(driver: str, column: Array, n: int) -> Array:
     raise _error(driver, f"has {len(column)} samples where others have {n}", "give equal numbers")
 
 
-def _finite(structure: Structure, inputs: Mapping[str, Array]) -> None:
-    for i, driver in enumerate(structure.drivers):
+def _finite(driven: Driven, scene: Scene, inputs: Mapping[str, Array]) -> None:
+    for i, driver in enumerate(driven.drivers):
         for name in ("q", "qd", "qdd"):
             column = inputs[f"{name}_{i}"]
             bad = np.flatnonzero(~np.isfinite(column))
             if len(bad):
                 raise _error(
-                    f"scene.drive.{driver}",
+                    scene.address("drive", driver),
                     f"the law of motion never gets to sample {bad[0]}",
                     "give samples inside its range",
                 )

@@ -106,10 +106,10 @@ def test_debug_shows_the_traceback_wherever_it_stands(call, tmp_path):
 
 
 def test_a_fault_of_blockmech_is_not_blamed_on_the_file(call, ruiz, monkeypatch):
-    def fault(path):
+    def fault(graph):
         raise ZeroDivisionError("fault")
 
-    monkeypatch.setattr(bm.Graph, "load", fault)
+    monkeypatch.setattr(bm.Graph, "compile", fault)
     said = call("run", ruiz)
     assert said.code == 3
     assert "ZeroDivisionError: fault" in said.err

@@ -8,10 +8,12 @@ import typer
 
 import blockmech
 from blockmech.cli.check import check, verify
+from blockmech.cli.decompose import decompose
 from blockmech.cli.describe import blocks, schema
 from blockmech.cli.draw import draw
 from blockmech.cli.extremes import extremes
 from blockmech.cli.limits import limits
+from blockmech.cli.modes import modes
 from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.simulate import simulate
@@ -19,7 +21,10 @@ from blockmech.cli.terminal import say
 from blockmech.cli.test import test
 from blockmech.cli.trade import trade
 
-COMMANDS = (run, simulate, check, draw, verify, limits, extremes, trade, test, new, blocks, schema)
+COMMANDS = (
+    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade),
+    *(test, new, blocks, schema),
+)
 
 
 def command() -> Any:

@@ -10,24 +10,28 @@ import typer
 from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.terminal import note, patience, say
-from blockmech.model.document import problems_in
 from blockmech.model.graph import Graph
+from blockmech.model.opening import Opened, opened, problems_in
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print as JSON.")]
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:
-    """Find all problems of a graph file, or say what the mechanism is."""
+    """Find all problems of a file, or say what the mechanism is.
+
+    Of links and joints that is the formation sequence and the mobility, or what keeps them
+    from being a mechanism.
+    """
     problems = problems_in(file)
     if json:
-        facts = {} if problems else _facts(Graph.load(file))
+        facts = {} if problems else _facts(opened(file))
         listed = [p.to_dict() for p in problems]
         found = {"file": file, "ok": not problems, **facts, "problems": listed}
         say(text_of.dumps(found, indent=2))
     elif problems:
         note(*map(str, problems))
     else:
-        say(repr(Graph.load(file)))
+        say("\n".join(_said(opened(file))))
     if problems:
         raise typer.Exit(2)
 
@@ -49,12 +53,24 @@ def verify(file: GraphFile, at: At = None, json: AsJson = False) -> None:
         raise typer.Exit(1)
 
 
-def _facts(graph: Graph) -> dict[str, Any]:
-    structure = graph.structure()
+def _said(found: Opened) -> list[str]:
+    """The mechanism in lines."""
+    if isinstance(found, Graph):
+        return [repr(found)]
+    return [repr(found), f"mobility {found.compile().structure.mobility}"]
+
+
+def _facts(found: Opened) -> dict[str, Any]:
+    if isinstance(found, Graph):
+        structure = found.structure()
+        formula = structure.formula
+    else:
+        made = found.decompose()
+        structure, formula = made.graph.structure(), str(made.formation)
     return {
-        "graph": graph.name,
+        "graph": found.name,
         "links": len(structure.links) - 1,
         "pairs": structure.pairs,
         "mobility": structure.mobility,
-        "formula": str(structure.formula),
+        "formula": formula,
     }

@@ -11,7 +11,6 @@ import typer
 
 from blockmech.blocks.contract import REGISTRY, SHARED_FIELDS, Block, Moving
 from blockmech.cli.terminal import say
-from blockmech.errors import Problem, RequestError
 from blockmech.loads.contract import Element
 
 
@@ -33,16 +32,10 @@ def schema(
 ) -> None:
     """Print the JSON Schema of a document."""
     if document is Document.joints:
-        raise RequestError(
-            Problem(
-                "not-there-yet",
-                "schema joints",
-                "joint-based documents are not there yet",
-                "there: graph, result",
-                "",
-            )
-        )
-    if document is Document.graph:
+        from blockmech.model.joints.schema import joints_schema
+
+        found = joints_schema()
+    elif document is Document.graph:
         from blockmech.model.schema import graph_schema
 
         found = graph_schema()

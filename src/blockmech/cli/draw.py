@@ -10,7 +10,7 @@ import typer
 from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.terminal import patience, say
-from blockmech.model.graph import Graph
+from blockmech.model.opening import opened
 
 Picture = Annotated[
     str,
@@ -38,7 +38,7 @@ def draw(file: GraphFile, picture: Picture, kind: Kind = None, at: At = None) ->
     if kind is None:
         moving = Path(picture).suffix.lower() in MOVING
         kind = "animation" if moving else "mechanism" if at else "diagram"
-    subject: Any = Graph.load(file)
+    subject: Any = opened(file)
     given: Any = at  # which a diagram refuses
     if kind in ("mechanism", "animation"):
         subject = compiled(file)

@@ -1,4 +1,7 @@
-"""Arguments that name a graph file and samples, and the mechanism in the file."""
+"""Arguments that name a file and samples, and the mechanism in the file.
+
+A file is a graph of blocks or links and joints; every command takes either.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,12 @@ import typer
 
 from blockmech.errors import GraphError
 from blockmech.mechanism import Mechanism
-from blockmech.model.graph import Graph
+from blockmech.model.opening import opened
 from blockmech.model.problems import in_file
 
-GraphFile = Annotated[str, typer.Argument(metavar="FILE", help="A graph file (JSON).")]
+GraphFile = Annotated[
+    str, typer.Argument(metavar="FILE", help="A graph of blocks, or links and joints (JSON).")
+]
 At = Annotated[
     list[str] | None,
     typer.Option(
@@ -22,9 +27,9 @@ At = Annotated[
 
 
 def compiled(file: str) -> Mechanism:
-    """The mechanism in a graph file. Raises `FormatError`, `GraphError` that name the file."""
-    graph = Graph.load(file)
-    problems = graph.check()
-    if problems:
-        raise GraphError(in_file(problems, file))
-    return graph.compile()
+    """The mechanism in a file. Raises `FormatError`, `GraphError` that name the file."""
+    found = opened(file)
+    try:
+        return found.compile()
+    except GraphError as error:
+        raise GraphError(in_file(error.problems, file)) from error.__cause__

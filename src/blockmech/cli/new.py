@@ -1,4 +1,4 @@
-"""``blockmech new``: start from a copy of a gallery graph."""
+"""``blockmech new``: start from a copy of a mechanism of the gallery."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import blockmech
 from blockmech.cli.terminal import say
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.export import writing
+from blockmech.testing.files import graphs_of
 
 
 def new(
@@ -42,12 +43,13 @@ def new(
 
 
 def gallery() -> dict[str, Path]:
-    """Graphs that come with the package, by name."""
+    """Mechanisms that come with the package, by name; of a folder ``"folder/name"``."""
     package = Path(blockmech.__file__).parent
     # A wheel carries the graphs inside the package, a checkout has them at its top.
     for place in (package / "graphs", package.parents[1] / "graphs"):
         if place.is_dir():
-            return {path.stem: path for path in sorted(place.glob("*.json"))}
+            found = graphs_of(place)
+            return {path.relative_to(place).with_suffix("").as_posix(): path for path in found}
     return {}
 
 

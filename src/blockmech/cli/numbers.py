@@ -40,7 +40,7 @@ def coordinates(mechanism: Mechanism, given: list[str]) -> dict[str, list[float]
         if name in found:
             problems.append(_problem(f"--at {text}", f"{name} is given twice", "", "give it once"))
             continue
-        unit = mechanism.outputs[f"{name}.q"].unit
+        unit = mechanism.driver_joint(name).coordinate_unit
         try:
             found[name] = row(f"--at {text}", numbers, UNITS[unit])
         except RequestError as error:

@@ -27,7 +27,7 @@ from blockmech.cli.output import (
     switch,
     written,
 )
-from blockmech.cli.terminal import note, patience, pour, say
+from blockmech.cli.terminal import note, pour, progress_bar, say
 from blockmech.export import csv_chunks, gap_lines, json_chunks, table
 from blockmech.export.motions import motion_lines
 from blockmech.mechanism import EVERYTHING
@@ -71,8 +71,8 @@ def simulate(
     """Move a mechanism from the scene's start under its loads, and print a table.
 
     Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that the
-    motion ended before some wanted time, or that none could be computed. Ctrl-C ends an
-    integration; what was computed until then is shown or written.
+    motion ended before some wanted time, or that none could be computed. Ctrl-C ends the
+    run: what was computed until then is shown or written, and the exit code is 130.
     """
     one_of(json=json, out=out is not None, csv=csv is not None, plot=plot is not None)
     spare(file, csv, plot)
@@ -84,7 +84,7 @@ def simulate(
         say(mechanism.explain(names, friction="none"))
         return
     given = times(at_times)
-    with patience("simulating"):
+    with progress_bar("simulating", quiet=json or csv == "-") as told:
         result = mechanism.simulate(
             until,
             method=method,
@@ -93,6 +93,7 @@ def simulate(
             times=given,
             want=names,
             friction=friction,
+            progress=told,
         )
         gaps = gap_lines(result, deg)
     cells = {"tab": "\t"}.get(separator, separator)

@@ -6,8 +6,9 @@ import errno
 import os
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from typing import Any
 
 import typer
 
@@ -47,15 +48,26 @@ def note(*lines: str) -> None:
 @contextmanager
 def patience(what: str) -> Iterator[None]:
     """Show on a terminal that a block which lasts over a second is at work."""
-    if not sys.stderr.isatty():
+    with progress_bar(what):
         yield
+
+
+@contextmanager
+def progress_bar(what: str, quiet: bool = False) -> Iterator[Callable[..., None] | None]:
+    """A bar on a terminal for work that lasts over a second, and what tells it how far that is.
+
+    ``told(what, done, whole)`` moves the bar; ``whole`` is None where it is not known. None
+    where nobody would see it: in a pipe, or where ``quiet`` is asked for.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield None
         return
     bar = _Bar(what)
     timer = threading.Timer(PATIENCE, bar.show)
     timer.daemon = True
     timer.start()
     try:
-        yield
+        yield bar.tell
     finally:
         timer.cancel()
         bar.hide()
@@ -68,7 +80,14 @@ class _Bar:
         self.what = what
         self._lock = threading.Lock()
         self._over = False
-        self._progress: object = None
+        self._progress: Any = None
+        self._task: Any = None
+
+    def tell(self, what: str, done: float, whole: float | None) -> None:
+        """How far the work is; the bar draws itself, some times a second."""
+        if self._progress is not None and not self._over:
+            said = f"{self.what}: {what}"
+            self._progress.update(self._task, description=said, completed=done, total=whole)
 
     def show(self) -> None:
         """Start the bar unless the work is over."""
@@ -81,7 +100,7 @@ class _Bar:
             console = Console(stderr=True)
             parts = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
             progress = Progress(*parts, console=console, transient=True)
-            progress.add_task(self.what, total=None)
+            self._task = progress.add_task(self.what, total=None)
             progress.start()
             self._progress = progress
 
@@ -90,7 +109,7 @@ class _Bar:
         with self._lock:
             self._over = True
             if self._progress is not None:
-                self._progress.stop()  # type: ignore[attr-defined]
+                self._progress.stop()
 
 
 def _drop_output() -> None:

@@ -15,7 +15,7 @@ from blockmech.cli.check import AsJson
 from blockmech.cli.terminal import note, patience, say
 from blockmech.errors import BlockmechError, Problem
 from blockmech.model.expect import Expectation
-from blockmech.model.graph import Graph
+from blockmech.model.opening import opened
 from blockmech.testing.expectations import (
     Outcome,
     check_expectation,
@@ -87,7 +87,7 @@ def _tested(file: str) -> _Tested:
     """Run every expectation of a file; what is wrong with the file is noted."""
     tested = _Tested(file)
     try:
-        graph = Graph.load(file)
+        graph = opened(file)
         tested.graph = graph.name
         expectations = expectations_of(graph)
         mechanism = graph.compile()

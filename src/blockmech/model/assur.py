@@ -22,16 +22,19 @@ from __future__ import annotations
 import heapq
 from collections import Counter, defaultdict, deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 import networkx as nx
 
 from blockmech.model.rigidity import (
+    MOST_WORK,
     Finding,
     Loose,
     Overconstraint,
     Pair,
+    TooTangledError,
     check_names,
     diagnose,
     rigidity,
@@ -440,7 +443,6 @@ def classify(links: Iterable[str], pairs: Iterable[Pair], drivers: Collection[st
     driven = tuple(p.name for p in ordered if p.name in drivers)
     if len(names) == 1 and len(ordered) == len(driven) == 1:
         return Unit(tuple(names), inner, outer, driven, "driver", 1)
-    number = _class_number(names, inner, driven)
     feet = {a: p for p in outer for a in p.links if a in names}
     kind, arranged = (
         _as_dyad(names, inner, feet)
@@ -449,7 +451,8 @@ def classify(links: Iterable[str], pairs: Iterable[Pair], drivers: Collection[st
         or ("group", names)
     )
     if kind in DYADS:
-        outer = tuple(feet[a] for a in arranged)
+        return Unit(tuple(arranged), inner, tuple(feet[a] for a in arranged), driven, kind, 2)
+    number = _class_number(names, inner, driven)
     return Unit(tuple(arranged), inner, outer, driven, kind, number)
 
 
@@ -522,14 +525,19 @@ def _shortest_loop(near: Mapping[str, Sequence[str]], a: str, b: str) -> int:
 
 
 def _holds(unit: Unit) -> bool:
-    """Whether the unit's own conditions place its links, for generic lengths."""
+    """Whether the unit's own conditions place its links, for generic lengths.
+
+    By their rank, unless they are so many that counting must do.
+    """
     if unit.kind == "driver":
         return True
     axes = [(p.kind, p.axis) for p in unit.pairs if p.axis]
     if unit.kind in DYADS and len(axes) == len(set(axes)):
         return True
     others = {a for p in unit.outer for a in p.links}.difference(unit.links)
-    return rigidity(unit.links, unit.pairs, others, unit.driven).determinate
+    with suppress(TooTangledError):
+        return rigidity(unit.links, unit.pairs, others, unit.driven, MOST_WORK).determinate
+    return True
 
 
 def group_findings(

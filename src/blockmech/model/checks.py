@@ -14,6 +14,7 @@ import networkx as nx
 from blockmech.blocks.contract import REGISTRY, Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.general import GeneralGroup
+from blockmech.blocks.modes import TwoModes
 from blockmech.errors import Problem, close_match, listed
 from blockmech.loads.contract import Element, Following
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
@@ -38,6 +39,7 @@ def all_problems(graph: Graph) -> list[Problem]:
     problems += _scene_problems(graph)
     problems += _driver_problems(graph)
     problems += _group_problems(graph)
+    problems += _branch_problems(graph)
     if not any(p.code == "unknown-block" for p in problems):
         problems += _cycles(graph)
     return problems
@@ -287,6 +289,23 @@ def _driver_problems(graph: Graph) -> Iterable[Problem]:
                 f"drivers: {listed(drivers) or 'none'}",
                 close_match(str(block.driver), drivers),
             )
+
+
+def _branch_problems(graph: Graph) -> Iterable[Problem]:
+    """Branches that follow a motion of several drivers, or of another one than home says."""
+    following = {n: b for n, b in graph.blocks.items() if isinstance(b, TwoModes) and b.follows}
+    dag = block_dag(graph) if following else None
+    for name, block in following.items():
+        above = nx.ancestors(dag, name)
+        moving = {n: b for n, b in graph.blocks.items() if n in above and isinstance(b, Moving)}
+        drivers = [b.driver_name(n, j.name) for n, b in moving.items() for j in b.driven]
+        said = list(block.home.drivers)  # type: ignore[attr-defined]
+        if len(drivers) != 1:
+            found = f"it is moved by {len(drivers)} drivers, not by one that leads from home"
+            yield Problem("many-drivers", f"{name}.branch", found, "", "give the branch -1 or 1")
+        elif said != drivers:
+            where, found = f"{name}.home.drivers", f"it names {listed(said)}"
+            yield Problem("wrong-home", where, found, f"the dyad is moved by {drivers[0]}")
 
 
 def _group_problems(graph: Graph) -> Iterable[Problem]:

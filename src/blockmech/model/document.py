@@ -53,14 +53,6 @@ def loads(text: str, file: str = "") -> Graph:
     return draft.graph
 
 
-def problems_in(path: str | os.PathLike[str]) -> list[Problem]:
-    """Everything wrong with a graph file, and what its mechanism lacks to be computed."""
-    try:
-        return in_file(load(path).check(), os.fspath(path))
-    except (FormatError, GraphError) as error:
-        return list(error.problems)
-
-
 def dumps(graph: Graph) -> str:
     """The canonical text of a graph. Raises `FormatError` for values that JSON does not know."""
     document: dict[str, Any] = {"format": FORMAT, "version": VERSION, "name": graph.name}
@@ -143,8 +135,8 @@ def _read(text: str) -> _Draft:
 
 OTHER_DOCUMENTS = {
     "blockmech/joints": (
-        "the file is a joint-based document, which is not supported yet",
-        "write the mechanism as a graph of blocks",
+        "the file holds links and joints, not blocks",
+        'read it with Linkage.load, or let "blockmech decompose" write its graph',
     ),
     "blockmech/result": (
         "the file is the result of a run, not a mechanism",

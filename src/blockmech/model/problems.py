@@ -58,6 +58,8 @@ FILE_CODES: Mapping[str, str] = {
     "double-wire": "a joint fed twice",
     "self-wire": "a block that feeds itself",
     "pair-mismatch": "a prismatic joint wired to a point",
+    "many-drivers": "a branch that follows the motion of several drivers",
+    "wrong-home": "a home that names another driver than the one that moves the dyad",
     "unwired-joint": "a joint or terminal that nothing feeds",
     "cycle": "blocks that wait for each other",
     "unknown-driver": "the scene drives something that is no driving link",

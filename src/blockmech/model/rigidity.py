@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import hashlib
 import heapq
+import math
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -38,6 +39,14 @@ Row: TypeAlias = dict[int, int]
 
 Condition: TypeAlias = tuple[str, str]
 """Name of the pair and what it holds: "place" (R), "turn", "slide" (P), "drive"."""
+
+
+MOST_WORK = 5_000_000
+"""Steps of elimination that take about a second; a chain of 1,000 dyads takes 100,000."""
+
+
+class TooTangledError(ValueError):
+    """So many links in loops with each other that the rank would take too long."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +142,7 @@ def rigidity(
     pairs: Iterable[Pair],
     earlier: Collection[str],
     drivers: Collection[str] = (),
+    work: int | None = None,
 ) -> Rigidity:
     """Mobility, over-constrained sets, loose links and rigid clusters.
 
@@ -142,6 +152,7 @@ def rigidity(
     pairs : the pairs between links and earlier links
     earlier : the frame and everything already placed, one body for this purpose
     drivers : names of the driven pairs
+    work : steps of elimination after which to give up with `TooTangledError`; None for never
 
     Notes
     -----
@@ -151,11 +162,11 @@ def rigidity(
     moving = sorted(set(links) - set(earlier))
     ordered = sorted(pairs, key=lambda p: p.name)
     check_names(moving, ordered, earlier, drivers)
-    column = {a: 3 * k for k, a in enumerate(_few_neighbours_first(moving, ordered))}
+    column = {a: 3 * k for k, a in enumerate(_few_neighbours_first(moving, ordered, work))}
     held = [(pair, part, row) for pair in ordered for part, row in _pair_rows(pair, column)]
     held += [(p, "drive", _drive_row(p, column)) for p in ordered if p.name in drivers]
     names: list[Condition] = [(pair.name, part) for pair, part, _ in held]
-    system = _Echelon(3 * len(moving), [row for _, _, row in held])
+    system = _Echelon(3 * len(moving), [row for _, _, row in held], work)
     twist = _twists(column, system)
     free = Counter(a for a, c in column.items() for k in range(3) if c + k not in system.pivots)
     return Rigidity(
@@ -232,8 +243,11 @@ def _drive_row(pair: Pair, column: Mapping[str, int]) -> Row:
     return _difference(pair, column, vx=-y, vy=x)
 
 
-def _few_neighbours_first(links: Sequence[str], pairs: Iterable[Pair]) -> Iterator[str]:
+def _few_neighbours_first(
+    links: Sequence[str], pairs: Iterable[Pair], work: int | None = None
+) -> Iterator[str]:
     """Order of elimination that keeps rows short: least degree, ties by name."""
+    left = math.inf if work is None else work
     near: dict[str, set[str]] = {a: set() for a in links}
     for pair in pairs:
         a, b = pair.links
@@ -248,6 +262,9 @@ def _few_neighbours_first(links: Sequence[str], pairs: Iterable[Pair]) -> Iterat
             continue
         yield a
         neighbours = near.pop(a)
+        left -= len(neighbours) ** 2
+        if left < 0:
+            raise TooTangledError
         for b in neighbours:
             near[b] |= neighbours
             near[b] -= {a, b}
@@ -267,8 +284,9 @@ class _Pivot(NamedTuple):
 class _Echelon:
     """Conditions on so many columns in echelon form modulo the prime."""
 
-    def __init__(self, columns: int, conditions: Sequence[Row]) -> None:
+    def __init__(self, columns: int, conditions: Sequence[Row], work: int | None = None) -> None:
         self.conditions = conditions
+        self.left = work
         self.pivots: dict[int, _Pivot] = {}
         self.redundant: list[int] = []  # conditions that those before them imply
         for source, condition in enumerate(conditions):
@@ -294,6 +312,10 @@ class _Echelon:
                 break
             factor = row.pop(lead)
             used.append((lead, factor))
+            if self.left is not None:
+                self.left -= 1 + len(pivot.row)
+                if self.left < 0:
+                    raise TooTangledError
             for c, value in pivot.row.items():
                 rest = (row.get(c, 0) - factor * value) % PRIME
                 if rest:
@@ -447,6 +469,7 @@ def diagnose(
     pairs: Iterable[Pair],
     earlier: Collection[str],
     drivers: Collection[str] = (),
+    work: int | None = None,
 ) -> tuple[Finding, ...]:
     """Why links, pairs and drivers do not make a determinate mechanism.
 
@@ -459,8 +482,8 @@ def diagnose(
     away = _unconnected(moving, ordered, earlier)
     at_hand = [p for p in ordered if not away.intersection(p.links)]
     driven = {p.name: p for p in at_hand if p.name in drivers}
-    undriven = rigidity(moving - away, at_hand, earlier)
-    held = rigidity(moving - away, at_hand, earlier, driven)
+    undriven = rigidity(moving - away, at_hand, earlier, (), work)
+    held = rigidity(moving - away, at_hand, earlier, driven, work)
     found: list[Finding] = []
 
     def say(code: str, links: Iterable[str], pairs: Iterable[str], number: int, text: str) -> None:
@@ -495,7 +518,8 @@ def diagnose(
             say("locked-driver", o.links, (d,), 1, "driver {pairs} moves nothing: {links} lock it")
         if fighting:
             independent = (
-                undriven.mobility - rigidity(moving - away, at_hand, earlier, fighting).mobility
+                undriven.mobility
+                - rigidity(moving - away, at_hand, earlier, fighting, work).mobility
             )
             excess = len(fighting) - independent
             text = "drivers {pairs} prescribe the motion of {links} {times} too often"

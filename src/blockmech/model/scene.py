@@ -1,9 +1,14 @@
-"""The scene: gravity, the drivers' given motions and the start of a free motion."""
+"""The scene: gravity, the drivers' given motions, the start and the ends of a free motion."""
 
 from __future__ import annotations
 
+import math
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
 from blockmech.model.laws_of_motion import AnyLaw
-from blockmech.values import Number, Strictly, Vector, VectorGiven, default
+from blockmech.values import Number, Strictly, Vector, VectorGiven, default, mistake
 
 
 class Initial(Strictly):
@@ -13,9 +18,43 @@ class Initial(Strictly):
     rate: Number = 0.0
 
 
+class Stops(Strictly):
+    """End stops of a driver in free motion: its lowest and highest coordinate [rad or m].
+
+    Either may be left out. A free motion ends at a stop; a given motion is not bound by it.
+    """
+
+    low: Annotated[Number | None, Field(alias="from")] = None
+    high: Annotated[Number | None, Field(alias="to")] = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Stops:
+        low, high = self.bounds
+        if math.isinf(low) and math.isinf(high):
+            raise mistake("wrong-value", 'end stops have "from", "to" or both')
+        if not low < high:
+            raise mistake("wrong-value", f'"from" must be below "to", got {low:g} and {high:g}')
+        return self
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest coordinate [rad or m], infinite where there is no stop."""
+        low = -math.inf if self.low is None else self.low
+        return low, math.inf if self.high is None else self.high
+
+
 class Scene(Strictly):
-    """What surrounds the mechanism. Gravity [m/s2] is off unless it is stated."""
+    """What surrounds the mechanism. Gravity [m/s2] is off unless it is stated.
+
+    ``drive`` gives the drivers' laws of motion; a free motion starts from ``initial`` and
+    ends at the ``stops`` if it gets there.
+    """
 
     gravity: VectorGiven = default(Vector(0j))
     drive: dict[str, AnyLaw] = {}
     initial: dict[str, Initial] = {}
+    stops: dict[str, Stops] = {}
+
+    def address(self, section: str, driver: str = "") -> str:
+        """Where a file says something of a driver: ``"scene.drive.crank"``."""
+        return f"scene.{section}.{driver}".rstrip(".")

@@ -7,7 +7,7 @@ mobility 3n - 2p.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -54,6 +54,21 @@ class JointRef(NamedTuple):
         return f"{self.block}.{self.name}"
 
 
+class FollowedBranch(NamedTuple):
+    """The branch of a dyad along its driver; see `blockmech.blocks.modes`.
+
+    driver : the one driver that moves the dyad
+    points : change points [rad or m], rising; of a crank those of one turn
+    first : the branch where every factor of `blockmech.passes.branches.passed` is +1
+    scale : 1 rad, or a length [m] by which distances along a slide are judged
+    """
+
+    driver: str
+    points: tuple[float, ...] = ()
+    first: float = 1.0
+    scale: float = 1.0
+
+
 @dataclass(frozen=True)
 class Structure:
     """A valid mechanism: who moves whom, in formation order, ties by name.
@@ -65,6 +80,7 @@ class Structure:
     elements : the loads in name order
     feeds : joint of a moving block -> the marker wired to it
     holds : terminal of an element -> the marker wired to it
+    followed : dyad whose branch follows the motion -> where it changes
     """
 
     frame: str
@@ -73,6 +89,7 @@ class Structure:
     fixed: Block
     feeds: Mapping[JointRef, MarkerRef]
     holds: Mapping[JointRef, MarkerRef]
+    followed: Mapping[str, FollowedBranch] = field(default_factory=dict)
 
     @cached_property
     def driven(self) -> Mapping[str, JointRef]:
@@ -183,16 +200,28 @@ class Structure:
 
     def marker(self, ref: MarkerRef) -> Marker | BuiltIn:
         """Declaration of a marker."""
-        return self.block(ref.block).markers_of()[ref.name][1]
+        return self._markers[ref.block][ref.name][1]
 
     def markers(self, block: str) -> tuple[MarkerRef, ...]:
         """All markers of a block."""
-        found = self.block(block).markers_of().items()
+        found = self._markers[block].items()
         return tuple(MarkerRef(block, link, name) for name, (link, _) in found)
+
+    @cached_property
+    def _markers(self) -> Mapping[str, Mapping[str, tuple[str, Marker | BuiltIn]]]:
+        return {name: self.block(name).markers_of() for name in (self.frame, *self.blocks)}
 
     def properties(self, link: LinkRef) -> Link:
         """Mass properties of a link."""
-        return self.block(link.block).links_or_default()[link.link]
+        return self._properties[link]
+
+    @cached_property
+    def _properties(self) -> Mapping[LinkRef, Link]:
+        return {
+            LinkRef(name, link): properties
+            for name in (self.frame, *self.blocks)
+            for link, properties in self.block(name).links_or_default().items()
+        }
 
     def earlier_link(self, ref: JointRef) -> LinkRef:
         """The earlier link of a pair: the support, or link i of an inner pair."""

@@ -102,7 +102,8 @@ def _text(value: Any, column: int, depth: int, last: bool = True) -> str:
     if not isinstance(value, Mapping | list | tuple) or not value:
         return _flat(value, math.inf) or ""
     room = WIDTH - column - (not last)
-    if depth >= SECTIONS and (flat := _flat(value, room)) is not None:
+    section = depth < SECTIONS and not _is_vector(value)
+    if not section and (flat := _flat(value, room)) is not None:
         return flat
     ends, heads, items = _parts(value)
     indent = " " * (2 * depth + 2)
@@ -113,6 +114,11 @@ def _text(value: Any, column: int, depth: int, last: bool = True) -> str:
     lines = texts if depth < KEY_A_LINE else _filled(texts, WIDTH - len(indent))
     inside = f",\n{indent}".join(lines)
     return f"{ends[0]}\n{indent}{inside}\n{indent[2:]}{ends[1]}"
+
+
+def _is_vector(value: Any) -> bool:
+    """Whether a value is a list of numbers, such as the gravity of a document."""
+    return not isinstance(value, Mapping) and all(isinstance(x, int | float) for x in value)
 
 
 def _parts(value: Mapping[str, Any] | list[Any] | tuple[Any, ...]) -> tuple[str, list[str], Any]:

@@ -1,0 +1,133 @@
+"""``blockmech decompose``: links and joints as a graph of blocks."""
+
+from __future__ import annotations
+
+import json as text_of
+from collections.abc import Iterator, Sequence
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from blockmech.cli.check import AsJson
+from blockmech.cli.output import refused, spare
+from blockmech.cli.terminal import say
+from blockmech.model.graph import Graph
+from blockmech.model.naming import DriverName, JointName, Names
+from blockmech.model.opening import opened
+
+if TYPE_CHECKING:
+    from blockmech.model.joints.decompose import Decomposition
+
+
+class General(StrEnum):
+    """Which Assur groups become general ones."""
+
+    groups = "groups"
+    one = "one"
+
+
+def decompose(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="Links and joints (JSON).")],
+    output: Annotated[
+        str | None,
+        typer.Option("--output", "-o", metavar="GRAPH", help="Write the graph of blocks."),
+    ] = None,
+    general: Annotated[
+        General | None,
+        typer.Option(help="Make every group a general one, or one of all; for comparison."),
+    ] = None,
+    json: AsJson = False,
+) -> None:
+    """Find drivers and Assur groups in formation order, and who became what.
+
+    Without -o nothing is written.
+    """
+    found = opened(file)
+    if isinstance(found, Graph):
+        raise refused(file, "it is a graph of blocks already", "name a file of links and joints")
+    spare(file, output)
+    made = found.decompose(general.value if general else "")
+    if output is not None:
+        made.graph.save(output)
+    if json:
+        say(text_of.dumps({"file": file, **as_data(made)}, indent=2))
+        return
+    lines = list(as_text(made))
+    say("\n".join([*lines, *([f"wrote {output}"] if output is not None else [])]))
+
+
+def as_data(made: Decomposition) -> dict[str, Any]:
+    """A decomposition as a JSON object."""
+    names, structure = made.names, made.graph.structure()
+    return {
+        "graph": made.graph.name,
+        "formation": str(made.formation),
+        "links_moving": len(structure.links) - 1,
+        "pairs": structure.pairs,
+        "mobility": structure.mobility,
+        "links": {name: str(where.link) for name, where in names.links.items()},
+        "joints": {
+            name: {"pairs": _pairs(where), "turned": _is_turned(where)}
+            for name, where in names.joints.items()
+        },
+        "drivers": {
+            name: {"driver": where.driver, "sign": where.sign, "offset": where.offset}
+            for name, where in names.drivers.items()
+        },
+    }
+
+
+def as_text(made: Decomposition) -> Iterator[str]:
+    """A decomposition as lines: the formula, then what became of links, joints and drivers."""
+    structure = made.graph.structure()
+    yield f"{made.graph.name}: {made.formation}"
+    yield (
+        f"{len(structure.links) - 1} moving links, {structure.pairs} pairs, "
+        f"mobility {structure.mobility}"
+    )
+    yield from _table(("link", "block.link"), _links(made.names))
+    yield from _table(("joint", "block.joint", "kind", ""), _joints(made))
+    drivers = [(name, _coordinate(where)) for name, where in made.names.drivers.items()]
+    yield from _table(("driver", "coordinate"), drivers)
+
+
+def _links(names: Names) -> list[tuple[str, ...]]:
+    return [(name, str(where.link)) for name, where in names.links.items()]
+
+
+def _joints(made: Decomposition) -> list[tuple[str, ...]]:
+    structure = made.graph.structure()
+    return [
+        (
+            name,
+            " + ".join(_pairs(where)),
+            structure.joint(where.joint).kind,
+            "second link first" if _is_turned(where) else "",
+        )
+        for name, where in made.names.joints.items()
+    ]
+
+
+def _pairs(where: JointName) -> list[str]:
+    return [str(where.joint), *(str(ref) for ref, _ in where.others)]
+
+
+def _is_turned(where: JointName) -> bool:
+    """Whether the graph's earlier link is the joint's second."""
+    return where.flipped and not where.others
+
+
+def _coordinate(where: DriverName) -> str:
+    q = f"{'-' if where.sign < 0 else ''}{where.driver}.q"
+    return f"{q} {where.offset:+.9g}" if where.offset else q
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Rows in columns under a head, after an empty line; nothing where there is no row."""
+    if not rows:
+        return
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    yield ""
+    for row in (head, *rows):
+        yield "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()

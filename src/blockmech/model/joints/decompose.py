@@ -1,0 +1,205 @@
+"""From links and joints to blocks: drivers and Assur groups in formation order.
+
+The groups of a mechanism are its own, whatever the order of links and joints in the file; so
+is which driver belongs to which group. Only the order of groups that do not wait for each
+other is free: a group comes as soon as the links that it waits for are there, of several
+drivers first, then by the name of the first link. Frictionless pins of three links and more
+are seated on the link that is placed first. Dyads and cylinders become closed-form blocks,
+a driven joint on a placed link a driving link, every other group a general one with its home
+in the pose of the document, refined.
+
+Names: a driver's block is named like the driver, a group's after its links.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+from blockmech.errors import GraphError, Problem
+from blockmech.model.assur import Formation, Unit, formation
+from blockmech.model.joints.closing import Closing, Poses, given_poses
+from blockmech.model.joints.connections import (
+    Connections,
+    Seated,
+    axes,
+    connections,
+    seated,
+    size_of,
+    structural,
+)
+from blockmech.model.joints.contents import FRAME
+from blockmech.model.joints.diagnosis import dead_centre, does_not_close, why_not, why_stuck
+from blockmech.model.joints.diagram import Diagram
+from blockmech.model.joints.elements import links_read_as_they_are
+from blockmech.model.joints.frames import DeadCentre, Made, closed_form, driving_link
+from blockmech.model.joints.general import general_group
+from blockmech.model.joints.linkage import Linkage
+from blockmech.model.joints.references import Known, reference_problems
+from blockmech.model.naming import Names
+from blockmech.model.problems import in_file
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+    from blockmech.model.graph import Graph
+
+SMALLEST, LARGEST = 1e-100, 1e100  # [m] beyond which squares of lengths are no numbers
+
+General = Literal["", "groups", "one"]
+
+
+@dataclass(frozen=True)
+class Decomposition:
+    """A document as blocks.
+
+    Attributes
+    ----------
+    data : the graph as it would stand in its file
+    names : where the links, joints and drivers of the document are in the graph
+    formation : drivers and groups in formation order, by the document's names
+    poses : where the links are, refined
+    """
+
+    data: dict[str, Any]
+    names: Names
+    formation: Formation
+    poses: Poses
+
+    @cached_property
+    def graph(self) -> Graph:
+        """The block diagram; it can be saved, changed and compiled by itself."""
+        from blockmech.model.joints.diagram import graph_of
+
+        return graph_of(self.data)
+
+    def compile(self) -> Mechanism:
+        """A mechanism that computes, with the names of the document."""
+        from blockmech.mechanism import Mechanism
+
+        graph = self.graph
+        return Mechanism(graph.structure(), graph.scene, graph.name, self.names)
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """A document taken apart, its joints closed, nothing of it made into blocks yet."""
+
+    pairs: Connections  # as the document names them
+    seats: Seated
+    formation: Formation
+    poses: Poses
+
+
+def decompose(linkage: Linkage, general: General = "") -> Decomposition:
+    """Drivers and Assur groups of a document as a graph of blocks.
+
+    Parameters
+    ----------
+    linkage : the document
+    general : "groups" makes every Assur group a general one; "one" makes one general group
+        of all links but those that drivers place from the frame on
+
+    Raises `GraphError` with all problems: names that are not there, then why the structure
+    cannot work, then joints that do not close.
+    """
+    try:
+        found = sequence(linkage)
+        return _as_blocks(linkage, found, general)
+    except GraphError as error:
+        raise GraphError(in_file(error.problems, linkage.file)) from None
+
+
+def sequence(linkage: Linkage) -> Sequence:
+    """The formation sequence of a document and its pose, refined. Raises like `decompose`."""
+    wrong = list(reference_problems(linkage, Known.of(linkage)))
+    if wrong:
+        raise GraphError(wrong)
+    pairs, size = connections(linkage), size_of(linkage)
+    if not SMALLEST < size < LARGEST:
+        large = f"the mechanism is {size:.3g} m large"
+        problem = Problem("wrong-value", "joints", large, "lengths are in m", "check the places")
+        raise GraphError(problem)
+    axis = axes(pairs, size)
+    driven = {driver.joint for driver in linkage.drivers.values()}
+    seats = seated(pairs, axis, driven)
+    links = [link for link in linkage.links if link != FRAME]
+    found = formation(links, structural(seats.pairs, axis), (FRAME,), driven)
+    given = given_poses(linkage.links)
+    if not found.complete or not links:
+        raise GraphError(why_not(linkage, pairs, axis, driven, given, size))
+    closing = Closing(given.links, pairs, driven, size)
+    poses = closing.refine(given)
+    if not closing.closed(poses):
+        raise GraphError(does_not_close(closing, given, pairs))
+    stuck = [unit for unit in found.units if _stands_still(unit, seats.pairs, driven, poses, size)]
+    if stuck:
+        raise GraphError(why_stuck(linkage, stuck, pairs, axis, driven, given, size))
+    return Sequence(pairs, seats, found, poses)
+
+
+def _stands_still(
+    unit: Unit, pairs: Connections, driven: Collection[str], poses: Poses, size: float
+) -> bool:
+    """Whether a group without closed form is at a dead centre, where Newton finds no way."""
+    if unit.kind not in ("group", "triad"):
+        return False
+    own = {p.name: pairs[p.name] for p in unit.pairs}
+    closing = Closing(poses.links, own, [name for name in own if name in driven], size)
+    return closing.singular(poses, unit.links)
+
+
+def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposition:
+    names = {driver.joint: name for name, driver in linkage.drivers.items()}
+    plain = links_read_as_they_are(linkage.loads, found.pairs)
+    diagram = Diagram(linkage, names)
+    problems = []
+    units = _merged(found.formation.units) if general == "one" else found.formation.units
+    for unit in units:
+        try:
+            made = _made(unit, found, general, plain)
+        except DeadCentre as error:
+            problems.append(dead_centre(unit.links, str(error)))
+            made = general_group(unit, found.seats.pairs)
+        diagram.add(unit, made, found)
+    if problems:
+        raise GraphError(problems)
+    diagram.add_loads(found.pairs)
+    shown = Formation(tuple(units), (), ())
+    return Decomposition(diagram.data(), diagram.names(found), shown, found.poses)
+
+
+def _made(unit: Unit, found: Sequence, general: General, plain: set[str]) -> Made:
+    """The block of a unit."""
+    pairs = found.seats.pairs
+    made: Made | None
+    if unit.kind == "driver":
+        (pair,) = unit.outer
+        made = driving_link(pairs[pair.name], unit.links[0], pairs)
+    else:
+        made = None if general else closed_form(unit, pairs, found.poses)
+    if made is None or any(made.seats[link].e != 1 for link in plain & set(made.seats)):
+        return general_group(unit, pairs)
+    return made
+
+
+def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:
+    """Drivers that stand on the frame or on each other, and all the rest as one group."""
+    placed, drivers, rest = {FRAME}, [], []
+    for unit in units:
+        supports = {p.other(link) for p in unit.outer for link in unit.links if link in p.links}
+        if unit.kind == "driver" and supports <= placed:
+            drivers.append(unit)
+            placed.update(unit.links)
+        else:
+            rest.append(unit)
+    if not rest:
+        return tuple(drivers)
+    links = sorted(link for unit in rest for link in unit.links)
+    pairs = sorted((p for unit in rest for p in unit.pairs), key=lambda p: p.name)
+    inside = set(links)
+    inner = tuple(p for p in pairs if p.first in inside and p.second in inside)
+    outer = tuple(p for p in pairs if p not in inner)
+    driven = tuple(sorted(name for unit in rest for name in unit.driven))
+    return (*drivers, Unit(tuple(links), inner, outer, driven, "group", 0))

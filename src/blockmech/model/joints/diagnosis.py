@@ -1,0 +1,348 @@
+"""Why links and joints make no mechanism, in the trade's words.
+
+Counting and generic rank (`assur.diagnose`) tell what holds for almost all lengths. Whether
+the given lengths are special, as in a parallelogram with three equal cranks, is told by the
+rank of the velocity conditions in the pose of the document (`special`): links that are
+over-constrained, and move all the same.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from blockmech.errors import Problem, listed
+from blockmech.model.assur import Unit, formation
+from blockmech.model.joints.closing import CLOSED, Closing, Poses
+from blockmech.model.joints.connections import Connections, structural
+from blockmech.model.joints.contents import FRAME
+from blockmech.model.joints.matrix import LEAST_SQUARES
+from blockmech.model.joints.special import Special, special_geometry
+from blockmech.model.problems import path_text
+from blockmech.model.rigidity import (
+    MOST_WORK,
+    Finding,
+    TooTangledError,
+    diagnose,
+    rigidity,
+)
+
+if TYPE_CHECKING:
+    from blockmech.model.joints.linkage import Linkage
+
+CODES: Mapping[str, str] = {
+    "unconnected-links": "links that no joint joins to the rest",
+    "coincident-joints": "joints at one place, so that they hold nothing, or hold it twice",
+    "over-constrained": "links that are held more often than their freedoms are",
+    "turning-held-twice": "a loop of sliding joints, which hold the relative turning too often",
+    "missing-driver": "more freedoms than drivers",
+    "too-many-drivers": "more drivers than freedoms",
+    "locked-driver": "a driver whose joint cannot move",
+    "conflicting-drivers": "two drivers that prescribe one freedom",
+    "loose-links": "links that move with every driver held",
+    "too-tangled": "so many links in loops with each other that only counting is left",
+    "no-links": "a document without moving links",
+    "does-not-close": "joints that gape, and cannot be closed near the given pose",
+    "dead-centre": "a pose that does not tell the assembly mode",
+}
+"""What can be wrong with links and joints that are named well."""
+
+MOST = 12  # names in a message
+
+
+def why_not(
+    linkage: Linkage,
+    pairs: Connections,
+    axis: Mapping[str, str],
+    driven: Collection[str],
+    given: Poses,
+    size: float,
+) -> list[Problem]:
+    """The reasons why a structure cannot be put in a formation sequence, one for each."""
+    if not given.links:
+        remedy = "add links and joints"
+        return [Problem("no-links", "links", "there is no moving link", "", remedy)]
+    try:
+        return _by_rank(linkage, pairs, axis, driven, given, size)
+    except TooTangledError:
+        return [_by_count(given.links, pairs, driven)]
+
+
+def _by_count(links: Collection[str], pairs: Connections, driven: Collection[str]) -> Problem:
+    """What can be told of very many links in loops: which of them cannot be placed."""
+    counted = structural(pairs, dict.fromkeys(pairs, ""))
+    rest = formation(links, counted, (FRAME,), driven).rest
+    mobility = 3 * len(links) - 2 * len(pairs)
+    found = f"{len(links)} links and {len(pairs)} pairs, 3n - 2p is {mobility}, drivers "
+    found += f"{len(driven)}; {listed(rest, MOST) or 'some of them'} cannot be placed"
+    remedy = "take the mechanism apart, and check the parts"
+    return Problem("too-tangled", "joints", found, "each freedom has one driver", remedy)
+
+
+def _by_rank(
+    linkage: Linkage,
+    pairs: Connections,
+    axis: Mapping[str, str],
+    driven: Collection[str],
+    given: Poses,
+    size: float,
+) -> list[Problem]:
+    counted = structural(pairs, axis)
+    together = _coincident(given.links, pairs, axis, driven)
+    if together:
+        return together
+    findings = diagnose(given.links, counted, (FRAME,), driven, MOST_WORK)
+    state = rigidity(given.links, counted, (FRAME,), (), MOST_WORK)
+    names = {driver.joint: name for name, driver in linkage.drivers.items()}
+    said = _Words(names, state.mobility, state.counted)
+    special = special_geometry(given, pairs, axis, driven, size, state.mobility)
+    if special is not None:
+        return said.special(special)
+    return said.problems(findings)
+
+
+def why_stuck(
+    linkage: Linkage,
+    stuck: Iterable[Unit],
+    pairs: Connections,
+    axis: Mapping[str, str],
+    driven: Collection[str],
+    given: Poses,
+    size: float,
+) -> list[Problem]:
+    """Why groups that are sound by count cannot be placed in the given pose."""
+    if 3 * len(given.links) <= LEAST_SQUARES:
+        state = rigidity(given.links, structural(pairs, axis), (FRAME,))
+        special = special_geometry(given, pairs, axis, driven, size, state.mobility)
+        if special is not None:
+            names = {driver.joint: name for name, driver in linkage.drivers.items()}
+            return _Words(names, state.mobility, state.counted).special(special)
+    why = "their joints do not hold them there"
+    return [dead_centre(unit.links, why) for unit in stuck]
+
+
+def _coincident(
+    links: Iterable[str], pairs: Connections, axis: Mapping[str, str], driven: Collection[str]
+) -> list[Problem]:
+    """Joints that lie on each other, where that is why the structure cannot work.
+
+    Two of the same two links hold them twice. Others do no harm as such, unless the structure
+    would work if they were apart.
+    """
+    twice: dict[tuple[frozenset[str], str], list[str]] = defaultdict(list)
+    for c in pairs.values():
+        if axis[c.name]:
+            twice[frozenset(c.links), axis[c.name]].append(c.name)
+    found = [
+        Problem(
+            "coincident-joints",
+            path_text(("joints", names[1])),
+            f"{listed(names)} join {' and '.join(sorted(both))} at the same place"
+            if pairs[names[0]].kind == "R"
+            else f"{listed(names)} guide {' and '.join(sorted(both))} in the same direction",
+            "two links need one joint there",
+            f"remove {listed(names[1:])}",
+        )
+        for (both, _), names in sorted(twice.items(), key=lambda item: item[1])
+        if len(names) > 1
+    ]
+    if found:
+        return found
+    apart = structural(pairs, dict.fromkeys(pairs, ""))
+    if not any(axis.values()) or not formation(links, apart, (FRAME,), driven).complete:
+        return []
+    held = rigidity(links, structural(pairs, axis), (FRAME,), driven, MOST_WORK)
+    for o in held.overconstrained:
+        groups: dict[str, list[str]] = defaultdict(list)
+        for name in o.pairs:
+            if axis[name]:
+                groups[axis[name]].append(name)
+        names = [sorted(group) for group in groups.values() if len(group) > 1]
+        if not names:
+            continue
+        kind = pairs[names[0][0]].kind
+        where = "lie in one point" if kind == "R" else "slide in one direction"
+        loose = sorted({link for part in held.loose for link in part.links})
+        effect = f", so {listed(loose, MOST)} can move freely" if loose else ""
+        found.append(
+            Problem(
+                "coincident-joints",
+                path_text(("joints", names[0][-1])),
+                f"{'; '.join(listed(g) for g in names)} {where}{effect}",
+                "the joints of a group are apart" if kind == "R" else "guides cross",
+                "move one of them",
+            )
+        )
+    return found
+
+
+class _Words:
+    """Findings as problems of a document.
+
+    Parameters
+    ----------
+    drivers : driven pair -> driver
+    mobility, counted : freedoms of the links without drivers, by rank and by 3n - 2p
+    """
+
+    def __init__(self, drivers: Mapping[str, str], mobility: int, counted: int) -> None:
+        self.drivers = drivers
+        self.mobility = mobility
+        self.counted = counted
+
+    def problems(self, findings: Iterable[Finding]) -> list[Problem]:
+        """One problem for each reason; what only follows from another is part of its text."""
+        by_code: dict[str, list[Finding]] = defaultdict(list)
+        for finding in findings:
+            by_code[finding.code].append(finding)
+        held = by_code["over-constrained"] + by_code["turning-held-twice"]
+        locked = by_code["locked-driver"]
+        found = [self._unconnected(f) for f in by_code["unconnected-links"]]
+        for f in held:
+            moving = set(f.links) - {FRAME}
+            own = [d for d in locked if moving & set(d.links)]
+            say = self._turning if f.code == "turning-held-twice" else self._overconstrained
+            found.append(say(f, [self.drivers[p] for d in own for p in d.pairs]))
+            locked = [d for d in locked if d not in own]
+        found += [self._locked(f) for f in locked]
+        found += [self._conflicting(f) for f in by_code["conflicting-drivers"]]
+        loose = by_code["loose-links"]
+        if by_code["too-few-drivers"]:
+            found.append(self._missing(by_code["too-few-drivers"][0].number, loose))
+        else:
+            found += [self._loose(f) for f in loose]
+        if not found:
+            found += [self._many(f.number, f.pairs) for f in by_code["too-many-drivers"]]
+        return found
+
+    def special(self, special: Special) -> list[Problem]:
+        """Links that move against the count."""
+        found = f"{listed(special.links, MOST)} are over-constrained but movable: by count their "
+        found += f"joints leave mobility {self.mobility}, but their special lengths leave "
+        found += f"{special.freedom}, as in a parallelogram with three equal cranks"
+        valid = "the forces in such links are not determined by statics"
+        remedy = "remove a link that the motion does not need"
+        if special.spare is not None:
+            link, joints = special.spare
+            remedy = f"remove {link} with its joints {listed(joints)}: the motion stays the same"
+        where = path_text(("links", next(a for a in special.links if a != FRAME)))
+        problems = [Problem("over-constrained", where, found, valid, remedy)]
+        wanted = special.freedom - len(self.drivers)
+        self.mobility = special.freedom
+        if wanted > 0:
+            problems.append(self._missing(wanted, ()))
+        elif wanted < 0:
+            problems.append(self._many(-wanted, sorted(self.drivers)))
+        return problems
+
+    def _unconnected(self, f: Finding) -> Problem:
+        found = f"no joint leads from {listed(f.links, MOST)} to the frame"
+        return Problem("unconnected-links", _links(f), found, "", "add a joint, or remove them")
+
+    def _overconstrained(self, f: Finding, locked: list[str]) -> Problem:
+        found = f"{listed(f.links, MOST)} are over-constrained: their joints "
+        found += f"{listed(f.pairs, MOST)} hold them {_times(f.number)} too often{_so(locked)}"
+        remedy = "remove a joint or a link of them"
+        return Problem("over-constrained", _links(f), found, self._formula(), remedy)
+
+    def _turning(self, f: Finding, locked: list[str]) -> Problem:
+        found = f"{listed(f.links, MOST)} are joined in a loop by sliding joints alone "
+        found += f"({listed(f.pairs, MOST)}), which hold their relative turning"
+        found += f" {_times(f.number)} too often{_so(locked)}"
+        remedy = "make one of the joints a pin on a slider"
+        return Problem("turning-held-twice", _links(f), found, self._formula(), remedy)
+
+    def _missing(self, number: int, loose: Iterable[Finding]) -> Problem:
+        found = f"mobility {self.mobility}, drivers {len(self.drivers)}: "
+        found += f"{number} driver{'s are' if number > 1 else ' is'} missing"
+        links = [link for f in loose for link in f.links]
+        if links:
+            found += f"; {listed(links, MOST)} can still move with every driver held"
+        remedy = "drive a joint of theirs, or add a joint" if links else "drive a joint of them"
+        return Problem("missing-driver", "drivers", found, "each freedom has one driver", remedy)
+
+    def _many(self, number: int, pairs: Iterable[str]) -> Problem:
+        names = [self.drivers[p] for p in pairs]
+        found = f"mobility {self.mobility}, drivers {len(names)} ({listed(names)}): "
+        found += f"{number} too many"
+        valid = "each freedom has one driver"
+        return Problem("too-many-drivers", "drivers", found, valid, f"remove {number} of them")
+
+    def _locked(self, f: Finding) -> Problem:
+        (pair,) = f.pairs
+        name = self.drivers[pair]
+        found = f"{name} moves nothing: {pair} cannot move, {listed(f.links, MOST)} lock it"
+        found += f" (mobility {self.mobility}, drivers {len(self.drivers)})"
+        where = path_text(("drivers", name))
+        return Problem("locked-driver", where, found, "", "drive a joint that can move")
+
+    def _conflicting(self, f: Finding) -> Problem:
+        names = [self.drivers[p] for p in f.pairs]
+        found = f"{listed(names)} prescribe the motion of {listed(f.links, MOST)} "
+        found += f"{_times(f.number)} too often"
+        found += f" (mobility {self.mobility}, drivers {len(self.drivers)})"
+        where = path_text(("drivers", names[-1]))
+        remedy = f"remove one of {listed(names)}, or drive another freedom"
+        return Problem("conflicting-drivers", where, found, "each freedom has one driver", remedy)
+
+    def _loose(self, f: Finding) -> Problem:
+        found = f"{listed(f.links, MOST)} can still move with every driver held: "
+        found += f"{f.number} freedom{'s' * (f.number > 1)}"
+        found += f" (mobility {self.mobility}, drivers {len(self.drivers)})"
+        return Problem("loose-links", _links(f), found, "", "add a joint to them, or a driver")
+
+    def _formula(self) -> str:
+        return f"3n - 2p is {self.counted}, but the mobility is {self.mobility}"
+
+
+def _so(locked: list[str]) -> str:
+    return f", so {listed(locked)} cannot move" if locked else ""
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{number} times"
+
+
+def _links(f: Finding) -> str:
+    moving = [link for link in f.links if link != FRAME]
+    return path_text(("links", moving[0])) if moving else "links"
+
+
+def does_not_close(closing: Closing, given: Poses, pairs: Connections) -> list[Problem]:
+    """The joints that gape most in the given pose."""
+    gaps = [g for g in closing.gaps(given) if max(g.distance / closing.size, g.turn) > CLOSED]
+    worst, *others = gaps
+    c = pairs[worst.pair]
+    found = f"{worst.pair} gapes by {worst.distance:.3g} m in the given pose"
+    if c.kind == "P":
+        found = f"{worst.pair} is off its guide by {worst.distance:.3g} m"
+        found += f" and {worst.turn:.3g} rad in the given pose"
+    if others:
+        found += f", {listed(_gape(g.pair, g.distance, g.turn) for g in others[:3])} as well"
+    found += ", and no nearby pose closes all joints"
+    return [
+        Problem(
+            "does-not-close",
+            path_text(("joints", worst.pair.split(".")[0])),
+            found,
+            '"pose" is approximate, "at" is exact',
+            f"check the places of {worst.pair} on {c.first} and {c.second}, or give better poses",
+        )
+    ]
+
+
+def _gape(pair: str, distance: float, turn: float) -> str:
+    return f"{pair} ({distance:.3g} m" + (f", {turn:.3g} rad)" if turn else ")")
+
+
+def dead_centre(links: Iterable[str], why: str) -> Problem:
+    """The problem of a pose that does not tell which way a group is put together."""
+    names = list(links)
+    return Problem(
+        "dead-centre",
+        path_text(("links", names[0])),
+        f"{listed(names, MOST)} stand at a dead centre in the given pose: {why}",
+        "the pose tells the assembly mode",
+        "give the poses at another driver value, in which the group is bent",
+    )

@@ -1,0 +1,326 @@
+"""The graph of a document while it is made: blocks, wires, markers and who became what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from blockmech.blocks.contract import REGISTRY
+from blockmech.model.assur import Unit
+from blockmech.model.contents import FORMAT
+from blockmech.model.coordinates import law_to_graph, signed, to_graph
+from blockmech.model.diagram import Wire
+from blockmech.model.graph import Graph
+from blockmech.model.joints.closing import Poses, coordinate
+from blockmech.model.joints.connections import Connection, Connections, Seated, angle_of
+from blockmech.model.joints.contents import FRAME, LinkGiven
+from blockmech.model.joints.elements import Hold, element
+from blockmech.model.joints.frames import End, Made, Seat
+from blockmech.model.joints.general import GENERAL, free_name
+from blockmech.model.joints.linkage import Linkage
+from blockmech.model.laws_of_motion import LawOfMotion
+from blockmech.model.migrations import VERSION
+from blockmech.model.naming import DriverName, JointName, LinkName, Names
+from blockmech.model.scene import Scene
+from blockmech.model.structure import JointRef, LinkRef, MarkerRef
+from blockmech.model.writing import plain
+
+if TYPE_CHECKING:
+    from blockmech.model.joints.decompose import Sequence
+
+TURN = 2 * math.pi
+MOST_IN_NAME = 3  # links that a group is named after
+
+
+class Diagram:
+    """Blocks as they stand in a file, made one after the other in formation order.
+
+    Parameters
+    ----------
+    linkage : the document
+    drivers : driven pair -> driver
+    """
+
+    def __init__(self, linkage: Linkage, drivers: Mapping[str, str]) -> None:
+        self.linkage = linkage
+        self.drivers = drivers
+        self._blocks: dict[str, dict[str, Any]] = {}
+        self._wires: list[Wire] = []
+        self._seats: dict[str, Seat] = {}
+        self._ends: dict[str, tuple[str, End]] = {}  # pair -> block and joint
+        self._driven: dict[str, DriverName] = {}
+        self._loads: dict[str, tuple[str, ...]] = {}  # load -> its elements
+        self._upstream: dict[str, dict[str, None]] = {}  # block -> drivers it depends on
+        self._marked: dict[tuple[str, complex, complex | None], MarkerRef] = {}
+        self._guides: dict[tuple[str, complex, complex], MarkerRef] = {}
+        self._taken: dict[str, set[str]] = {}
+        frame = free_name(FRAME, set(linkage.drivers))
+        self._open(frame, {"type": "frame", "markers": {}}, {FRAME})
+        self._seats[FRAME] = Seat(frame, FRAME)
+        self._upstream[frame] = {}
+
+    # -- blocks -----------------------------------------------------------
+
+    def add(self, unit: Unit, made: Made, found: Sequence) -> None:
+        """Add the block of a unit and wire its outer joints."""
+        name = self._name_of(unit)
+        data: dict[str, Any] = {"type": made.type, **made.keys}
+        for link, seat in made.seats.items():
+            self._seats[link] = seat._replace(block=name)
+        self._open(name, data, _reserved(made))
+        self._links(name, data, made)
+        friction = {}
+        for pair, end in made.ends.items():
+            c = found.seats.pairs[pair]
+            self._ends[pair] = (name, end)
+            if c.friction is not None:
+                friction[end.joint] = plain(c.friction)
+        if friction:
+            data["friction"] = friction
+        self._built_in(name, made)
+        supports = [self._wire(name, made, found.seats.pairs[p.name]) for p in unit.outer]
+        self._name_drivers(name, made)
+        upstream: dict[str, None] = {}
+        for support in sorted(supports):
+            upstream |= self._upstream[support]
+        upstream |= {self.drivers[pair]: None for pair in sorted(made.drivers)}
+        self._upstream[name] = upstream
+        if made.type == GENERAL:
+            data["home"] = self._home(unit, upstream, found)
+
+    def _name_of(self, unit: Unit) -> str:
+        if unit.kind == "driver":
+            return self.drivers[unit.driven[0]]
+        wish = "_".join(unit.links[:MOST_IN_NAME])
+        if len(unit.links) > MOST_IN_NAME:
+            wish += f"_and_{len(unit.links) - MOST_IN_NAME}"
+        return free_name(wish, {*self._blocks, *self.linkage.drivers})
+
+    def _open(self, name: str, data: dict[str, Any], reserved: set[str]) -> None:
+        self._blocks[name] = data
+        self._taken[name] = set(reserved)
+
+    def _links(self, name: str, data: dict[str, Any], made: Made) -> None:
+        """Mass properties and the user's markers of the links of a block."""
+        links: dict[str, Any] = {}
+        for link, seat in made.seats.items():
+            given = self.linkage.links[link]
+            own = self._mass(given, seat)
+            if own or made.type == GENERAL:
+                links[seat.link] = own
+        if links:
+            data["links"] = links
+
+    def _mass(self, given: LinkGiven, seat: Seat) -> dict[str, Any]:
+        said = given.model_fields_set
+        own: dict[str, Any] = {k: getattr(given, k) for k in ("mass", "inertia") if k in said}
+        if "cm" in said:
+            moved = seat.o != 0 or seat.e != 1
+            own["cm"] = _xy(seat.place(given.cm.z)) if moved else given.cm.written
+        return own
+
+    def _built_in(self, block: str, made: Made) -> None:
+        """Remember the markers that a block brings, so that they are not made again."""
+        own = {(link, seat.o): seat.link for link, seat in made.seats.items()}
+        for (link, at), name in {**made.points, **own}.items():
+            seat = self._seats[link]
+            ref = MarkerRef(block, seat.link, name)
+            self._marked[link, at, None] = self._marked[link, at, seat.e] = ref
+            self._guides[link, at, seat.e] = ref
+
+    def marker(self, link: str, at: complex, along: complex | None, wish: str) -> MarkerRef:
+        """A marker at a place of a link, in a direction if one matters; made if there is none."""
+        known = self._marked.get((link, at, along))
+        if known is None:
+            known = self._put(link, at, along, wish)
+            self._marked[link, at, along] = known
+            e = self._seats[link].e if along is None else along
+            self._marked.setdefault((link, at, None), known)
+            self._marked.setdefault((link, at, e), known)
+        return known
+
+    def guide(self, link: str, at: complex, along: complex, wish: str) -> MarkerRef:
+        """A marker that stands for the line through a place in a direction."""
+        known = self._guides.get((link, at, along))
+        if known is None:
+            known = self._guides[link, at, along] = self._put(link, at, along, wish, guide=True)
+        return known
+
+    def _put(
+        self, link: str, at: complex, along: complex | None, wish: str, guide: bool = False
+    ) -> MarkerRef:
+        seat = self._seats[link]
+        taken = self._taken[seat.block]
+        if wish in taken:
+            wish = free_name(f"{link}_{wish}", taken)
+        taken.add(wish)
+        data: dict[str, Any] = {"at": _xy(seat.place(at))}
+        direction = 1 + 0j if along is None else seat.direction(along)
+        if direction != 1:
+            data["dir"] = _xy(direction)
+        elif guide:
+            data["angle"] = 0.0
+        holder = self._blocks[seat.block]
+        if link != FRAME:
+            holder = holder.setdefault("links", {}).setdefault(seat.link, {})
+        holder.setdefault("markers", {})[wish] = data
+        return MarkerRef(seat.block, seat.link, wish)
+
+    def _wire(self, block: str, made: Made, c: Connection) -> str:
+        """Wire an outer joint to its support; returns the support's block."""
+        end = made.ends[c.name]
+        support = c.other(end.later)
+        at, wish = c.on(support), c.name.replace(".", "_")
+        if c.kind == "P":
+            along = -c.guide(support) if end.turned else c.guide(support)
+            source = self.guide(support, at, along, wish)
+        else:
+            source = self.marker(support, at, 1 + 0j if c.name in made.drivers else None, wish)
+        self._wires.append(Wire(str(source), f"{block}.{end.joint}"))
+        return source.block
+
+    def _name_drivers(self, block: str, made: Made) -> None:
+        for pair, (sign, offset) in made.drivers.items():
+            inside = f"{block}.{made.ends[pair].joint}"
+            driver = inside if made.type == GENERAL else block
+            self._driven[self.drivers[pair]] = DriverName(driver, sign, offset)
+
+    def _home(self, unit: Unit, upstream: Mapping[str, None], found: Sequence) -> dict[str, Any]:
+        """Driver values and poses of a general group in the refined pose."""
+        joints = {driver: pair for pair, driver in self.drivers.items()}
+        values = {}
+        for driver in upstream:
+            c, where = found.pairs[joints[driver]], self._driven[driver]
+            q = coordinate(found.poses, c)
+            if c.kind == "R":  # poses do not count turns: home is near to where the way starts
+                q -= TURN * round((q - self._start(driver)) / TURN)
+            values[where.driver] = float(to_graph(where, q))
+        return {"drivers": values, "poses": {link: _pose(found.poses, link) for link in unit.links}}
+
+    def _start(self, driver: str) -> float:
+        """Coordinate [rad or m] at which a driver's motion starts, 0 if none is given."""
+        law = self.linkage.drivers[driver]
+        if isinstance(law, LawOfMotion):
+            return float(law.at_times(np.array([law.begin()]))[0][0])
+        return self.linkage.initial[driver].q if driver in self.linkage.initial else 0.0
+
+    # -- loads, scene, names ----------------------------------------------
+
+    def add_loads(self, pairs: Connections) -> None:
+        """Add the loads as elements, in the order of the document."""
+        for name, load in self.linkage.loads.items():
+            for made in element(name, load, pairs, self._seats, self._driven):
+                block = free_name(made.name, {*self._blocks, *self.linkage.drivers})
+                self._blocks[block] = made.data
+                self._loads[name] = (*self._loads.get(name, ()), block)
+                for hold in made.holds:
+                    source = self._hold(hold, made.name)
+                    self._wires.append(Wire(str(source), f"{block}.{hold.terminal}"))
+
+    def _hold(self, hold: Hold, wish: str) -> MarkerRef:
+        seat = self._seats[hold.link]
+        if hold.at is None:
+            return MarkerRef(seat.block, seat.link, seat.link)
+        return self.marker(hold.link, hold.at, None, wish)
+
+    def _scene(self) -> dict[str, Any]:
+        scene: dict[str, Any] = {}
+        if self.linkage.gravity.z:
+            scene["gravity"] = self.linkage.gravity.written
+        drive, initial, stops = {}, {}, {}
+        for name, where in self._driven.items():
+            law = self.linkage.drivers[name]
+            if isinstance(law, LawOfMotion):
+                said = plain(law_to_graph(where, law), "law")
+                drive[where.driver] = {"law": said.pop("law")} | {
+                    key: value for key, value in said.items() if key != "joint"
+                }
+            if name in self.linkage.initial:
+                start = self.linkage.initial[name]
+                q, rate = to_graph(where, start.q), signed(where, start.rate)
+                initial[where.driver] = {"q": q, "rate": rate}
+            if name in self.linkage.stops:
+                ends = [to_graph(where, q) for q in self.linkage.stops[name].bounds][:: where.sign]
+                both = zip(("from", "to"), ends, strict=True)
+                stops[where.driver] = {key: q for key, q in both if math.isfinite(q)}
+        sections = {"drive": drive, "initial": initial, "stops": stops}
+        return scene | {key: said for key, said in sections.items() if said}
+
+    def data(self) -> dict[str, Any]:
+        """The graph as it would stand in a file."""
+        found: dict[str, Any] = {"format": FORMAT, "version": VERSION, "name": self.linkage.name}
+        if self.linkage.title:
+            found["title"] = self.linkage.title
+        found["blocks"] = self._blocks
+        found["wires"] = [{"from": w.source, "to": w.target} for w in self._wires]
+        extras = {key: plain(self.linkage.extras.get(key)) for key in ("source", "notes")}
+        sections = {"scene": self._scene(), **extras}
+        return found | {key: said for key, said in sections.items() if said}
+
+    def names(self, found: Sequence) -> Names:
+        """Where everything went; markers that are still needed for that are made."""
+        links = {}
+        for link in self.linkage.links:
+            seat = self._seats[link]
+            given = self.linkage.links[link].markers
+            markers = {
+                name: self._put(link, m.at.z, m.direction, name, _is_guide(m))
+                for name, m in given.items()
+            }
+            if link == FRAME and not markers:
+                continue
+            origin = self.marker(link, 0j, 1 + 0j, link)
+            turn = 0.0 if seat.e == 1 else -angle_of(seat.e)
+            links[link] = LinkName(LinkRef(seat.block, seat.link), origin, turn, markers)
+        joints = {name: self._joint(name, found) for name in found.pairs}
+        return Names(links, joints, dict(self._driven), dict(self._loads))
+
+    def _joint(self, name: str, found: Sequence) -> JointName:
+        links = found.pairs[name].links
+        if name not in found.seats.sums:
+            return self._end(found.seats, name, False, links)
+        parts = [self._end(found.seats, n, back, links) for n, back in found.seats.sums[name]]
+        first, *others = parts
+        more = tuple((part.joint, part.flipped) for part in others)
+        return JointName(first.joint, first.flipped, False, more, links)
+
+    def _end(self, seats: Seated, name: str, back: bool, links: tuple[str, str]) -> JointName:
+        block, end = self._ends[name]
+        flipped = (end.later == seats.pairs[name].first) != back
+        return JointName(JointRef(block, end.joint), flipped, end.turned, (), links)
+
+
+def _reserved(made: Made) -> set[str]:
+    """Names of markers that a block brings or may bring."""
+    names = {seat.link for seat in made.seats.values()} | set(made.points.values())
+    names |= {end.joint for end in made.ends.values()}
+    return names | set(REGISTRY[made.type].built_in)
+
+
+def _is_guide(marker: Any) -> bool:
+    return marker.angle is not None or marker.dir is not None
+
+
+def _pose(poses: Poses, link: str) -> list[float]:
+    o, theta = poses.of(link)
+    return [*_xy(o), theta]
+
+
+def _xy(z: complex) -> list[float]:
+    return [z.real + 0.0, z.imag + 0.0]  # no -0
+
+
+def graph_of(data: Mapping[str, Any]) -> Graph:
+    """The graph of data that is known to be sound; unlike a file it is not checked here."""
+    graph = Graph(data["name"], title=data.get("title", ""))
+    for name, said in data["blocks"].items():
+        cls = REGISTRY[said["type"]]
+        keys = {key: value for key, value in said.items() if key != "type"}
+        graph.blocks[name] = cls.model_validate(keys)
+    graph.wires = [Wire(wire["from"], wire["to"]) for wire in data["wires"]]
+    graph.scene = Scene.model_validate(data.get("scene", {}))
+    graph.extras = {key: data[key] for key in ("source", "notes") if key in data}
+    return graph

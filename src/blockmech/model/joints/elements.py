@@ -1,0 +1,175 @@
+"""Loads of a document as elements of the graph, and what a law's argument becomes there.
+
+What is given in a link's frame is turned into that of its block. Springs and motors of a
+sliding joint become thrusts along its guide. A law of a driver's coordinate is rewritten
+where document and graph count it differently.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from blockmech.model.joints.connections import Connection, Connections
+from blockmech.model.joints.contents import FRAME, HOLDS
+from blockmech.model.joints.frames import Seat
+from blockmech.model.naming import DriverName
+from blockmech.model.writing import plain
+
+TURN = 2 * math.pi
+
+
+class Hold(NamedTuple):
+    """Where a terminal of an element takes hold: a place on a link, or the link itself."""
+
+    terminal: str
+    link: str
+    at: complex | None = None
+
+
+class ElementMade(NamedTuple):
+    """An element of the graph: its name, data and holds."""
+
+    name: str
+    data: dict[str, Any]
+    holds: tuple[Hold, ...]
+
+
+def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[str]:
+    """Links whose frames a law of their relative angle reads.
+
+    The angle is one between -pi and pi, so a law of it cannot be moved to other frames.
+    """
+    found: set[str] = set()
+    for load in loads.values():
+        kinds = [t.kind for t in load.terminals.values()]
+        law = getattr(load, "law", None)
+        if law is None or kinds != ["link", "link"] or load.driver is not None:
+            continue
+        joint = pairs.get(load.joint or "")
+        if law.argument() == "coordinate" and (joint is None or joint.kind == "R"):
+            found.update(load.links or joint.links if joint else load.links)
+    return found - {FRAME}
+
+
+def element(
+    name: str,
+    load: Any,
+    pairs: Connections,
+    seats: Mapping[str, Seat],
+    drivers: Mapping[str, DriverName],
+) -> Iterator[ElementMade]:
+    """The element that a load becomes; two of them for a damped spring along a guide."""
+    terminals = load.terminals
+    data = {key: said for key, said in plain(load).items() if key not in HOLDS}
+    if data.get("driver") is not None:
+        where = drivers[data["driver"]]
+        data["driver"] = where.driver
+        data["law"] = law_of_graph(data["law"], where.sign, where.offset)
+    joint = getattr(load, "joint", None)
+    if joint is not None and pairs[joint].kind == "P":
+        yield from _along_guide(name, load, data, pairs[joint], seats)
+        return
+    links = list(pairs[joint].links) if joint else getattr(load, "links", None) or [load.link]
+    at = getattr(load, "at", None)
+    places = [p.z for p in at] if isinstance(at, list) else [at.z if at else 0j]
+    if data.get("axes") == "link":
+        data["force"] = _turned(load.force.z, seats[links[0]])
+    if "direction" in data:
+        data["direction"] = _turned(load.direction.z, seats[links[0]])
+    if "rest_angle" in type(load).model_fields:
+        turn = _turn(seats[links[1]]) - _turn(seats[links[0]])
+        if turn:
+            data["rest_angle"] = math.remainder(load.rest_angle + turn, TURN)
+    holds = tuple(
+        Hold(terminal, link, places[k] if kind.kind == "point" else None)
+        for k, ((terminal, kind), link) in enumerate(zip(terminals.items(), links, strict=True))
+    )
+    yield ElementMade(name, {"type": load.type_name, **data}, holds)
+
+
+def _along_guide(
+    name: str, load: Any, data: dict[str, Any], c: Connection, seats: Mapping[str, Seat]
+) -> Iterator[ElementMade]:
+    """A couple between the links of a P joint is a force along its guide."""
+    holds = (Hold("a", c.first, c.at[0]), Hold("b", c.second, c.at[1]))
+    along = _turned(c.along[0], seats[c.first])
+    useful = {"useful": data["useful"]} if "useful" in data else {}
+
+    def thrust(law: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+        return {"type": "load.thrust", "law": law, **more, "direction": along, **useful}
+
+    if "law" in data:
+        driver = {"driver": data["driver"]} if "driver" in data else {}
+        yield ElementMade(name, thrust(data["law"], driver), holds)
+        return
+    k, rest, c_d = load.stiffness, load.rest_angle, load.damping
+    if k or not c_d:
+        law = {"kind": "polynomial", "of": "coordinate", "coefficients": [k * rest, -k]}
+        yield ElementMade(name, thrust(law, {}), holds)
+    if c_d:
+        law = {"kind": "polynomial", "of": "rate", "coefficients": [0.0, -c_d]}
+        yield ElementMade(f"{name}_damping" if k else name, thrust(law, {}), holds)
+
+
+def _turned(vector: complex, seat: Seat) -> list[float]:
+    z = seat.direction(vector)
+    return [z.real + 0.0, z.imag + 0.0]
+
+
+def _turn(seat: Seat) -> float:
+    """Angle [rad] of the block's link frame in the document's."""
+    return math.atan2(seat.e.imag, seat.e.real)
+
+
+# Laws of a driver's coordinate x = sign q + offset, as laws of q.
+
+
+def law_of_graph(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
+    """The law of q that is a given law of ``sign * q + offset``; of a rate without offset."""
+    found = dict(law)
+    rewrite = _REWRITE.get(law["kind"])
+    if (sign == 1 and offset == 0) or rewrite is None or law.get("of") == "time":
+        return found
+    return found | rewrite(law, sign, 0.0 if law.get("of") == "rate" else offset)
+
+
+def _polynomial(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
+    total = [0.0]
+    for c in reversed(law["coefficients"]):  # total = total * (sign q + offset) + c
+        shifted = [offset * x for x in total] + [0.0]
+        for k, x in enumerate(total):
+            shifted[k + 1] += sign * x
+        total = [shifted[0] + c, *shifted[1:]]
+    return {"coefficients": total[: len(law["coefficients"])]}
+
+
+def _table(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
+    rows = list(zip(law["arguments"], law["values"], strict=True))[::sign]
+    return {"arguments": [sign * (x - offset) for x, _ in rows], "values": [y for _, y in rows]}
+
+
+def _fourier(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
+    a, b = law.get("cosines", []), law.get("sines", [])
+    n = max(len(a), len(b))
+    a, b = ([*row, *[0.0] * (n - len(row))] for row in (a, b))
+    w = TURN / law["period"] if law.get("period") else 1.0 / (law.get("turns") or 1)
+    cosines, sines = [], []
+    for k in range(n):
+        c, s = math.cos((k + 1) * w * offset), math.sin((k + 1) * w * offset)
+        cosines.append(a[k] * c + b[k] * s)
+        sines.append(sign * (b[k] * c - a[k] * s))
+    return {"cosines": cosines, "sines": sines}
+
+
+def _dc(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
+    return {"no_load_speed": sign * law["no_load_speed"]}
+
+
+_REWRITE: Mapping[str, Callable[[Mapping[str, Any], int, float], dict[str, Any]]] = {
+    "polynomial": _polynomial,
+    "table": _table,
+    "fourier": _fourier,
+    "dc": _dc,
+}

@@ -1,0 +1,233 @@
+"""A mechanism as links and joints. What a file may hold can be said in Python as well."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from blockmech.errors import GraphError, Problem, close_match, listed
+from blockmech.loads.contract import Element
+from blockmech.model.joints.contents import (
+    LOADS,
+    GuideGiven,
+    JointGiven,
+    LinkGiven,
+    PinGiven,
+    driver_model,
+    load_kinds,
+    load_model,
+)
+from blockmech.model.laws_of_motion import LawOfMotion
+from blockmech.model.scene import Initial, Stops
+from blockmech.model.writing import plain
+from blockmech.values import NAME_RULE, Strictly, Vector, is_name, shown
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+    from blockmech.model.joints.decompose import Decomposition
+
+General = Literal["", "groups", "one"]
+Given = Any
+"""Numbers, pairs and arrays as `Graph` takes them."""
+
+
+class Linkage:
+    """Links, joints, drivers and loads, in frames of the user's own.
+
+    >>> import blockmech as bm
+    >>> m = bm.Linkage("crank_rocker")
+    >>> m.add_link("crank", pose=(0, 0, 1.0))
+    >>> m.add_link("rod", pose=(0.5, 0.8, 0.3))
+    >>> m.add_link("rocker", pose=(2.5, 0, 1.9))
+    >>> m.add_joint("A", "R", ["frame", "crank"], at=[(0, 0), (0, 0)])
+    >>> m.add_joint("B", "R", ["crank", "rod"], at=[(1, 0), (0, 0)])
+    >>> m.add_joint("C", "R", ["rod", "rocker"], at=[(2.5, 0), (2, 0)])
+    >>> m.add_joint("D", "R", ["frame", "rocker"], at=[(2.5, 0), (0, 0)])
+    >>> m.add_driver("motor", "A", bm.ConstantRate(rate=10.0))
+    >>> m
+    <Linkage crank_rocker: 3 moving links, 4 pairs, 1 driver; I(crank) -> II RRR(rocker, rod)>
+    """
+
+    def __init__(
+        self, name: str = "mechanism", *, title: str = "", gravity: complex | Sequence[float] = 0j
+    ) -> None:
+        self.name = name
+        self.title = title
+        self.gravity = Vector.parse(tuple(gravity) if isinstance(gravity, Sequence) else gravity)
+        self.links: dict[str, LinkGiven] = {}
+        self.joints: dict[str, JointGiven] = {}
+        self.drivers: dict[str, Any] = {}
+        self.loads: dict[str, Any] = {}
+        self.initial: dict[str, Initial] = {}
+        self.stops: dict[str, Stops] = {}
+        self.extras: dict[str, Any] = {}  # view, expect, source, notes: kept with the file
+        self.file = ""  # where the document was read from, for messages
+
+    # -- building ---------------------------------------------------------
+
+    def add_link(self, name: str, **properties: Given) -> None:
+        """Add a link: pose [m, m, rad], mass [kg], inertia [kg m2], cm [m], markers.
+
+        The fixed link is there from the start; ``add_link("frame", markers=...)`` gives it
+        markers. Raises `GraphError` for a taken name or properties that do not fit.
+        """
+        self._free("link", name, self.links)
+        self.links[name] = _made(LinkGiven, ("links", name), properties)
+
+    def add_joint(
+        self, name: str, kind: Literal["R", "P"], links: Sequence[str], at: Given, **more: Given
+    ) -> None:
+        """Add a joint between two links, or a pin ("R") of more.
+
+        ``at`` has a place [m] for each link, in its frame; a P joint adds ``angle`` [rad] or
+        ``dir`` for both, and ``slider``. Raises `GraphError` for what does not fit.
+        """
+        self._free("joint", name, self.joints)
+        given = {"type": kind, "links": list(links), "at": list(at), **more}
+        model: type[Strictly] = GuideGiven if kind == "P" else PinGiven
+        self.joints[name] = _made(model, ("joints", name), given)
+
+    def add_driver(self, name: str, joint: str, law: LawOfMotion | None = None) -> None:
+        """Drive the coordinate of a joint, by a law of motion if one is given.
+
+        The coordinate is the angle [rad] of the second link less that of the first (R), or
+        the distance [m] from the first link's point to the second's along the guide (P).
+        """
+        self._free("driver", name, self.drivers)
+        said = {} if law is None else plain(law, "law")
+        model = driver_model(said.pop("law", ""))
+        self.drivers[name] = _made(model, ("drivers", name), {"joint": joint, **said})
+
+    def add_load(self, name: str, kind: str, **keys: Given) -> None:
+        """Add a load of a kind such as "force" or "spring", by the keys of its file.
+
+        Raises `GraphError` for an unknown kind or keys that do not fit.
+        """
+        from blockmech.blocks.contract import REGISTRY
+
+        self._free("load", name, self.loads)
+        cls = REGISTRY.get(f"{LOADS}{kind}")
+        if cls is None or not issubclass(cls, Element):
+            raise GraphError(unknown_load(kind, f"loads.{name}.type"))
+        self.loads[name] = _made(load_model(cls), ("loads", name), keys)
+
+    def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
+        """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
+        self.initial[driver] = Initial(q=q, rate=rate)
+
+    def stop(self, driver: str, low: float | None = None, high: float | None = None) -> None:
+        """Give a driver end stops for free motion: lowest and highest coordinate [rad or m]."""
+        self.stops[driver] = Stops(**{"from": low, "to": high})
+
+    def _free(self, what: str, name: str, taken: Iterable[str]) -> None:
+        if not isinstance(name, str) or not is_name(name):
+            raise GraphError(bad_name(what, str(name)))
+        if name in taken:
+            raise GraphError(
+                Problem(
+                    "taken-name",
+                    f"{what}s.{name}",
+                    f"there is a {what} of that name",
+                    f"taken: {listed(taken)}",
+                    "choose another name",
+                )
+            )
+
+    # -- checking and using -----------------------------------------------
+
+    def check(self) -> list[Problem]:
+        """Everything that is wrong, as data; an empty list is a mechanism that works."""
+        from blockmech.model.joints.decompose import decompose
+
+        try:
+            decompose(self)
+        except GraphError as error:
+            return list(error.problems)
+        return []
+
+    def decompose(self, general: General = "") -> Decomposition:
+        """Drivers and Assur groups in formation order, as blocks.
+
+        Parameters
+        ----------
+        general : "groups" makes every Assur group a general one, "one" puts all that is no
+            driver in one general group; for comparison
+
+        Raises `GraphError` with all problems.
+        """
+        from blockmech.model.joints.decompose import decompose
+
+        return decompose(self, general)
+
+    def compile(self) -> Mechanism:
+        """Decompose the linkage and freeze it into a mechanism that computes.
+
+        Its outputs have the names of the document. Raises `GraphError` with all problems.
+        """
+        return self.decompose().compile()
+
+    def run(self, **request: Any) -> Any:
+        """Compile and run; see `Mechanism.run`."""
+        return self.compile().run(**request)
+
+    # -- files ------------------------------------------------------------
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Linkage:
+        """Read a joint-based file. Raises `FormatError` with all problems of the file."""
+        from blockmech.model.joints.document import load
+
+        return load(path)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the canonical file, atomically."""
+        from blockmech.model.joints.document import save
+
+        save(self, path)
+
+    def to_json(self) -> str:
+        """The canonical text of the file."""
+        from blockmech.model.joints.document import dumps
+
+        return dumps(self)
+
+    def __repr__(self) -> str:
+        pairs = sum(len(joint.links) - 1 for joint in self.joints.values())
+        moving = len([name for name in self.links if name != "frame"])
+        counts = f"{moving} moving links, {pairs} pairs, {len(self.drivers)} driver"
+        counts += "s" * (len(self.drivers) != 1)
+        try:
+            formula = str(self.decompose().formation)
+        except GraphError:
+            formula = "not complete: see check()"
+        return f"<Linkage {self.name}: {counts}; {formula}>"
+
+
+def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given]) -> Any:
+    """A part of the document. Raises `GraphError` with places in the document."""
+    from blockmech.model.problems import path_text
+
+    try:
+        return model(**given)
+    except GraphError as error:
+        where = path_text(path)
+        raise GraphError(
+            replace(p, where=p.where.replace(model.__name__, where, 1)) for p in error.problems
+        ) from None
+
+
+def bad_name(what: str, name: str, where: str = "") -> Problem:
+    """The problem of a name that could not stand in an address."""
+    found = f"{shown(name)} is not a {what} name"
+    return Problem("bad-name", where or name or '""', found, NAME_RULE, "choose another name")
+
+
+def unknown_load(kind: Any, where: str) -> Problem:
+    """The problem that names an unknown kind of load and its nearest relatives."""
+    kinds = load_kinds()
+    remedy = close_match(kind, kinds) if isinstance(kind, str) else ""
+    return Problem(
+        "wrong-value", where, f"no type {shown(kind)}", f"types: {listed(kinds)}", remedy
+    )

@@ -1,0 +1,304 @@
+"""``decompose``, and every other command on a file of links and joints."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+
+import blockmech as bm
+from blockmech.export import result_schema
+from tests.model.documents import DOCUMENTS, linkage, slider_crank
+
+
+@pytest.fixture
+def joints(tmp_path):
+    """A file of a slider-crank as links and joints, that expects two numbers of itself."""
+    document = slider_crank()
+    document["drivers"]["motor"].update({"from": 0.0, "to": 2 * math.pi})
+    document["initial"] = {"motor": {"q": 0.3, "rate": 1.0}}
+    document["expect"] = [
+        {
+            "source": "the crank's own motion, by hand",
+            "at": {"motor": [0.0, math.pi / 2]},
+            "want": {"link.rod.p": [[0.1, 0.0], [0.0, 0.1]], "driver.motor.rate": [3.0, 3.0]},
+            "atol": 1e-12,
+        }
+    ]
+    path = tmp_path / "crank.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+@pytest.fixture
+def locked(tmp_path):
+    """A file whose coupler is pinned to the frame as well."""
+    document = slider_crank()
+    document["joints"]["X"] = {
+        "type": "R",
+        "links": ["frame", "rod"],
+        "at": [[0.2, 0.1], [0.13, 0.06]],
+    }
+    path = tmp_path / "locked.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+# -- decompose ----------------------------------------------------------------------------
+
+
+def test_decompose_prints_the_formula_and_what_became_of_links_and_joints(call, joints):
+    said = call("decompose", joints)
+    assert (said.code, said.err) == (0, "")
+    lines = said.out.splitlines()
+    assert lines[:2] == [
+        "slider_crank: I(crank) -> II RRP(rod, piston)",
+        "3 moving links, 4 pairs, mobility 1",
+    ]
+    rows = [line.split() for line in lines]
+    for row in (
+        ["crank", "motor.crank"],
+        ["rod", "rod_piston.i"],
+        ["piston", "rod_piston.j"],
+        ["A", "rod_piston.B", "R"],
+        ["S", "rod_piston.S", "P"],
+        ["motor", "motor.q"],
+    ):
+        assert row in rows
+
+
+def test_decompose_writes_a_graph_that_computes_the_same(call, joints, tmp_path):
+    graph = tmp_path / "graph.json"
+    said = call("decompose", joints, "-o", graph)
+    assert (said.code, said.err) == (0, "")
+    assert said.out.splitlines()[-1] == f"wrote {graph}"
+    assert call("check", graph).code == 0
+    one = bm.Graph.load(graph).run(samples=7)
+    other = bm.Linkage.load(joints).run(samples=7)
+    assert np.array_equal(one["motor.drive"], other["driver.motor.drive"])
+    assert np.array_equal(one["rod_piston.S.N"], other["joint.S.N"])
+
+
+@pytest.mark.parametrize("general", ["groups", "one"])
+def test_decompose_makes_general_groups_where_they_are_asked_for(call, joints, tmp_path, general):
+    graph = tmp_path / "graph.json"
+    said = call("decompose", joints, "--general", general, "-o", graph)
+    assert (said.code, said.err) == (0, "")
+    types = {block["type"] for block in json.loads(graph.read_text())["blocks"].values()}
+    assert types == {"frame", "driver.crank", "group.general", "load.force"}
+
+
+def test_decompose_gives_data(call, joints):
+    said = call("decompose", joints, "--json")
+    found = json.loads(said.out)
+    assert found["formation"] == "I(crank) -> II RRP(rod, piston)"
+    assert found["links"]["rod"] == "rod_piston.i"
+    assert found["joints"]["S"] == {"pairs": ["rod_piston.S"], "turned": False}
+    assert found["drivers"]["motor"] == {"driver": "motor", "sign": 1, "offset": 0.0}
+    assert found["mobility"] == 1
+
+
+def test_decompose_writes_nothing_where_the_links_are_no_mechanism(call, locked, tmp_path):
+    graph = tmp_path / "graph.json"
+    said = call("decompose", locked, "-o", graph)
+    assert said.code == 2
+    assert str(locked) in said.err
+    assert "rod" in said.err
+    assert "Traceback" not in said.err
+    assert not graph.exists()
+
+
+def test_decompose_spares_the_file_that_it_reads(call, joints):
+    before = joints.read_bytes()
+    said = call("decompose", joints, "-o", joints)
+    assert said.code == 2
+    assert joints.read_bytes() == before
+
+
+def test_decompose_refuses_a_graph_and_a_file_that_is_not_there(call, ruiz, tmp_path):
+    said = call("decompose", ruiz)
+    assert said.code == 2
+    assert "graph of blocks already" in said.err
+    assert call("decompose", tmp_path / "missing.json").code == 2
+
+
+# -- check --------------------------------------------------------------------------------
+
+
+def test_check_tells_the_formation_sequence_and_the_mobility(call, joints):
+    said = call("check", joints)
+    assert (said.code, said.err) == (0, "")
+    assert "I(crank) -> II RRP(rod, piston)" in said.out
+    assert "mobility 1" in said.out
+    facts = json.loads(call("check", joints, "--json").out)
+    assert facts["formula"] == "I(crank) -> II RRP(rod, piston)"
+    assert (facts["links"], facts["pairs"], facts["mobility"], facts["ok"]) == (3, 4, 1, True)
+
+
+def test_check_tells_what_keeps_links_from_being_a_mechanism(call, locked):
+    said = call("check", locked)
+    assert (said.code, said.out) == (2, "")
+    assert "over-constrained" in said.err
+    data = json.loads(call("check", locked, "--json").out)
+    assert data["ok"] is False
+    assert data["problems"][0]["file"] == str(locked)
+
+
+def test_a_slip_in_the_document_is_one_clear_message(call, joints):
+    document = json.loads(joints.read_text())
+    document["joints"]["A"]["links"][1] = "rodd"
+    joints.write_text(json.dumps(document))
+    for command in ("check", "decompose", "run"):
+        said = call(command, joints)
+        assert said.code == 2
+        assert "joints.A.links[1]" in said.err
+        assert '"rod"' in said.err
+
+
+# -- the other commands ---------------------------------------------------------------------
+
+
+def test_run_takes_drivers_and_outputs_by_the_documents_names(call, joints):
+    said = call("run", joints, "--at", "motor=0,90deg", "--want", "link.rod.p,joint.S.N", "--json")
+    assert (said.code, said.err) == (0, "")
+    found = json.loads(said.out)
+    Draft202012Validator(result_schema()).validate(found)
+    assert found["drivers"] == {"driver.motor.q": [0.0, math.pi / 2]}
+    assert set(found["outputs"]) == {"link.rod.p", "joint.S.N"}
+    assert (found["outputs"]["joint.S.N"]["by"], found["outputs"]["joint.S.N"]["on"]) == (
+        "frame",
+        "piston",
+    )
+    assert set(found["quality"]["margin"]) == {"rod_piston"}
+
+
+def test_run_refuses_names_that_the_document_does_not_have(call, joints):
+    said = call("run", joints, "--at", "crank=0")
+    assert said.code == 2
+    assert 'no driver "crank"' in said.err
+    said = call("run", joints, "--want", "joint.Q.reaction")
+    assert said.code == 2
+    assert "joint.S.reaction" in said.err
+
+
+def test_run_writes_files(call, joints, tmp_path):
+    out = tmp_path / "results"
+    assert call("run", joints, "--samples", "13", "--out", out).code == 0
+    assert {"results.csv", "result.json", "reactions.png"} <= {p.name for p in out.iterdir()}
+    with (out / "results.csv").open(newline="") as stream:
+        head = next(csv.reader(stream))
+    assert head[:2] == ["driver.motor.q [rad]", "time [s]"]
+    assert "joint.A.reaction.x [N]" in head
+    plot = tmp_path / "plot.png"
+    assert call("run", joints, "--want", "joint.*.reaction", "--plot", plot).code == 0
+    assert plot.stat().st_size > 0
+
+
+def test_run_explains_what_the_documents_outputs_cost(call, joints):
+    said = call("run", joints, "--explain", "--want", "driver.motor.drive,link.rod.p")
+    assert (said.code, said.err) == (0, "")
+    assert "driver.motor.drive" in said.out
+
+
+def test_a_gap_names_the_group_with_its_links(call, joints):
+    document = json.loads(joints.read_text())
+    document["joints"]["S"]["at"][0] = [0.3, 0.25]  # the guide is out of reach half of the turn
+    document["links"]["crank"]["pose"] = [0, 0, 1.5]
+    document["links"]["rod"]["pose"] = [0.0, 0.1, 0.6]
+    document["links"]["piston"]["pose"] = [0.26, 0.26, 0.1]
+    joints.write_text(json.dumps(document))
+    said = call("run", joints, "--samples", "9", "--want", "link.piston.p")
+    assert said.code == 1
+    assert "no-assembly at rod_piston (rod, piston)" in said.out
+    assert "driver.motor.q" in said.out
+
+
+def test_simulate_moves_the_documents_driver(call, joints):
+    said = call("simulate", joints, "--until", "time=0.1", "--friction", "none", "--json")
+    assert said.code == 0
+    found = json.loads(said.out)
+    Draft202012Validator(result_schema()).validate(found)
+    assert found["drivers"]["driver.motor.q"][0] == 0.3
+    assert set(found["outputs"]) == {"driver.motor.q", "driver.motor.rate"}
+
+
+def test_simulate_names_the_joints_whose_friction_it_refuses(call, joints):
+    said = call("simulate", joints, "--until", "time=0.1")
+    assert said.code == 2
+    assert "joint.S" in said.err
+
+
+def test_simulate_writes_pictures(call, joints, tmp_path):
+    out = tmp_path / "motion"
+    words = ("--until", "time=0.05", "--friction", "none", "--out", out)
+    assert call("simulate", joints, *words).code == 0
+    assert {"motion.png", "phase.png", "animation.gif"} <= {p.name for p in out.iterdir()}
+
+
+def test_verify_tells_links_of_the_document(call, joints):
+    said = call("verify", joints)
+    assert (said.code, said.err) == (0, "")
+    assert "forces on piston" in said.out
+    assert "two routes to driver.motor.drive" in said.out
+
+
+def test_limits_and_extremes_speak_of_the_documents_driver(call, joints):
+    said = call("limits", joints)
+    assert (said.code, said.out) == (0, "driver.motor.q: turns fully\n")
+    said = call("limits", joints, "--driver", "motor", "--json")
+    assert json.loads(said.out)["limits"][0]["driver"] == "driver.motor.q"
+    said = call("extremes", joints, "link.piston.p.x", "joint.B.reaction")
+    assert said.code == 0
+    assert "link.piston.p.x  minimum" in said.out
+    said = call("extremes", joints, "--stroke", "link.piston.p")
+    assert "driver.motor.q" in said.out
+
+
+@pytest.mark.parametrize(
+    ("picture", "more"),
+    [
+        ("diagram.svg", ()),
+        ("mechanism.svg", ("--kind", "mechanism")),
+        ("poses.png", ("--at", "0.5,1.5")),
+        ("moving.gif", ()),
+    ],
+)
+def test_draw_draws_links_and_joints(call, joints, tmp_path, picture, more):
+    path = tmp_path / picture
+    said = call("draw", joints, "-o", path, *more)
+    assert (said.code, said.out) == (0, f"wrote {path}\n")
+    if path.suffix == ".svg":
+        text = path.read_text()
+        assert all(re.search(rf"\b{word}\b", text) for word in ("rod", "piston"))
+
+
+def test_trade_measures_the_documents_outputs(call, joints):
+    words = ("--want", "joint.A.reaction", "--samples", "20", "--budget", "1s", "--json")
+    said = call("trade", joints, *words)
+    assert said.code == 0
+    assert "joint.A.reaction" in said.out
+
+
+def test_expected_numbers_of_a_document_are_tests(call, joints):
+    said = call("test", joints)
+    assert (said.code, said.err) == (0, "")
+    assert "expect[0]: 4 numbers" in said.out
+    document = json.loads(joints.read_text())
+    document["expect"][0]["want"]["driver.motor.rate"] = [3.0, 3.5]
+    joints.write_text(json.dumps(document))
+    assert call("test", joints).code == 1
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_every_document_runs_and_verifies_from_the_command_line(call, tmp_path, name):
+    path = tmp_path / f"{name}.json"
+    linkage(DOCUMENTS[name]()).save(path)
+    assert call("run", path, "--samples", "5").code == 0
+    assert call("verify", path).code == 0
+    assert call("draw", path, "-o", tmp_path / "picture.png", "--kind", "mechanism").code == 0
+    assert call("draw", path, "-o", tmp_path / "diagram.png").code == 0

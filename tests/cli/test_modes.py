@@ -1,0 +1,66 @@
+"""``blockmech modes``: the modes that Python finds, as text and as JSON."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import blockmech as bm
+from tests.modes import machines
+
+
+def found(file, *at, **more):
+    """What Python finds."""
+    return bm.Graph.load(file).compile().modes(*at, **more)
+
+
+@pytest.fixture
+def triad(tmp_path):
+    """A file of a crank and a triad."""
+    path = tmp_path / "triad.json"
+    path.write_text(json.dumps(machines.overturned()), encoding="utf-8")
+    return path
+
+
+def test_modes_prints_branches_arcs_and_what_merges(call, short):
+    said = call("modes", short)
+    assert said.code == 0
+    assert said.out == f"{found(short)}\n"
+    assert '"branch": -1' in said.out
+    assert "no mode: it cannot close" in call("modes", short, "--at", "90deg").out
+    assert "merges with arc 2" in said.out
+
+
+def test_angles_in_degrees_on_request(call, short):
+    said = call("modes", short, "--at", "60deg", "--deg")
+    assert "crank.q = 60 deg: 2 modes" in said.out
+
+
+def test_modes_as_json_are_those_of_python(call, triad):
+    told = json.loads(call("modes", triad, "--at", "2.8,5", "--json").out)
+    assert told == {"file": str(triad), **found(triad, [2.8, 5.0]).to_dict()}
+    homes = [m["put"]["home"]["drivers"] for m in told["groups"][0]["samples"][0]]
+    assert homes == [{"crank": 2.8}] * 4
+
+
+def test_without_arcs_only_the_modes_are_listed(call, triad):
+    said = call("modes", triad, "--no-arcs", "--group", "triad")
+    assert said.out == f"{found(triad, arcs=False)}\n"
+    assert "along" not in said.out
+
+
+def test_with_two_drivers_arcs_are_along_the_one_that_is_named(call, fivebar):
+    at = ("--at", "left=0", "--at", "right=60deg")
+    assert "along" not in call("modes", fivebar, *at).out
+    assert "along right.q" in call("modes", fivebar, *at, "--driver", "right").out
+
+
+def test_wrong_calls_say_what_to_do(call, fivebar, short):
+    said = call("modes", fivebar)
+    assert said.code == 2
+    assert said.err.count("nothing says where this driver stands") == 2
+    said = call("modes", short, "--json", "--deg")
+    assert (said.code, "SI units" in said.err) == (2, True)
+    said = call("modes", short, "--group", "dyd")
+    assert (said.code, 'did you mean "dyad"' in said.err) == (2, True)

@@ -1,0 +1,428 @@
+"""From links and joints to blocks: which blocks, which names, whatever the file's order."""
+
+from __future__ import annotations
+
+import cmath
+import copy
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.blocks.contract import REGISTRY
+from blockmech.model.joints.contents import load_kinds
+from blockmech.model.joints.document import loads
+from tests.model.joints import machines
+from tests.model.joints.chance import shuffled
+from tests.model.joints.machines import guide, joints_file, pin, turned_round
+
+DATA = Path(__file__).resolve().parents[2] / "data"
+ANDREWS = json.loads((DATA / "andrews_squeezer.json").read_text("utf-8"))["document"]
+
+ROUNDING = 1e-12  # [-] of the largest of a kind: some roundings, twice
+
+
+def read(data):
+    return loads(json.dumps(data))
+
+
+def blocks(data, general=""):
+    return read(data).decompose(general).data["blocks"]
+
+
+def types(data, general=""):
+    return [block["type"] for block in blocks(data, general).values()]
+
+
+# ---- the example of the format ------------------------------------------------------------
+
+
+def hand_wired():
+    """The slider-crank of the format as blocks wired by hand."""
+    graph = bm.Graph("slider_crank", gravity=(0.0, -9.81))
+    pin_friction = bm.Coulomb(coefficient=0.1, radius=0.01)
+    graph.add("frame", bm.Frame(markers={"O": (0, 0), "S": bm.Marker(at=(0, 0), angle=0.0)}))
+    crank = bm.Link(mass=1.0, inertia=0.01, cm=(0.05, 0.0))
+    graph.add("motor", bm.Crank(length=0.1, links={"crank": crank}))
+    rod = bm.Link(mass=2.0, inertia=0.05, cm=(0.15, 0.0))
+    piston = bm.Link(mass=1.5, inertia=0.002)
+    friction = {"B": pin_friction, "S": bm.Coulomb(coefficient=0.1)}
+    graph.add("dyad", bm.RRP(l=0.3, links={"i": rod, "j": piston}, friction=friction))
+    graph.add("gas", bm.Force(force=(-500.0, 0.0)))
+    for wire in (
+        *("frame.O motor.A", "motor.B dyad.B", "frame.S dyad.S"),
+        "dyad.j gas.at",
+    ):
+        graph.connect(*wire.split())
+    graph.drive("motor", bm.ConstantRate(rate=100.0))
+    return graph.compile()
+
+
+SAME = {
+    "link.rod.p": "dyad.B.p",
+    "link.rod.omega": "dyad.i.omega",
+    "link.piston.a": "dyad.j.a",
+    "joint.O.reaction": "motor.A.reaction",
+    "joint.A.reaction": "dyad.B.reaction",
+    "joint.A.friction": "dyad.B.friction",
+    "joint.B.reaction": "dyad.C.reaction",
+    "joint.S.N": "dyad.S.N",
+    "joint.S.C": "dyad.S.C",
+    "joint.S.friction": "dyad.S.friction",
+    "driver.motor.drive": "motor.drive",
+    "driver.motor.J_red": "motor.J_red",
+}
+
+
+def test_the_example_is_the_mechanism_wired_by_hand():
+    at = np.linspace(0.1, 6.2, 40)
+    made = read(machines.SLIDER_CRANK).compile().run(at=at)
+    wired = hand_wired().run(at=at)
+    for ours, theirs in SAME.items():
+        scale = np.abs(wired[theirs]).max()
+        assert np.abs(made[ours] - wired[theirs]).max() <= ROUNDING * max(scale, 1e-6), ours
+
+
+def test_the_example_becomes_a_crank_and_an_rrp_dyad():
+    found = blocks(machines.SLIDER_CRANK)
+    assert {name: block["type"] for name, block in found.items()} == {
+        "frame": "frame",
+        "motor": "driver.crank",
+        "rod_piston": "dyad.rrp",
+        "gas": "load.force",
+    }
+    assert found["motor"]["length"] == 0.1
+    dyad = found["rod_piston"]
+    assert {key: dyad[key] for key in ("l", "h", "branch", "x_S")} == {
+        "l": 0.3,
+        "h": 0.0,
+        "branch": 1,
+        "x_S": 0.0,
+    }
+
+
+def test_the_graph_can_be_saved_and_says_the_same(tmp_path):
+    made = read(machines.SLIDER_CRANK).decompose()
+    made.graph.save(tmp_path / "graph.json")
+    loaded = bm.Graph.load(tmp_path / "graph.json")
+    assert loaded.to_json() == made.graph.to_json()
+    assert loaded.structure().mobility == 1
+
+
+def test_names_and_signs_are_those_of_the_document_whichever_link_is_named_first():
+    at = np.linspace(0.1, 6.2, 12)
+    straight = read(machines.SLIDER_CRANK).compile().run(at=at)
+    for joint in ("O", "A", "B", "S"):
+        round_ = turned_round(machines.SLIDER_CRANK, joint)
+        turned = read(round_).compile()
+        sign = -1.0 if joint == "O" else 1.0  # the driver's joint, so q is counted the other way
+        found = turned.run(at=sign * at, rates=sign * 100.0, accelerations=0.0)
+        for name in straight:
+            if not name.startswith(("link.", "joint.")):
+                continue
+            mirrored = name.startswith(f"joint.{joint}.") and not name.endswith("power")
+            wanted = -straight[name] if mirrored else straight[name]
+            scale = max(np.abs(wanted).max(), 1.0)
+            assert np.abs(found[name] - wanted).max() <= ROUNDING * scale, (joint, name)
+        drive = found["driver.motor.drive"]
+        scale = np.abs(drive).max()
+        assert np.abs(drive - sign * straight["driver.motor.drive"]).max() <= ROUNDING * scale
+
+
+# ---- which blocks -------------------------------------------------------------------------
+
+
+def dyad_file(letters):
+    """A crank at one radian and a dyad between it and the frame, in its own odd frames."""
+    outer_1, inner, outer_2 = letters
+    tip = cmath.exp(1j)
+    i, j = (tip + 0.4 + 0.1j, 0.3), (1.9 + 0.2j, 1.2)
+
+    def on(pose, z):
+        w = (z - pose[0]) * cmath.exp(-1j * pose[1])
+        return w.real, w.imag
+
+    frame, crank = (0j, 0.0), (0j, 1.0)
+
+    def joint(kind, a, b, names, z, direction):
+        if kind == "R":
+            return pin(*names, on(a, z), on(b, z))
+        at = on(a, z), on(b, z + 0.2 * cmath.exp(1j * direction))
+        return guide(*names, *at, (direction - a[1], direction - b[1]))
+
+    joints = {
+        "O": pin("frame", "crank", (0, 0), (0, 0)),
+        "U": joint(outer_1, crank, i, ("crank", "i"), tip, 0.2),
+        "V": joint(inner, i, j, ("i", "j"), 1.7 + 1.4j, 1.0),
+        "W": joint(outer_2, frame, j, ("frame", "j"), 2.2 + 0j, 2.2),
+    }
+    poses = {"crank": (0, 0, 1.0), "i": (i[0].real, i[0].imag, i[1])}
+    poses["j"] = (j[0].real, j[0].imag, j[1])
+    return joints_file(poses, joints, {"motor": "O"})
+
+
+@pytest.mark.parametrize("letters", ["RRR", "RRP", "RPR", "PRP", "RPP", "PRR", "PPR"])
+def test_a_dyad_is_its_closed_form_block(letters):
+    kind = letters if letters not in ("PRR", "PPR") else letters[::-1]
+    assert types(dyad_file(letters)) == ["frame", "driver.crank", f"dyad.{kind.lower()}"]
+
+
+@pytest.mark.parametrize("letters", ["RRR", "RRP", "RPR", "PRP", "RPP"])
+def test_lengths_are_those_of_the_document_and_not_of_its_pose(letters):
+    exact = dyad_file(letters)
+    rough = copy.deepcopy(exact)
+    for link in rough["links"].values():
+        link["pose"] = [x + 0.003 for x in link["pose"]]
+    assert blocks(exact)["i_j"] == blocks(rough)["i_j"]
+
+
+def test_the_assembly_mode_is_that_of_the_pose():
+    up = machines.fourbar()
+    down = copy.deepcopy(up)
+    down["links"]["rod"]["pose"][2], down["links"]["rocker"]["pose"][2] = -0.97, -2.55
+    assert blocks(up)["rocker_rod"]["branch"] == -blocks(down)["rocker_rod"]["branch"]
+
+
+def test_a_driven_joint_on_a_moving_link_is_a_driving_link_there():
+    data = machines.fourbar()
+    data["links"]["arm"] = {"pose": [1.7, 1.2, 0.2]}
+    data["joints"]["E"] = pin("rod", "arm", (1.2, 0), (0, 0))
+    data["drivers"]["wrist"] = {"joint": "E"}
+    found = read(data).decompose()
+    assert found.data["blocks"]["wrist"]["type"] == "driver.crank"
+    assert {"from": "rocker_rod.E", "to": "wrist.A"} in found.data["wires"]
+
+
+def lift(rod_off=0.0, angle=(0.0, 0.0)):
+    """A cylinder between the frame and an arm."""
+    u = cmath.exp(1j * cmath.phase(2 + 1j))
+    o = 2.0 + 1j - 1.2 * u
+    return joints_file(
+        {
+            "barrel": (0, 0, cmath.phase(u)),
+            "rod": (o.real, o.imag, cmath.phase(u)),
+            "arm": (2, 0, math.pi / 2),
+        },
+        {
+            "B": pin("frame", "barrel", (0, 0), (0, 0)),
+            "S": guide("barrel", "rod", (0.2, 0), (0, 0), angle),
+            "C": pin("rod", "arm", (1.2, rod_off), (1, 0)),
+            "D": pin("frame", "arm", (2, 0), (0, 0)),
+        },
+        {"jack": "S"},
+    )
+
+
+def test_a_driven_length_between_pivots_is_a_cylinder():
+    found = read(lift()).decompose()
+    name, block = next((n, b) for n, b in found.data["blocks"].items() if n != "frame")
+    assert block["type"] == "driven.rrr"
+    driver = found.names.drivers["jack"]
+    assert (driver.driver, driver.sign) == (name, 1)
+    assert driver.offset == pytest.approx(-0.2 - 1.2, rel=1e-15)
+
+
+def test_a_cylinder_whose_line_points_the_other_way_drives_the_same():
+    straight = read(lift()).compile()
+    turned = read(lift(angle=(math.pi, math.pi))).decompose()
+    assert turned.data["blocks"]["barrel_rod_arm"]["type"] == "driven.rrr"
+    assert turned.names.joints["S"].turned
+    for s in (0.7, 0.9):
+        one = straight.run(at={"jack": s}, rates={"jack": 1.0})
+        other = turned.compile().run(at={"jack": -s}, rates={"jack": -1.0})
+        assert one["link.arm.angle"] == pytest.approx(other["link.arm.angle"], abs=ROUNDING)
+        assert one["joint.S.slip"] == pytest.approx(-other["joint.S.slip"], abs=ROUNDING)
+
+
+def test_a_cylinder_pinned_off_its_line_is_a_general_group():
+    found = read(lift(rod_off=0.05)).decompose()
+    assert "group.general" in types(lift(rod_off=0.05))
+    assert found.names.drivers["jack"].driver == "barrel_rod_arm.S"
+    assert found.data["blocks"]["barrel_rod_arm"]["home"]["drivers"].keys() == {"barrel_rod_arm.S"}
+
+
+def test_a_general_group_knows_all_drivers_on_which_it_depends():
+    data = read(machines.fourbar()).decompose("groups").data
+    home = data["blocks"]["rocker_rod"]["home"]
+    assert home["drivers"] == {"motor": pytest.approx(1.0)}
+    assert set(home["poses"]) == {"rod", "rocker"}
+
+
+def test_a_motor_that_follows_the_angle_of_links_leaves_their_frames_alone():
+    """Its law is of an angle between -pi and pi, which depends on the frames."""
+    law = {"kind": "polynomial", "coefficients": [0.0, -3.0]}
+    data = machines.fourbar()
+    data["joints"]["C"]["at"] = [[1.5, 2.0], [0, 2]]
+    data["joints"]["D"]["at"][1] = [0, 0]
+    data["links"]["rod"]["pose"][2] -= math.atan2(2.0, 1.5)
+    data["links"]["rocker"]["pose"][2] -= math.pi / 2
+    motor, spring = copy.deepcopy(data), copy.deepcopy(data)
+    motor["loads"] = {"m": {"type": "motor", "links": ["rod", "rocker"], "law": law}}
+    spring["loads"] = {"m": {"type": "torsion_spring", "joint": "C", "stiffness": 3.0}}
+    assert "group.general" in types(motor)
+    assert "dyad.rrr" in types(spring)
+    found, wanted = (
+        read(d).compile().run(at={"motor": 1.1}, rates={"motor": 0.0}) for d in (motor, spring)
+    )
+    for name in ("driver.motor.drive", "joint.B.reaction", "joint.D.reaction"):
+        assert np.abs(found[name] - wanted[name]).max() <= ROUNDING * np.abs(wanted[name]).max()
+
+
+# ---- laws and coordinates -----------------------------------------------------------------
+
+LAWS = {
+    "constant_rate": {"rate": 2.0, "from": 0.5, "to": 1.5},
+    "rate_acceleration": {"rate": 1.0, "acceleration": 3.0, "from": 0.5, "to": 1.5},
+    "harmonic": {"mean": 1.0, "amplitude": 0.3, "frequency": 2.0, "phase": 0.4},
+    "cycloidal": {"from": 0.5, "to": 1.5, "duration": 0.7},
+    "table": {"times": [0.0, 0.2, 0.5, 0.7], "values": [0.5, 0.8, 1.3, 1.5]},
+}
+
+
+def mirrored(law):
+    """The law of the opposite coordinate."""
+    signed = {"rate", "acceleration", "from", "to", "mean", "amplitude"}
+    found = {key: -x if key in signed else x for key, x in law.items()}
+    return found | ({"values": [-x for x in law["values"]]} if "values" in law else {})
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_driver_moves_as_its_law_says_whichever_link_its_joint_names_first(law):
+    straight = machines.fourbar()
+    straight["drivers"]["motor"] |= {"law": law, **LAWS[law]}
+    turned = turned_round(machines.fourbar(), "A")
+    turned["drivers"]["motor"] |= {"law": law, **mirrored(LAWS[law])}
+    times = [0.0, 0.15, 0.3]
+    one, other = (read(d).compile().run(times=times) for d in (straight, turned))
+    for quantity in ("q", "rate", "acceleration"):
+        name = f"driver.motor.{quantity}"
+        assert other[name] == pytest.approx(-one[name], abs=ROUNDING)
+    assert other["link.rocker.alpha"] == pytest.approx(one["link.rocker.alpha"], rel=1e-9)
+
+
+OF_THE_DRIVER = {
+    "polynomial": {"coefficients": [1.0, 2.0, -0.5]},
+    "table": {"arguments": [-2.5, -1.5, -0.5, 0.0], "values": [1.0, 3.0, 2.0, 0.0]},
+    "fourier": {"mean": 1.0, "cosines": [0.5, 0.2], "sines": [0.3]},
+}
+
+
+@pytest.mark.parametrize("kind", OF_THE_DRIVER)
+def test_a_load_follows_the_coordinate_of_the_document(kind):
+    data = turned_round(machines.fourbar(), "A")  # the graph counts the opposite
+    law = {"kind": kind, **OF_THE_DRIVER[kind]}
+    load = {"type": "motor", "links": ["frame", "crank"], "law": law, "driver": "motor"}
+    data["loads"] = {"m": load}
+    q = np.array([-2.1, -1.2, -0.7])
+    run = read(data).compile().run(at={"motor": q}, rates={"motor": 0.0})
+    x = {"polynomial": lambda: 1.0 + 2.0 * q - 0.5 * q * q, "fourier": lambda: series(q)}
+    wanted = x.get(kind, lambda: spline(q))()
+    assert run["driver.motor.drive"] == pytest.approx(wanted, abs=1e-13)  # drives second on first
+
+
+def series(q):
+    return 1.0 + 0.5 * np.cos(q) + 0.2 * np.cos(2 * q) + 0.3 * np.sin(q)
+
+
+def spline(q):
+    from scipy.interpolate import CubicSpline
+
+    said = OF_THE_DRIVER["table"]
+    return CubicSpline(said["arguments"], said["values"])(q)
+
+
+def test_a_cylinder_s_gas_follows_its_stroke_and_not_the_length_of_the_block():
+    law = {"kind": "polynomial", "coefficients": [10.0, 4.0, 2.0]}
+    data = lift()
+    data["loads"] = {"g": {"type": "motor", "joint": "S", "law": law, "driver": "jack"}}
+    s = np.array([0.6, 0.8])
+    run = read(data).compile().run(at={"jack": s}, rates={"jack": 0.0})
+    assert run["driver.jack.drive"] == pytest.approx(-(10 + 4 * s + 2 * s * s), rel=1e-12)
+
+
+# ---- names --------------------------------------------------------------------------------
+
+
+def test_names_that_blocks_use_themselves_do_no_harm():
+    """Links, joints, drivers, loads and markers called as blocks call theirs."""
+    data = machines.fourbar()
+    renamed = {"crank": "B", "rod": "i", "rocker": "j"}
+    data["links"] = {renamed[name]: link for name, link in data["links"].items()}
+    for joint in data["joints"].values():
+        joint["links"] = [renamed.get(name, name) for name in joint["links"]]
+    data["links"]["i"]["markers"] = {"C": {"at": [0.5, 0.5]}, "j": {"at": [1, 0], "angle": 0.5}}
+    data["links"]["frame"] = {"markers": {"A": {"at": [3, 3]}, "frame": {"at": [1, 1]}}}
+    data["drivers"] = {"frame": {"joint": "A"}}
+    data["loads"] = {"frame": {"type": "force", "link": "i", "at": [0.5, 0.5], "force": [1, 0]}}
+    for general in ("", "groups", "one"):
+        run = read(data).decompose(general).compile().run(at={"frame": 1.0}, rates={"frame": 0.0})
+        i = run["link.i.p"][0], run["link.i.angle"][0]
+        wanted = i[0] + (0.5 + 0.5j) * cmath.exp(1j * i[1])
+        assert run["link.i.C.p"][0] == pytest.approx(wanted, abs=ROUNDING)
+        assert run["link.frame.A.p"][0] == 3 + 3j
+        assert run["link.frame.frame.p"][0] == 1 + 1j
+
+
+def test_a_pin_of_four_links_reports_the_force_on_each_but_the_first():
+    andrews = json.loads(json.dumps(ANDREWS))
+    names = ["P23", "P24", "P26"]
+    pins = [andrews["joints"].pop(name) for name in names]
+    for order in ((2, 0, 1, 3), (1, 2, 3, 0)):
+        links = ["2", *(p["links"][1] for p in pins)]
+        at = [pins[0]["at"][0], *(p["at"][1] for p in pins)]
+        data = copy.deepcopy(andrews)
+        data["joints"]["P"] = {
+            "type": "R",
+            "links": [links[k] for k in order],
+            "at": [at[k] for k in order],
+        }
+        made = read(data)
+        assert made.decompose().formation.units[1].kind == "RRR"
+        ask = {"at": {"drive": 0.3}, "rates": {"drive": 40.0}, "accelerations": {"drive": -90.0}}
+        found, wanted = made.compile().run(**ask), read(ANDREWS).compile().run(**ask)
+        on = {
+            p["links"][1]: wanted[f"joint.{n}.reaction"][0]
+            for n, p in zip(names, pins, strict=True)
+        }
+        on["2"] = -sum(on.values())
+        for k in order[1:]:
+            force = found[f"joint.P.{links[k]}.reaction"][0]
+            assert abs(force - on[links[k]]) <= ROUNDING * max(map(abs, on.values()))
+
+
+# ---- size ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [30, 1000])
+def test_a_long_chain_in_shuffled_order_is_a_chain_of_dyads(number):
+    found = read(shuffled(machines.chain(number), 5)).decompose()
+    graph = found.graph
+    assert graph.check() == []
+    kinds = [unit.kind for unit in found.formation.units]
+    assert kinds == ["driver"] + ["RRR"] * number
+    structure = graph.structure()
+    assert len(structure.blocks) == number + 1
+    assert structure.mobility == 1
+    assert len(found.names.links) == 2 * number + 1
+
+
+def test_every_load_of_the_registry_is_a_load_of_documents():
+    known = {name.removeprefix("load.") for name in REGISTRY if name.startswith("load.")}
+    assert set(load_kinds()) == known
+    assert {"force", "couple", "spring", "thrust", "torsion_spring", "motor"} <= known
+
+
+def test_whole_turns_in_poses_do_not_lengthen_the_way_from_home():
+    """A pose of two turns more is the same pose: no way leads there through dead centres."""
+    plain, wound = machines.fourbar(), machines.fourbar()
+    wound["links"]["crank"]["pose"][2] += 4 * math.pi
+    wound["links"]["rod"]["pose"][2] -= 2 * math.pi
+    one, other = (read(d).decompose("groups") for d in (plain, wound))
+    assert other.data["blocks"]["rocker_rod"]["home"]["drivers"] == {"motor": pytest.approx(1.0)}
+    at = {"motor": [0.6, 1.4]}
+    for name in ("link.rocker.angle", "link.rod.p"):
+        found, wanted = (d.compile().run(at=at, rates={"motor": 0.0})[name] for d in (other, one))
+        assert found == pytest.approx(wanted, abs=ROUNDING)

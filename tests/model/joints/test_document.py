@@ -1,0 +1,241 @@
+"""The joint-based file: strict when read, canonical when written, and made in Python as well."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+import blockmech as bm
+from blockmech.model.joints import document
+from blockmech.model.joints.diagnosis import CODES
+from blockmech.model.joints.schema import joints_schema
+from blockmech.model.problems import FILE_CODES
+from tests.model.joints import machines
+from tests.model.joints.chance import document as random_document
+
+ROOT = Path(__file__).resolve().parents[3]
+ANDREWS = json.loads((ROOT / "tests" / "data" / "andrews_squeezer.json").read_text("utf-8"))
+
+
+def read(data):
+    return document.loads(json.dumps(data))
+
+
+def problems_of(data):
+    with pytest.raises(bm.FormatError) as caught:
+        read(data)
+    return list(caught.value.problems)
+
+
+GOOD = {
+    "slider-crank": machines.SLIDER_CRANK,
+    "andrews": ANDREWS["document"],
+    "random": random_document(3, ("dyad", "cylinder", "fork", "triad"), loads=6),
+}
+
+
+@pytest.mark.parametrize("data", GOOD.values(), ids=list(GOOD))
+def test_a_file_keeps_its_content_and_then_its_bytes(data):
+    text = document.dumps(read(data))
+    kept = json.loads(text)
+    for section in ("links", "joints", "drivers", "loads"):
+        assert kept.get(section, {}) == data.get(section, {})
+    assert document.dumps(document.loads(text)) == text
+
+
+def test_saving_and_loading_a_file(tmp_path):
+    path = tmp_path / "linkage.json"
+    made = read(machines.SLIDER_CRANK)
+    made.save(path)
+    loaded = bm.Linkage.load(path)
+    assert loaded.file == str(path)
+    assert loaded.to_json() == made.to_json()
+
+
+def test_the_sections_that_are_not_computed_with_travel_along():
+    more = {
+        "title": "An example",
+        "initial": {"motor": {"q": 0.5, "rate": 2.0}},
+        "stops": {"motor": {"from": -1.0, "to": 4.0}},
+        "expect": [
+            {
+                "source": "by hand",
+                "at": {"motor": [0]},
+                "want": {"link.crank.angle": [0]},
+                "atol": 0,
+            }
+        ],
+        "source": "a book",
+        "notes": ["one", "two"],
+    }
+    kept = json.loads(document.dumps(read(machines.SLIDER_CRANK | more)))
+    assert {key: kept[key] for key in more} == more
+
+
+def test_made_in_python_it_is_the_same_document():
+    said = machines.SLIDER_CRANK
+    made = bm.Linkage("slider_crank", gravity=(0.0, -9.81))
+    for name, link in said["links"].items():
+        made.add_link(name, **link)
+    for name, joint in said["joints"].items():
+        rest = {key: value for key, value in joint.items() if key not in ("type", "links", "at")}
+        made.add_joint(name, joint["type"], joint["links"], joint["at"], **rest)
+    law = bm.ConstantRate(rate=100.0, **{"from": 0.0, "to": 6.283185307179586})
+    made.add_driver("motor", "O", law)
+    made.add_load("gas", "force", link="piston", at=(0.0, 0.0), force=(-500.0, 0.0))
+    assert made.to_json() == read(said).to_json()
+
+
+def test_a_mistake_in_python_names_its_place_in_the_document():
+    made = bm.Linkage()
+    with pytest.raises(bm.GraphError) as caught:
+        made.add_link("rod", mass=-1.0, pose=[0, 0, "x"])
+    assert {p.where for p in caught.value.problems} == {"links.rod.mass", "links.rod.pose[2]"}
+    made.add_link("rod", pose=(0, 0, 0))
+    with pytest.raises(bm.GraphError, match="taken-name"):
+        made.add_link("rod", pose=(0, 0, 0))
+    with pytest.raises(bm.GraphError, match="no type"):
+        made.add_load("wind", "storm", link="rod")
+
+
+def test_all_mistakes_of_a_file_are_said_at_once_with_file_and_key():
+    data = machines.slider_crank()
+    data["links"]["rod"]["mas"] = 2.0
+    data["links"]["piston"]["inertia"] = -1
+    data["joints"]["O"]["type"] = "Q"
+    data["joints"]["S"]["angle"] = [0.0]
+    data["joints"]["A"]["links"][1] = "rodd"
+    data["drivers"]["motor"]["rte"] = 1.0
+    data["loads"]["gas"]["forc"] = 1.0
+    data["loads"]["wind"] = {"type": "storm"}
+    data["initial"] = {"engine": {"q": 0.0}}
+    with pytest.raises(bm.FormatError) as caught:
+        document.loads(json.dumps(data), "mine.json")
+    problems = caught.value.problems
+    assert {p.file for p in problems} == {"mine.json"}
+    assert [(p.code, p.where) for p in problems] == [
+        ("unknown-key", "links.rod.mas"),
+        ("wrong-value", "links.piston.inertia"),
+        ("wrong-value", "joints.O.type"),
+        ("wrong-value", "joints.S.angle"),
+        ("unknown-link", "joints.A.links[1]"),
+        ("unknown-key", "drivers.motor.rte"),
+        ("unknown-key", "loads.gas.forc"),
+        ("wrong-value", "loads.wind.type"),
+        ("unknown-driver", "initial.engine"),
+    ]
+    assert 'did you mean "rod"?' in str(caught.value)
+
+
+def change(*path, to):
+    """A change of the slider-crank at a path."""
+
+    def changed():
+        data = machines.slider_crank()
+        box = data
+        for key in path[:-1]:
+            box = box.setdefault(key, {})
+        box[path[-1]] = to
+        return data
+
+    return changed
+
+
+ONE_MISTAKE = {
+    "a link without a pose": (change("links", "rod", to={}), "missing-key"),
+    "mass of the frame": (change("links", "frame", to={"mass": 1.0}), "unknown-key"),
+    "a dot in a name": (change("links", "a.b", to={"pose": [0, 0, 0]}), "bad-name"),
+    "a joint of one link": (change("joints", "O", "links", to=["frame"]), "wrong-value"),
+    "a joint of a link with itself": (
+        change("joints", "O", "links", to=["crank", "crank"]),
+        "wrong-value",
+    ),
+    "three places for two links": (
+        change("joints", "O", "at", to=[[0, 0], [0, 0], [1, 1]]),
+        "wrong-value",
+    ),
+    "an angle of a pin": (change("joints", "O", "angle", to=[0, 0]), "unknown-key"),
+    "two directions": (change("joints", "S", "dir", to=[[1, 0], [1, 0]]), "bad-direction"),
+    "a slider that is no number": (change("joints", "S", "slider", to=True), "wrong-value"),
+    "friction without a radius": (
+        change("joints", "O", "friction", to={"coefficient": 0.1}),
+        "friction-mismatch",
+    ),
+    "a driver of no joint": (change("drivers", "motor", "joint", to="Q"), "unknown-joint"),
+    "a second driver of a joint": (
+        change("drivers", "hand", to={"joint": "O"}),
+        "conflicting-drivers",
+    ),
+    "an unknown law": (change("drivers", "motor", to={"joint": "O", "law": "x"}), "wrong-value"),
+    "a law's name in Python": (
+        change(
+            "drivers", "motor", to={"joint": "O", "law": "constant_rate", "rate": 1, "start": 0}
+        ),
+        "unknown-key",
+    ),
+    "a load on no link": (change("loads", "gas", "link", to="cylinder"), "unknown-link"),
+    "a spring to one link": (
+        change("loads", "s", to={"type": "spring", "links": ["rod"], "at": [[0, 0]]}),
+        "missing-key",
+    ),
+    "a motor between nothing": (
+        change("loads", "m", to={"type": "motor", "law": {"kind": "constant", "value": 1.0}}),
+        "wrong-value",
+    ),
+    "a marker with a dot": (
+        change("links", "rod", "markers", to={"a.b": {"at": [0, 0]}}),
+        "bad-name",
+    ),
+    "a graph": (change("format", to="blockmech/graph"), "wrong-format"),
+    "a newer file": (change("version", to=7), "newer-version"),
+    "an unknown section": (change("springs", to={}), "unknown-key"),
+    "joints that are a list": (change("joints", to=[]), "wrong-type"),
+}
+
+
+@pytest.mark.parametrize("name", ONE_MISTAKE)
+def test_one_mistake_is_named(name):
+    make, code = ONE_MISTAKE[name]
+    problems = problems_of(make())
+    assert code in {p.code for p in problems}
+    assert {p.code for p in problems} <= set(FILE_CODES) | set(CODES)
+
+
+@pytest.mark.parametrize("data", GOOD.values(), ids=list(GOOD))
+def test_good_files_are_valid_by_the_schema(data):
+    schema = joints_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert list(jsonschema.Draft202012Validator(schema).iter_errors(data)) == []
+
+
+BEYOND_A_SCHEMA = {
+    *("a joint of a link with itself", "three places for two links", "two directions"),
+    *("friction without a radius", "a driver of no joint", "a second driver of a joint"),
+    *("a load on no link", "a motor between nothing", "a marker with a dot"),
+}
+"""Mistakes in how parts of a file fit each other."""
+
+
+@pytest.mark.parametrize("name", sorted(set(ONE_MISTAKE) - BEYOND_A_SCHEMA))
+def test_the_schema_finds_what_reading_finds(name):
+    make, _ = ONE_MISTAKE[name]
+    assert list(jsonschema.Draft202012Validator(joints_schema()).iter_errors(make()))
+
+
+def test_every_code_in_the_source_is_declared():
+    source = Path(document.__file__).parent
+    found = {
+        call.args[0].value
+        for path in source.glob("*.py")
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(call, ast.Call)
+        and getattr(call.func, "id", "") in {"Problem", "mistake"}
+        and call.args
+        and isinstance(call.args[0], ast.Constant)
+    }
+    assert found <= set(FILE_CODES) | set(CODES)
+    assert set(CODES) <= found

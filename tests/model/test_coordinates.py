@@ -1,0 +1,212 @@
+"""A driver's coordinate is the document's, also where the graph counts it another way."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.model.coordinates import law_to_document, law_to_graph
+from blockmech.model.laws_of_motion import Cycloidal, Harmonic, RateAcceleration, Table
+from blockmech.model.naming import DriverName
+from tests.model.documents import DOCUMENTS, flipped, linkage, reframed, slider_crank
+from tests.wiring import recorded
+
+ROUNDING = 1e-13  # [rad or m] of coordinates of size 1, a few operations apart
+
+LAWS = [
+    bm.ConstantRate(rate=-2.0, start=0.4, end=-1.0),
+    RateAcceleration(rate=1.0, acceleration=0.5, start=0.2, end=3.0),
+    Harmonic(mean=0.3, amplitude=0.7, frequency=0.4, phase=0.2),
+    Cycloidal(start=0.1, end=0.9, time=2.0),
+    Table(times=[0.0, 1.0, 2.0, 3.0], values=[0.0, 0.4, 0.2, 1.0]),
+    Table(times=[0.0, 1.0, 3.0], values=[0.0, 0.4, 1.0], interpolation="linear"),
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.law)
+@pytest.mark.parametrize(("sign", "offset"), [(1, 0.0), (-1, 0.0), (1, 0.6), (-1, -2.5)])
+def test_a_law_of_motion_is_the_same_motion_in_the_other_coordinate(law, sign, offset):
+    name, t = DriverName("crank", sign, offset), np.linspace(0.05, 1.9, 9)
+    q, rate, acceleration = law.at_times(t)
+    turned = law_to_document(name, law)
+    for found, expected in zip(
+        turned.at_times(t), (sign * q + offset, sign * rate, sign * acceleration), strict=True
+    ):
+        assert np.abs(found - expected).max() <= ROUNDING
+    back = law_to_graph(name, turned)
+    assert all(
+        np.abs(a - b).max() <= ROUNDING
+        for a, b in zip(back.at_times(t), law.at_times(t), strict=True)
+    )
+    assert turned.duration() == pytest.approx(law.duration(), rel=ROUNDING)
+
+
+def test_given_rates_and_accelerations_are_the_documents():
+    document = DOCUMENTS["press"]()
+    asked = {"at": 0.32, "rates": 0.3, "accelerations": -0.1, "want": ["link.stamp.*"]}
+    one = linkage(document).run(**asked)
+    mirrored = {k: -v for k, v in asked.items() if k != "want"}
+    other = linkage(flipped(document, "bed")).run(**mirrored, want=asked["want"])
+    assert one.compare(other) == dict.fromkeys(one, 0.0)
+
+
+def test_a_single_pose_is_named_by_the_documents_coordinate():
+    document = slider_crank()
+    want = ["link.piston.*", "joint.B.reaction", "driver.motor.rate"]
+    one = linkage(document).run(at=0.4, want=want)
+    other = linkage(flipped(document, "O")).run(at=-0.4, want=want)
+    assert one.engine == other.engine == "scalar"
+    assert other.drivers["driver.motor.q"].tolist() == [-0.4]
+    assert other["driver.motor.rate"].tolist() == [-3.0]
+    same = [name for name in want if name != "driver.motor.rate"]
+    for name in linkage(document).compile().outputs.match(same):
+        assert np.array_equal(one[name], other[name])
+
+
+def test_times_of_coordinates_follow_the_documents_law():
+    document = slider_crank()
+    one = linkage(document).run(samples=5)
+    other = linkage(flipped(document, "O")).run(samples=5)
+    assert np.array_equal(one.time, other.time)
+    assert np.array_equal(one.drivers["driver.motor.q"], -other.drivers["driver.motor.q"])
+
+
+def test_samples_of_a_cycle_are_the_same_whatever_the_frame_of_the_crank():
+    """Extremes and strokes are found at the same poses, told in the document's coordinate."""
+    document = slider_crank()
+    document["drivers"]["motor"].update({"from": 0.0, "to": 2 * math.pi})
+    turned = flipped(reframed(document, "crank", 0j, 0.7), "O")  # q -> -0.7 - q
+    one, other = (linkage(d).compile() for d in (document, turned))
+    low, same = (m.extremes("joint.B.reaction.magnitude") for m in (one, other))
+    for mine, theirs in ((low.minimum, same.minimum), (low.maximum, same.maximum)):
+        assert theirs.value == pytest.approx(mine.value, rel=1e-11)
+        apart = theirs.at["driver.motor.q"] - (-0.7 - mine.at["driver.motor.q"])
+        assert abs(math.remainder(apart, 2 * math.pi)) <= 1e-7  # a flat place: half the digits
+    strokes = [m.stroke("link.piston.p") for m in (one, other)]
+    assert strokes[0].length == pytest.approx(strokes[1].length, rel=1e-12)
+    assert strokes[0].time_ratio == pytest.approx(strokes[1].time_ratio, rel=1e-7)
+
+
+def rocker():
+    """A four-bar whose crank cannot turn fully."""
+    links = {"crank": (2.0, 0.0, 0.5), "rod": (1.76, 0.96, 0.2), "rocker": (5.5, 0.0, 2.4)}
+    document = {
+        "format": "blockmech/joints",
+        "version": 1,
+        "name": "rocker",
+        "links": {
+            name: {"pose": [0, 0, a] if name == "crank" else [x, y, a]}
+            for name, (x, y, a) in links.items()
+        },
+        "joints": {},
+        "drivers": {"arm": {"joint": "A", "law": "constant_rate", "rate": 1.0}},
+    }
+    for name, first, at, second, there in (
+        ("A", "frame", (0, 0), "crank", (0, 0)),
+        ("B", "crank", (2, 0), "rod", (0, 0)),
+        ("C", "rod", (2.5, 0), "rocker", (2.5, 0)),
+        ("D", "frame", (5.5, 0), "rocker", (0, 0)),
+    ):
+        places = [list(at), list(there)]
+        document["joints"][name] = {"type": "R", "links": [first, second], "at": places}
+    document["drivers"]["arm"] |= {"from": 0.0, "to": 6.0}
+    return document
+
+
+def test_feasible_arcs_are_told_in_the_documents_coordinate():
+    document = rocker()
+    (arc,) = linkage(document).compile().limits().arcs
+    turned = flipped(reframed(document, "crank", 0j, 0.3), "A")  # q -> -0.3 - q
+    limits = linkage(turned).compile().limits()
+    (mirrored,) = limits.arcs
+    for end, other in ((mirrored.start, arc.end), (mirrored.end, arc.start)):
+        assert abs(end.q - (-0.3 - other.q)) <= 4 * ROUNDING
+        assert (end.block, end.how) == (other.block, other.how)
+    assert limits.sentence().startswith("feasible arc of driver.arm.q: [")
+    assert limits.arc_at((mirrored.start.q + mirrored.end.q) / 2) == mirrored
+
+
+def test_another_driver_is_held_where_the_document_says():
+    document = DOCUMENTS["arm"]()
+    one = linkage(document).compile().limits("bend", {"lift": 1.0})
+    other = linkage(flipped(flipped(document, "shoulder"), "elbow")).compile()
+    found = other.limits("bend", {"lift": -1.0})
+    ends = sorted(q for arc in one.arcs for q in (arc.start.q, arc.end.q))
+    mirrored = sorted(-q for arc in found.arcs for q in (arc.start.q, arc.end.q))
+    apart = [math.remainder(a - b, 2 * math.pi) for a, b in zip(ends, mirrored, strict=True)]
+    assert max(map(abs, apart)) <= 16 * ROUNDING
+    assert "driver.lift.q" in found.to_dict()["held"]
+
+
+# -- free motion --------------------------------------------------------------------------
+
+
+def watt():
+    document = copy.deepcopy(recorded("watt_sixbar")["document"])
+    document["initial"]["crank"]["q"] = math.pi / 3
+    document["links"]["2"]["pose"][2] = math.pi / 3
+    for link in "3456":
+        document["links"][link].pop("pose")
+    document["links"]["3"]["pose"] = [0.5, 0.87, 1.06]
+    document["links"]["4"]["pose"] = [1.6, 0.0, 1.79]
+    document["links"]["5"]["pose"] = [0.87, 1.52, 0.56]
+    document["links"]["6"]["pose"] = [1.44, 0.73, 1.34]
+    return document
+
+
+def test_a_free_motion_is_the_same_in_the_other_coordinate():
+    document = watt()
+    one = linkage(document).compile().simulate("time=2", want=["driver.crank.*", "link.6.p"])
+    other = linkage(flipped(document, "O2")).compile()
+    found = other.simulate("time=2", want=["driver.crank.*", "link.6.p"])
+    assert np.array_equal(found["driver.crank.q"], -one["driver.crank.q"])
+    assert np.array_equal(found["driver.crank.acceleration"], -one["driver.crank.acceleration"])
+    assert np.array_equal(found["link.6.p"], one["link.6.p"])
+    assert len(one.motion.events) > 0
+    assert [e.q for e in found.motion.events] == [-e.q for e in one.motion.events]
+    assert found.motion.q_end == -one.motion.q_end
+    assert np.array_equal(found.motion.at(1.0).qd, -one.motion.at(1.0).qd)
+    assert set(found.to_dict()["events"][0]) >= {"driver.crank.q", "driver.crank.rate"}
+
+
+def test_a_goal_and_stops_are_told_in_the_documents_coordinate():
+    document = watt()
+    one = linkage(document).compile()
+    other = linkage(flipped(document, "O2")).compile()
+    assert one.simulate("angle=0.5").motion.q_end == pytest.approx(0.5, abs=1e-9)
+    assert other.simulate("angle=-0.5").motion.q_end == pytest.approx(-0.5, abs=1e-9)
+    found = other.simulate("time=2", stops={"crank": (-2.0, -0.8)})
+    assert found.motion.end == "end stop"
+    assert found.motion.q_end == pytest.approx(-0.8, abs=1e-9)
+
+
+def test_a_users_event_sees_the_documents_coordinate():
+    from blockmech.dynamics.until import Watch
+
+    other = linkage(flipped(watt(), "O2")).compile()
+    watch = Watch("passed", lambda t, q, qd: q + 0.6)
+    found = other.simulate("event", watch=[watch])
+    assert found.motion.end == "passed"
+    assert found.motion.q_end == pytest.approx(-0.6, abs=1e-6)
+
+
+def test_a_free_motion_of_several_drivers_is_told_by_each_drivers_coordinate():
+    document = DOCUMENTS["arm"]()
+    document["initial"] = {"lift": {"q": 1.0, "rate": 0.2}, "bend": {"q": -1.4, "rate": 0.0}}
+    want = ["driver.*.q", "driver.*.acceleration", "link.lid.p"]
+    asked = {"until": "time=0.05", "friction": "none", "want": want}
+    one = linkage(document).compile().simulate(**asked)
+    other = linkage(flipped(document, "elbow")).compile()
+    found = other.simulate(**asked)
+    for what in ("q", "acceleration"):
+        assert np.array_equal(found[f"driver.lift.{what}"], one[f"driver.lift.{what}"])
+        assert np.array_equal(found[f"driver.bend.{what}"], -one[f"driver.bend.{what}"])
+    assert np.array_equal(found["link.lid.p"], one["link.lid.p"])
+    k = other.drivers.index("bend")
+    assert found.motion.q_end[k] == -one.motion.q_end[k]
+    held = other.simulate(**asked, stops={"bend": (1.39, 1.41)})
+    assert held.motion.end == "end stop of bend"

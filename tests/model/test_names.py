@@ -1,0 +1,479 @@
+"""Names of a document survive: what a user reads does not depend on the blocks behind it.
+
+The same mechanism is written in other orders, with the links of a joint named the other way
+round, guides pointed back and frames moved; outputs then change by what was said differently
+and by nothing else. Whether they are right is told by equilibrium and kinematics of the
+document's own links, and by graphs wired by hand.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import AssemblyError, RequestError
+from tests.model.documents import (
+    DOCUMENTS,
+    flipped,
+    four_bar,
+    linkage,
+    pointed_back,
+    reframed,
+    shuffled,
+    slider_crank,
+)
+from tests.wiring import ruiz, wire
+
+SAMPLES = 7
+ROUNDING = 1e-12
+"""Of the largest output of a unit: what two ways of writing may differ by."""
+
+ON_SECOND = ("reaction", "N", "C", "friction", "slip")
+ALONG_GUIDE = ("N", "friction", "slip")
+ALONG_DRIVER = ("q", "rate", "acceleration", "drive", "drive_by_reduction", "tau_red", "dJ_red")
+
+
+def run(document, **more):
+    return linkage(document).run(samples=SAMPLES, **more)
+
+
+def joints_of(kind=""):
+    for name, make in DOCUMENTS.items():
+        for joint, said in make()["joints"].items():
+            if len(said["links"]) == 2 and kind in ("", said["type"]):
+                yield pytest.param(name, joint, id=f"{name}-{joint}")
+
+
+def links_of():
+    for name, make in DOCUMENTS.items():
+        yield from (pytest.param(name, link, id=f"{name}-{link}") for link in make()["links"])
+
+
+def largest(result):
+    """Unit -> the largest size of an output in it."""
+    found = {}
+    for name in result:
+        values = np.abs(np.atleast_1d(result[name]))
+        values = values[np.isfinite(values)]
+        unit = result.unit(name)
+        found[unit] = max(found.get(unit, 0.0), float(values.max(initial=0.0)))
+    return found
+
+
+def differing(one, other, sign=None, skip=()):
+    """Outputs that differ by more than rounding; ``sign`` tells which are negated."""
+    assert set(one) == set(other)
+    scale, found = largest(one), {}
+    for name in one:
+        if name in skip:
+            continue
+        expected = np.asarray(one[name]) * (sign(name) if sign else 1)
+        got = np.asarray(other[name])
+        assert (np.isnan(expected) == np.isnan(got)).all(), name
+        off = float(np.nan_to_num(np.abs(expected - got)).max(initial=0.0))
+        if name.endswith(".angle"):
+            turns = (expected - got) / (2 * math.pi)
+            off = float(np.nan_to_num(np.abs(turns - np.round(turns))).max(initial=0.0))
+        if off > ROUNDING * (scale[one.unit(name)] or 1.0):
+            found[name] = off / (scale[one.unit(name)] or 1.0)
+    return found
+
+
+def driver_of(document, joint):
+    return next((n for n, d in document["drivers"].items() if d["joint"] == joint), None)
+
+
+def signs(document, joint, of_joint):
+    """The sign that each output gets where a joint is said the other way round."""
+    driver = driver_of(document, joint)
+    order = [linkage(document).compile().drivers.index(driver)] if driver else []
+
+    def sign(name):
+        head, _, what = name.rpartition(".")
+        if head == f"joint.{joint}" and what in of_joint:
+            return -1
+        if driver and head == f"driver.{driver}" and what in ALONG_DRIVER:
+            return -1
+        if driver and name in ("mechanism.M", "mechanism.Q"):
+            turned = np.ones(len(document["drivers"]))
+            turned[order] = -1
+            return np.outer(turned, turned) if name.endswith("M") else turned
+        return 1
+
+    return sign
+
+
+# -- the same mechanism written another way ---------------------------------------------
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+@pytest.mark.parametrize("seed", range(3))
+def test_the_order_of_links_and_joints_changes_nothing(name, seed):
+    document = DOCUMENTS[name]()
+    one, other = run(document), run(shuffled(document, seed))
+    assert set(one) == set(other)
+    assert all(np.array_equal(one[n], other[n], equal_nan=True) for n in one)
+
+
+@pytest.mark.parametrize(("name", "joint"), list(joints_of()))
+def test_a_joint_named_the_other_way_round_changes_its_own_signs(name, joint):
+    document = DOCUMENTS[name]()
+    one, other = run(document), run(flipped(document, joint))
+    assert differing(one, other, signs(document, joint, ON_SECOND)) == {}
+
+
+@pytest.mark.parametrize(("name", "joint"), list(joints_of("P")))
+def test_a_guide_that_points_back_changes_what_is_measured_along_it(name, joint):
+    document = DOCUMENTS[name]()
+    one, other = run(document), run(pointed_back(document, joint))
+    assert differing(one, other, signs(document, joint, ALONG_GUIDE)) == {}
+
+
+@pytest.mark.parametrize(("name", "link"), list(links_of()))
+def test_a_frame_that_is_moved_on_its_link_moves_its_own_outputs_only(name, link):
+    document, origin, turn = DOCUMENTS[name](), 0.03 - 0.02j, 2.5
+    one, other = run(document), run(reframed(document, link, origin, turn))
+    own = {f"link.{link}.{what}" for what in ("p", "v", "a", "angle")}
+    drivers = {f"driver.{d}.q" for d in document["drivers"]}
+    assert differing(one, other, skip=own | drivers) == {}
+    scale = largest(one)
+    e = np.exp(1j * one[f"link.{link}.angle"])
+    p = one[f"link.{link}.p"] + e * origin
+    assert np.abs(other[f"link.{link}.p"] - p).max() <= ROUNDING * scale["m"]
+    turned = np.exp(1j * other[f"link.{link}.angle"]) - e * cmath.exp(1j * turn)
+    assert np.abs(turned).max() <= ROUNDING
+    v = one[f"link.{link}.v"] + 1j * one[f"link.{link}.omega"] * e * origin
+    assert np.abs(other[f"link.{link}.v"] - v).max() <= ROUNDING * scale["m/s"]
+
+
+# -- right by the document's own links ----------------------------------------------------
+
+
+def acting(document, result, link):
+    """Force, place and couple of everything that acts on a link, from outputs alone."""
+    n, zero = result.n, np.zeros(result.n)
+
+    def placed(owner, at):
+        if owner == "frame":
+            return np.full(n, complex(*at))
+        o, e = result[f"link.{owner}.p"], np.exp(1j * result[f"link.{owner}.angle"])
+        place = cmath.rect(*at["polar"]) if isinstance(at, dict) else complex(*at)
+        return o + e * place
+
+    said = document["links"][link]
+    if said.get("mass"):
+        cm = said.get("cm", [0, 0])
+        place = cmath.rect(*cm["polar"]) if isinstance(cm, dict) else complex(*cm)
+        arm = np.exp(1j * result[f"link.{link}.angle"]) * place
+        al, om = result[f"link.{link}.alpha"], result[f"link.{link}.omega"]
+        a = result[f"link.{link}.a"] + (1j * al - om**2) * arm
+        g = complex(*document.get("gravity", [0, 0]))
+        yield said["mass"] * (g - a), placed(link, cm), -said["inertia"] * al
+    for load in document["loads"].values():
+        if load["link"] == link and "force" in load:
+            yield np.full(n, complex(*load["force"])), placed(link, load["at"]), zero
+        elif load["link"] == link:
+            yield zero + 0j, placed(link, [0, 0]), np.full(n, load["moment"])
+    for joint, said in document["joints"].items():
+        for k, other in enumerate(said["links"][1:], start=1):
+            ends = (said["links"][0], other)
+            if link not in ends:
+                continue
+            sign = 1 if link == other else -1
+            name = f"joint.{joint}" if len(said["links"]) == 2 else f"joint.{joint}.{other}"
+            effort = np.asarray(result[f"{name}.friction"])
+            driver = driver_of(document, joint)
+            effort = effort + (result[f"driver.{driver}.drive"] if driver else 0.0)
+            force = result[f"{name}.reaction"]
+            if said["type"] == "R":
+                yield sign * force, placed(other, said["at"][k]), sign * effort
+                continue
+            u = guide(document, result, joint)
+            owner = said.get("slider", 1)
+            point = placed(said["links"][owner], said["at"][owner])
+            yield sign * (force + effort * u), point, sign * result[f"{name}.C"]
+
+
+def guide(document, result, joint):
+    """Unit direction (n,) of the directed line of a P joint on its first link."""
+    said = document["joints"][joint]
+    first, angle = said["links"][0], said["angle"][0]
+    turn = 0.0 if first == "frame" else result[f"link.{first}.angle"]
+    return np.exp(1j * (turn + angle)) * np.ones(result.n)
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+@pytest.mark.parametrize("other_way", [False, True], ids=["as given", "all joints the other way"])
+def test_forces_and_moments_on_every_link_are_in_balance(name, other_way):
+    document = DOCUMENTS[name]()
+    for joint, said in document["joints"].items():
+        if other_way and len(said["links"]) == 2:
+            document = flipped(document, joint)
+    result = run(document)
+    for link in document["links"]:
+        terms = list(acting(document, result, link))
+        o = result[f"link.{link}.p"]
+        forces = np.array([f for f, _, _ in terms])
+        moments = np.array([c + (np.conj(p - o) * f).imag for f, p, c in terms])
+        sizes = np.array([np.abs(c) + np.abs(p - o) * np.abs(f) for f, p, c in terms])
+        assert np.abs(forces.sum(axis=0)).max() <= ROUNDING * np.abs(forces).max()
+        assert np.abs(moments.sum(axis=0)).max() <= ROUNDING * sizes.max()
+
+
+@pytest.mark.parametrize(("name", "joint"), list(joints_of("P")))
+def test_normal_force_and_slip_follow_the_guide_of_the_document(name, joint):
+    document = DOCUMENTS[name]()
+    for made in (document, flipped(document, joint), pointed_back(document, joint)):
+        result, said = run(made), made["joints"][joint]
+        u = guide(made, result, joint)
+        N = (result[f"joint.{joint}.reaction"] * np.conj(1j * u)).real
+        assert np.abs(result[f"joint.{joint}.N"] - N).max() <= ROUNDING * np.abs(N).max()
+
+        def speed(k, said=said, result=result):
+            link, place = said["links"][k], complex(*said["at"][k])
+            if link == "frame":
+                return 0.0
+            arm = np.exp(1j * result[f"link.{link}.angle"]) * place
+            return result[f"link.{link}.v"] + 1j * result[f"link.{link}.omega"] * arm
+
+        # The two points are on one line that turns: what is left along it is the slip.
+        slip = ((speed(1) - speed(0)) * np.conj(u)).real
+        found = result[f"joint.{joint}.slip"]
+        assert np.abs(found - slip).max() <= ROUNDING * max(np.abs(slip).max(), 1.0)
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_the_slip_of_a_pin_is_the_rate_of_its_second_link_less_that_of_its_first(name):
+    document = DOCUMENTS[name]()
+    result = run(document)
+    for joint, said in document["joints"].items():
+        for other in said["links"][1:] if said["type"] == "R" else ():
+            pin = f"joint.{joint}" if len(said["links"]) == 2 else f"joint.{joint}.{other}"
+            rates = [
+                0.0 if link == "frame" else result[f"link.{link}.omega"]
+                for link in (said["links"][0], other)
+            ]
+            off = np.abs(result[f"{pin}.slip"] - (rates[1] - rates[0])).max()
+            assert off <= ROUNDING * largest(result)["rad/s"]
+
+
+# -- the same as a graph wired by hand ------------------------------------------------------
+
+
+def shaper_by_hand():
+    pin = bm.Coulomb(coefficient=0.2, radius=0.02)
+    rub = bm.Coulomb(coefficient=0.15)
+    g = bm.Graph("shaper", gravity=(0.0, -9.81))
+    g.add(
+        "frame",
+        bm.Frame(markers={"O": (0, 0.3), "D": (0, 0), "G": bm.Marker(at=(0, 0.65), angle=0.0)}),
+    )
+    crank = bm.Link(mass=3.0, inertia=0.02, cm=(0.04, 0.0))
+    g.add("crank", bm.Crank(length=0.12, links={"crank": crank}))
+    links = {
+        "i": bm.Link(mass=0.5, inertia=0.001, cm=(0.01, 0.0)),
+        "j": bm.Link(mass=6.0, inertia=0.3, cm=(0.3, 0.0), markers={"T": (0.6, 0.0)}),
+    }
+    friction = {"B": pin, "S": rub, "D": pin}
+    g.add("lever", bm.RPR(h_i=0.0, h_j=0.0, branch=-1, slider="i", links=links, friction=friction))
+    links = {
+        "i": bm.Link(mass=1.0, inertia=0.01, cm=(0.12, 0.0)),
+        "j": bm.Link(mass=8.0, inertia=0.4, cm=(0.1, 0.05)),
+    }
+    g.add("ram", bm.RRP(l=0.25, h=0.0, branch=1, links=links, friction={"S": rub}))
+    g.add("cut", bm.Force(force=(-200.0, 0.0)))
+    g.drive("crank", bm.ConstantRate(rate=4.0, start=0.0, end=6.0))
+    return wire(
+        g,
+        "frame.O crank.A",
+        "crank.B lever.B",
+        "frame.D lever.D",
+        "lever.T ram.B",
+        "frame.G ram.S",
+        "ram.j cut.at",
+    )
+
+
+MECHANISM = ("kinetic_energy", "potential_energy", "friction_power", "shaking_moment")
+DRIVER = ("q", "rate", "acceleration", "drive", "drive_by_reduction", "power", "J_red", "tau_red")
+
+BY_HAND = {
+    "four_bar": (
+        ruiz,
+        {"1": "crank.crank", "2": "dyad.i", "3": "dyad.j"},
+        {"A": ("crank.A", 1), "B": ("dyad.B", 1), "C": ("dyad.C", 1), "D": ("dyad.D", 1)},
+        ("crank", "crank"),
+    ),
+    "shaper": (
+        shaper_by_hand,
+        {
+            "crank": "crank.crank",
+            "block": "lever.i",
+            "lever": "lever.j",
+            "rod": "ram.i",
+            "ram": "ram.j",
+        },
+        {
+            "O": ("crank.A", 1),
+            "B": ("lever.B", 1),
+            "D": ("lever.D", 1),
+            "slot": ("lever.S", -1),
+            "T": ("ram.B", 1),
+            "C": ("ram.C", 1),
+            "way": ("ram.S", 1),
+        },
+        ("motor", "crank"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_every_output_is_that_of_the_graph_wired_by_hand(name):
+    make, links, joints, (driver, crank) = BY_HAND[name]
+    document = DOCUMENTS[name]()
+    document["drivers"][driver].update({"from": 0.0, "to": 6.0})
+    graph = make()
+    graph.drive("crank", bm.ConstantRate(rate=document["drivers"][driver]["rate"], end=6.0))
+    one, other = graph.run(samples=SAMPLES), run(document)
+    pairs = {f"driver.{driver}.{what}": (f"{crank}.{what}", 1) for what in DRIVER}
+    pairs |= {f"mechanism.{what}": (f"mechanism.{what}", 1) for what in MECHANISM}
+    for link, there in links.items():
+        whats = ("p", "v", "a", "angle", "omega", "alpha")
+        pairs |= {f"link.{link}.{what}": (f"{there}.{what}", 1) for what in whats}
+    for joint, (there, sign) in joints.items():
+        kind = document["joints"][joint]["type"]
+        for what in (*ON_SECOND, "friction_power"):
+            if kind == "P" or what not in ("N", "C"):
+                own = 1 if what == "friction_power" else sign
+                pairs[f"joint.{joint}.{what}"] = (f"{there}.{what}", own)
+    scale, wrong = largest(one), {}
+    for mine, (theirs, sign) in pairs.items():
+        off = np.abs(other[mine] - sign * one[theirs]).max() / (scale[one.unit(theirs)] or 1.0)
+        if off > ROUNDING:
+            wrong[mine] = off
+    assert wrong == {}
+    others = {n for n in other if n.split(".")[0] in ("driver", "link", "joint")}
+    assert others <= {*pairs, "link.2.S.p", "link.2.S.v", "link.2.S.a", f"driver.{driver}.dJ_red"}
+
+
+# -- what can be asked for, and what is said ------------------------------------------------
+
+
+def test_only_names_of_the_document_are_listed_and_matched():
+    mechanism = linkage(slider_crank()).compile()
+    heads = {name.split(".")[0] for name in mechanism.outputs}
+    assert heads == {"driver", "link", "joint", "gas", "mechanism"}
+    with pytest.raises(RequestError, match=r"unknown-output.*rod_piston\.B\.reaction"):
+        mechanism.run(at=0.0, want=["rod_piston.B.reaction"])
+    assert "rod_piston.B.reaction" in mechanism.inner.outputs
+
+
+def test_who_acts_on_whom_is_said_by_links_of_the_document():
+    document = slider_crank()
+    outputs = linkage(document).compile().outputs
+    assert (outputs["joint.A.reaction"].by, outputs["joint.A.reaction"].on) == ("crank", "rod")
+    assert (outputs["driver.motor.drive"].by, outputs["driver.motor.drive"].on) == (
+        "frame",
+        "crank",
+    )
+    assert outputs["gas.at.force"].on == "piston"
+    turned = linkage(flipped(document, "O")).compile().outputs
+    assert (turned["driver.motor.drive"].by, turned["joint.O.friction"].on) == ("crank", "frame")
+
+
+def test_the_force_of_a_pin_of_three_links_is_named_after_each_further_link():
+    found = run(DOCUMENTS["arm"]())
+    assert found.output("joint.knot.strut.reaction").by == "tie"
+    assert found.output("joint.knot.strut.reaction").on == "strut"
+    assert found.output("joint.knot.rocker.reaction").on == "rocker"
+    assert "joint.knot.reaction" not in found.mechanism.outputs
+
+
+def test_flags_name_the_joint_of_the_document():
+    document = four_bar()
+    found = linkage(document).run(at=[0.0], want=["joint.C.friction"])
+    assert {f.where for f in found.quality.flags} == {"joint.C"}
+
+
+def test_a_gap_is_told_in_words_of_the_document():
+    document = slider_crank()
+    document["joints"]["A"]["at"][0] = [0.4, 0.0]  # the crank is longer than the rod reaches
+    document["links"]["rod"]["pose"] = [0.4, 0.0, -0.1]
+    document["links"]["piston"]["pose"] = [0.7, 0.0, 0.0]
+    document["drivers"]["motor"].update({"from": 0.0, "to": 3.0})
+    document["links"]["crank"]["pose"] = [0, 0, 0.0]
+    with pytest.raises(AssemblyError) as caught:
+        linkage(document).run(at=1.6)
+    (problem,) = caught.value.problems
+    assert problem.where.startswith("rod_piston (rod, piston) at driver.motor.q = 1.6 rad")
+    assert "feasible arcs of driver.motor.q" in problem.valid.replace("arc of", "arcs of")
+
+
+def test_drivers_are_named_as_in_the_document():
+    mechanism = linkage(DOCUMENTS["arm"]()).compile()
+    assert set(mechanism.drivers) == {"lift", "bend"}
+    found = mechanism.run(at={"lift": [1.0, 1.1], "bend": -1.4}, want=["driver.bend.q"])
+    assert set(found.drivers) == {"driver.lift.q", "driver.bend.q"}
+    assert np.array_equal(found.drivers["driver.lift.q"], [1.0, 1.1])
+    with pytest.raises(RequestError, match="drivers: lift, bend"):
+        mechanism.run(at={"left": 1.0, "bend": -1.4})
+
+
+def test_a_load_keeps_its_name_beside_a_driver_or_a_group_of_that_name():
+    document = slider_crank()
+    document["loads"] = {
+        "motor": {"type": "couple", "link": "crank", "moment": 2.0},
+        "rod_piston": {"type": "force", "link": "piston", "at": [0, 0], "force": [-50, 4]},
+    }
+    found = run(document, want=["motor.*", "rod_piston.*", "driver.motor.drive"])
+    assert np.array_equal(found["motor.on.couple"], np.full(SAMPLES, 2.0))
+    assert np.array_equal(found["rod_piston.at.force"], np.full(SAMPLES, -50 + 4j))
+    assert found.output("rod_piston.at.force").by == "rod_piston"
+
+
+def test_a_damped_spring_along_a_guide_is_one_load():
+    document = slider_crank()
+    k, rest, c = 300.0, 0.05, 12.0
+    numbers = {"stiffness": k, "rest_angle": rest, "damping": c}
+    document["loads"]["damper"] = {"type": "torsion_spring", "joint": "S"} | numbers
+    found = run(document)
+    u = guide(document, found, "S")
+    place = complex(*document["joints"]["S"]["at"][0])
+    e = np.exp(1j * found["link.piston.angle"])
+    s = found["link.piston.p"] + e * complex(*document["joints"]["S"]["at"][1]) - place
+    force = -k * ((s * np.conj(u)).real - rest) - c * found["joint.S.slip"]
+    assert np.abs(found["damper.b.force"] - force * u).max() <= ROUNDING * np.abs(force).max()
+    power = force * found["joint.S.slip"]
+    assert np.abs(found["damper.power"] - power).max() <= ROUNDING * np.abs(power).max()
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+@pytest.mark.parametrize("general", ["groups", "one"])
+def test_general_groups_in_the_place_of_dyads_change_nothing(name, general):
+    document = linkage(DOCUMENTS[name]())
+    one = document.run(samples=SAMPLES, friction="none")
+    other = document.decompose(general).compile().run(samples=SAMPLES, friction="none")
+    assert set(one) == set(other)
+    assert differing(one, other) == {}
+
+
+@pytest.mark.parametrize("general", ["", "groups", "one"])
+def test_a_driver_inside_a_group_moves_and_is_verified_under_its_own_name(general):
+    document = DOCUMENTS["boom"]()
+    document["loads"] = {}
+    document["initial"] = {"ram": {"q": 0.9, "rate": 0.0}}
+    mechanism = linkage(document).decompose(general).compile()
+    assert mechanism.drivers == ("ram",)
+    checked = mechanism.verify()
+    assert checked.ok, str(checked)
+    assert "two routes to driver.ram.drive" in {row.name for row in checked.rows}
+    energies = ["mechanism.kinetic_energy", "mechanism.potential_energy"]
+    accuracy = 1e-10  # [m] of the coordinate; the weights are 100 N, so 1e-8 J with room
+    moved = mechanism.simulate("time=0.05", friction="none", want=energies, accuracy=accuracy)
+    E = moved[energies[0]] + moved[energies[1]]
+    assert moved[energies[0]].max() > 0.01
+    assert np.ptp(E) <= 100 * accuracy
