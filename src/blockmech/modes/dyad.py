@@ -1,0 +1,81 @@
+"""Assembly modes of the dyads: the closed forms of the blocks with each branch.
+
+RRR, RRP and RPR have two modes, told apart by the sign of their determinant (`branch`),
+PRP and RPP have one. Both modes of a dyad have the same margin, so they exist at the same
+places, and where it is zero they merge.
+Source: `ports.md`, section 3, and the kernels of `blockmech.blocks`.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from blockmech.blocks.contract import AssurGroup
+from blockmech.modes.triad import Support
+from blockmech.typing import LinkPosition
+
+BRANCHES = (1, -1)
+
+
+@dataclass(frozen=True)
+class DyadMode:
+    """One assembly mode of a dyad.
+
+    Attributes
+    ----------
+    branch : +1 or -1 as the file has it; None for PRP and RPP, which have one mode
+    links : link -> its place: origin [m] and unit direction [-]
+    margin : of the dyad [-]
+    double : whether the two branches coincide here: a dead centre
+    """
+
+    branch: int | None
+    links: dict[str, LinkPosition]
+    margin: float
+    double: bool = False
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant: the branch; +1 for a dyad with one mode, 0 if double."""
+        return 0 if self.double else self.branch or 1
+
+
+def dyad_modes(dyad: AssurGroup, supports: Sequence[Support | float]) -> tuple[DyadMode, ...]:
+    """All assembly modes of a dyad: both branches, one if they coincide, none out of reach.
+
+    Parameters
+    ----------
+    dyad : a block RRR, RRP, RPR, PRP or RPP, or a cylinder; its own branch does not matter
+    supports : what its outer joints read, in the order of declaration: places [m] or guides;
+        for a cylinder the driver's length [m] after them
+
+    >>> from blockmech import RRR
+    >>> dyad = RRR(l_i=5.0, l_j=5.0)
+    >>> [(m.branch, round(m.links["i"].e.imag, 6)) for m in dyad_modes(dyad, [0j, 8 + 0j])]
+    [(1, 0.6), (-1, -0.6)]
+    """
+    if "branch" not in type(dyad).model_fields:
+        one = _mode(dyad, supports, None)
+        return () if one is None else (one,)
+    both = (dyad.model_copy(update={"branch": branch}) for branch in BRANCHES)
+    found = [
+        mode
+        for branch, one in zip(BRANCHES, both, strict=True)
+        if (mode := _mode(one, supports, branch))
+    ]
+    return tuple(found[:1] if found and found[0].double else found)
+
+
+def _mode(
+    dyad: AssurGroup, supports: Sequence[Support | float], branch: int | None
+) -> DyadMode | None:
+    try:
+        pose = dyad.kernels.position(*supports, dyad.parameters())
+    except ZeroDivisionError:  # two pivots on each other, parallel guides: no pose, or any
+        return None
+    links = {name: getattr(pose, name) for name in dyad.link_names}
+    if not pose.margin >= 0 or not all(cmath.isfinite(z) for link in links.values() for z in link):
+        return None
+    return DyadMode(branch, links, float(pose.margin), double=pose.margin == 0)

@@ -1,0 +1,259 @@
+"""Modes along a driver: arcs, the dead centres that join them, and what a turn does.
+
+Followed poses are checked by following them again, in many small steps of another
+solver, and the places of dead centres by the exact count of modes beside them.
+"""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from blockmech.errors import RequestError
+from blockmech.modes import Leg, Triad, connect, triad_modes
+from blockmech.typing import Guide
+from tests.modes import chance
+from tests.modes.exact import count_exactly
+
+TURN = 2 * math.pi
+STEPS = 30  # between neighbouring check points, of the test's own following
+FOUND = 1e-6  # [-; of sizes about 1]: a pose that is the one and not another
+BESIDE = 1e-9  # [rad] of a dead centre, where two modes are there or gone
+PLACE = 1e-12  # [rad]
+
+
+class Cranked:
+    """A triad whose first pivot is on a crank."""
+
+    def __init__(self, pins, at, pivots, crank, lengths):
+        self.pins, self.at, self.pivots = pins, at, pivots
+        self.crank, self.lengths = crank, lengths
+        self.triad = Triad.rrr(lengths, pins)
+
+    def outer(self, q):
+        return complex(self.at + self.crank * np.exp(1j * q)), *self.pivots
+
+    def exact(self, q):
+        return count_exactly(self.outer(q), self.lengths, self.pins)
+
+    def connected(self, **more):
+        return connect(self.triad, self.outer, **more)
+
+
+def by_chance(rng):
+    pivots, lengths, pins, _ = chance.triad(rng)
+    crank = abs(rng.normal())
+    at = pivots[0] - crank * np.exp(1j * rng.uniform(0, TURN))
+    return Cranked(pins, at, pivots[1:], crank, lengths)
+
+
+def overturned():
+    """Two arcs longer than a turn: after a turn they are other modes."""
+    return Cranked(
+        [0, 0.52 + 0.12j, 0.69 + 0.86j], 0, [0.61 + 0.97j, 0.91 - 1.74j], 1.6, [1.62, 1.12, 2.75]
+    )
+
+
+def newton(machine, q, o, e):
+    """The pose near (o, e): three distances, squared, by plain Newton steps."""
+    for _ in range(6):
+        u = [o + e * p - g for p, g in zip(machine.pins, machine.outer(q), strict=True)]
+        f = [abs(x) ** 2 - l * l for x, l in zip(u, machine.lengths, strict=True)]
+        rows = [
+            [2 * x.real, 2 * x.imag, 2 * (x.conjugate() * 1j * e * p).real]
+            for x, p in zip(u, machine.pins, strict=True)
+        ]
+        x, y, turn = np.linalg.solve(rows, f)
+        o, e = o - complex(x, y), e * np.exp(-1j * turn)
+    return o, e
+
+
+# ---- arcs --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_arc_is_one_mode_followed_along_the_driver(seed):
+    rng = np.random.default_rng(seed)
+    compared = 0
+    for _ in range(2):
+        machine = by_chance(rng)
+        found = machine.connected()
+        for arc in found.arcs:
+            for (j, k), (i, n) in itertools.pairwise(arc.passes):
+                begin, end = found.checks[j], found.checks[i]
+                end += TURN * (end < begin)
+                one, other = found.modes[j][k], found.modes[i][n]
+                if min(one.margin, other.margin) < 1e-4:
+                    continue  # too close to a dead centre for steps by the driver
+                o, e = one.o, one.e
+                for q in np.linspace(begin, end, STEPS + 1)[1:]:
+                    o, e = newton(machine, q, o, e)
+                assert abs(o - other.o) + abs(e - other.e) <= FOUND
+                compared += 1
+    assert compared > 50
+
+
+@pytest.mark.parametrize("seed", range(10, 13))
+def test_two_modes_appear_or_vanish_at_each_dead_centre(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(3):
+        machine = by_chance(rng)
+        found = machine.connected()
+        for n, arc in enumerate(found.arcs):
+            for end, inward in ((arc.start, 1), (arc.end, -1)):
+                if end.how != "dead centre":
+                    continue
+                inside, outside = (
+                    machine.exact(end.q + side * inward * BESIDE) for side in (1, -1)
+                )
+                assert inside == outside + 2
+                assert any(m.double for m in triad_modes(machine.triad, machine.outer(end.q)))
+                partner = found.arcs[end.other]
+                assert partner.circuit == arc.circuit
+                assert partner.sign == -arc.sign != 0
+                same = (partner.start, partner.end)
+                assert any(
+                    abs(math.remainder(x.q - end.q, TURN)) <= PLACE and x.other == n for x in same
+                )
+
+
+@pytest.mark.parametrize("seed", range(20, 22))
+def test_every_mode_at_every_check_point_is_on_one_arc(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(5):
+        found = by_chance(rng).connected()
+        passed = sorted(at for arc in found.arcs for at in arc.passes)
+        every = [(j, k) for j, modes in enumerate(found.modes) for k in range(len(modes))]
+        assert passed == every
+        for j, k in every:
+            assert (j, k) in found.arcs[found.arc_of(j, k)].passes
+            assert found.arcs[found.arc_of(j, k)].sign == found.modes[j][k].sign
+        assert sorted(n for circuit in found.circuits for n in circuit) == list(
+            range(len(found.arcs))
+        )
+
+
+@pytest.mark.parametrize("seed", range(30, 33))
+def test_between_dead_centres_the_number_of_arcs_is_the_exact_number_of_modes(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(3):
+        machine = by_chance(rng)
+        found = machine.connected()
+        for q in rng.uniform(0, TURN, size=10):
+            there = 0
+            for arc in found.arcs:
+                first = math.ceil((arc.start.q - q) / TURN)
+                last = math.floor((arc.end.q - q) / TURN)
+                there += arc.turns or last - first + 1
+            assert there == machine.exact(q)
+
+
+# ---- a turn ------------------------------------------------------------------------------
+
+
+def test_after_a_turn_a_mode_may_be_another_one():
+    machine = overturned()
+    found = machine.connected()
+    long = [arc for arc in found.arcs if arc.length > TURN]
+    assert len(long) == 2
+    check = next(
+        j for j, q in enumerate(found.checks) if long[0].start.q + 0.1 < q < long[0].end.q - TURN
+    )
+    then = found.after_turn(check)
+    assert sum(x is not None for x in then) == 2
+    for mode, other in enumerate(then):
+        if other is None:
+            continue
+        o, e = found.modes[check][mode].o, found.modes[check][mode].e
+        begin = found.checks[check]
+        for q in np.linspace(begin, begin + TURN, 2_000)[1:]:
+            o, e = newton(machine, q, o, e)
+        assert abs(o - found.modes[check][other].o) <= FOUND
+        assert other != mode
+
+
+def test_a_small_crank_brings_every_mode_back_to_itself():
+    pins, pivots, lengths = [0, 4, 3 + 4j], [0, 5, 1 + 4j], [4.0, 4.0, 4.0]
+    machine = Cranked(pins, -0.01, pivots[1:], 0.01, lengths)
+    found = machine.connected()
+    assert found.after_turn() == (0, 1, 2, 3, 4, 5)
+    assert len(found.circuits) == len(found.arcs) == 6
+    assert all((arc.start.how, arc.turns) == ("turn", 1) for arc in found.arcs)
+    assert all((arc.start.q, arc.end.q) == (0, pytest.approx(TURN)) for arc in found.arcs)
+
+
+def test_change_points_of_a_parallelogram_are_passed_straight():
+    # Pins 1 and 2 are one: crank 1, coupler 3 and leg 2 of length 1 on a frame of 3 are a
+    # parallelogram, on one line at 0 and pi; leg 3 hangs from its pin.
+    triad = Triad.rrr([3, 1, 4], [0, 0, 1])
+    found = connect(triad, lambda q: (complex(np.exp(1j * q)), 3, 1.5 + 3.5j))
+    for arc in found.arcs:
+        assert arc.sign == 0
+        passed = sorted(abs(math.remainder(q, TURN)) for q in arc.change_points)
+        assert passed == pytest.approx([0, math.pi], abs=1e-11)
+    # Parallel all along: leg 2 keeps the crank's direction on two of the arcs.
+    pins = [
+        {abs(found.modes[j][k].o - 3 - np.exp(1j * found.checks[j])) < FOUND for j, k in arc.passes}
+        for arc in found.arcs
+    ]
+    assert sorted(pins, key=str) == [{False}, {False}, {True}, {True}]
+
+
+def test_a_range_has_arcs_that_end_with_it():
+    machine = overturned()
+    found = machine.connected(low=3.5, high=4.5)
+    assert {end.how for arc in found.arcs for end in (arc.start, arc.end)} == {"range"}
+    assert all((arc.start.q, arc.end.q) == (3.5, 4.5) for arc in found.arcs)
+    assert len(found.arcs) == machine.exact(4.0) == 2
+    with pytest.raises(RequestError, match="not over a turn"):
+        found.after_turn()
+
+
+def test_a_range_that_goes_past_a_dead_centre_agrees_with_the_turn():
+    machine = overturned()
+    turn = machine.connected()
+    found = machine.connected(low=2.0, high=5.5)
+    ends = sorted(e.q for a in found.arcs for e in (a.start, a.end) if e.how == "dead centre")
+    whole = {e.q + n * TURN for a in turn.arcs for e in (a.start, a.end) for n in (-1, 0)}
+    assert len(ends) == 6
+    for q in ends:
+        assert min(abs(q - x) for x in whole) <= PLACE
+
+
+def test_the_driver_may_be_a_slide_and_a_leg_may_slide():
+    # Platform pin 1 on a guide at the height of the driver, the others on links.
+    pins, o = [0, 1, 0.4 + 0.8j], 0.2 + 1j
+    pivots = [0, 1.5, 0.5 + 3j]
+    lengths = [0, abs(o + pins[1] - pivots[1]), abs(o + pins[2] - pivots[2])]
+    triad = Triad((Leg.pr(0), *(Leg.rr(p, l) for p, l in zip(pins[1:], lengths[1:], strict=True))))
+
+    def outer(q):
+        return Guide(1j * q, 1 + 0j), *pivots[1:]
+
+    found = connect(triad, outer, low=0.5, high=1.5)
+    for n, arc in enumerate(found.arcs):
+        for end in (arc.start, arc.end):
+            if end.how == "dead centre":
+                assert any(m.double for m in triad_modes(triad, outer(end.q)))
+                assert n in (found.arcs[end.other].start.other, found.arcs[end.other].end.other)
+            else:
+                assert end.q in (0.5, 1.5)
+    at_one = triad_modes(triad, outer(1.0))
+    assert len(at_one) == sum(a.start.q < 1 < a.end.q for a in found.arcs) > 0
+
+
+def test_supports_that_exist_no_further_end_the_range():
+    machine = overturned()
+
+    def outer(q):  # like an earlier dyad that is stretched at 4.5 rad
+        return machine.outer(q) if q <= 4.5 else (complex(math.nan, math.nan), *machine.pivots)
+
+    found = connect(machine.triad, outer, 3.5, 4.5)
+    assert len(found.arcs) == 2
+    assert all(arc.end.how == "range" for arc in found.arcs)
+
+
+def test_an_empty_range_is_refused():
+    with pytest.raises(RequestError, match="a range of the driver is needed"):
+        overturned().connected(low=1.0, high=1.0)
