@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import fnmatch
+import gc
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.naming import Names
@@ -15,16 +17,33 @@ from blockmech.passes import following, forces, forward, friction
 from blockmech.plan import STAGES, Friction, Plan, Schedule
 
 
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """No search for garbage meanwhile.
+
+    Everything that is made here is kept: for a chain of a thousand dyads the search took as
+    long as the work.
+    """
+    running = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if running:
+            gc.enable()
+
+
 class Catalogue(Mapping[str, Output]):
     """All outputs of a mechanism by name, made once and on first use."""
 
     def __init__(self, structure: Structure, names: Names | None = None) -> None:
         """With ``names`` the outputs are those of a joint-based document, and no others."""
         self.structure = structure
-        self._outputs = {o.name: o for o in outputs_of(structure)}
-        if names is not None:
-            found = outputs_by_link(structure, names, self._outputs)
-            self._outputs = {o.name: o for o in found}
+        with uncollected():
+            self._outputs = {o.name: o for o in outputs_of(structure)}
+            if names is not None:
+                found = outputs_by_link(structure, names, self._outputs)
+                self._outputs = {o.name: o for o in found}
 
     def __getitem__(self, name: str) -> Output:
         return self._outputs[name]
@@ -77,6 +96,12 @@ class Catalogue(Mapping[str, Output]):
     ) -> Plan:
         """The plan for some outputs: rules are asked in name order, once each."""
         names = self.match(want)
+        with uncollected():
+            return self._plan(scene, names, how, static, quality)
+
+    def _plan(
+        self, scene: Scene, names: tuple[str, ...], how: Friction, static: bool, quality: bool
+    ) -> Plan:
         schedule = Schedule(self.structure, scene, how, static)
         values: dict[str, int] = {}  # the same value under two names is returned once
         layout: dict[str, tuple[int, ...]] = {}

@@ -8,8 +8,7 @@ says how to read them; nothing is computed for outputs that nobody wants.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -23,8 +22,7 @@ from blockmech.quality import at_most_one
 Reader = Callable[..., Any]
 
 
-@dataclass(frozen=True)
-class Output:
+class Output(NamedTuple):
     """One thing that can be wanted.
 
     Attributes

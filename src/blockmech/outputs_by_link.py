@@ -21,7 +21,6 @@ import functools
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -56,7 +55,7 @@ def outputs_by_link(structure: Structure, names: Names, known: Known) -> Iterato
     said = {str(name.link): link for link, name in names.links.items()}
     said[str(structure.frame_link)] = "frame"
     for found in _renamed(structure, names, known):
-        yield replace(found, by=said.get(found.by, found.by), on=said.get(found.on, found.on))
+        yield found._replace(by=said.get(found.by, found.by), on=said.get(found.on, found.on))
 
 
 def _renamed(structure: Structure, names: Names, known: Known) -> Iterator[Output]:
@@ -77,7 +76,7 @@ def _driver(name: str, where: DriverName, pair: JointName | None, known: Known) 
         found = known.get(f"{where.driver}.{what}")
         if found is None:
             continue
-        renamed = replace(found, name=f"driver.{name}.{what}")
+        renamed = found._replace(name=f"driver.{name}.{what}")
         if what == "q" and not same(where):
             renamed = _read(renamed, lambda q: to_document(where, q))
         if what in ALONG_DRIVER:
@@ -94,11 +93,11 @@ def _link(name: str, where: LinkName, frame: LinkRef, known: Known) -> Iterator[
         turning = {what: known[f"{where.link}.{what}"] for what in OF_LINKS}
         turning["angle"] = _rotated(turning["angle"], where.turn)
         for point, turn in zip(OF_POINTS, OF_LINKS, strict=True):
-            yield replace(origin[point], name=f"link.{name}.{point}")
-            yield replace(turning[turn], name=f"link.{name}.{turn}")
+            yield origin[point]._replace(name=f"link.{name}.{point}")
+            yield turning[turn]._replace(name=f"link.{name}.{turn}")
     for marker, ref in where.markers.items():
         for what in OF_POINTS:
-            yield replace(known[f"{ref}.{what}"], name=f"link.{name}.{marker}.{what}")
+            yield known[f"{ref}.{what}"]._replace(name=f"link.{name}.{marker}.{what}")
 
 
 def _joint(
@@ -118,7 +117,7 @@ def _joint(
             found = _turned(found, where.flipped ^ (along and where.turned))
         if found.by:
             found = _between(found, where)
-        yield replace(found, name=f"joint.{name}.{what}")
+        yield found._replace(name=f"joint.{name}.{what}")
 
 
 def _between(output: Output, where: JointName) -> Output:
@@ -127,7 +126,7 @@ def _between(output: Output, where: JointName) -> Output:
         by, on = where.links
     else:
         by, on = (output.on, output.by) if where.flipped else (output.by, output.on)
-    return replace(output, by=by, on=on)
+    return output._replace(by=by, on=on)
 
 
 def _sum_of(reaction: Output, where: JointName, known: Known) -> Output:
@@ -144,7 +143,7 @@ def _total(output: Output, parts: list[Output]) -> Output:
         each = (part.read(x) for part, x in zip(parts, columns, strict=True))
         return functools.reduce(operator.add, each)
 
-    return replace(output, ask=lambda s: [v for p in parts for v in p.ask(s)], read=total)
+    return output._replace(ask=lambda s: [v for p in parts for v in p.ask(s)], read=total)
 
 
 def _seated_elsewhere(where: JointName, structure: Structure, names: Names) -> bool:
@@ -177,7 +176,7 @@ def _loads(structure: Structure, names: Names, known: Known) -> Iterator[Output]
         for what, first in outputs[elements[0]].items():
             parts = [outputs[element][what] for element in elements]
             found = first if len(parts) == 1 else _total(first, parts)
-            yield replace(found, name=f"{load}.{what}", by=found.by and load)
+            yield found._replace(name=f"{load}.{what}", by=found.by and load)
 
 
 def _whole(output: Output, drivers: list[DriverName]) -> Output:
@@ -192,7 +191,7 @@ def _whole(output: Output, drivers: list[DriverName]) -> Output:
 def _read(output: Output, more: Callable[[Any], Any]) -> Output:
     """The same output, read and then changed."""
     read: Reader = output.read
-    return replace(output, read=lambda *values: more(read(*values)))
+    return output._replace(read=lambda *values: more(read(*values)))
 
 
 def _turned(output: Output, flipped: bool) -> Output:

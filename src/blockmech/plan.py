@@ -13,16 +13,19 @@ The program is readable Python; ``print(plan.program.source)`` shows what runs.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import CodeType
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
+NO_LETTER = re.compile(r"\W", re.ASCII)
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
 T = TypeVar("T")
@@ -79,6 +82,11 @@ class Program:
     functions: Mapping[str, Callable[..., Any]]
     parameters: Mapping[str, Any]
     outputs: tuple[str, ...]
+
+    @cached_property
+    def code(self) -> CodeType:
+        """The source compiled, once for all engines."""
+        return compile(self.source, "<plan>", "exec")
 
 
 class Schedule:
@@ -233,8 +241,9 @@ def _followed(s: Schedule, block: str) -> str:
     return s.ask(guess, block)
 
 
+@functools.cache
 def _identifier(name: str) -> str:
-    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+    word = NO_LETTER.sub("_", name)
     return f"_{word}" if not word or word[0].isdigit() else word
 
 

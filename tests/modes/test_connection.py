@@ -200,6 +200,23 @@ def test_change_points_of_a_parallelogram_are_passed_straight():
     assert sorted(pins, key=str) == [{False}, {False}, {True}, {True}]
 
 
+def test_galloway_s_long_links_turn_once_in_two_turns_of_the_short_one():
+    # Frame and crank 1, coupler and leg 2 of length 3 about one pin: a kite. Leg 3 reaches
+    # the platform's other pin everywhere. After one turn of the crank the kite is inverted.
+    triad = Triad.rrr([3, 3, 3], [0, 0, 2])
+    found = connect(triad, lambda q: (complex(np.exp(1j * q)), 1, 1 + 1j))
+    assert [arc.turns for arc in found.arcs] == [2, 2]
+    for check, (q, modes) in enumerate(zip(found.checks, found.modes, strict=True)):
+        then = found.after_turn(check)
+        for mode, other in enumerate(then):
+            assert then[other] == mode
+            # the pin lies on the kite's axis, on the other side of the crank's end and pivot
+            axis = 1 + np.exp(1j * q)
+            one, two = ((modes[n].o / axis).real * abs(axis) for n in (mode, other))
+            assert one + two == pytest.approx(abs(axis), abs=FOUND)
+            assert other != mode
+
+
 def test_a_range_has_arcs_that_end_with_it():
     machine = overturned()
     found = machine.connected(low=3.5, high=4.5)

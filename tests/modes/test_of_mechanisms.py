@@ -56,14 +56,15 @@ def test_a_home_put_into_the_file_chooses_its_mode():
 def test_the_general_group_keeps_to_its_home_mode_over_the_whole_arc():
     document = machines.overturned()
     at = 5.0
-    for mode in machines.compiled(document).modes(at, arcs=False)["triad"].samples[0]:
+    for mode in machines.compiled(document).modes(at, arcs=False)["triad"].samples[0][:2]:
         changed = machines.compiled(machines.with_home(document, mode.put))
         low, high = next(m.reach for m in changed.modes(at)["triad"].samples[0] if m.chosen)
-        told = changed.modes(np.linspace(low + INSIDE, high - INSIDE, 6).tolist())["triad"]
+        told = changed.modes(np.linspace(low + INSIDE, high - INSIDE, 5).tolist())["triad"]
         for modes in told.samples:
             (chosen,) = (m for m in modes if m.chosen)
             assert chosen.reach == pytest.approx((low, high), abs=PLACE)
-        for outside in (low - INSIDE, high + INSIDE):
+        # Beyond its arc a group stands as whole turns before, if that is on its arc.
+        for outside in (low - INSIDE, high + INSIDE) if high - low < TURN else ():
             beyond = changed.run(at=[outside], want=["triad.margin"], on_gap="mark")
             assert not beyond["triad.margin"][0] > 0
 

@@ -3,7 +3,7 @@
 RRR, RRP and RPR have two modes, told apart by the sign of their determinant (`branch`),
 PRP and RPP have one. Both modes of a dyad have the same margin, so they exist at the same
 places, and where it is zero they merge.
-Source: `ports.md`, section 3, and the kernels of `blockmech.blocks`.
+Source: the kernels of `blockmech.blocks`.
 """
 
 from __future__ import annotations

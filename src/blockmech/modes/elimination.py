@@ -20,7 +20,7 @@ which mirror each other on the line of the centres.
 
 The coefficients come from samples on the unit circle, which multiplies the polynomials
 to rounding; the samples show also how large the rounding is.
-Source: [M95] Merlet, Direct kinematics of planar parallel manipulators, ICRA 1996, and
+Source: [M96] Merlet, Direct kinematics of planar parallel manipulators, ICRA 1996, and
 [GS93] Gosselin & Sefrioui, Polynomial solutions for the direct kinematic problem of planar
 three-degree-of-freedom parallel manipulators, ICAR 1991 (there with half angles).
 """

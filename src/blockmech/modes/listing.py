@@ -99,15 +99,13 @@ class _Lister:
         said = self.mechanism.said(name)
         if not isinstance(block, GeneralGroup):
             return self._dyad(name, said, kind, block)
-        triad = outline(block)
-        if triad is None:
-            note = "only the modes of dyads and triads are listed"
-            return GroupModes(said, kind, tuple(() for _ in self.samples), (), note)
+        triad, note = outline(block), "only the modes of dyads and triads are listed"
         try:
-            return self._triad(name, said, kind, triad)
+            if triad is not None:
+                return self._triad(name, said, kind, triad)
         except RequestError as error:  # of one group; the others are told all the same
             note = "; ".join(p.found for p in error.problems)
-            return GroupModes(said, kind, tuple(() for _ in self.samples), (), note)
+        return GroupModes(said, kind, tuple(() for _ in self.samples), (), note)
 
     def _dyad(self, name: str, said: str, kind: str, block: Moving) -> GroupModes:
         assert isinstance(block, AssurGroup)

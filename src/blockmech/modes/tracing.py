@@ -141,9 +141,7 @@ class JumpError(Exception):
 def curves(
     course: Course, checks: int = CHECKS, also: Sequence[float] = ()
 ) -> tuple[tuple[Check, ...], tuple[Curve, ...]]:
-    """Check points with all modes, and the curves that connect them.
-
-    ``also`` are further places p for check points, after the others.
+    """Check points with all modes, those at places ``also`` last, and curves through them.
 
     Raises `RequestError` if the curves do not pass each mode once, however short the steps.
     """

@@ -17,8 +17,7 @@ Their rows of rates are the unit forces that the legs can exert, so their determ
 is zero where the three lines of action meet in a point or are parallel: a dead centre.
 
 Everything is computed in lengths of the triad's own size, about its first pivot.
-Source: [M95] Merlet, Direct kinematics of planar parallel manipulators, ICRA 1996; the
-conditions are those of `ports.md`, section 4, with the legs left out.
+Source: [M96] Merlet, Direct kinematics of planar parallel manipulators, ICRA 1996.
 """
 
 from __future__ import annotations

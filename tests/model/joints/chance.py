@@ -202,11 +202,13 @@ class Making:
     def loop(self):
         """Four links in a closed loop, two of them on earlier ones: class IV."""
         (a, b), (i, j, k, m) = self.supports(), [self.new_link() for _ in range(4)]
-        for first, second in ((a, i), (i, k), (k, j), (j, m), (m, i), (b, j)):
-            if self.chance.random() < 0.8:
-                self.pin(first, second, self.place())
-            else:
+        pairs = ((a, i), (i, k), (k, j), (j, m), (m, i), (b, j))
+        guides = self.chance.sample(pairs, self.chance.choice([0, 0, 1, 2]))
+        for first, second in pairs:
+            if (first, second) in guides:
                 self.guide(first, second, self.place(), self.along())
+            else:
+                self.pin(first, second, self.place())
         for link in (i, j, k, m):
             self.settle(link)
 

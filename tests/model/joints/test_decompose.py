@@ -20,7 +20,8 @@ from tests.model.joints.chance import shuffled
 from tests.model.joints.machines import guide, joints_file, pin, turned_round
 
 DATA = Path(__file__).resolve().parents[2] / "data"
-ANDREWS = json.loads((DATA / "andrews_squeezer.json").read_text("utf-8"))["document"]
+REFERENCE = json.loads((DATA / "andrews_squeezer.json").read_text("utf-8"))
+ANDREWS = REFERENCE["document"]
 
 ROUNDING = 1e-12  # [-] of the largest of a kind: some roundings, twice
 
@@ -130,6 +131,31 @@ def test_names_and_signs_are_those_of_the_document_whichever_link_is_named_first
         drive = found["driver.motor.drive"]
         scale = np.abs(drive).max()
         assert np.abs(drive - sign * straight["driver.motor.drive"]).max() <= ROUNDING * scale
+
+
+@pytest.mark.parametrize("general", ["", "groups", "one"])
+def test_andrews_squeezer_has_the_motion_and_reactions_of_its_reference(general):
+    """The numbers are of another program, in the names and signs of this document."""
+    found = REFERENCE["converged_at_0_03"]
+    beta, theta, *_ = found["q"]
+    rate, acceleration = found["dq"][0], found["ddq"][0]
+    run = (
+        read(ANDREWS)
+        .decompose(general)
+        .compile()
+        .run(at={"drive": beta}, rates={"drive": rate}, accelerations={"drive": acceleration})
+    )
+    dq, ddq = found["dq"], found["ddq"]
+    chains = {"2": (0, 1), "3": (2,), "4": (3, 4), "5": (4,), "6": (5, 6), "7": (6,)}
+    for link, angles in chains.items():
+        omega, alpha = (sum(x[k] for k in angles) for x in (dq, ddq))
+        assert run[f"link.{link}.omega"][0] == pytest.approx(omega, abs=1e-11 * max(map(abs, dq)))
+        assert run[f"link.{link}.alpha"][0] == pytest.approx(alpha, abs=1e-11 * max(map(abs, ddq)))
+    angle = run["link.2.angle"][0] - (beta + theta)
+    assert abs(cmath.exp(1j * angle) - 1) < 1e-11
+    largest = max(math.hypot(*f) for f in found["reactions"].values())
+    for joint, force in found["reactions"].items():
+        assert abs(run[f"joint.{joint}.reaction"][0] - complex(*force)) <= 1e-10 * largest, joint
 
 
 # ---- which blocks -------------------------------------------------------------------------

@@ -182,6 +182,14 @@ def test_joints_that_cannot_close_are_named_with_their_gap():
     assert "C gapes by 18.7 m in the given pose" in problem.found
 
 
+def test_a_guide_that_points_the_wrong_way_is_told_by_how_far_the_link_turns():
+    data = machines.slider_crank()
+    data["joints"]["S"]["angle"][1] = np.pi
+    problem = only(data)
+    assert (problem.code, problem.where) == ("pose-far-off", "links.piston.pose")
+    assert "piston is turned by 3.14 rad" in problem.found
+
+
 def test_a_pose_at_a_dead_centre_does_not_tell_the_assembly_mode():
     data = joints_file(
         {"crank": (0, 0, 0), "rod": (1, 0, 0), "rocker": (5.5, 0, np.pi)},
@@ -279,7 +287,7 @@ def ranks(data, together, seed):
 HELD = {"over-constrained", "turning-held-twice", "coincident-joints"}
 FREE = {"missing-driver", "loose-links", "unconnected-links", "coincident-joints"}
 DRIVERS = {"conflicting-drivers", "locked-driver", "coincident-joints"}
-GEOMETRY = {"does-not-close", "dead-centre"}
+GEOMETRY = {"does-not-close", "dead-centre", "pose-far-off"}
 
 
 def test_broken_documents_are_told_what_the_rank_says():

@@ -31,7 +31,13 @@ from blockmech.model.joints.connections import (
     structural,
 )
 from blockmech.model.joints.contents import FRAME
-from blockmech.model.joints.diagnosis import dead_centre, does_not_close, why_not, why_stuck
+from blockmech.model.joints.diagnosis import (
+    dead_centre,
+    does_not_close,
+    far_off,
+    why_not,
+    why_stuck,
+)
 from blockmech.model.joints.diagram import Diagram
 from blockmech.model.joints.elements import links_read_as_they_are
 from blockmech.model.joints.frames import DeadCentre, Made, closed_form, driving_link
@@ -133,6 +139,9 @@ def sequence(linkage: Linkage) -> Sequence:
     poses = closing.refine(given)
     if not closing.closed(poses):
         raise GraphError(does_not_close(closing, given, pairs))
+    away = list(far_off(given, poses, size))
+    if away:
+        raise GraphError(away)
     stuck = [unit for unit in found.units if _stands_still(unit, seats.pairs, driven, poses, size)]
     if stuck:
         raise GraphError(why_stuck(linkage, stuck, pairs, axis, driven, given, size))
@@ -143,7 +152,7 @@ def _stands_still(
     unit: Unit, pairs: Connections, driven: Collection[str], poses: Poses, size: float
 ) -> bool:
     """Whether a group without closed form is at a dead centre, where Newton finds no way."""
-    if unit.kind not in ("group", "triad"):
+    if unit.kind not in ("group", "triad", "cylinder"):
         return False
     own = {p.name: pairs[p.name] for p in unit.pairs}
     closing = Closing(poses.links, own, [name for name in own if name in driven], size)

@@ -9,7 +9,7 @@ over-constrained, and move all the same.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from blockmech.errors import Problem, listed
@@ -44,10 +44,12 @@ CODES: Mapping[str, str] = {
     "too-tangled": "so many links in loops with each other that only counting is left",
     "no-links": "a document without moving links",
     "does-not-close": "joints that gape, and cannot be closed near the given pose",
+    "pose-far-off": "a pose from which another assembly mode may be reached than was meant",
     "dead-centre": "a pose that does not tell the assembly mode",
 }
 """What can be wrong with links and joints that are named well."""
 
+FAR_TURN, FAR_WAY = 1.5, 1.0  # [rad], [-] of the size: how far a pose may be off
 MOST = 12  # names in a message
 
 
@@ -330,6 +332,19 @@ def does_not_close(closing: Closing, given: Poses, pairs: Connections) -> list[P
             f"check the places of {worst.pair} on {c.first} and {c.second}, or give better poses",
         )
     ]
+
+
+def far_off(given: Poses, closed: Poses, size: float) -> Iterator[Problem]:
+    """Links that are turned or moved so far to close the joints that the mode is in doubt."""
+    for k, link in enumerate(given.links):
+        turn = abs(float(closed.theta[k] - given.theta[k]))
+        way = abs(complex(closed.o[k] - given.o[k]))
+        if turn <= FAR_TURN and way <= FAR_WAY * size:
+            continue
+        found = f"to close its joints {link} is turned by {turn:.3g} rad and moved by {way:.3g} m"
+        valid = "the pose tells the assembly mode"
+        remedy = "give a nearer pose, or turn a guide round that points the wrong way"
+        yield Problem("pose-far-off", path_text(("links", link, "pose")), found, valid, remedy)
 
 
 def _gape(pair: str, distance: float, turn: float) -> str:

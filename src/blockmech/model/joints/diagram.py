@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.blocks.contract import REGISTRY
+from blockmech.errors import GraphError
 from blockmech.model.assur import Unit
 from blockmech.model.contents import FORMAT
 from blockmech.model.coordinates import law_to_graph, signed, to_graph
@@ -24,6 +25,7 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.migrations import VERSION
 from blockmech.model.naming import DriverName, JointName, LinkName, Names
+from blockmech.model.refusals import validated
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
@@ -314,12 +316,18 @@ def _xy(z: complex) -> list[float]:
 
 
 def graph_of(data: Mapping[str, Any]) -> Graph:
-    """The graph of data that is known to be sound; unlike a file it is not checked here."""
+    """The graph of data that was made here, its wiring unchecked.
+
+    Raises `GraphError` for what a block refuses.
+    """
     graph = Graph(data["name"], title=data.get("title", ""))
     for name, said in data["blocks"].items():
         cls = REGISTRY[said["type"]]
         keys = {key: value for key, value in said.items() if key != "type"}
-        graph.blocks[name] = cls.model_validate(keys)
+        block, wrong = validated(cls, keys, said["type"], ("blocks", name))
+        if block is None:
+            raise GraphError(wrong)
+        graph.blocks[name] = block
     graph.wires = [Wire(wire["from"], wire["to"]) for wire in data["wires"]]
     graph.scene = Scene.model_validate(data.get("scene", {}))
     graph.extras = {key: data[key] for key in ("source", "notes") if key in data}

@@ -15,6 +15,7 @@ from typing import Any
 from blockmech.blocks.contract import REGISTRY
 from blockmech.errors import FormatError, Problem, close_match, listed
 from blockmech.loads.contract import Element
+from blockmech.model.contents import FORMAT as GRAPH
 from blockmech.model.joints.contents import (
     EXTRAS,
     FORMAT,
@@ -240,7 +241,8 @@ def _identify(raw: Mapping[str, Any]) -> Iterator[Problem]:
     said, valid = raw.get("format"), f'a joint-based file has "format": "{FORMAT}"'
     if said != FORMAT:
         found = f"the format is {shown(said)}" if "format" in raw else "the file names no format"
-        problem = Problem("wrong-format", "format", found, valid)
+        remedy = "open it as a Graph" if said == GRAPH else ""
+        problem = Problem("wrong-format", "format", found, valid, remedy)
         if "format" in raw or "joints" not in raw:
             raise FormatError(problem)
         yield replace(problem, remedy="add it")

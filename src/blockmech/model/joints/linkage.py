@@ -142,10 +142,9 @@ class Linkage:
         from blockmech.model.joints.decompose import decompose
 
         try:
-            decompose(self)
+            return decompose(self).graph.check()
         except GraphError as error:
             return list(error.problems)
-        return []
 
     def decompose(self, general: General = "") -> Decomposition:
         """Drivers and Assur groups in formation order, as blocks.
@@ -199,10 +198,15 @@ class Linkage:
         counts = f"{moving} moving links, {pairs} pairs, {len(self.drivers)} driver"
         counts += "s" * (len(self.drivers) != 1)
         try:
-            formula = str(self.decompose().formation)
+            formula = shortened(str(self.decompose().formation))
         except GraphError:
             formula = "not complete: see check()"
         return f"<Linkage {self.name}: {counts}; {formula}>"
+
+
+def shortened(formula: str, most: int = 300) -> str:
+    """A structural formula that fits a few lines."""
+    return formula if len(formula) <= most else f"{formula[:most].rsplit(' -> ', 1)[0]} -> ..."
 
 
 def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given]) -> Any:
