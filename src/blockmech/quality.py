@@ -22,7 +22,10 @@ OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
     "self-locked",
     "jammed",
 )
+DEAD_CENTRE, CHANGE_POINT = "dead-centre", "change-point"
+TOUCH = 1e-12  # margin below zero that is rounding where a margin touches zero
 NEAR = 1e-6  # margin below which a surviving doubt is flagged
+NEAR_CHANGE = 1e-4  # the same near a change point, where reactions lose eps/margin^1.5
 DETAIL = {
     Outcome.BY_CONTINUATION: "by-continuation",
     Outcome.NOT_CONVERGED: "slow",
@@ -94,6 +97,7 @@ def assess(
     values: Mapping[str, tuple[NDArray[Any], ...]],
     wanted_bad: NDArray[np.bool_],
     prismatic: frozenset[str],
+    following: frozenset[str] = frozenset(),
 ) -> Quality:
     """Work out the quality of a run.
 
@@ -103,6 +107,7 @@ def assess(
     values : report name (``margin/block``, ``path/block``, ``friction/block``, ``rest/joint``) -> its arrays
     wanted_bad : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
+    following : dyads whose branch follows the motion: it runs on where their margin is zero
     """
     margin = {k[7:]: at_most_one(v[0]) for k, v in values.items() if k.startswith("margin/")}
     friction = {k[9:]: v for k, v in values.items() if k.startswith("friction/")}
@@ -112,13 +117,18 @@ def assess(
     blame: dict[int, str] = {}
     flags: list[Flag] = []
     for block, m in margin.items():
+        name = CHANGE_POINT if block in following else DEAD_CENTRE
         for i in np.flatnonzero(~(m > 0)):
+            if m[i] == 0 or (name == CHANGE_POINT and i not in blame and not m[i] < -TOUCH):
+                flags.append(Flag(int(i), name, block, value=0.0))
             if not (m[i] == 0 and not wanted_bad[i]) and i not in blame:
                 status[i], blame[int(i)] = NO_ASSEMBLY, block
-            if m[i] == 0:
-                flags.append(Flag(int(i), "dead-centre", block, value=0.0))
-        for i in np.flatnonzero((m > 0) & (m < NEAR)):
-            flags.append(Flag(int(i), "near-dead-centre", block, value=float(m[i])))
+        near = NEAR_CHANGE if block in following else NEAR
+        for i in np.flatnonzero((m > 0) & (m < near)):
+            lost = name == CHANGE_POINT and wanted_bad[i] and i not in blame
+            if lost:
+                status[i], blame[int(i)] = NO_ASSEMBLY, block
+            flags.append(Flag(int(i), name if lost else f"near-{name}", block, value=float(m[i])))
     for block, share in paths.items():  # followed from home, and lost on the way
         for i in np.flatnonzero(share < 1.0):
             flags.append(Flag(int(i), "path-ended", block, value=float(share[i])))

@@ -39,7 +39,7 @@ def travelling(result: Result, source: str, target: str) -> dict[str, Any]:
     names = [f"{marker}.{x}" for x in ("p", "v", "a")]
     fixed = marker.on == structure.frame_link
     rates = [] if fixed else [f"{marker.on}.omega", f"{marker.on}.alpha"]
-    found = result.rerun(*names, *rates, f"{joint}.wrench_F", f"{joint}.wrench_M")
+    found = result.inside(*names, *rates, f"{joint}.wrench_F", f"{joint}.wrench_M")
     still = np.zeros(result.n)
     wire = {
         "p": found[names[0]],

@@ -10,7 +10,7 @@ import html
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.export.files import AnyPath, writing
@@ -20,7 +20,11 @@ if TYPE_CHECKING:
     from blockmech.draw.mechanism import Scale
     from blockmech.mechanism import Mechanism
     from blockmech.model.graph import Graph
+    from blockmech.model.joints.linkage import Linkage
+    from blockmech.model.naming import Names
     from blockmech.result import Result
+
+    Subject: TypeAlias = Graph | Linkage | Mechanism
 
 __all__ = [
     "Animation",
@@ -38,7 +42,7 @@ KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING}
 
 
 def draw(
-    subject: Graph | Mechanism,
+    subject: Subject,
     path: AnyPath,
     kind: Literal["diagram", "mechanism", "animation"] | None = None,
     at: Any = None,
@@ -46,11 +50,11 @@ def draw(
     trace: Iterable[str] | None = None,
     degrees: bool = True,
 ) -> Path:
-    """Draw a graph or a mechanism; the suffix of the path says the format.
+    """Draw a graph, a linkage or a mechanism; the suffix of the path says the format.
 
     Parameters
     ----------
-    subject : graph (for a diagram it need not be complete) or mechanism
+    subject : graph (for a diagram it need not be complete), linkage or mechanism
     path : .png, .svg or .pdf; .gif or .html for an animation
     kind : "diagram" (default), "mechanism" at poses, "animation" (default for .gif, .html)
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
@@ -89,7 +93,7 @@ def draw(
     if what == "diagram":
         from blockmech.draw.diagram import draw_diagram
 
-        figure = draw_diagram(_graph(subject)).figure
+        figure = draw_diagram(*_diagram_of(subject)).figure
     else:
         from blockmech.draw.mechanism import draw_mechanism
 
@@ -97,17 +101,15 @@ def draw(
     return _write(path, rendered(figure, suffix))
 
 
-def diagram_svg(subject: Graph | Mechanism) -> str:
+def diagram_svg(subject: Subject) -> str:
     """The block diagram as SVG text; the same graph gives the same text."""
     from blockmech.draw.diagram import draw_diagram
     from blockmech.draw.paper import rendered
 
-    return rendered(draw_diagram(_graph(subject)).figure, ".svg").decode()
+    return rendered(draw_diagram(*_diagram_of(subject)).figure, ".svg").decode()
 
 
-def mechanism_svg(
-    subject: Graph | Mechanism, at: Any = None, trace: Iterable[str] | None = None
-) -> str:
+def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None = None) -> str:
     """The mechanism at poses as SVG text; see `draw` for the arguments and errors."""
     from blockmech.draw.mechanism import draw_mechanism
     from blockmech.draw.paper import rendered
@@ -144,7 +146,7 @@ class Animation:
 
 
 def animate(
-    subject: Graph | Mechanism | Result,
+    subject: Subject | Result,
     path: AnyPath | None = None,
     at: Any = None,
     *,
@@ -157,7 +159,7 @@ def animate(
 
     Parameters
     ----------
-    subject : graph, mechanism or result
+    subject : graph, linkage, mechanism or result
     path : .gif or .html (one file, nothing is loaded from elsewhere); None only shows it
     at : driver coordinates of the frames, see `draw`
     frames : number of frames over the range, 2 to 2000
@@ -247,14 +249,18 @@ def plot(
 # -- subjects and files --------------------------------------------------------------------
 
 
-def _graph(subject: Graph | Mechanism) -> Graph:
+def _diagram_of(subject: Subject) -> tuple[Graph, Names | None]:
+    """The graph of a subject, and the names of the links and joints that it was made of."""
     from blockmech.draw.boxes import graph_of
-    from blockmech.mechanism import Mechanism
+    from blockmech.model.graph import Graph
 
-    return graph_of(subject) if isinstance(subject, Mechanism) else subject
+    if isinstance(subject, Graph):
+        return subject, None
+    mechanism = _mechanism(subject)
+    return graph_of(mechanism), mechanism.names
 
 
-def _mechanism(subject: Graph | Mechanism) -> Mechanism:
+def _mechanism(subject: Subject) -> Mechanism:
     from blockmech.mechanism import Mechanism
 
     return subject if isinstance(subject, Mechanism) else subject.compile()

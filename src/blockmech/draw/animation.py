@@ -12,7 +12,7 @@ import io
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from typing import Any
 
@@ -24,19 +24,18 @@ from blockmech.draw.mechanism import (
     LINE,
     MANY,
     TOP,
-    Paths,
     Scale,
     caption,
     draw,
     extent,
     load_text,
     paper,
-    paths_of,
     sizes,
     write,
 )
 from blockmech.draw.motion import closes, moves, moves_of_result
 from blockmech.draw.paper import shown_name, styled, text_width, wrapped
+from blockmech.draw.paths import Paths, paths_of
 from blockmech.draw.shapes import Shape, Stage, stage_of
 from blockmech.draw.sketch import Pin, Spot, sketch_of
 from blockmech.errors import Problem, RequestError
@@ -62,6 +61,8 @@ class Reel:
     seconds: float
     degrees: bool
     width: float  # [pt] of the axes
+    left: float = -math.inf  # [m] between which words stand
+    right: float = math.inf
 
     @property
     def name(self) -> str:
@@ -115,7 +116,10 @@ def reel_of(
     reel = Reel(stage, tuple(good), paths, seconds, degrees, width)
     lines = max(len(reel.caption(k)) for k in good)
     with styled():
-        return reel, paper(corners, paths, [""] * lines, many)
+        scale = paper(corners, paths, [""] * lines, many)
+    ends = (scale.metres(complex(x, 0.0)).real for x in (0.0, scale.width))
+    left, right = ends
+    return replace(reel, left=left, right=right), scale
 
 
 def _check(frames: int, seconds: float) -> None:
@@ -137,12 +141,13 @@ def _frame(reel: Reel, k: int) -> tuple[list[Shape], list[tuple[str, complex, st
     words: list[tuple[str, complex, str]] = []
     for pin in stage.sketch.pins if len(stage.sketch.pins) <= NAMES else ():
         text = ", ".join(map(shown_name, pin.names))
-        words.append((text, _beside_pin(stage, pin, k, text), ink.INK))
+        words.append((text, _beside_pin(reel, pin, k, text), ink.INK))
     return shapes.pose(stage, k), words
 
 
-def _beside_pin(stage: Stage, pin: Pin, k: int, text: str) -> complex:
-    """A place [m] for a joint's name, on the side where its links are not."""
+def _beside_pin(reel: Reel, pin: Pin, k: int, text: str) -> complex:
+    """A place [m] for a joint's name, on the side where its links are not, on the paper."""
+    stage = reel.stage
     z = stage.place(pin.spot, k)
     bodies = [b for b in stage.sketch.bodies if b.link in pin.links]
     middles = [
@@ -152,7 +157,13 @@ def _beside_pin(stage: Stage, pin: Pin, k: int, text: str) -> complex:
     if pin.grounded and away.imag <= 0:  # below it is the ground
         away = complex(math.copysign(1.0, away.real), 0.0)
     gap = GAP / 2 if pin.grounded else 0.0
-    return _beyond(z + math.copysign(gap, away.real) * stage.unit, away, text, stage.unit)
+    places = [
+        _beyond(z + math.copysign(gap, way.real) * stage.unit, way, text, stage.unit)
+        for way in (away, complex(-away.real, away.imag), 1j)
+    ]
+    half = stage.unit * text_width(text, ink.SMALL) / 2
+    inside = (p for p in places if reel.left <= p.real - half and p.real + half <= reel.right)
+    return next(inside, places[0])
 
 
 def _beyond(z: complex, direction: complex, text: str, unit: float) -> complex:

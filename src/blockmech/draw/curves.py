@@ -58,8 +58,10 @@ def drive_panels(result: Result, twin: Result | None) -> tuple[Panel, ...]:
     """The driving moment or force of each driver ([R10] Fig. 12)."""
     panels = []
     drivers = result.mechanism.drivers
-    for name in (d for d in drivers if f"{d}.drive" in result):
-        curve, unit = _curve(result, twin, f"{name}.drive", ""), result.unit(f"{name}.drive")
+    for name, output in ((d, result.mechanism.of_driver(d, "drive")) for d in drivers):
+        if output not in result:
+            continue
+        curve, unit = _curve(result, twin, output, ""), result.unit(output)
         if not _lives(curve):
             continue
         what = "driving force" if unit == "N" else "driving moment"
@@ -164,8 +166,7 @@ def _by_block(quantity: str, unit: str, curves: Sequence[Curve]) -> tuple[Panel,
     """One panel for each block; blocks with few curves share one."""
     groups: list[list[Curve]] = []
     for curve in curves:
-        block = curve.name.split(".")[0]
-        mine = [c for c in curves if c.name.split(".")[0] == block]
+        mine = [c for c in curves if _owner(c.name) == _owner(curve.name)]
         if curve is not mine[0]:
             continue
         if groups and len(groups[-1]) + len(mine) <= TOGETHER:
@@ -173,6 +174,12 @@ def _by_block(quantity: str, unit: str, curves: Sequence[Curve]) -> tuple[Panel,
         else:
             groups.append(mine)
     return tuple(Panel(quantity, unit, tuple(group)) for group in groups)
+
+
+def _owner(name: str) -> str:
+    """The block of an output, or the joint or link of a joint-based document."""
+    first, *rest = name.split(".")
+    return f"{first}.{rest[0]}" if rest and first in ("joint", "link", "driver") else first
 
 
 def _unwrapped(angle: Array) -> Array:
@@ -209,7 +216,7 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = True) -> Absci
         return Abscissa("time [s]", time)
     if len(drivers) != 1:
         return Abscissa("sample", np.arange(result.n, dtype=float))
-    name = f"{drivers[0]}.q"
+    name = result.mechanism.of_driver(drivers[0], "q")
     q = result.drivers[name]
     unit = result.unit_of_driver(name)
     if unit == "rad" and degrees:

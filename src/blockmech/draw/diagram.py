@@ -19,6 +19,7 @@ from blockmech.draw.layout import arrange
 from blockmech.draw.paper import new_page, shown_name, styled, text_width, wrapped
 from blockmech.draw.routing import ROW, STUB, Placed, Point, Rectangle, place, way_between
 from blockmech.model.graph import Graph
+from blockmech.model.naming import Names
 
 MARGIN = 6.0  # [pt] around everything
 HALF = 1.35  # [pt] half the distance of a wire's two lines
@@ -52,9 +53,12 @@ class Diagram:
     labels: list[Any] = field(default_factory=list)
 
 
-def draw_diagram(graph: Graph) -> Diagram:
-    """Draw the block diagram of a graph, complete or not."""
-    content = content_of(graph)
+def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
+    """Draw the block diagram of a graph, complete or not.
+
+    ``names`` of the links and joints that it was made of stand in the place of its own.
+    """
+    content = content_of(graph, names)
     placed = _placed(content, graph)
     legend = _legend_entries(content, bool(placed.backward))
     width = max(placed.width + 2 * MARGIN, ink.COLUMN)
@@ -73,7 +77,8 @@ def draw_diagram(graph: Graph) -> Diagram:
         for block in content.blocks:
             _draw_block(drawn, block)
         for i, flow in enumerate(content.flows):
-            _draw_marker(drawn, placed.markers[i], f"marker:{flow.ends.source}.{flow.ends.marker}")
+            what = f"marker:{flow.ends.source}.{flow.ends.marker}"
+            _draw_marker(drawn, placed.markers[i], what, flow.word)
         _draw_legend(drawn, rows, top + placed.height + 8 + LINE / 2)
     return drawn
 
@@ -243,18 +248,16 @@ def _draw_pin(drawn: Diagram, x: float, y: float, pair: str, colour: str, what: 
         drawn.axes.add_patch(Polygon([(x - r, y), (x, y - r), (x + r, y), (x, y + r)], **style))
 
 
-def _draw_marker(drawn: Diagram, at: Point, what: str) -> None:
+def _draw_marker(drawn: Diagram, at: Point, what: str, word: str) -> None:
     from matplotlib.patches import Circle
 
     x, y = at
     drawn.axes.add_patch(Circle((x, y), PIN - 0.6, facecolor=ink.INK, lw=0, zorder=5, label=what))
-    name = what.rpartition(".")[2]
-    _write(drawn, x - PAD, y, shown_name(name, 16), ha="right", zorder=4)
+    _write(drawn, x - PAD, y, shown_name(word, 16), ha="right", zorder=4)
 
 
-def _draw_drive(drawn: Diagram, r: Rectangle, drive: str) -> None:
+def _draw_drive(drawn: Diagram, r: Rectangle, labels: tuple[str, ...]) -> None:
     """Coordinate in and driving effort out, on top of a driver."""
-    labels = drive.split(", ")
     for k, (label, colour) in enumerate(zip(labels, (ink.FORWARD, ink.BACK), strict=True)):
         x = r.x + r.width / 2 + (-4, 4)[k]
         low, high = r.y - 0.5, r.y - 2 * ROW + 5

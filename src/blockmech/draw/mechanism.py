@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.draw import palette as ink
 from blockmech.draw import shapes
 from blockmech.draw.labels import Crowd, Label, Rect
-from blockmech.draw.motion import Motion, marker_place, moves
+from blockmech.draw.motion import Motion, moves
 from blockmech.draw.paper import new_figure, scaled_unit, shown_name, styled, wrapped
+from blockmech.draw.paths import Paths, paths_of
 from blockmech.draw.shapes import Shape, Stage, stage_of
-from blockmech.draw.sketch import LoadMark, Sketch, Spot, shown_markers, sketch_of
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.draw.sketch import LoadMark, Sketch, Spot, sketch_of
 from blockmech.mechanism import Mechanism
-from blockmech.model.structure import Structure
-
-Paths = Mapping[str, NDArray[np.complex128]]
 
 SWEEP = 241  # samples of a path
-PATHS = 8  # that are drawn if none are named
 CROWDED = 40  # joints from which they have no names
 MANY = 9  # labels from which the picture is two columns wide
 PAGE = 2 * ink.COLUMN + 14.0  # [pt] width of two columns
@@ -33,6 +28,7 @@ LEFT, RIGHT, BOTTOM, TOP = 41.0, 8.0, 27.0, 8.0  # [pt] around the axes
 LINE = 10.5  # [pt] height of a line of the caption
 LOWEST, TALLEST = 110.0, 330.0  # [pt] height of the axes
 EDGE = 16.0  # [pt] free inside the axes
+BESIDE = 5.0  # [pt] of a link's name from the middle of the link
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
 
 
@@ -138,7 +134,8 @@ def caption(motion: Motion, shown: Sequence[int], degrees: bool = True) -> str:
     for driver, q in motion.q.items():
         values = [coordinate(motion, driver, float(q[k]), degrees) for k in shown]
         faint = f" (faint: {', '.join(values[1:])})" if len(values) > 1 else ""
-        parts.append(f"{shown_name(driver)}.q\u00a0= {values[0]}{faint}")
+        name = motion.mechanism.of_driver(driver, "q")
+        parts.append(f"{shown_name(name)}\u00a0= {values[0]}{faint}")
     g = motion.mechanism.scene.gravity.z
     if g:
         parts.append(f"gravity {abs(g):.4g}\u00a0m/s² {_pointing(g)}")
@@ -147,7 +144,7 @@ def caption(motion: Motion, shown: Sequence[int], degrees: bool = True) -> str:
 
 def coordinate(motion: Motion, driver: str, q: float, degrees: bool = True) -> str:
     """A driver coordinate with its unit."""
-    unit = motion.mechanism.outputs[f"{driver}.q"].unit
+    unit = motion.mechanism.driver_joint(driver).coordinate_unit
     return f"{math.degrees(q):.4g}°" if unit == "rad" and degrees else f"{q:.4g}\u00a0{unit}"
 
 
@@ -157,43 +154,6 @@ def _pointing(g: complex) -> str:
     if abs(eighths - round(eighths)) < 1e-9:
         return "→↗↑↖←↙↓↘"[round(eighths) % 8]
     return f"at {math.degrees(cmath.phase(g)):.4g}°"
-
-
-def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
-    """Paths (n,) [m] of markers: those named, else the user's, else inner joints.
-
-    Raises `RequestError` for names of no marker of a moving link.
-    """
-    s = motion.structure
-    moving = {str(m): m for name in s.blocks for m in s.markers(name)}
-    if names is None:
-        names = _usual_paths(s)
-        names = [n for n in names if n in moving]
-    names = list(names)
-    wrong = [n for n in names if n not in moving]
-    if wrong:
-        raise RequestError(
-            Problem(
-                "unknown-marker",
-                n,
-                "no marker of a moving link has that name",
-                f"markers: {listed(moving, 16)}",
-                close_match(n, moving),
-            )
-            for n in wrong
-        )
-    return {n: motion.at(moving[n].on, marker_place(s, moving[n])) for n in names}
-
-
-def _usual_paths(s: Structure) -> list[str]:
-    own = [str(m) for m in shown_markers(s) if m.on != s.frame_link]
-    inner = [
-        f"{name}.{j.name}"
-        for name, block in s.blocks.items()
-        for j in block.joints.values()
-        if not j.outer and j.kind == "R"
-    ]
-    return (own or inner)[-PATHS:]  # the last ones are the mechanism's outputs
 
 
 # -- the paper ---------------------------------------------------------------------------
@@ -351,7 +311,7 @@ def _stands(crowd: Crowd, scale: Scale, shape: Shape) -> None:
 
 
 def _labels(scale: Scale, stage: Stage, k: int) -> list[Label]:
-    """Names of joints and drivers, names and sizes of loads; pins first."""
+    """Names of joints, drivers and a document's links, names and sizes of loads; pins first."""
     found = []
     joints = len(stage.sketch.pins) + len(stage.sketch.sliders)
     for pin in stage.sketch.pins if joints < CROWDED else ():
@@ -360,6 +320,11 @@ def _labels(scale: Scale, stage: Stage, k: int) -> list[Label]:
     for slider in stage.sketch.sliders if joints < CROWDED else ():
         z = scale.points(stage.place(slider.point, k))
         found.append(Label(shown_name(slider.name), (z,), clearance=shapes.BLOCK[1] + 2))
+    for body in stage.sketch.bodies if joints < CROWDED else ():
+        if body.name:
+            ends = [scale.points(stage.place(Spot(body.link, z), k)) for z in body.outline]
+            middle = sum(ends) / len(ends)
+            found.append(Label(shown_name(body.name), (middle,), ink.GREY, clearance=BESIDE))
     for name, way in shapes.drive_ways(stage, k).items():
         text = "q" if len(stage.sketch.drives) == 1 else f"{shown_name(name)}.q"
         anchors = tuple(scale.points(z) for z in way[:: max(1, len(way) // 2)])

@@ -70,7 +70,7 @@ class Motion:
     def refuse(self, k: int) -> None:
         """Raise the error of a pose that cannot be reached, in the words of `Mechanism.run`."""
         at = {d: float(q[k]) for d, q in self.q.items()}
-        want = [n for n in _wanted(self.mechanism) if n.endswith(".p")]
+        want = [n for n in self.mechanism.outputs if n.endswith(".p")]
         rates = dict.fromkeys(at, 0.0)
         self.mechanism.run(at=at, rates=rates, want=want, friction="none", on_gap="raise")
 
@@ -85,7 +85,7 @@ class Motion:
         program = schedule.program([schedule.ask(terminal_term, t) for t in terminals])
         if "t" in program.inputs and self.samples.time is None:
             return None
-        inputs = self.samples.given(program.inputs)
+        inputs = self.mechanism.inward(self.samples).given(program.inputs)
         found = NumpyEngine(program, "complex128").run(inputs, self.n)
         return tuple(np.broadcast_to(_as_complex(value), (self.n,)) for value in found)
 
@@ -122,37 +122,26 @@ def moves(mechanism: Mechanism, at: Any = None, **samples: Any) -> Motion:
             if not law.by_coordinate and d in mechanism.drivers
         }
         samples["rates"] = rates or None
-    found = mechanism.run(at=at, want=_wanted(mechanism), on_gap="mark", friction="none", **samples)
-    return motion_of(found)
+    return moves_of_result(mechanism.run(at=at, want=(), on_gap="mark", friction="none", **samples))
 
 
 def moves_of_result(result: Result) -> Motion:
     """Poses at the samples of a run that was made before."""
-    return motion_of(result.rerun(*_wanted(result.mechanism)))
-
-
-def motion_of(found: Result) -> Motion:
-    """Poses from a run of the outputs that a picture wants."""
-    mechanism = found.mechanism
-    s = mechanism.structure
-    fixed = s.frame_link
+    mechanism = result.mechanism
+    s, fixed = mechanism.structure, mechanism.structure.frame_link
+    moving = [link for link in s.links if link != fixed]
+    found = result.inside(*(f"{link}.{what}" for link in moving for what in ("p", "angle")))
     origin = {fixed: np.zeros(found.n, complex)}
     axis = {fixed: np.ones(found.n, complex)}
-    for link in s.links:
-        if link != fixed:
-            origin[link] = found[f"{link}.p"]
-            axis[link] = np.exp(1j * found[f"{link}.angle"])
-    q = {d: found[f"{d}.q"] for d in s.drivers}
-    q_rate = {d: found[f"{d}.rate"] for d in s.drivers}
-    return Motion(mechanism, origin, axis, q, q_rate, found.samples)
-
-
-def _wanted(mechanism: Mechanism) -> list[str]:
-    s = mechanism.structure
-    moving = [link for link in s.links if link != s.frame_link]
-    want = [f"{link}.{what}" for link in moving for what in ("p", "angle")]
-    want += [f"{d}.{what}" for d in s.drivers for what in ("q", "rate")]
-    return want
+    for link in moving:
+        origin[link] = found[f"{link}.p"]
+        axis[link] = np.exp(1j * found[f"{link}.angle"])
+    inputs = {
+        what: {d: np.asarray(result.samples.inputs[f"{what}_{i}"], dtype=float)
+               for i, d in enumerate(mechanism.drivers)}
+        for what in ("q", "qd")
+    }  # fmt: skip
+    return Motion(mechanism, origin, axis, inputs["q"], inputs["qd"], result.samples)
 
 
 def _starts(mechanism: Mechanism) -> dict[str, float] | None:
@@ -165,7 +154,7 @@ def _starts(mechanism: Mechanism) -> dict[str, float] | None:
         raise RequestError(
             Problem(
                 "no-range",
-                f"scene.drive.{d}",
+                mechanism.scene.address("drive", d),
                 f"the range of driver {d} is not known",
                 "a picture of the motion needs a law of motion for every driver",
                 f'give one, e.g. drive("{d}", ConstantRate(rate=1.0)), or name poses with at=',

@@ -293,7 +293,7 @@ def drive_ways(stage: Stage, k: int) -> dict[str, list[complex]]:
     """The senses in which the drivers move: driver -> an arc, or a line beside the slider."""
     found = {}
     for mark in stage.sketch.drives:
-        sense = -1.0 if stage.motion.q_rate[mark.name][k] < 0 else 1.0
+        sense = -1.0 if stage.motion.q_rate[mark.name][k] * mark.sense < 0 else 1.0
         z, e = stage.place(mark.spot, k), complex(stage.motion.axis[mark.driven][k])
         if mark.rotary:
             radius, start = 13 * stage.unit, cmath.phase(e) + 0.45 * sense

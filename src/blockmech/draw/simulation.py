@@ -8,6 +8,7 @@ Sources: [D14] Durango et al. 2014, Figs. 6 and 7.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -55,7 +56,8 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True
         return []
     names = [f"mechanism.{name}" for name in ENERGIES]
     reactions = [n for n in result.mechanism.outputs if n.endswith(".reaction")]
-    drivers = [f"{d}.{what}" for d in result.mechanism.drivers for what in ("q", "rate")]
+    of_driver, named = result.mechanism.of_driver, result.mechanism.drivers
+    drivers = [of_driver(d, what) for d in named for what in ("q", "rate")]
     t = motion.times(CURVE)
     fine = result_along(result.mechanism, motion, t, (*drivers, *names, *reactions))
     over = Abscissa("time [s]", t)
@@ -93,12 +95,12 @@ def _states(result: Result, degrees: bool) -> tuple[Panel, ...]:
 
 def _drivers(result: Result, what: str, rotary: bool, degrees: bool) -> tuple[list[Curve], str]:
     """Curves of the drivers of one sort, and their unit; an angle is drawn in degrees."""
-    joint = result.mechanism.structure.driver_joint
-    names = [d for d in result.mechanism.drivers if joint(d).rotary == rotary]
+    mechanism = result.mechanism
+    names = [d for d in mechanism.drivers if mechanism.driver_joint(d).rotary == rotary]
     turned = rotary and degrees and what == "q"
     curves = []
     for name in names:
-        values = np.asarray(result[f"{name}.{what}"], dtype=float)
+        values = np.asarray(result[mechanism.of_driver(name, what)], dtype=float)
         curves.append(Curve(name, np.degrees(values) if turned else values))
     unit = ("°" if turned else "rad") if rotary else "m"
     return curves, unit if what == "q" else f"{unit}/s"
@@ -107,6 +109,8 @@ def _drivers(result: Result, what: str, rotary: bool, degrees: bool) -> tuple[li
 def energy_panels(result: Result) -> tuple[Panel, ...]:
     """Kinetic, potential and total energy ([D14] Fig. 7)."""
     T, V = (np.asarray(result[f"mechanism.{name}"], dtype=float) for name in ENERGIES)
+    if not np.nanmax(np.abs(V), initial=0.0) > 0:  # neither weights nor springs
+        return (Panel("kinetic energy", "J", (Curve("", T),)),)
     curves = (Curve("kinetic", T), Curve("potential", V), Curve("total", T + V))
     return (Panel("energy", "J", curves),)
 
@@ -157,11 +161,12 @@ def animated(result: Result, degrees: bool = True) -> dict[str, bytes]:
     motion = result.motion
     assert motion is not None
     seconds = screen_time(motion.t_end - motion.t_start)
-    t = motion.times(max(2, round(seconds / FRAME)))
-    moving = result_along(result.mechanism, motion, t, ())
+    frames = max(2, round(seconds / FRAME))
+    finer = math.ceil(CURVE / frames)  # a path is smooth however few frames there are
+    moving = result_along(result.mechanism, motion, motion.times((frames - 1) * finer + 1), ())
     reel, scale = reel_of(moving, degrees=degrees, seconds=seconds)
     forward = tuple(dict.fromkeys(reel.order))  # never to and fro: time has one direction
-    reel = replace(reel, order=forward)
+    reel = replace(reel, order=tuple(k for k in forward if k % finer == 0))
     return {"animation.gif": gif(reel, scale), "animation.html": page(reel, scale).encode()}
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from blockmech.blocks.contract import Moving
 from blockmech.draw.motion import Motion, marker_place
+from blockmech.mechanism import Mechanism
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.plane import cross
 
@@ -64,6 +65,7 @@ class Body:
     outline: tuple[complex, ...]
     cm: complex | None
     number: int
+    name: str = ""  # of a link of a joint-based document
 
 
 @dataclass(frozen=True)
@@ -78,12 +80,16 @@ class LoadMark:
 
 @dataclass(frozen=True)
 class DriveMark:
-    """A driver's coordinate: about the pivot of a crank, or along the guide of a slide."""
+    """A driver's coordinate: about the pivot of a crank, or along the guide of a slide.
+
+    ``sense`` is -1 where the coordinate grows against the motion of ``driven``.
+    """
 
     name: str
     rotary: bool
     spot: Spot
     driven: LinkRef
+    sense: int = 1
 
 
 @dataclass(frozen=True)
@@ -102,12 +108,7 @@ def sketch_of(motion: Motion) -> Sketch:
     s = motion.structure
     refs = [JointRef(name, j) for name, block in s.blocks.items() for j in block.joints]
     pins = [(r, spot) for r in refs if s.joint(r).kind == "R" and (spot := _pin_spot(s, r))]
-    used = [ref.name for ref in refs]
-    sliders = tuple(
-        _slider(motion, r, r.name if used.count(r.name) == 1 else str(r))
-        for r in refs
-        if s.joint(r).kind == "P"
-    )
+    sliders = tuple(_slider(motion, r, _said(motion, r, refs)) for r in refs if _slides(s, r))
     points: dict[LinkRef, list[complex]] = {link: [] for link in s.links}
     for ref, spot in pins:
         points[spot.link].append(spot.at)
@@ -116,13 +117,29 @@ def sketch_of(motion: Motion) -> Sketch:
     for slider in sliders:
         points[slider.point.link].append(slider.point.at)
         points[slider.guide.link] += [slider.end(0), slider.end(1)]
-    for marker in shown_markers(s):
+    for marker in shown_markers(motion.mechanism):
         points[marker.on].append(marker_place(s, marker))
+    names = motion.mechanism.names
+    said = {} if names is None else {name.link: link for link, name in names.links.items()}
     bodies = tuple(
-        _body(s, link, places) for link, places in points.items() if link != s.frame_link
+        _body(s, link, places, said.get(link, ""))
+        for link, places in points.items()
+        if link != s.frame_link
     )
     loads = tuple(_load(s, name) for name in s.elements)
-    return Sketch(bodies, _merged(motion, pins), sliders, loads, tuple(_drives(s)))
+    return Sketch(bodies, _merged(motion, pins), sliders, loads, tuple(_drives(motion.mechanism)))
+
+
+def _slides(s: Structure, ref: JointRef) -> bool:
+    return s.joint(ref).kind == "P"
+
+
+def _said(motion: Motion, ref: JointRef, refs: list[JointRef]) -> str:
+    """A joint's name in the picture: that of a joint-based document, or the shortest."""
+    named = motion.mechanism.joint_names.get(str(ref))
+    if named is not None:
+        return named.split(".")[1]  # a pin of several links has one name
+    return ref.name if [r.name for r in refs].count(ref.name) == 1 else str(ref)
 
 
 def _pin_spot(s: Structure, ref: JointRef) -> Spot | None:
@@ -154,10 +171,10 @@ def _merged(motion: Motion, pins: Iterable[tuple[JointRef, Spot]]) -> tuple[Pin,
                 break
         else:
             groups.append((spot, [ref]))
-    used = [ref.name for _, refs in groups for ref in refs]
+    every = [ref for _, refs in groups for ref in refs]
     found = []
     for spot, refs in groups:
-        names = dict.fromkeys(r.name if used.count(r.name) == 1 else str(r) for r in refs)
+        names = dict.fromkeys(_said(motion, r, every) for r in refs)
         joined = {link for r in refs for link in (s.earlier_link(r), s.later_link(r))}
         grounded = s.frame_link in joined
         found.append(Pin(tuple(names), spot, grounded, tuple(sorted(joined))))
@@ -212,28 +229,33 @@ def _own_line(block: Moving, ref: JointRef, link: str) -> tuple[Spot, complex]:
     return Spot(LinkRef(ref.block, link), foot), direction
 
 
-def shown_markers(s: Structure) -> list[MarkerRef]:
+def shown_markers(mechanism: Mechanism) -> list[MarkerRef]:
     """The user's markers on moving links, and those that a force takes hold of."""
-    found = [
-        MarkerRef(name, link, marker)
-        for name, block in s.blocks.items()
-        for link, properties in block.links_or_default().items()
-        for marker in properties.markers
-    ]
+    s, names = mechanism.structure, mechanism.names
+    if names is None:
+        found = [
+            MarkerRef(name, link, marker)
+            for name, block in s.blocks.items()
+            for link, properties in block.links_or_default().items()
+            for marker in properties.markers
+        ]
+    else:
+        found = [m for link in names.links.values() for m in link.markers.values()]
+        found = [m for m in found if m.on != s.frame_link]
     for terminal, marker in s.holds.items():
         if s.elements[terminal.block].terminals[terminal.name].kind == "point":
             found.append(marker)
     return list(dict.fromkeys(found))
 
 
-def _body(s: Structure, link: LinkRef, places: list[complex]) -> Body:
+def _body(s: Structure, link: LinkRef, places: list[complex], name: str) -> Body:
     properties = s.properties(link)
     cm = properties.cm.z if properties.mass > 0 else None
     size = max((abs(z) for z in places), default=0.0)
     outline = hull(places, 1e-9 * size)
     if len(outline) == 1 and cm is not None and abs(cm - outline[0]) > 1e-9 * abs(cm):
         outline = (*outline, cm)
-    return Body(link, outline or (0j,), cm, s.links[link])
+    return Body(link, outline or (0j,), cm, s.links[link], name)
 
 
 def hull(places: Iterable[complex], close: float = 0.0) -> tuple[complex, ...]:
@@ -276,12 +298,13 @@ def _load(s: Structure, name: str) -> LoadMark:
     return LoadMark(name, kind, tuple(spots), next(iter(element.terminals.values())).unit)
 
 
-def _drives(s: Structure) -> Iterable[DriveMark]:
-    for name in s.drivers:
-        ref, joint = s.driven[name], s.driver_joint(name)
+def _drives(mechanism: Mechanism) -> Iterable[DriveMark]:
+    s = mechanism.structure
+    for name, where in mechanism.driver_names.items():
+        ref, joint = s.driven[where.driver], mechanism.driver_joint(name)
         own = s.later_link(ref)
         if not joint.rotary:
             at = s.blocks[ref.block].slider_place(ref.name, own.link)
-            yield DriveMark(name, False, Spot(own, at), own)
+            yield DriveMark(name, False, Spot(own, at), own, where.sign)
         elif (spot := _pin_spot(s, ref)) is not None:
-            yield DriveMark(name, True, spot, own)
+            yield DriveMark(name, True, spot, own, where.sign)

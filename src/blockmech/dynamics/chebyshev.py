@@ -46,6 +46,7 @@ class Rule:
     k, k_next : 0 .. n - 1 and 1 .. n + 1
     phi : (n,) [rad] the nodes
     low, high : (n,) [-] sin^2 and cos^2 of phi/2: place seen from either end
+    root : (n,) [-] sin(phi/2), the root of ``low``
     cosine : (n, n) samples -> c_0 .. c_{n-1}
     sine : (n, n + 1) samples -> s_1/1 .. s_{n+1}/(n+1) of sin(phi) f, already divided by m
     integrate : (n, n) samples -> integral of f sin(phi) from 0 to every node
@@ -64,6 +65,7 @@ class Rule:
     phi: Floats
     low: Floats
     high: Floats
+    root: Floats
     cosine: Floats
     sine: Floats
     integrate: Floats
@@ -97,6 +99,7 @@ def rule(n: int) -> Rule:
         phi=phi,
         low=np.sin(phi / 2) ** 2,
         high=np.cos(phi / 2) ** 2,
+        root=np.sin(phi / 2),
         cosine=np.ascontiguousarray(cosine.T),
         sine=np.ascontiguousarray(sine.T),
         integrate=np.ascontiguousarray(_integrals(n, phi).T),
@@ -138,10 +141,15 @@ def remainder(f: Floats, r: Rule) -> Floats:
     The coefficients that are missing are continued from the two last blocks as a
     geometric series; each counts at most 2/n in the integral.
     """
-    last = np.abs(f @ r.tail).reshape(*f.shape[:-1], 2, TAIL).max(axis=-1)
-    before, end = last[..., 0], last[..., 1]
+    before, end = _blocks(f, r)
     ratio = np.minimum(np.maximum(end / (before + 1e-300), STEADY), SLOW)
     return np.asarray((2 * TAIL / r.n) * end * ratio / (1 - ratio))
+
+
+def _blocks(f: Floats, r: Rule) -> tuple[Floats, Floats]:
+    """Largest coefficient in each of the two last blocks, (...)."""
+    last = np.maximum.reduceat(np.abs(f @ r.tail), (0, TAIL), axis=-1)
+    return last[..., 0], last[..., 1]
 
 
 def crawls(f: Floats, r: Rule) -> NDArray[np.bool_]:
@@ -149,15 +157,28 @@ def crawls(f: Floats, r: Rule) -> NDArray[np.bool_]:
 
     `remainder` means nothing then; something narrower than the nodes lies on the panel.
     """
-    last = np.abs(f @ r.tail).reshape(*f.shape[:-1], 2, TAIL).max(axis=-1)
-    before, end = last[..., 0], last[..., 1]
+    before, end = _blocks(f, r)
     return np.asarray((end > ALIKE * before) & (end > NOISE * np.abs(f).max(axis=-1)))
 
 
-def between(f: Floats, r: Rule, share: Floats) -> Floats:
-    """f (m, n) at places v/L = share (k,) off the nodes: barycentric formula, (m, k)."""
-    pulls = r.weights[:, None] / (share - r.low[:, None])
-    return np.asarray((f @ pulls) / pulls.sum(axis=0))
+def part_of(f: Floats, r: Rule, start: float, share: float) -> Floats:
+    """f (m, n) at the n nodes of a part [start, start + share] of the panel, in v/L: (m, n)."""
+    dyadic = start * 4 == int(start * 4) and share in (0.5, 0.25)
+    return np.asarray(f @ (_half_or_quarter if dyadic else _part)(r.n, start, share))
+
+
+def _part(n: int, start: float, share: float) -> Floats:
+    """Matrix (n, n) of the barycentric formula; the nodes of the part are none of the whole's."""
+    r = rule(n)
+    pulls = r.weights[:, None] / ((start + share * r.low) - r.low[:, None])
+    pulls /= np.add.reduce(pulls, axis=0)
+    return np.asarray(pulls)
+
+
+@cache
+def _half_or_quarter(n: int, start: float, share: float) -> Floats:
+    """`_part`, kept: panels are cut into halves and quarters again and again."""
+    return _part(n, start, share)
 
 
 def angle(z: Floats) -> Floats:
@@ -203,3 +224,22 @@ def integral_one(s: Floats, phi: float) -> float:
     """`integral` of one function at one place."""
     waves = np.sin(rule(s.shape[0] - 1).k_next * (phi / 2))
     return 2 * float(s @ (waves * waves))
+
+
+Pair: TypeAlias = tuple[float, float]
+
+
+def crossing(values: Pair, places: Pair, slopes: Pair) -> float:
+    """Where a function with values at two places goes through zero, by the inverse cubic.
+
+    ``slopes`` are its derivatives there; where one is zero, a straight line must do.
+    """
+    (f0, f1), (x0, x1), (d0, d1) = values, places, slopes
+    span, width = f1 - f0, x1 - x0
+    if span == 0:
+        return x0
+    u = min(max(-f0 / span, 0.0), 1.0)
+    x = x0 + u * width
+    if d0 and d1:
+        x += u * (1 - u) * ((1 - u) * (span / d0 - width) + u * (width - span / d1))
+    return min(max(x, x0), x1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from blockmech.dynamics.chebyshev import (
     Floats,
     angle,
+    crossing,
     half_integral,
     half_waves,
     integral,
@@ -55,20 +56,22 @@ def place_one(quad: Quadrature, time: float) -> tuple[float, float]:
     mirrored, ended = bool(quad.mirrored[p]), bool(quad.ended[p])
     local = float(clock[p + 1]) - time if mirrored else time - float(clock[p])
     F, L = quad.F[p], float(quad.mesh.length[p])
-    r = rule(F.size)
+    r, n = rule(F.size), F.size - 1
     weight = math.sqrt(L) if ended else L
     table = weight / 2 * (F @ (r.integrate_half if ended else r.integrate))
     j = int(table.searchsorted(local))
-    t0, w0 = (float(table[j - 1]), float(r.low[j - 1])) if j else (0.0, 0.0)
-    t1, w1 = (float(table[j]), float(r.low[j])) if j < F.size else (float(quad.duration[p]), 1.0)
-    if ended:
-        w0, w1 = math.sqrt(w0), math.sqrt(w1)
-    w = w0 + (w1 - w0) * min(max((local - t0) / (t1 - t0), 0.0), 1.0) if t1 > t0 else w0
+    nodes = r.root if ended else r.low
+    t0, w0 = (float(table[j - 1]), float(nodes[j - 1])) if j else (0.0, 0.0)
+    t1, w1 = (float(table[j]), float(nodes[j])) if j < F.size else (float(quad.duration[p]), 1.0)
+    rises = weight * float(F[max(j - 1, 0)]), weight * float(F[min(j, n)])
+    w = crossing((t0 - local, t1 - local), (w0, w1), rises)
     c = F @ r.cosine
     s = half_waves(c) if ended else F @ r.sine
     for _ in range(NEWTON_STEPS):
         phi = 2 * math.asin(w if ended else math.sqrt(w))
         slope = float(np.cos(r.k * phi) @ c)
+        if slope == 0.0:
+            break
         if ended:
             t = weight / 2 * float(np.sin((r.k + 0.5) * phi) @ s)
         else:
@@ -80,13 +83,19 @@ def place_one(quad: Quadrature, time: float) -> tuple[float, float]:
             break
     part = w * w if ended else w
     slope = float(np.cos(r.k * (2 * math.asin(math.sqrt(part)))) @ c)
-    rate = (2 * math.sqrt(L * part) if ended else 1.0) / slope
     low, high = float(quad.mesh.edges[p]), float(quad.mesh.edges[p + 1])
     from_low = 1 - part if mirrored else part
     from_high = part if mirrored else 1 - part
-    if quad.mesh.limits[1] and p == quad.mesh.panels - 1:
+    at_high = bool(quad.mesh.limits[1]) and p == quad.mesh.panels - 1
+    at_low = bool(quad.mesh.limits[0]) and p == 0
+    if slope == 0.0 and (at_high or at_low):
+        # A dead centre that the driver reaches at a finite rate: 0/0, by l'Hopital.
+        rate = 2 * L / abs(float(F @ r.ends[:, 3 if part > 0.5 else 2]))
+        return (high - (L * from_high) ** 2 if at_high else low + (L * from_low) ** 2), rate
+    rate = (2 * math.sqrt(L * part) if ended else 1.0) / slope if slope else math.inf
+    if at_high:
         return high - (L * from_high) ** 2, 2 * L * from_high * rate
-    if quad.mesh.limits[0] and p == 0:
+    if at_low:
         return low + (L * from_low) ** 2, 2 * L * from_low * rate
     return (high - L * part if mirrored else low + L * part), rate
 

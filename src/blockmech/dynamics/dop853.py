@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.legs import Ask, Hit, Leg, directions, scales
+from blockmech.dynamics.legs import TOO_MANY, Ask, Hit, Leg, TooMany, directions, scales
+from blockmech.dynamics.motion import INTERRUPTED
 from blockmech.dynamics.surfaces import Surface, crosses
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
@@ -89,7 +90,7 @@ def integrate(ask: Ask) -> Leg:
     hits: list[Hit] = []
     turned, failed = 0.0, False
     grow = GROW
-    interrupted = False
+    halted = ""
     try:
         while t < end:
             if h <= 4 * math.ulp(t) + 1e-300:
@@ -133,11 +134,14 @@ def integrate(ask: Ask) -> Leg:
             factor = min(GROW, SAFETY * error**EXPONENT) if error > 0 else GROW
             h = min(h * min(factor, grow) if grow < GROW else h * factor, ask.longest)
             grow = GROW
-    except KeyboardInterrupt:
-        interrupted = True
+    except (KeyboardInterrupt, TooMany) as stop:
+        if not steps and isinstance(stop, KeyboardInterrupt):
+            raise
+        halted = TOO_MANY if isinstance(stop, TooMany) else INTERRUPTED
+        rhs = ask.equation.rhs  # not counted
         steps = [s for s in steps if s.t + s.h <= t + 4 * math.ulp(t)]
     y1 = np.array([q, v, work])
-    return Leg(ask.t, t, y1, _dense(rhs, steps, y1), tuple(hits), failed, turned, interrupted)
+    return Leg(ask.t, t, y1, _dense(rhs, steps, y1), tuple(hits), failed, turned, halted)
 
 
 def _short(

@@ -7,13 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from blockmech.dynamics.chebyshev import rule
 from blockmech.dynamics.conservative import Conservative
-from blockmech.dynamics.motion import Event, Motion, Status
+from blockmech.dynamics.motion import INTERRUPTED, Event, Motion, Status
 from blockmech.dynamics.quadrature import EPS
 from blockmech.dynamics.reduced import TURN, Metered
+from blockmech.dynamics.stretch import Stretch
 from blockmech.dynamics.until import Asked, Start, Until
 
 MOST_EVENTS = 10_000
+NO_INERTIA = "no inertia"
 UNDECIDED = 1e-3  # error of the time, relative to a passage, that is no longer a small one
 
 
@@ -23,7 +26,7 @@ class Course:
 
     regime: str
     track: Conservative
-    fate: str  # what the path ends in, if it ends: "end stop", "dead centre", "search limit"
+    fate: str  # what it ends in, if it ends: "end stop", "dead centre", NO_INERTIA, "search limit"
     doubts: tuple[str, ...]
     facts: dict[str, float]
 
@@ -41,11 +44,15 @@ def ended(meter: Metered, asked: Asked, course: Course) -> Motion:
         t_end, status, end = stop, "ended", course.fate
     elif wanted == math.inf:
         t_end, status, end = _never(track, start), "ended", f"never reached: {course.regime}"
+    if meter.interrupted:
+        status, end = "ended", INTERRUPTED
     state = track.state(np.array([t_end]))
     q_end, qd_end = float(state.q[0]), float(state.qd[0])
     if met is not None and status == "reached":
         q_end = met
     seconds, angle = _errors(track, t_end - start.t)
+    if course.fate == NO_INERTIA:
+        angle += _unseen(track, t_end)
     error = seconds * _fastest(track, t_end) + angle + 4 * EPS * abs(q_end)
     notes = course.doubts
     if seconds > UNDECIDED * track.line.first.total and not notes:
@@ -77,6 +84,27 @@ def ended(meter: Metered, asked: Asked, course: Course) -> Motion:
         notes=notes,
         facts=course.facts,
     )
+
+
+def _unseen(track: Conservative, t_end: float) -> float:
+    """Way after the last sample before a place without inertia [rad or m].
+
+    The speed has no bound there, so an error of the time is none of the angle any more.
+    """
+    first = track.line.first
+    if not isinstance(first, Stretch):
+        return 0.0
+    edges, share = first.quad.mesh.edges, float(rule(first.quad.mesh.nodes).low[0])
+    panel, end = (0, 0) if track.turns_high else (-2, -1)
+    way = share * float(edges[panel + 1] - edges[panel])
+    last = float(edges[end]) + (way if track.turns_high else -way)
+    return way if t_end >= track.end() - abs(_left(track, last, float(edges[end]))) else 0.0
+
+
+def _left(track: Conservative, x: float, end: float) -> float:
+    """Time from a place to an end [s]."""
+    clock = track.line.first.when(np.array([x, end]))
+    return float(clock[1] - clock[0])
 
 
 def goal_time(track: Conservative, start: Start, until: Until) -> tuple[float, float | None]:
@@ -159,7 +187,7 @@ def _events(track: Conservative, t_end: float, end: str) -> tuple[Event, ...]:
         at_high = (track.heading > 0) == (n % 2 == 1)
         x = first.high.x if at_high else first.low.x
         found.append(Event("standstill", t, float(view.q(np.array(x))), 0.0))
-    if end in ("end stop", "dead centre"):
+    if end in ("end stop", "dead centre", NO_INERTIA):
         state = track.state(np.array([t_end]))
         found.append(Event(end, t_end, float(state.q[0]), float(state.qd[0])))
     return tuple(found)

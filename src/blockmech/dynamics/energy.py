@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.conservative import Conservative
-from blockmech.dynamics.ending import Course, ended
+from blockmech.dynamics.ending import NO_INERTIA, Course, ended
 from blockmech.dynamics.line import Line, turn_starts
+from blockmech.dynamics.massless import NoInertia
 from blockmech.dynamics.mesh import Mesh, View, joined, mirrored
 from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.passage import End, Known, Passage
@@ -34,6 +35,7 @@ SURVEY = (1e-15, 1e-6)  # finest and coarsest relative error of a survey's serie
 FINEST = 1e-12  # target if none is given [rad or m]
 AT_REST = 8 * EPS  # effort at a start from rest, relative to its contributions
 PLAIN = 1e-3  # share of the largest effort above which it is no rounding, whatever cancels
+RETREAT = 1e-3  # from an impossible pose: to this power, more of it every time one is found
 GAPS = 4  # impossible poses discovered late, before a run is given up
 
 
@@ -43,10 +45,18 @@ def energy(meter: Metered, asked: Asked) -> Motion:
     The target of the error of q is 1e-12 rad (or m) if none is asked for.
     """
     with np.errstate(all="ignore"):
-        return _energy(meter, asked, GAPS)
+        empty: list[float] = []  # places without inertia found on the way
+        while True:
+            try:
+                return _energy(meter, asked, GAPS, empty)
+            except NoInertia as found:
+                empty.append(found.q)
+                low, high = meter.system.stops
+                stops = (low, found.q) if found.q > asked.start.q else (found.q, high)
+                meter.system = replace(meter.system, stops=stops)
 
 
-def _energy(meter: Metered, asked: Asked, gaps: int) -> Motion:
+def _energy(meter: Metered, asked: Asked, gaps: int, empty: list[float]) -> Motion:
     start = asked.start
     one = meter.pose(start.q, 0.0, start.t)
     reason = trouble(one)
@@ -67,15 +77,33 @@ def _energy(meter: Metered, asked: Asked, gaps: int) -> Motion:
         # the mechanism does not close somewhere between the samples of the survey
         if not gaps:
             return nothing(meter, asked, "energy", "impossible pose")
-        return _energy(_bounded(meter, course.track.line.view, passage), asked, gaps - 1)
-    return ended(meter, asked, course)
+        bounded = _bounded(meter, course.track.line.view, passage, RETREAT**gaps)
+        return _energy(bounded, asked, gaps - 1, empty)
+    return ended(meter, asked, _named(course, empty))
 
 
-def _bounded(meter: Metered, view: View, passage: Stretch) -> Metered:
-    """The system, its driver kept on this side of an impossible pose just found."""
-    q = view.origin + view.sign * gap(view, passage.quad.mesh)
+def _named(course: Course, empty: list[float]) -> Course:
+    """An end stop that was put where the driver has no inertia gets its own name."""
+    first, view = course.track.line.first, course.track.line.view
+    end = first.low if course.track.turns_high else first.high
+    near = 1e-9 * max(1.0, abs(view.origin), first.high.x - first.low.x)
+    q = view.origin + view.sign * end.x
+    if course.fate != "end stop" or not any(abs(q - x) <= near for x in empty):
+        return course
+    regime = NO_INERTIA if course.regime == "end stop" else course.regime
+    return replace(course, fate=NO_INERTIA, regime=regime)
+
+
+def _bounded(meter: Metered, view: View, passage: Stretch, back: float) -> Metered:
+    """The system, its driver kept on this side of an impossible pose just found.
+
+    ``back``: share of the way by which it is kept away from it. Where rounding decides what is
+    possible, the last possible pose is none the next time.
+    """
+    x = gap(view, passage.quad.mesh) * (1 - back)
+    q = view.origin + view.sign * x
     low, high = meter.system.arc or (-math.inf, math.inf)
-    arc = (low, min(high, q)) if view.sign > 0 else (max(low, q), high)
+    arc = (low, min(high, q)) if view.sign * x > 0 else (max(low, q), high)
     meter.system = replace(meter.system, arc=arc)
     return meter
 
@@ -99,7 +127,8 @@ class Planned:
     @property
     def survey(self) -> float:
         """Relative error of a survey's series that may remain [-]."""
-        share = 0.5 * (self.asked.accuracy or FINEST) / TURN
+        # the same for all targets but the finest: a looser one must not cost more later
+        share = 0.5 * min(self.asked.accuracy or FINEST, FINEST) / TURN
         return min(max(share, SURVEY[0]), SURVEY[1])
 
     @property

@@ -20,13 +20,14 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.reduced import Metered, MeteredSystems, Terms
+from blockmech.dynamics.reduced import TURN, Metered, MeteredSystems, One, Terms
 from blockmech.dynamics.table import Table, tabulated
 
 RightSide: TypeAlias = Callable[[float, Any], Any]
 
 PROBES = 2  # states at which the split of the effort is checked before it is trusted
 AGREES = 1e-9
+AROUND = 7  # poses that tell the size of the inertia
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Equation:
     drivers : k
     rhs : (t, y) -> y', sequences of 2k + 1 floats
     margin : y -> smallest margin, or None where it stays safely above zero
+    inertia : y -> J over its largest value [-], or None where it is known to be no trouble
     kinetic : y -> kinetic energy [J]
     speed : [rad/s or m/s] a typical speed, for the tolerances
     source : "kernels" or "table", and the table's error where there is one
@@ -50,11 +52,22 @@ class Equation:
     speed: float
     source: str
     table_error: float = 0.0
+    inertia: Callable[[Any], float] | None = None
 
 
 def from_kernels(meter: Metered, q0: float, qd0: float, t0: float) -> Equation:
     """One driver, every evaluation by the scalar kernels."""
     one = meter.one
+    last: tuple[float, float, One] = (math.nan, math.nan, One(*4 * [math.nan]))
+    typical = _typical_inertia(meter, q0)
+
+    def here(y: Any) -> One:
+        """The pose of a state; surfaces ask for the same one, one after the other."""
+        nonlocal last
+        q, qd = float(y[0]), float(y[1])
+        if last[:2] != (q, qd):
+            last = q, qd, one(q, qd, t0)
+        return last[2]
 
     def rhs(t: float, y: Any) -> tuple[float, float, float]:
         q, qd = float(y[0]), float(y[1])
@@ -64,14 +77,29 @@ def from_kernels(meter: Metered, q0: float, qd0: float, t0: float) -> Equation:
         return qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd
 
     def margin(y: Any) -> float:
-        return one(float(y[0]), float(y[1]), t0).margin
+        return here(y).margin
+
+    def inertia(y: Any) -> float:
+        return here(y).J / typical
 
     def kinetic(y: Any) -> float:
         return 0.5 * one(float(y[0]), 0.0, t0).J * float(y[1]) ** 2
 
-    start = one(q0, qd0, t0)
-    speed = abs(qd0) + math.sqrt(2 * abs(start.tau) / start.J) if start.J > 0 else 1.0
-    return Equation(1, rhs, margin, kinetic, speed or 1.0, "kernels")
+    speed = typical_speed(one(q0, qd0, t0), qd0)
+    return Equation(1, rhs, margin, kinetic, speed, "kernels", inertia=inertia)
+
+
+def typical_speed(start: One, qd0: float) -> float:
+    """Speed after a radian or metre, roughly [rad/s or m/s]; never zero."""
+    return (abs(qd0) + math.sqrt(2 * abs(start.tau) / start.J) if start.J > 0 else 1.0) or 1.0
+
+
+def _typical_inertia(meter: Metered, q0: float) -> float:
+    """Largest inertia at a few poses around the start [kg m2 or kg]."""
+    system = meter.system
+    span = system.period or (TURN if system.kind == "rotation" else system.span)
+    found = [meter.pose(q0 + span * k / AROUND).J for k in range(AROUND)]
+    return max([J for J in found if math.isfinite(J)], default=1.0) or 1.0
 
 
 def from_table(meter: Metered, table: Table, qd0: float) -> Equation:
@@ -84,7 +112,7 @@ def from_table(meter: Metered, table: Table, qd0: float) -> Equation:
             q, qd, _ = y.tolist()
             J, dJ, tau, damping = parts(q)
             tau -= damping * qd
-            return qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd
+            return qd, _over(tau - 0.5 * dJ * qd * qd, J), tau * qd
 
     else:
 
@@ -92,15 +120,20 @@ def from_table(meter: Metered, table: Table, qd0: float) -> Equation:
             q, qd, _ = y.tolist()
             J, dJ, tau, damping = parts(q)
             tau += extra(q, qd, t) - damping * qd
-            return qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd
+            return qd, _over(tau - 0.5 * dJ * qd * qd, J), tau * qd
 
     def kinetic(y: Any) -> float:
         return 0.5 * parts(float(y[0]))[0] * float(y[1]) ** 2
 
     J = min(row[0][0] for row in table.rows)
     tau = max(abs(row[2][0]) for row in table.rows)
-    speed = abs(qd0) + math.sqrt(2 * tau / J)
+    speed = abs(qd0) + (math.sqrt(2 * tau / J) if J > 0 else 0.0)
     return Equation(1, rhs, None, kinetic, speed or 1.0, "table", table.error)
+
+
+def _over(effort: float, J: float) -> float:
+    """Acceleration; none where the reduced inertia vanishes, e.g. of a yoke at its end."""
+    return effort / J if J else math.nan
 
 
 def splits(meter: Metered, q0: float, qd0: float, t0: float, batch: bool = False) -> bool:
@@ -132,13 +165,20 @@ def splits(meter: Metered, q0: float, qd0: float, t0: float, batch: bool = False
     return True
 
 
-def one_driver(meter: Metered, q0: float, qd0: float, t0: float, accuracy: float) -> Equation:
-    """The cheaper right-hand side that is good enough: the table, else the kernels."""
+def one_driver(
+    meter: Metered, q0: float, qd0: float, t0: float, accuracy: float, span: float = 0.0
+) -> Equation:
+    """The cheaper right-hand side that is good enough: the table, else the kernels.
+
+    ``span`` [s] is the length of the run where it is known: the error of the table's
+    effort adds up along the way.
+    """
     system = meter.system
     low, high = system.bounds
     unbounded = math.isinf(low) and math.isinf(high)
     if system.period is not None and unbounded and not system.knots and splits(meter, q0, qd0, t0):
-        table = tabulated(meter, max(accuracy / 100, 1e-13))
+        way = max(1.0, span * typical_speed(meter.one(q0, qd0, t0), qd0))
+        table = tabulated(meter, max(accuracy / way / 100, 1e-13))
         if table is not None:
             return from_table(meter, table, qd0)
     return from_kernels(meter, q0, qd0, t0)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.motion import State, Status
+from blockmech.dynamics.motion import INTERRUPTED, State, Status
 from blockmech.dynamics.reduced import TURN, Metered, feasible
 from blockmech.dynamics.until import Start, Until
 
@@ -60,7 +60,13 @@ def stepped(meter: Metered, start: Start, until: Until, step: float) -> Grid:
     goal = _Goal(start, until)
     left = MOST_STEPS
     while left > 0:
-        swing = _swing(meter, t, q, w2, direction, step, goal, left)
+        into: tuple[list[float], list[float], list[float]] = ([], [], [])
+        try:
+            swing = _swing(meter, t, q, w2, direction, step, goal, left, into)
+        except KeyboardInterrupt:  # what is done so far is kept
+            n = len(into[2])  # the last row may be without its rate
+            t_rows, q_rows, qd_rows = (column[:n] for column in into)
+            swing = _Swing(t_rows, q_rows, qd_rows, INTERRUPTED, "ended")
         left -= len(swing.t) + 1
         times += swing.t
         places += swing.q
@@ -109,11 +115,10 @@ def _swing(
     step: float,
     goal: _Goal,
     most: int,
+    into: tuple[list[float], list[float], list[float]],
 ) -> _Swing:
-    """From one standstill (or the start) to the next, or to the goal."""
-    times: list[float] = []
-    places: list[float] = []
-    rates: list[float] = []
+    """From one standstill (or the start) to the next, or to the goal; rows go to ``into``."""
+    times, places, rates = into
 
     def done(end: str, status: Status) -> _Swing:
         return _Swing(times, places, rates, end, status)

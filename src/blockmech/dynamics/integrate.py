@@ -17,8 +17,8 @@ import numpy as np
 from blockmech.dynamics import dop853, wrapped
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.legs import Ask, Hit, Leg, TooMany
-from blockmech.dynamics.motion import Event, State
+from blockmech.dynamics.legs import TOO_MANY, Ask, Hit, Leg, TooMany
+from blockmech.dynamics.motion import INTERRUPTED, Event, State
 from blockmech.dynamics.reduced import TURN, ReducedSystem
 from blockmech.dynamics.surfaces import (
     Surface,
@@ -36,8 +36,6 @@ Ending: TypeAlias = Literal["reached", "ended", "failed"]
 MOST_EVALUATIONS = 400_000
 MOST_WITHOUT_TIME = 100_000  # where the goal may never be met
 MOST_LEGS = 100_000
-TOO_MANY = "more evaluations than allowed"
-INTERRUPTED = "interrupted"
 FOREVER = 1e9  # [s] for goals without a time
 
 
@@ -82,8 +80,8 @@ class Task:
         if goal == "turns":
             q0 = float(self.y0[0])
             found += [driver_at("goal", q0 + way * value * TURN) for way in (1, -1)]
-        ends = [stop for stop in self.system.stops if math.isfinite(stop)]
-        found += [driver_at("end stop", stop) for stop in ends]
+        ends = zip(self.system.stops, (-1, 1), strict=True)  # a stop is met from inside
+        found += [driver_at("end stop", stop, way) for stop, way in ends if math.isfinite(stop)]
         return found + knots_around(q, self.system.knots, self.system.period)
 
 
@@ -122,15 +120,16 @@ class Run:
 
 def run(task: Task, method: Method, tolerance: float, most: int | None = None) -> Run:
     """Integrate at one tolerance until the goal or whatever ends the motion before."""
-    count = 0
+    count, given_up = 0, False
     right = task.equation.rhs
     if most is None:
         most = MOST_EVALUATIONS if task.until.goal == "time" else MOST_WITHOUT_TIME
 
     def rhs(t: float, y: Any) -> Any:
-        nonlocal count
+        nonlocal count, given_up
         count += 1
-        if count > most:
+        if count > most and not given_up:  # once: what is kept of the run is still looked at
+            given_up = True
             raise TooMany
         return right(t, y)
 
@@ -165,8 +164,8 @@ def run(task: Task, method: Method, tolerance: float, most: int | None = None) -
         if leg.failed:
             status, end = "failed", _failure(task, y)
             break
-        if leg.interrupted:
-            status, end = "ended", INTERRUPTED
+        if leg.halted:
+            status, end = "ended" if leg.halted == INTERRUPTED else "failed", leg.halted
             break
         last = leg.hits[-1] if leg.hits and leg.hits[-1].surface.terminal else None
         if last is not None and last.surface.kind == "standstill":
@@ -210,7 +209,7 @@ def _verdict(task: Task, last: Hit | None, t: float, stops: int) -> tuple[Ending
         return ("reached", "time") if t >= task.t_max else (None, "")
     if kind == "knot" or (kind == "standstill" and stops < task.stops):
         return None, ""
-    if kind in ("dead centre", "end stop"):
+    if kind in ("dead centre", "end stop", "no inertia"):
         return "ended", kind
     return "reached", task.until.goal if kind in ("goal", "standstill") else kind
 

@@ -14,6 +14,9 @@ from blockmech.dynamics.surfaces import Surface, leaving
 FINEST = 2.3e-14  # SciPy refuses smaller relative tolerances
 
 
+TOO_MANY = "more evaluations than allowed"
+
+
 class TooMany(Exception):
     """More evaluations than a run may take."""
 
@@ -46,7 +49,8 @@ class Leg(NamedTuple):
     hits : in order; a terminal one is the last
     failed : whether the integrator gave up at the end
     turned : [J] largest work on the way
-    interrupted : whether the user stopped it
+    halted : why it stopped before its end with all that was done: `INTERRUPTED` by the
+        user, or `TOO_MANY` evaluations; else ""
     """
 
     t0: float
@@ -56,7 +60,7 @@ class Leg(NamedTuple):
     hits: tuple[Hit, ...]
     failed: bool
     turned: float
-    interrupted: bool = False
+    halted: str = ""
 
 
 def scales(equation: Equation, y: Floats, tolerance: float) -> tuple[Floats, Floats]:

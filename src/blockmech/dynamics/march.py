@@ -22,7 +22,7 @@ import numpy as np
 from blockmech.dynamics.chebyshev import Floats, remainder, rule
 from blockmech.dynamics.mesh import Mesh, View
 from blockmech.dynamics.patches import Patch, Path
-from blockmech.dynamics.quadrature import EPS, ROUNDING, Quadrature
+from blockmech.dynamics.quadrature import EPS, ROUNDING, Quadrature, largest_speed
 
 NEWTON_STEPS = 12
 SPEED_STEP = 1e-6  # relative step of a difference quotient in the speed
@@ -116,14 +116,22 @@ def solved(view: View, patch: Patch, shift: float, K_left: float, guess: Floats)
     )
 
 
-def march(path: Path, K0: float, effort0: float, tolerance: float, done: Done) -> March:
+def march(
+    path: Path,
+    K0: float,
+    effort0: float,
+    tolerance: float,
+    done: Done,
+    into: list[Panel] | None = None,
+) -> March:
     """March from x = 0 with energy K0 [J] until ``done`` or until the motion slows down.
 
     ``effort0`` [N m or N] is that at the start; ``tolerance`` [-] the relative error of a
-    panel's time and energy above which it is halved.
+    panel's time and energy above which it is halved. Panels are added to ``into`` as they
+    are solved, so they are not lost where ``done`` raises.
     """
     view, n = path.view, path.n
-    panels: list[Panel] = []
+    panels: list[Panel] = [] if into is None else into
     x, K, elapsed, largest = 0.0, K0, 0.0, K0
     if K0 == 0:
         first = _from_rest(path, effort0, tolerance)
@@ -214,4 +222,5 @@ def as_quadrature(panels: list[Panel]) -> Quadrature:
         rounded=none,
         lost_time=0.0,
         rounded_time=0.0,
+        fastest=largest_speed(J, K),
     )

@@ -14,12 +14,14 @@ panel then has its own coordinate v, and ``J`` and ``tau`` are those for v:
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_left
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics.chebyshev import Floats, between, remainder, rule
+from blockmech.dynamics.chebyshev import Floats, part_of, remainder, rule
 from blockmech.dynamics.reduced import Metered, feasible
 
 NODES = 64  # a panel
@@ -46,8 +48,7 @@ class View:
         return View(self.meter, self.origin, -self.sign)
 
 
-@dataclass(frozen=True)
-class Mesh:
+class Mesh(NamedTuple):
     """Panels in order of growing x, with their samples.
 
     Attributes
@@ -110,8 +111,9 @@ def sampled(
         return Mesh(edges, both, remainder(both, rule(NODES)), length, limits, possible)
     there = {key: i for i, key in enumerate(_keys(known.edges, known.limits))}
     found = [there.get(key, -1) for key in _keys(edges, limits)]
-    both, missed = known.both[:, found], known.missed[:, found]  # new ones are overwritten
-    possible = known.possible[found]
+    # new ones are overwritten
+    both, missed = known.both.take(found, 1, mode="wrap"), known.missed.take(found, 1, mode="wrap")
+    possible = known.possible.take(found, 0, mode="wrap")
     new = [i for i, old in enumerate(found) if old < 0]
     if new:
         for i, samples in _read(known, edges, new):
@@ -155,29 +157,31 @@ def _read(known: Mesh, edges: Floats, new: list[int]) -> list[tuple[int, Floats]
     effort is much smaller than elsewhere: of that it has lost digits.
     """
     r = rule(NODES)
-    low, high = edges[new], edges[[i + 1 for i in new]]
-    parents = known.edges.searchsorted((low + high) / 2) - 1
+    last = known.panels - 1
+    children: dict[int, list[tuple[int, float, float]]] = {}
+    starts, spans = known.edges.tolist(), known.length.tolist()
+    places = edges.tolist()
+    for i in new:
+        low, high = places[i], places[i + 1]
+        p = bisect_left(starts, (low + high) / 2) - 1
+        limited = (known.limits[0] and p == 0) or (known.limits[1] and p == last)
+        if limited or not 0 <= p <= last:
+            continue
+        start, share = (low - starts[p]) / spans[p], (high - low) / spans[p]
+        if start >= 0 and start + share <= 1 + SLIP:
+            children.setdefault(p, []).append((i, start, share))
     found = []
-    for p in set(parents.tolist()):
-        limited = (known.limits[0] and p == 0) or (known.limits[1] and p == known.panels - 1)
-        if limited or not 0 <= p < known.panels:
-            continue
-        a, width = known.edges[p], known.length[p]
+    for p, parts in children.items():
         whole = known.both[:, p]
-        largest = np.abs(whole).max(axis=1)
-        if not (known.missed[:, p] <= RESOLVED * largest).all():
+        largest_J, largest = np.maximum.reduce(np.abs(whole), axis=1).tolist()
+        missed_J, missed = known.missed[:, p].tolist()
+        if not (missed_J <= RESOLVED * largest_J and missed <= RESOLVED * largest):
             continue
-        children = np.flatnonzero(parents == p)
-        start, share = (low[children] - a) / width, (high - low)[children] / width
-        if start.min() < 0 or (start + share).max() > 1 + SLIP:
-            continue
-        inside = start[:, None] + share[:, None] * r.low
-        values = between(whole, r, inside.ravel()).reshape(2, children.size, NODES)
-        for k, i in enumerate(children.tolist()):
-            samples = values[:, k]
-            ends = np.abs(samples[1, [0, -1]]).min()
-            if ends >= STRONG * largest[1] and np.isfinite(samples).all():
-                found.append((new[i], samples))
+        for i, start, share in parts:
+            samples = part_of(whole, r, start, share)
+            first, final = samples[1, 0], samples[1, -1]
+            if min(abs(first), abs(final)) >= STRONG * largest and np.isfinite(samples).all():
+                found.append((i, samples))
     return found
 
 
@@ -189,10 +193,16 @@ def bisected(edges: Floats, chosen: NDArray[np.bool_]) -> Floats:
 
 def cut(edges: Floats, pieces: NDArray[np.intp]) -> Floats:
     """Edges with every panel cut into 1, 2 or 4 equal pieces (any count above 2 is 4)."""
-    low, width = edges[:-1], np.diff(edges)
-    two, four = pieces > 1, pieces > 2
-    inner = [low[two] + width[two] / 2, low[four] + width[four] / 4, low[four] + width[four] * 0.75]
-    return np.sort(np.concatenate([edges, *inner]))
+    places = edges.tolist()
+    found = places[:1]
+    for low, high, many in zip(places[:-1], places[1:], pieces.tolist(), strict=True):
+        width = high - low
+        if many > 2:
+            found += [low + width / 4, low + width / 2, low + width * 0.75]
+        elif many > 1:
+            found.append(low + width / 2)
+        found.append(high)
+    return np.array(found)
 
 
 def places(low: Floats, high: Floats, limits: tuple[bool, bool], n: int = NODES) -> Floats:

@@ -17,18 +17,21 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from blockmech.dynamics.energy import energy
-from blockmech.dynamics.integrate import TOO_MANY, Method
+from blockmech.dynamics.integrate import Method
+from blockmech.dynamics.legs import TOO_MANY
 from blockmech.dynamics.motion import Motion
+from blockmech.dynamics.progress import once
 from blockmech.dynamics.reduced import Metered, MeteredSystems, ReducedSystem, ReducedSystems
 from blockmech.dynamics.spectral import spectral, steady_motion
 from blockmech.dynamics.stepwise import by_euler_q, by_rk4, in_time, several_in_time
-from blockmech.dynamics.until import Asked, Start, Until, Watch
+from blockmech.dynamics.until import Asked, Progress, Start, Until, Watch
 from blockmech.dynamics.watching import watched_motion
 from blockmech.errors import Problem, RequestError, close_match, listed
 
 MethodName: TypeAlias = Literal[
     "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
 ]
+ENDLESS_WAY = "the time to the end of the driver's range does not converge"
 LOOSE = 1e-6  # target from which on LSODA is the cheaper one
 
 
@@ -41,6 +44,7 @@ def move(
     step: float | None = None,
     watch: Sequence[Watch] = (),
     times: Any = (),
+    progress: Progress | None = None,
 ) -> Motion:
     """The motion of the drivers from a start until something ends it.
 
@@ -55,6 +59,7 @@ def move(
     step : of ``rk4`` [s] and ``euler_q`` [rad or m]
     watch : the user's events
     times : times [s] at which the answer is wanted; they count in the error estimate
+    progress : told now and then how far the run is; it may raise `KeyboardInterrupt`
 
     Raises
     ------
@@ -64,11 +69,13 @@ def move(
     wanted = tuple(np.asarray(times, dtype=np.float64).ravel().tolist())
     watches = tuple(watch)
     if isinstance(system, ReducedSystems):
-        return _several(
-            system, start, Asked(_NOWHERE, until, accuracy, "", wanted, watches), method
-        )
+        told = None if progress is None else once(progress)
+        asked = Asked(_NOWHERE, until, accuracy, "", wanted, watches, told)
+        return _several(system, start, asked, method)
     meter = system if isinstance(system, Metered) else Metered(system)
-    asked = Asked(Start(*start), until, accuracy, "asked for", wanted, watches)
+    if progress is not None:
+        progress = meter.progress = once(progress)
+    asked = Asked(Start(*start), until, accuracy, "asked for", wanted, watches, progress)
     named = _checked(method, meter.system, until, watches)
     if named == "auto":
         return _automatic(meter, asked)
@@ -136,7 +143,12 @@ def _automatic(meter: Metered, asked: Asked) -> Motion:
     depends, goal = meter.system.depends_on, asked.until.goal
     if depends <= {"q"} and goal != "event":
         why = "all loads depend on the driver's coordinate alone"
-        return watched_motion(energy(meter, replace(asked, why=why)), asked.watches)
+        system = meter.system
+        motion = energy(meter, replace(asked, why=why))
+        if goal == "steady" or not _endless_way(motion):
+            return watched_motion(motion, asked.watches)
+        meter.system = system  # what was found on the way is the method's own
+        return in_time(meter, replace(asked, why=f"by energy {ENDLESS_WAY}"), "dop853")
     if goal == "steady":
         found = steady_motion(meter, replace(asked, why="a periodic motion is asked for"))
         if isinstance(found, str):
@@ -157,12 +169,18 @@ def _automatic(meter: Metered, asked: Asked) -> Motion:
     return motion
 
 
+def _endless_way(motion: Motion) -> bool:
+    """Whether the energy method has come to no result."""
+    return motion.method == "energy" and motion.status != "failed" and not motion.error < math.inf
+
+
 def _by_name(meter: Metered, asked: Asked, method: MethodName, step: float | None) -> Motion | str:
     goal = asked.until.goal
     if method == "energy":
         if goal == "event":
             return "it looks for events after the run, so it needs another end"
-        return watched_motion(energy(meter, asked), asked.watches)
+        motion = energy(meter, asked)
+        return ENDLESS_WAY if _endless_way(motion) else watched_motion(motion, asked.watches)
     if goal == "steady":
         return steady_motion(meter, asked)
     if method == "spectral":

@@ -13,6 +13,8 @@ from blockmech.dynamics.reduced import Cost
 
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
 
+INTERRUPTED = "interrupted"  # the end of a run that the user stopped; what was done is kept
+
 
 class State(NamedTuple):
     """Driver coordinate [rad or m] and rate: arrays (m,), or (m, k) with k drivers."""
@@ -48,7 +50,7 @@ class Motion:
     regime : "libration", "rotation", "secular", "secular braking", "rest", ...
     status : "reached" what was asked for; "ended" before it, by something named;
         "rest": nothing moves; "failed": no motion could be computed (any further)
-    end : the named reason: "time", "standstill", "end stop", "dead centre", ...
+    end : the named reason: "time", "standstill", "end stop", "dead centre", "interrupted", ...
     t_start, t_end : [s]
     q_end, qd_end : state at the end; floats, or arrays (k,) with k drivers
     track : dense output
@@ -104,11 +106,13 @@ class Motion:
 
 @dataclass(frozen=True)
 class Still:
-    """Dense output of a mechanism that does not move."""
+    """Dense output of a mechanism that does not move, or of one state only."""
 
     q: Any
+    qd: Any = 0.0
 
     def state(self, t: Floats) -> State:
-        """The same place at all times."""
-        q = np.broadcast_to(np.asarray(self.q, dtype=np.float64), t.shape + np.shape(self.q))
-        return State(q.copy(), np.zeros(q.shape))
+        """The same state at all times."""
+        shape = t.shape + np.shape(self.q)
+        q, qd = (np.broadcast_to(np.asarray(x, dtype=np.float64), shape) for x in (self.q, self.qd))
+        return State(q.copy(), qd.copy())

@@ -18,7 +18,6 @@ the latter beginning at a standstill, where F stays smooth although K goes to ze
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -39,8 +38,7 @@ class Anchor(NamedTuple):
     K: float  # [J]
 
 
-@dataclass(frozen=True)
-class Quadrature:
+class Quadrature(NamedTuple):
     """Energy and time on the panels of a mesh, each walked from its anchored edge.
 
     Arrays (p,) or (p, n), samples in the order in which the panel is walked.
@@ -59,6 +57,7 @@ class Quadrature:
     lost : (p,) [J] error of the work over each panel from the end of its series
     rounded : (p,) [J] error of the work over each panel from rounding
     lost_time, rounded_time : [s] what those do to the time
+    fastest : [rad/s or m/s] largest speed at the nodes, in the panels' coordinates
     """
 
     mesh: Mesh
@@ -77,58 +76,64 @@ class Quadrature:
     rounded: Floats
     lost_time: float
     rounded_time: float
+    fastest: float
 
     @property
     def total(self) -> float:
         """Time to cross all panels [s]."""
         return float(self.clock[-1])
 
-    @property
-    def fastest(self) -> float:
-        """Largest speed at the nodes, in the panels' coordinates [rad/s or m/s]."""
-        return float(np.sqrt(2 * np.max(self.K / self.J)))
-
 
 def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
     """Energy, then time, on every panel."""
     r = rule(mesh.nodes)
-    L, half = mesh.length, mesh.length / 2
-    p = np.arange(mesh.panels)
+    L, edges = mesh.length, mesh.edges
+    half = L / 2
+    p = np.arange(L.size)
     edges_of = np.array([a.edge for a in anchors])
-    places = mesh.edges[edges_of]
-    middle = mesh.edges[1:] + mesh.edges[:-1]
-    owner = np.searchsorted(places[1:] + places[:-1], middle)  # the nearest anchor
+    places = edges[edges_of]
+    owner = (places[1:] + places[:-1]).searchsorted(edges[1:] + edges[:-1])  # the nearest anchor
     owned = edges_of[owner]
     mirrored = owned > p
     begin = p + mirrored
     both = mesh.both.copy()
-    both[:, mirrored] = both[:, mirrored, ::-1]
-    both[1, mirrored] *= -1
+    for i in mirrored.nonzero()[0].tolist():
+        both[0, i] = mesh.both[0, i, ::-1]
+        np.negative(mesh.both[1, i, ::-1], out=both[1, i])
     J, tau = both
 
+    sums = np.empty((2, L.size))
+    sums[0] = half * (mesh.tau @ r.total)
     lost = half * mesh.missed[1]
-    rounded = ROUNDING * half * (np.abs(tau) @ r.total)
-    sums = np.array([half * (mesh.tau @ r.total), lost + rounded])
+    rounded = (ROUNDING * half) * (np.abs(tau) @ r.total)
+    np.add(lost, rounded, out=sums[1])
     spread = np.array([_outward(sums, a.edge) for a in anchors])  # (anchors, 2, p + 1)
     anchored = np.array([a.K for a in anchors])
     known = anchored[:, None] + spread[:, 0]
     closure = np.array([known[i, b.edge] - b.K for i, b in enumerate(anchors[1:])])
-    K_start = known[owner, begin]
-    ended = (anchored[owner] == 0.0) & (begin == owned)
-    K = K_start[:, None] + half[:, None] * (tau @ r.integrate)
+    K_start, K_owned = known[owner, begin], anchored[owner]
+    ended = (K_owned == 0.0) & (begin == owned)
+    K = tau @ r.integrate
+    K *= half[:, None]
+    K += K_start[:, None]
 
-    F = np.sqrt(J / (2 * K))
-    weight, duration = L, half * (F @ r.total)
-    if ended.any():
-        F[ended] *= 2 * np.sqrt(L[ended, None] * r.low)
-        weight = np.where(ended, np.sqrt(L), L)
-        duration[ended] = weight[ended] / 2 * (F[ended] @ r.total_half)
-
+    F = np.sqrt(J / (K + K))
+    duration, truncation = half * (F @ r.total), half
     # how much time a joule less makes; on an ended panel the energy error is its own
-    slowing = np.where(ended, duration / K[:, -1], L / 4 * ((F / K) @ r.total))
-    doubt = ROUNDING * anchored[owner] + np.abs(spread[owner, 1, begin + 1 - 2 * mirrored])
+    slowing = (half / 2) * ((F / K) @ r.total)
+    still = ended.nonzero()[0].tolist()
+    if still:
+        truncation = half.copy()
+    for i in still:
+        root = math.sqrt(L[i])
+        F[i] *= (2 * root) * r.root
+        truncation[i] = root / 2
+        duration[i] = root / 2 * (F[i] @ r.total_half)
+        slowing[i] = duration[i] / K[i, -1]
+
+    doubt = ROUNDING * K_owned + np.abs(spread[owner, 1, begin + 1 - 2 * mirrored])
     doubted = float(slowing @ doubt)
-    missed = float(lost.sum() / (lost.sum() + rounded.sum() + 1e-300))
+    missed = float(np.add.reduce(lost) / (np.add.reduce(sums[1]) + 1e-300))
     return Quadrature(
         mesh=mesh,
         mirrored=mirrored,
@@ -141,27 +146,34 @@ def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
         duration=duration,
         clock=_summed(duration),
         closure=closure,
-        truncation=weight / 2 * remainder(F, r),
+        truncation=truncation * remainder(F, r),
         lost=lost,
         rounded=rounded,
         lost_time=doubted * missed,
         rounded_time=doubted * (1 - missed),
+        fastest=largest_speed(J, K),
     )
+
+
+def largest_speed(J: Floats, K: Floats) -> float:
+    """Largest of sqrt(2 K / J); NaN where a sample is none."""
+    most = float((K / J).max())
+    return math.sqrt(2 * most) if most >= 0 else math.nan
 
 
 def _summed(steps: Floats) -> Floats:
     """0 and the running sums."""
     sums = np.zeros(steps.size + 1)
-    np.cumsum(steps, out=sums[1:])
+    np.add.accumulate(steps, out=sums[1:])
     return sums
 
 
 def _outward(steps: Floats, edge: int) -> Floats:
     """Sums of ``steps`` (m, p) from an edge to every other one, negative below it: (m, p + 1)."""
     sums = np.zeros((steps.shape[0], steps.shape[1] + 1))
-    np.cumsum(steps[:, edge:], axis=1, out=sums[:, edge + 1 :])
+    np.add.accumulate(steps[:, edge:], axis=1, out=sums[:, edge + 1 :])
     if edge:
-        sums[:, edge - 1 :: -1] = -np.cumsum(steps[:, edge - 1 :: -1], axis=1)
+        sums[:, edge - 1 :: -1] = -np.add.accumulate(steps[:, edge - 1 :: -1], axis=1)
     return sums
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics.chebyshev import Floats, remainder, rule
+from blockmech.dynamics.massless import refuse_no_inertia_inside
 from blockmech.dynamics.mesh import RESOLVED, Mesh, View, cut, places, sampled
 from blockmech.dynamics.quadrature import EPS, MOST_PANELS, ROUNDING
 from blockmech.dynamics.standstills import (
@@ -32,6 +33,7 @@ PANELS = 4  # a turn, to begin with
 WINDOWS = 60  # spans looked at where the scene is not periodic (they double along a guide)
 LEVELS = 40  # of bisection
 HALVED = 1.6  # power to which cutting a panel in two raises the end of its series
+SURELY = 1.01  # times the time wanted: a motion that goes on for longer is beyond it
 NOISE = 1e-9  # end of a series, relative, that is noise if cutting does not help
 
 Kind = Literal["standstill", "end stop", "dead centre", "endless", "open"]
@@ -88,6 +90,8 @@ def look_ahead(
     ``tolerance`` [-] is the truncation error of the energy wanted, relative to the work
     turned over; ``horizon`` ends the search in a scene without a period; ``image`` is
     the next period, where it has been sampled before.
+
+    Raises `NoInertia` at a place where the inertia of the driver is zero.
     """
     bound, name = _bound(view)
     period = view.meter.system.period
@@ -95,8 +99,10 @@ def look_ahead(
         empty = sampled(view, np.array([0.0, 1e-9 * view.meter.system.span]))
         return Reach(name, 0.0, empty, empty.edges)
     if period is not None and bound > period and math.isinf(bound):
-        return _one_period(view, K0, tolerance, period, image)
-    return _windows(view, K0, tolerance, horizon, bound, name)
+        reach = _one_period(view, K0, tolerance, period, image)
+    else:
+        reach = _windows(view, K0, tolerance, horizon, bound, name)
+    return _within(reach, K0, horizon.time)
 
 
 def _bound(view: View) -> tuple[float, Kind]:
@@ -115,12 +121,13 @@ def _one_period(
     mesh = image or sampled(view, panel_edges(view, 0.0, period, PANELS))
     if not mesh.possible.all():
         return _up_to_gap(view, K0, tolerance, mesh)
+    refuse_no_inertia_inside(view, mesh)
     mesh, edges, first, slow, known = _resolved(view, mesh, K0, tolerance)
     if not mesh.possible.all():
         return _up_to_gap(view, K0, tolerance, mesh)
     nearly = _slowest(slow, known)
     gain = float(known.edges[-1] - K0)
-    if abs(gain) <= 4 * float(known.lost[-1] + known.rounding[-1]):
+    if view.meter.system.lossless or abs(gain) <= 4 * float(known.lost[-1] + known.rounding[-1]):
         gain = 0.0
     if first is not None:
         return Reach("standstill", first, mesh, edges, 0, gain, *nearly)
@@ -158,6 +165,7 @@ def _windows(
         mesh = sampled(view, edges, mesh, limits)
         if not mesh.possible.all():
             return _up_to_gap(view, K0, tolerance, mesh)
+        refuse_no_inertia_inside(view, mesh)
         mesh, wanted, first, slow, known = _resolved(view, mesh, K0, tolerance)
         if not mesh.possible.all():
             return _up_to_gap(view, K0, tolerance, mesh)
@@ -173,16 +181,37 @@ def _windows(
     return Reach("open", end, mesh, wanted)
 
 
+def _within(reach: Reach, K0: float, time: float) -> Reach:
+    """Up to where the motion surely is at a time, if that is before the dead centre.
+
+    The last bit of the way may be hard, or without end; nobody asks for it then.
+    """
+    if reach.kind != "dead centre" or math.isinf(time):
+        return reach
+    mesh = reach.mesh
+    late = np.cumsum(_durations(mesh, energies(mesh, K0))) > SURELY * time
+    i = int(late.argmax())
+    if not late[i] or i + 1 >= mesh.panels:
+        return reach
+    end = float(mesh.edges[i + 1])
+    return Reach("open", end, mesh, np.append(reach.edges[reach.edges < end], end))
+
+
 def _duration(mesh: Mesh, known: Energies) -> float:
-    """Time over a mesh, roughly from below (a standstill start is left out) [s]."""
-    r = rule(mesh.nodes)
+    """Time over a mesh, roughly from below [s]."""
+    return float(_durations(mesh, known).sum())
+
+
+def _durations(mesh: Mesh, known: Energies) -> Floats:
+    """Time over each panel, roughly from below (a standstill start is left out) [s]."""
     F = np.sqrt(mesh.J / (2 * known.nodes))
-    return float(mesh.length / 2 @ (F @ r.total))
+    return np.asarray(mesh.length / 2 * (F @ rule(mesh.nodes).total))
 
 
 def panel_edges(view: View, low: float, high: float, panels: int) -> Floats:
     """Edges of equal panels, cut at the knots of the loads as well."""
-    edges = np.linspace(low, high, panels + 1)
+    edges = low + (high - low) / panels * np.arange(panels + 1.0)
+    edges[-1] = high
     system = view.meter.system
     if not system.knots:
         return edges
@@ -255,23 +284,25 @@ def _pieces(
     flat = max(tolerance, RESOLVED)
     F = np.sqrt(mesh.J[:last] / known.nodes[:last])
     if known.edges[0] == 0 and not mesh.limits[0]:
-        F[0] *= np.sqrt(r.low)
-    bent = remainder(F, r) / F.max(axis=1)
+        F[0] *= r.root
+    bent = (remainder(F, r) / F.max(axis=1)).tolist()
     # where the motion stops on a panel, that series is none; J must do
-    J = mesh.J[last - 1]
-    bent = np.where(np.isfinite(bent), bent, mesh.missed[0, last - 1] / J.max())
+    if not all(map(math.isfinite, bent)):
+        instead = float(mesh.missed[0, last - 1] / mesh.J[last - 1].max())
+        bent = [b if math.isfinite(b) else instead for b in bent]
     good = float(known.lost[last]) <= wanted
-    bad = bent > flat
-    if good and not bad.any():
+    if good and max(bent) <= flat:
         return None
-    error, share = known.tails[:last], wanted / (2 * last)
-    if not good:
-        bad |= error > share
-    size = mesh.length[:last] / 2 * np.abs(mesh.tau[:last]).max(axis=1) + 1e-300
-    still = ((error / size) ** HALVED * size > share) | (bent**HALVED > flat)
+    share = wanted / (2 * last)
+    errors = known.tails[:last].tolist()
+    largest = (mesh.length[:last] / 2 * np.abs(mesh.tau[:last]).max(axis=1)).tolist()
     pieces = np.ones(mesh.panels, dtype=np.intp)
-    pieces[:last] += bad + 2 * (bad & still)
-    return pieces if bad.any() else None
+    for i, (bend, error, most) in enumerate(zip(bent, errors, largest, strict=True)):
+        if bend > flat or (error > share and not good):
+            size = most + 1e-300
+            still = (error / size) ** HALVED * size > share or bend**HALVED > flat
+            pieces[i] = 4 if still else 2
+    return pieces if np.any(pieces > 1) else None
 
 
 def _slowest(dips: list[Dip], known: Energies) -> tuple[float, float, float]:
@@ -293,6 +324,7 @@ def _up_to_gap(view: View, K0: float, tolerance: float, mesh: Mesh) -> Reach:
         if inner < x * (1 - 1e-9) and inner > 0:
             return _up_to_gap(view, K0, tolerance, bounded)
         return Reach("dead centre", x, bounded, bounded.edges)
+    refuse_no_inertia_inside(view, bounded)
     bounded, wanted, first, slow, known = _resolved(view, bounded, K0, tolerance)
     nearly = _slowest(slow, known)
     if first is not None:
@@ -301,13 +333,20 @@ def _up_to_gap(view: View, K0: float, tolerance: float, mesh: Mesh) -> Reach:
 
 
 def gap(view: View, mesh: Mesh) -> float:
-    """Last place before the first impossible sample at which the mechanism closes."""
+    """Last place before the first impossible sample ahead at which the mechanism closes.
+
+    Where only the way behind the start has one it is the last place before that, below 0.
+    """
     x = places(mesh.edges[:-1], mesh.edges[1:], mesh.limits, mesh.nodes).ravel()
-    bad = int(np.argmin(mesh.possible.ravel()))
-    low, high = (float(x[bad - 1]) if bad else 0.0), float(x[bad])
+    bad = ~mesh.possible.ravel()
+    ahead = np.flatnonzero(bad & (x >= 0.0))
+    first, back = (int(ahead[0]), -1) if ahead.size else (int(np.flatnonzero(bad)[-1]), 1)
+    before = first + back
+    low, high = (float(x[before]) if 0 <= before < x.size else 0.0), float(x[first])
+    low = max(low, 0.0) if ahead.size else min(low, 0.0)
     for _ in range(80):
         middle = (low + high) / 2
-        if not low < middle < high:
+        if middle in (low, high):
             break
         one = view.meter.pose(view.origin + view.sign * middle)
         if one.margin > 0 and one.J > 0 and math.isfinite(one.J):

@@ -30,6 +30,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.until import Progress
 
 TURN = 2 * math.pi
 
@@ -93,6 +94,7 @@ class ReducedSystem:
     knots : driver coordinates [rad or m] at which a load has a kink (one period)
     time_knots : times [s] at which a load has a kink
     span : a length over which J and tau change, for drivers without a period
+    lossless : whether all loads have a potential with that period: no net work in a period
     load_size : q -> sum of the magnitudes of the contributions to tau there
     """
 
@@ -112,6 +114,7 @@ class ReducedSystem:
     span: float = 1.0
     load_size: Callable[[float], float] | None = None
     pose: OneFunction | None = None
+    lossless: bool = False
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -149,18 +152,25 @@ class Cost(NamedTuple):
 
 @dataclass
 class Metered:
-    """A reduced system that counts its evaluations; one per run."""
+    """A reduced system that counts its evaluations; one per run.
+
+    ``interrupted`` is set where a run was stopped and keeps what it has.
+    """
 
     system: ReducedSystem
     samples: int = 0
     calls: int = 0
     singles: int = 0
     _nothing: frozenset[str] = field(default=frozenset(), repr=False)
+    progress: Progress | None = field(default=None, repr=False)
+    interrupted: bool = False
 
     def sample(self, q: Floats, wanted: frozenset[str] = frozenset()) -> Sample:
         """A batch of any shape, counted."""
         self.samples += q.size
         self.calls += 1
+        if self.progress is not None:
+            self.progress("sampling", float(self.samples), None)
         flat = self.system.sample(q.ravel(), wanted)
         if q.ndim == 1:
             return flat

@@ -11,14 +11,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.dynamics.bridges import bridged
 from blockmech.dynamics.knots import knots_of
 from blockmech.dynamics.reduced import TURN, ReducedSystem, ReducedSystems, Sample, Terms
-from blockmech.dynamics.split import depends_on, load_size, own_loads, period_of, straight
+from blockmech.dynamics.split import depends_on, load_size, lossless, own_loads, period_of, straight
 from blockmech.engines import NumpyEngine, ScalarEngine
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.mechanism import Mechanism
@@ -26,6 +28,7 @@ from blockmech.model.structure import Structure
 from blockmech.plan import Plan
 
 Array = NDArray[np.float64]
+STATE = ("q_0", "qd_0", "t")
 
 
 def frictional_joints(structure: Structure) -> tuple[str, ...]:
@@ -56,15 +59,35 @@ def refuse_friction(joints: Sequence[str]) -> None:
 
 
 class _Values:
-    """Values of a plan at driver states: batches by NumPy, single states by Python numbers."""
+    """Values of a plan at driver states: batches by NumPy, single states by Python numbers.
+
+    Planned and bound when they are first asked for: most runs need a part of them only.
+    """
 
     def __init__(self, mechanism: Mechanism, want: Iterable[str]) -> None:
-        self.plan: Plan = mechanism.plan(tuple(want), friction="none")
-        program = self.plan.program
-        self._batch, self._one = NumpyEngine(program), ScalarEngine(program)
-        self._names = program.inputs
-        self._margins = self.plan.verdicts[0]
-        self.place = {name: i[0] for name, i in self.plan.layout.items() if i}
+        self._mechanism, self._want = mechanism, tuple(want)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What is computed."""
+        return self._mechanism.plan(self._want, friction="none")
+
+    @cached_property
+    def place(self) -> Mapping[str, int]:
+        """Output -> index of its value."""
+        return {name: i[0] for name, i in self.plan.layout.items() if i}
+
+    @cached_property
+    def _batch(self) -> NumpyEngine:
+        return NumpyEngine(self.plan.program)
+
+    @cached_property
+    def _one(self) -> ScalarEngine:
+        return ScalarEngine(self.plan.program)
+
+    @cached_property
+    def _margins(self) -> tuple[int, ...]:
+        return self.plan.verdicts[0]
 
     def batch(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
         """All values of n states."""
@@ -72,10 +95,10 @@ class _Values:
 
     def of(self, names: Sequence[str]) -> Callable[..., tuple[Any, ...]]:
         """The values of one state as a function of the inputs in this order."""
-        one = self._one.one
-        if self._names == tuple(names):
+        one, own = self._one.one, self.plan.program.inputs
+        if own == tuple(names):
             return lambda *given: one(given)
-        order = [names.index(name) for name in self._names]
+        order = [names.index(name) for name in own]
         return lambda *given: one([given[i] for i in order])
 
     def margin(self, values: tuple[Any, ...], n: int) -> Array:
@@ -140,28 +163,32 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
             damping,
         )
 
-    single = slope.of(("q_0", "qd_0", "t"))
-    i, j, k = (slope.place[name] for name in (J, tau, dJ))
-    margin_of = slope.margin_of_one
+    @cache
+    def single() -> tuple[Callable[..., tuple[Any, ...]], int, int, int]:
+        return slope.of(STATE), slope.place[J], slope.place[tau], slope.place[dJ]
+
+    @cache
+    def plainly() -> tuple[Callable[..., tuple[Any, ...]], int, int]:
+        return plain.of(STATE), plain.place[J], plain.place[tau]
+
+    margin_of, plain_margin = slope.margin_of_one, plain.margin_of_one
 
     def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
-        found = single(q, qd, t)
+        values, i, j, k = single()
+        found = values(q, qd, t)
         return found[i], found[j], found[k], margin_of(found)
 
-    plainly = plain.of(("q_0", "qd_0", "t"))
-    i_plain, j_plain = plain.place[J], plain.place[tau]
-    plain_margin = plain.margin_of_one
-
     def pose(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
-        found = plainly(q, qd, t)
-        return found[i_plain], found[j_plain], math.nan, plain_margin(found)
+        values, i, j = plainly()
+        found = values(q, qd, t)
+        return found[i], found[j], math.nan, plain_margin(found)
 
     def rest_of(q: Array, qd: Array, t: float) -> Array:
         if own is not None:
             return own.batch(qd, t)
         return effort(q, qd, t) - effort(q, 0 * qd, 0.0)
 
-    return ReducedSystem(
+    system = ReducedSystem(
         sample=sample,
         one=one,
         kind="rotation" if rotary else "translation",
@@ -175,7 +202,9 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
         span=span,
         load_size=load_size(structure, scene, driver),
         pose=pose,
+        lossless=period is not None and lossless(structure),
     )
+    return bridged(system, structure)
 
 
 def _length(mechanism: Mechanism) -> float:

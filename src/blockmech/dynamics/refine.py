@@ -1,31 +1,41 @@
 """Integration with an honest error: the same run at finer tolerances until two agree.
 
-The estimate is the largest difference between the last two runs (four times it where kinks
-interrupt them), at twenty common times and at those asked for; the finer run is the answer.
-Half of it would nearly always do, but the coarser run is good by luck now and then. Where
-evaluations are counted (kernels), the tolerances are always the same ones, from the coarsest on, so
-a looser target never costs more; on the table, where they are cheap, they begin near the
-target.
+The finer run of the last two is the answer, and their difference at twenty common times
+and at those asked for tells its error. Usually a fiftieth of it would do, but now and then
+the coarser run is good by luck, or steps are so long that the error is larger between the
+times compared. Over thousands of runs from random starts the error was at most 4.6 times
+the first difference, 3.9 times a later one, and 1.6 times at tolerances below 1e-9; the
+estimate is 6, 4 and 2 times the difference, or a fiftieth of the one before if that is more.
+
+Where evaluations are counted (kernels), the tolerances are always the same ones, from the
+coarsest on, so a looser target never costs more; on the table, where they are cheap, they
+begin near the target.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integrate import INTERRUPTED, TOO_MANY, Method, Run, Task, run
-from blockmech.dynamics.legs import FINEST
+from blockmech.dynamics.integrate import Method, Run, Task, run
+from blockmech.dynamics.legs import FINEST, TOO_MANY
+from blockmech.dynamics.motion import INTERRUPTED
 from blockmech.dynamics.replay import replayed, uninterrupted
 
 RATIO = 1 / 50
 COARSEST = 1e-3
 COMPARED = 20  # common times
 GAIN = {"dop853": 1 / 50, "radau": 1 / 10, "lsoda": 1e-3}  # tolerance for a target, roughly
+NEAR = 7  # root of the ratio
+LOOSE = 1e-9  # tolerance from which on steps are so long that times between them matter
+FIRST, LATER, TIGHT = 6.0, 4.0, 2.0  # times the difference: the error that is stated
+FALLS = 1 / 50  # of the difference before, which is the error two runs ago
+KINKED = 4.0  # times that: landing on kinks is not better at finer tolerances
 
 
 class Refined(NamedTuple):
@@ -42,8 +52,8 @@ def tolerances(method: Method, accuracy: float, counted: bool) -> Iterator[float
     """Tolerances to try, one after the other, down to what SciPy accepts."""
     tolerance = COARSEST
     if not counted:
-        tolerance = max(accuracy * GAIN[method], FINEST / RATIO)
-    while tolerance > FINEST:
+        tolerance = max(accuracy * GAIN[method], 20 * FINEST)
+    while tolerance > NEAR * FINEST:  # two runs at almost the same tolerance tell nothing
         yield tolerance
         tolerance *= RATIO
     yield FINEST
@@ -57,16 +67,20 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
         once = lambda tolerance: replayed(task, tolerance)  # noqa: E731
     before: Run | None = None
     best = None
+    apart: list[tuple[float, float, float]] = []
     for tolerance in tolerances(method, accuracy, counted):
         now = once(tolerance)
         if now.end == INTERRUPTED:
             return _interrupted(best, before, now, tolerance)
+        if now.end == TOO_MANY and before is None:  # a finer run would not come as far
+            return Refined(now, math.inf, math.inf, tolerance, False)
         if before is not None:
-            error, time_error = _difference(before, now, times)
-            floor = task.equation.table_error
-            share = 4.0 if _kinked(task) else 1.0
-            error, time_error = share * error, share * time_error
-            best = Refined(now, error + floor, time_error, tolerance, error + floor <= accuracy)
+            apart.append(_difference(before, now, times))
+            differences, delays, ways = zip(*apart, strict=True)
+            error, time_error = (_stated(row, task, tolerance) for row in (differences, delays))
+            # a relative error of the effort acts on the whole way
+            error += task.equation.table_error * max(1.0, ways[-1])
+            best = Refined(now, error, time_error, tolerance, error <= accuracy)
             if best.reached or now.end == TOO_MANY:
                 return best
         before = now
@@ -85,22 +99,30 @@ def _interrupted(best: Refined | None, before: Run | None, now: Run, tolerance: 
     return kept._replace(run=run, reached=False)
 
 
+def _stated(apart: Sequence[float], task: Task, tolerance: float) -> float:
+    """Error of the last run, at a tolerance, from the differences between runs."""
+    before = apart[-2] if len(apart) > 1 and math.isfinite(apart[-2]) else 0.0
+    times = TIGHT if tolerance < LOOSE else FIRST if len(apart) == 1 else LATER
+    return (KINKED if _kinked(task) else 1.0) * max(times * apart[-1], FALLS * before)
+
+
 def _kinked(task: Task) -> bool:
-    """Whether kinks interrupt the run: landing on them is not better at finer tolerances."""
+    """Whether kinks interrupt the run."""
     return bool(task.time_knots) or (task.system is not None and bool(task.system.knots))
 
 
-def _difference(coarse: Run, fine: Run, times: Floats) -> tuple[float, float]:
-    """Largest difference of the coordinates [rad or m], and of the ends [s]."""
+def _difference(coarse: Run, fine: Run, times: Floats) -> tuple[float, float, float]:
+    """Largest difference of the coordinates [rad or m], that of the ends [s], and the way."""
     if coarse.status == "failed" or fine.status == "failed" or coarse.end != fine.end:
-        return math.inf, math.inf
+        return math.inf, math.inf, 0.0
     start, end = fine.legs[0].t0, min(coarse.t_end, fine.t_end)
     common = np.linspace(start, end, COMPARED + 1)[1:]
     asked = times[(times >= start) & (times <= end)]
     t = np.concatenate([common, asked])
-    a, b = coarse.state(t).q, fine.state(t).q
-    difference = float(np.abs(a - b).max())
+    found = fine.state(t)
+    difference = float(np.abs(coarse.state(t).q - found.q).max())
+    way = float(np.abs(found.qd[:COMPARED]).sum()) * (end - start) / COMPARED
     k = fine.drivers
     if coarse.t_end != fine.t_end:
         difference = max(difference, float(np.abs(coarse.y_end[:k] - fine.y_end[:k]).max()))
-    return difference, abs(coarse.t_end - fine.t_end)
+    return difference, abs(coarse.t_end - fine.t_end), way

@@ -8,15 +8,16 @@ depend on the outputs.
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import Any
 
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integrate import Run, Task, balance
+from blockmech.dynamics.integrate import Ending, Run, Task, balance
 from blockmech.dynamics.legs import Leg, scales
-from blockmech.dynamics.motion import Event
+from blockmech.dynamics.motion import INTERRUPTED, Event
 
 GRID = 65  # outputs among which standstills are looked for
 MOST_STEPS = 100_000  # between two outputs
@@ -34,12 +35,13 @@ def uninterrupted(task: Task) -> bool:
 
 def replayed(task: Task, tolerance: float) -> Run:
     """One LSODA run to the time asked for."""
-    count = 0
+    count, latest = 0, task.t0
     right = task.equation.rhs
 
     def rhs(t: float, y: Any) -> Any:
-        nonlocal count
+        nonlocal count, latest
         count += 1
+        latest = t
         return right(t, y)
 
     def dense(times: Floats) -> Floats:
@@ -50,17 +52,24 @@ def replayed(task: Task, tolerance: float) -> Run:
         return np.asarray(y[1:][back].T)
 
     grid = np.linspace(task.t0, task.t_max, GRID)
-    y = _solved(task, rhs, task.y0, grid, tolerance)
+    ended: tuple[Ending, str] = ("reached", "time")
+    try:
+        y = _solved(task, rhs, task.y0, grid, tolerance)
+    except KeyboardInterrupt:  # the same again, up to where it came
+        grid, ended = np.linspace(task.t0, latest, GRID), ("ended", INTERRUPTED)
+        if latest <= task.t0:
+            raise
+        y = _solved(task, right, task.y0, grid, tolerance)
     evaluations = count
     end = y[-1]
     good = bool(np.isfinite(end).all())
     return Run(
         drivers=1,
-        legs=(Leg(task.t0, task.t_max, end, dense, (), not good, 0.0),),
+        legs=(Leg(task.t0, float(grid[-1]), end, dense, (), not good, 0.0),),
         events=tuple(_standstills(task, rhs, grid, y, tolerance)) if good else (),
-        status="reached" if good else "failed",
-        end="time" if good else "impossible pose",
-        t_end=task.t_max,
+        status=ended[0] if good else "failed",
+        end=ended[1] if good else "impossible pose",
+        t_end=float(grid[-1]),
         y_end=end,
         evaluations=evaluations,
         balance=balance(task, end, float(np.abs(y[:, -1]).max())) if good else np.nan,
@@ -94,6 +103,8 @@ def _standstills(task: Task, rhs: Any, grid: Floats, y: Floats, tolerance: float
             state = _solved(task, rhs, y[i], np.array([low, guess]), tolerance)[-1]
             acceleration = rhs(guess, state)[1]
             step = float(state[1]) / acceleration if acceleration else 0.0
+            if not math.isfinite(step):
+                break
             t = min(max(guess - step, low), high)
             if abs(t - guess) <= 1e-15 * (1 + abs(t)):
                 break

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.legs import FINEST
-from blockmech.dynamics.motion import State, Status
+from blockmech.dynamics.motion import INTERRUPTED, State, Status
 from blockmech.dynamics.reduced import TURN
 from blockmech.dynamics.until import Start, Until
 
@@ -23,6 +24,7 @@ MOST_STEPS = 2_000_000
 SECANTS = 30
 
 Y = tuple[float, float, float]
+Row = tuple[float, float, float, float]
 
 
 class Vector(tuple[float, ...]):
@@ -64,20 +66,26 @@ def _hermite(x: Floats, h: Floats, a: Floats, b: Floats, da: Floats, db: Floats)
 
 def stepped(equation: Equation, start: Start, until: Until, h: float) -> Fixed:
     """Fixed steps h [s] from the start to the goal."""
-    rhs = equation.rhs
+    y = Vector((start.q, start.rate, 0.0))
+    rows = [(start.t, y[0], y[1], float(equation.rhs(start.t, y)[1]))]
+    end, status = INTERRUPTED, "ended"
+    with suppress(KeyboardInterrupt):  # what is done so far is kept
+        end, status = _walked(equation.rhs, start, until, h, rows)
+    times, q, qd, qdd = (np.array(column) for column in zip(*rows, strict=True))
+    return Fixed(times, q, qd, qdd, end, status)  # type: ignore[arg-type]
+
+
+def _walked(rhs: Any, start: Start, until: Until, h: float, rows: list[Row]) -> tuple[str, Status]:
+    """Add a row (t, q, q', q'') for each step; what the walk ended with."""
     t_end = start.t + until.value if until.goal == "time" else math.inf
     surface = _goal(start, until)
     t, y = start.t, Vector((start.q, start.rate, 0.0))
-    rows = [(t, y[0], y[1], float(rhs(t, y)[1]))]
     stops = 0
-    end: str = "time"
-    status: Status = "reached"
     for n in range(1, MOST_STEPS + 1):
         here = h if start.t + n * h <= t_end * (1 + 1e-15) else t_end - t
         new = _step(rhs, t, y, here)
         if not math.isfinite(new[1]):
-            end, status = "impossible pose", "failed"
-            break
+            return "impossible pose", "failed"
         met = surface is not None and n > 1 and surface(y) * surface(new) <= 0 != surface(new)
         if met or (surface is not None and surface(new) == 0):
             assert surface is not None
@@ -89,18 +97,17 @@ def stepped(equation: Equation, start: Start, until: Until, h: float) -> Fixed:
             rows.append((t, y[0], y[1], float(rhs(t, y)[1])))
             wanted = int(until.value) if until.goal == "swings" else 1
             if stops >= wanted:
-                end = until.goal
-                break
+                return until.goal, "reached"
             continue
-        t = start.t + n * h if here == h and stops == 0 else t + here
-        y = new
-        rows.append((t, y[0], y[1], float(rhs(t, y)[1])))
+        ahead = start.t + n * h if here == h and stops == 0 else t + here
+        slope = float(rhs(ahead, new)[1])
+        if not math.isfinite(slope):
+            return "impossible pose", "failed"
+        t, y = ahead, new
+        rows.append((t, y[0], y[1], slope))
         if t >= t_end:
-            break
-    else:
-        end, status = f"more than {MOST_STEPS} steps", "failed"
-    times, q, qd, qdd = (np.array(column) for column in zip(*rows, strict=True))
-    return Fixed(times, q, qd, qdd, end, status)
+            return "time", "reached"
+    return f"more than {MOST_STEPS} steps", "failed"
 
 
 def _goal(start: Start, until: Until) -> Callable[[Any], float] | None:

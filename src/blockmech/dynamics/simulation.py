@@ -17,12 +17,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.dynamics.coordinates import (
+    accelerations_in_document,
+    goal_in_graph,
+    motion_in_document,
+    starts_in_graph,
+    stops_in_graph,
+    watch_in_graph,
+)
 from blockmech.dynamics.knots import time_knots_of
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.motion import Motion
-from blockmech.dynamics.reduced import Metered, ReducedSystem, ReducedSystems
+from blockmech.dynamics.motion import INTERRUPTED, Motion, Still
+from blockmech.dynamics.reduced import Cost, Metered, ReducedSystem, ReducedSystems
 from blockmech.dynamics.reduction import refuse_friction
-from blockmech.dynamics.until import Start, Until, Watch
+from blockmech.dynamics.stops import as_watches, held_at_start, named, stops_of
+from blockmech.dynamics.until import Progress, Start, Until, Watch
+from blockmech.dynamics.watching import stopped_motion
+from blockmech.engines.numpy import Planar
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.result import Result
 from blockmech.samples import Samples
@@ -33,6 +44,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Starts = Mapping[str, tuple[float, float]]
 OUTPUTS = 201  # output times where none are named
+PART = 1 << 16  # outputs computed between two places where an interruption keeps what is done
 LATEST = 1e3  # [s] up to which kinks in time are listed for a run without an end in time
 SETTINGS = {"friction": "none", "tolerance": None, "iterations": None, "static": False}
 
@@ -46,10 +58,11 @@ def simulate(
     step: float | None = None,
     times: Sequence[float] | Array | None = None,
     start: Starts | None = None,
-    stops: Mapping[str, tuple[float, float]] | None = None,
+    stops: Starts | None = None,
     watch: Sequence[Watch] = (),
     want: Iterable[str] | str = ("*.q", "*.rate"),
     friction: str | None = None,
+    progress: Progress | None = None,
 ) -> Result:
     """Move a mechanism from its start until something ends the run.
 
@@ -62,20 +75,22 @@ def simulate(
     step : of the fixed-step methods: time [s] for rk4, driver coordinate for euler_q
     times : (n,) output times [s]; by default 201 over the whole run
     start : driver -> (q [rad or m], rate); by default the scene's ``initial``
-    stops : the only driver -> (lowest, highest) coordinate, end stops [rad or m]
+    stops : driver -> (lowest, highest) coordinate [rad or m]; by default the scene's
     watch : the user's events
     want : outputs at the output times
     friction : "none" leaves joint friction out; without it such a scene is refused
+    progress : told now and then (what is at work, how far it is, the whole or None)
 
     Returns
     -------
     Result at the output times, with ``motion``: method and why, error estimate,
-    events, cost, and what ended the run. Output times after the end are left out.
+    events, cost, and what ended the run. Output times after the end are left out. An
+    interrupted run (Ctrl-C) is returned as far as it came; its end is "interrupted".
 
     Raises
     ------
-    RequestError where the scene has no start, no inertia, joint friction that is not
-    waived, or the method does not apply
+    RequestError where the scene has no start or one beyond an end stop, no inertia, joint
+    friction that is not waived, or the method does not apply
     """
     if friction != "none":
         if friction is not None:
@@ -84,7 +99,10 @@ def simulate(
     wanted = _column(times)
     goal = _goal(until, wanted)
     starts = _starts(mechanism, start)
-    how = _How(method, accuracy, step, tuple(watch), () if wanted is None else wanted)
+    shown: Any = () if wanted is None else wanted
+    if wanted is None and goal.goal == "time":
+        shown = np.linspace(0.0, goal.value, OUTPUTS)  # what will be asked for
+    how = _How(method, accuracy, step, tuple(watch), shown, progress)
     motion = _moved(mechanism, starts, goal, how, stops)
     if wanted is None:
         wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
@@ -111,10 +129,10 @@ def _starts(mechanism: Mechanism, start: Starts | None) -> Starts:
         raise RequestError(
             Problem(
                 "no-start",
-                "scene.initial",
+                mechanism.scene.address("initial"),
                 f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}",
-                f"driving links: {listed(mechanism.drivers)}",
-                'give the scene "initial": {"<driver>": {"q": ..., "rate": ...}}',
+                f"drivers: {listed(mechanism.drivers)}",
+                'give it "initial": {"<driver>": {"q": ..., "rate": ...}}',
             )
         )
     return {d: given[d] for d in mechanism.drivers}
@@ -128,39 +146,94 @@ class _How(NamedTuple):
     step: float | None
     watch: tuple[Watch, ...]
     times: Any
+    progress: Progress | None
 
 
 def _moved(
-    mechanism: Mechanism,
-    starts: Starts,
-    goal: Until,
-    how: _How,
-    stops: Mapping[str, tuple[float, float]] | None,
+    mechanism: Mechanism, starts: Starts, goal: Until, how: _How, stops: Starts | None
 ) -> Motion:
     """The motion of the drivers by the method asked for."""
+    drivers = mechanism.driver_names
+    bounds = stops_of(mechanism.scene, mechanism.drivers, starts, stops)
+    found = _moved_in_graph(
+        mechanism.inner,
+        starts_in_graph(drivers, starts),
+        goal_in_graph(drivers, goal),
+        how._replace(watch=watch_in_graph(drivers, how.watch)),
+        stops_in_graph(drivers, bounds),
+    )
+    return motion_in_document(drivers, found)
+
+
+def _moved_in_graph(
+    mechanism: Mechanism, starts: Starts, goal: Until, how: _How, bounds: Starts
+) -> Motion:
+    """The same in the coordinates of the graph."""
     reduced = mechanism.reduced
     if "time" in reduced.depends_on:
         latest = goal.value if goal.goal == "time" else LATEST
         reduced = replace(reduced, time_knots=time_knots_of(mechanism.structure, latest))
-    if isinstance(reduced, ReducedSystem):
-        ((driver, (q, rate)),) = starts.items()
-        if stops:
-            reduced = replace(reduced, stops=_stops(driver, q, stops))
+    held = held_at_start(reduced, starts, bounds)
+    if held is not None:
+        return held
+    try:
+        if isinstance(reduced, ReducedSystem):
+            return _one_moved(reduced, starts, goal, how, bounds)
+        return _several_moved(reduced, mechanism.drivers, starts, goal, how, bounds)
+    except KeyboardInterrupt:  # before there was anything but the start
+        return _stopped_at_once(starts)
+
+
+def _one_moved(
+    reduced: ReducedSystem, starts: Starts, goal: Until, how: _How, stops: Starts
+) -> Motion:
+    ((driver, (q, rate)),) = starts.items()
+    if driver not in stops:
         return move(Metered(reduced), Start(q, rate), goal, *how)
-    if stops:
-        raise _error("stops", "several drivers have no end stops", "watch= an event in their place")
-    assert isinstance(reduced, ReducedSystems)
+    if goal.goal == "steady" and not reduced.depends_on <= {"q"}:
+        found = f"{driver} has end stops, so no turn repeats for ever"
+        raise _error("until", found, 'leave the stops out, or ask for "time=<s>"')
+    reduced = replace(reduced, stops=stops[driver])
+    return stopped_motion(move(Metered(reduced), Start(q, rate), goal, *how), stops[driver])
+
+
+def _several_moved(
+    reduced: ReducedSystems,
+    drivers: tuple[str, ...],
+    starts: Starts,
+    goal: Until,
+    how: _How,
+    stops: Starts,
+) -> Motion:
     q0, qd0 = (np.array([pair[i] for pair in starts.values()], dtype=float) for i in (0, 1))
-    return move(reduced, (q0, qd0), goal, *how)
+    how = how._replace(watch=(*how.watch, *as_watches(drivers, stops)))
+    motion = move(reduced, (q0, qd0), goal, *how)
+    if motion.end in {named(driver) for driver in stops}:
+        motion = replace(motion, status="ended")
+    return motion
 
 
-def _stops(driver: str, q: float, stops: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
-    if set(stops) != {driver}:
-        raise _error("stops", f"for {listed(stops)}", f"the driver is {driver}")
-    low, high = stops[driver]
-    if not low <= q <= high:
-        raise _error("stops", f"the start {q:.9g} is not within [{low:.9g}, {high:.9g}]", "")
-    return float(low), float(high)
+def _stopped_at_once(starts: Starts) -> Motion:
+    """A run that was interrupted before its first step."""
+    rows = np.array(list(starts.values()), dtype=float)
+    q, qd = (float(rows[0, i]) if len(rows) == 1 else rows[:, i] for i in (0, 1))
+    return Motion(
+        method="none",
+        why="",
+        regime="none",
+        status="ended",
+        end=INTERRUPTED,
+        t_start=0.0,
+        t_end=0.0,
+        q_end=q,
+        qd_end=qd,
+        track=Still(q, qd),
+        events=(),
+        error=0.0,
+        time_error=0.0,
+        accuracy=None,
+        cost=Cost(),
+    )
 
 
 class Along(Mapping[str, Any]):
@@ -192,33 +265,60 @@ class Along(Mapping[str, Any]):
     @cached_property
     def _accelerations(self) -> list[Array]:
         """q'' (n,) of each driver from M q'' = Q - c, the drives idle."""
-        mechanism, n = self._mechanism, len(self._t)
+        mechanism, n = self._mechanism.inner, len(self._t)
         drivers = mechanism.drivers
         rest = {f"qdd_{i}": np.zeros(n) for i in range(len(drivers))}
         idle = [f"{d}.drive_by_reduction" for d in drivers]  # c - Q, at q'' = 0
         mass = f"{drivers[0]}.J_red" if len(drivers) == 1 else "mechanism.M"
         plan = mechanism.plan((*idle, mass), friction="none")
-        samples = Samples(n, {**self._given, **rest}, self._t)
+        samples = self._mechanism.inward(Samples(n, {**self._given, **rest}, self._t))
         values, engine = mechanism.evaluate(plan, samples)
         found = Result(mechanism, plan, samples, values, engine, SETTINGS)
+        names = self._mechanism.driver_names
         if len(drivers) == 1:
-            return [-found[idle[0]] / found[mass]]
+            return accelerations_in_document(names, [-found[idle[0]] / found[mass]])
         right = -np.stack([found[name] for name in idle], axis=-1)
         M = found[mass]
         good = np.isfinite(M).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
         qdd = np.full(right.shape, np.nan)
         qdd[good] = np.linalg.solve(M[good], right[good][:, :, None])[:, :, 0]
-        return [np.ascontiguousarray(column) for column in qdd.T]
+        columns = [np.ascontiguousarray(column) for column in qdd.T]
+        return accelerations_in_document(names, columns)
 
 
 def result_along(
     mechanism: Mechanism, motion: Motion, t: Array, want: Iterable[str] | str
 ) -> Result:
-    """The wanted outputs at times (n,) [s] of a motion."""
+    """The wanted outputs at times (n,) [s] of a motion.
+
+    Interrupted, it gives them at the times until then, and says so.
+    """
     plan = mechanism.plan(want, friction="none")
-    samples = Samples(len(t), Along(mechanism, motion, t), t)
-    values, engine = mechanism.evaluate(plan, samples)
-    return Result(mechanism, plan, samples, values, engine, SETTINGS, motion)
+    parts: list[tuple[Any, ...]] = []
+    engine, done = "numpy", 0
+    try:
+        for first in range(0, len(t), PART):
+            part = t[first : first + PART]
+            samples = Samples(len(part), Along(mechanism, motion, part), part)
+            values, engine = mechanism.evaluate(plan, samples)
+            parts.append(values)
+            done += len(part)
+    except KeyboardInterrupt:
+        if not done:
+            raise
+        note = f"interrupted: outputs at the first {done} of {len(t)} times"
+        motion = replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
+    samples = Samples(done, Along(mechanism, motion, t[:done]), t[:done])
+    whole = parts[0] if len(parts) == 1 else tuple(map(_joined, zip(*parts, strict=True)))
+    return Result(mechanism, plan, samples, whole, engine, SETTINGS, motion)
+
+
+def _joined(pieces: tuple[Any, ...]) -> Any:
+    """One value of a program from its values at parts of the samples."""
+    if isinstance(pieces[0], Planar):
+        real, imag = ([getattr(z, part) for z in pieces] for part in ("real", "imag"))
+        return Planar(np.concatenate(real), np.concatenate(imag))
+    return np.concatenate([np.atleast_1d(x) for x in pieces])
 
 
 def _column(times: Any) -> Array | None:

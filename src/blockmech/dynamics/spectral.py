@@ -18,9 +18,10 @@ from blockmech.dynamics.conservative import Conservative
 from blockmech.dynamics.dense import place, when
 from blockmech.dynamics.equation import splits
 from blockmech.dynamics.line import Line
-from blockmech.dynamics.march import March, as_quadrature, errors, march
+from blockmech.dynamics.march import March, Panel, as_quadrature, errors, march
+from blockmech.dynamics.massless import first_zero
 from blockmech.dynamics.mesh import View
-from blockmech.dynamics.motion import Motion, State
+from blockmech.dynamics.motion import INTERRUPTED, Motion, State, Status
 from blockmech.dynamics.patches import Path
 from blockmech.dynamics.quadrature import EPS, Quadrature
 from blockmech.dynamics.reduced import TURN, Metered
@@ -75,30 +76,50 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
         return "the goal asks for a standstill or a way back"
 
     def done(x: float, elapsed: float) -> bool:
+        if asked.progress is not None:
+            asked.progress("spectral", *((elapsed, value) if goal == "time" else (x, far)))
         return elapsed >= value if goal == "time" else x >= far
 
     K0, effort0 = one.J * start.rate**2 / 2, view.sign * one.tau
     target = asked.accuracy or FINEST
     best = None
     path = Path(view, NODES, PER_TURN)
+    status: Status = "reached"
     for tolerance in TOLERANCES:
-        run = march(path, K0, effort0, tolerance, done)
+        panels: list[Panel] = []
+        try:
+            run = march(path, K0, effort0, tolerance, done, panels)
+        except KeyboardInterrupt:  # a whole march is kept, else as far as this one came
+            if best is None and not panels:
+                raise
+            run, status = March(panels, "done"), "ended"
+            if best is not None:
+                break
         if run.reason != "done":
             return _trouble(run, view)
+        empty = _no_inertia(run, view)
+        if empty is not None:
+            return f"the driver has no inertia at q = {empty:.6g}"
         quad = as_quadrature(run.panels)
         error = errors(run.panels)[0] * quad.fastest
         if best is None or error < best[0]:
             best = (error, quad, tolerance)
-        if error <= target:
+        if error <= target or status == "ended":
             break
     assert best is not None
     error, quad, tolerance = best
-    if asked.accuracy is not None:
-        check = march(Path(view, CHECK_NODES, PER_TURN), K0, effort0, tolerance, done)
+    if asked.accuracy is not None and status == "reached":
+        try:
+            check = march(Path(view, CHECK_NODES, PER_TURN), K0, effort0, tolerance, done)
+        except KeyboardInterrupt:
+            check, status = March([], "limit"), "ended"
         if check.reason == "done":
             other = as_quadrature(check.panels)
             error, quad = max(error, _apart(view, quad, other)), other
-    t_end = start.t + (value if goal == "time" else float(when(quad, np.array([far]))[0]))
+    if goal == "time":
+        t_end = start.t + min(value, quad.total)
+    else:
+        t_end = start.t + float(when(quad, np.array([min(far, quad.mesh.edges[-1])]))[0])
     track = Marched(view, quad, start.t)
     q_end, qd_end = (float(x[0]) for x in track.state(np.array([t_end])))
     error += 4 * EPS * abs(q_end)
@@ -107,8 +128,8 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
         method="spectral",
         why=asked.why,
         regime="one way",
-        status="reached",
-        end=goal,
+        status=status,
+        end=goal if status == "reached" else INTERRUPTED,
         t_start=start.t,
         t_end=t_end,
         q_end=q_end,
@@ -122,6 +143,16 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
         notes=() if error <= target else (missed,),
         facts={"panels": float(quad.mesh.panels)},
     )
+
+
+def _no_inertia(run: March, view: View) -> float | None:
+    """A driver coordinate on the way at which there is none, from the samples of the march."""
+    panels = [p for p in run.panels if not p.patch.root and p.shift == 0]
+    if not panels:
+        return None
+    x = np.concatenate([p.patch.x for p in panels])
+    found = first_zero(view, x, np.concatenate([p.patch.J for p in panels]))
+    return None if found is None else view.origin + view.sign * found
 
 
 def _apart(view: View, a: Quadrature, b: Quadrature) -> float:

@@ -18,8 +18,11 @@ from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.reduced import TURN, Depends
 from blockmech.engines import NumpyEngine, ScalarEngine
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
+from blockmech.loads.force import Force
 from blockmech.loads.laws import DC, Fourier, Polynomial, Table
 from blockmech.loads.motor import Motor
+from blockmech.loads.spring import Spring
+from blockmech.loads.torsion_spring import TorsionSpring
 from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.following import followed, path_of
 from blockmech.passes.forces import negated
@@ -59,6 +62,18 @@ def straight(element: Element) -> bool:
     if law.argument() == "rate":
         return isinstance(law, DC) or (isinstance(law, Polynomial) and len(law.coefficients) <= 2)
     return law.argument() != "time"
+
+
+def lossless(structure: Structure) -> bool:
+    """Whether every load has a potential that is the same in the same pose.
+
+    Weights have; springs, and forces that stay as they are in ground axes.
+    """
+    return all(
+        (isinstance(e, Spring | TorsionSpring) and not e.damping)
+        or (isinstance(e, Force) and e.axes == "ground")
+        for e in structure.elements.values()
+    )
 
 
 @dataclass(frozen=True)

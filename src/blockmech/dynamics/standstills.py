@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.chebyshev import Floats, integral_one, rule, series_one
+from blockmech.dynamics.chebyshev import Floats, crossing, integral_one, rule, series_one
 from blockmech.dynamics.mesh import Mesh
 from blockmech.dynamics.quadrature import ROUNDING
 
@@ -45,11 +45,14 @@ def energies(mesh: Mesh, K0: float) -> Energies:
     sums = np.zeros((3, mesh.panels + 1))
     sums[0, 1:] = half * (tau @ r.total)
     sums[1, 1:] = tails
-    sums[2, 1:] = ROUNDING * half * (np.abs(tau) @ r.total)
-    edges, lost, rounding = np.cumsum(sums, axis=1)
+    sums[2, 1:] = (ROUNDING * half) * (np.abs(tau) @ r.total)
+    np.add.accumulate(sums, axis=1, out=sums)
+    edges, lost, rounding = sums
     edges += K0
     rounding += ROUNDING * K0
-    inside = edges[:-1, None] + half[:, None] * (tau @ r.integrate)
+    inside = tau @ r.integrate
+    inside *= half[:, None]
+    inside += edges[:-1, None]
     return Energies(edges, inside, lost, rounding, tails)
 
 
@@ -91,17 +94,19 @@ def standstill(mesh: Mesh, known: Energies, stop: Stop) -> float:
     r = rule(mesh.nodes)
     half, start = float(mesh.length[p]) / 2, float(known.edges[p])
     low, high, K_low, K_high = 0.0, before, start, -1.0
-    for phi, K in zip(r.phi.tolist(), known.nodes[p].tolist(), strict=True):
+    fall_low, fall_high = 0.0, 0.0  # dK/dphi
+    falls = (half * np.sin(r.phi) * mesh.tau[p]).tolist()
+    for phi, K, fall in zip(r.phi.tolist(), known.nodes[p].tolist(), falls, strict=True):
         if phi >= before:
             break
         if K <= 0:
-            high, K_high = phi, K
+            high, K_high, fall_high = phi, K, fall
             break
-        low, K_low = phi, K
+        low, K_low, fall_low = phi, K, fall
     else:
         K_high = float(known.edges[p + 1])
     s, c = mesh.tau[p] @ r.sine, mesh.tau[p] @ r.cosine
-    phi = low + (high - low) * K_low / (K_low - K_high) if K_low > K_high else (low + high) / 2
+    phi = crossing((K_low, K_high), (low, high), (fall_low, fall_high))
     if not low < phi < high:
         phi = (low + high) / 2
     for _ in range(60):
@@ -151,17 +156,19 @@ def _dips(mesh: Mesh, known: Energies, panels: int) -> list[Dip]:
     Looked for between neighbouring nodes, and between the outer nodes and the ends.
     """
     n, r = mesh.nodes, rule(mesh.nodes)
-    first, last = (mesh.tau[i] @ r.ends[:, k] for i, k in ((0, 0), (panels - 1, 1)))
-    tau = np.concatenate([[first], mesh.tau[:panels].ravel(), [last]])
-    turns = (tau[:-1] < 0) & (tau[1:] >= 0)
-    if not turns.any():
+    K = np.empty(panels * n + 2)
+    K[0], K[1:-1], K[-1] = known.edges[0], known.nodes[:panels].ravel(), known.edges[panels]
+    slow = (K > 0) & (K / K.max() < SLOW)
+    beside = slow[1:] | slow[:-1]
+    if not beside.any():
         return []
-    K = np.concatenate(
-        [known.edges[:1], known.nodes[:panels].ravel(), known.edges[panels : panels + 1]]
-    )
-    slow = (np.minimum(K[:-1], K[1:]) < SLOW * K.max()) & (K[:-1] > 0) & (K[1:] > 0)
+    tau = np.empty(panels * n + 2)
+    tau[0], tau[-1] = mesh.tau[0] @ r.ends[:, 0], mesh.tau[panels - 1] @ r.ends[:, 1]
+    tau[1:-1] = mesh.tau[:panels].ravel()
     found = []
-    for i in np.flatnonzero(turns & slow).tolist():
+    for i in (beside & (tau[:-1] < 0) & (tau[1:] >= 0)).nonzero()[0].tolist():
+        if not (K[i] > 0 and K[i + 1] > 0):
+            continue
         p, j = divmod(i - 1, n) if i else (0, -1)  # between nodes j and j + 1 of panel p
         low = float(r.phi[j]) if j >= 0 else 0.0
         high = float(r.phi[j + 1]) if j + 1 < n else math.pi

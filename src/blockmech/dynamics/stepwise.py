@@ -10,9 +10,11 @@ import numpy as np
 
 from blockmech.dynamics import euler_q, rk4
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.equation import from_kernels, one_driver, several_drivers
+from blockmech.dynamics.equation import from_kernels, one_driver, several_drivers, typical_speed
 from blockmech.dynamics.integrate import Method, Task
-from blockmech.dynamics.motion import Event, Motion
+from blockmech.dynamics.massless import no_inertia_between
+from blockmech.dynamics.motion import INTERRUPTED, Event, Motion
+from blockmech.dynamics.progress import reporting
 from blockmech.dynamics.quadrature import EPS
 from blockmech.dynamics.reduced import TURN, Cost, Metered, MeteredSystems
 from blockmech.dynamics.refine import refined
@@ -21,12 +23,16 @@ from blockmech.dynamics.surfaces import DEAD_CENTRE
 from blockmech.dynamics.until import Asked
 
 FINEST = 1e-9  # target if none is given [rad or m]
-COMPARED = 20
+COMPARED = 100  # times
 RK4_STEPS = 200  # to begin with, where neither step nor target is given
-RK4_GAIN = 7  # of the fifteen that order 4 promises for half the step
+RK4_GAIN = 7.0  # of the fifteen that order 4 promises for half the step
+RK4_LEAST = 0.2  # gain believed where steps are too long for any order
 EULER_GAIN = 0.5  # of the one that order 1 promises
 HALVINGS = 14
+TABLE = 0.1  # share of an error from which on the table is to blame
+NEARLY = 1.5  # what the time left to an end is at most, relative to what the end state tells
 EULER_STEP = 1e-3  # [rad or m] that of the paper
+UNKNOWN = (math.inf, math.inf)  # errors of an interrupted run that nothing else was compared with
 
 Stepped: TypeAlias = rk4.Fixed | euler_q.Grid
 
@@ -37,16 +43,27 @@ def in_time(meter: Metered, asked: Asked, method: Method) -> Motion:
     reason = trouble(meter.one(start.q, start.rate, start.t))
     if reason:
         return nothing(meter, asked, method, reason)
-    equation = one_driver(meter, start.q, start.rate, start.t, asked.accuracy or FINEST)
+    span = asked.until.value if asked.until.goal == "time" else 0.0
+    equation = one_driver(meter, start.q, start.rate, start.t, asked.accuracy or FINEST, span)
     y0 = np.array([start.q, start.rate, 0.0])
     rest = asked.accuracy or FINEST
-    task = Task(equation, system, y0, start.t, asked.until, asked.watches, system.time_knots, rest)
+    knots = system.time_knots
+    task = Task(equation, system, y0, start.t, asked.until, asked.watches, knots, rest)
     if start.rate == 0 and "time" not in system.depends_on and equation.rhs(start.t, y0)[1] == 0:
         return resting(meter, asked, method)
-    motion = _assembled(task, asked, method)
-    if motion.end == "dead centre":
-        facts = {**motion.facts, "dead_centre_time": _dead_centre_time(meter, motion)}
-        motion = replace(motion, facts=facts)
+    motion = _assembled(replace(task, equation=reporting(equation, asked, method)), asked, method)
+    way = max(1.0, span * typical_speed(meter.one(start.q, start.rate, start.t), start.rate))
+    if not motion.reached and equation.table_error * way > TABLE * motion.error:
+        # the table itself is what is not good enough
+        equation = from_kernels(meter, start.q, start.rate, start.t)
+        again = replace(task, equation=reporting(equation, asked, method))
+        motion = _assembled(again, asked, method)
+    if motion.end in ("dead centre", "no inertia"):  # named, but the run ends before it
+        near = _dead_centre_time if motion.end == "dead centre" else _no_inertia_time
+        at = near(meter, motion)
+        facts = {**motion.facts, f"{motion.end.replace(' ', '_')}_time": at}
+        left = NEARLY * abs(at - motion.t_end)
+        motion = replace(motion, facts=facts, time_error=motion.time_error + left)
     return replace(motion, cost=meter.cost)
 
 
@@ -54,7 +71,7 @@ def several_in_time(
     meter: MeteredSystems, q0: Floats, qd0: Floats, asked: Asked, method: Method
 ) -> Motion:
     """Several drivers, integrated in time; ``asked.start`` gives the time only."""
-    equation = several_drivers(meter, q0, qd0, asked.start.t)
+    equation = reporting(several_drivers(meter, q0, qd0, asked.start.t), asked, method)
     y0 = np.concatenate([q0, qd0, [0.0]])
     knots = meter.systems.time_knots
     task = Task(equation, None, y0, asked.start.t, asked.until, asked.watches, knots)
@@ -65,10 +82,14 @@ def _assembled(task: Task, asked: Asked, method: Method) -> Motion:
     target = asked.accuracy or FINEST
     best = refined(task, method, target, np.asarray(asked.times, dtype=np.float64))
     run, k, equation = best.run, task.equation.drivers, task.equation
+    error = best.error + 4 * EPS * float(np.abs(run.y_end[:k]).max())
     notes: tuple[str, ...] = ()
-    if not best.reached:
+    if run.end == INTERRUPTED:
+        judged = "by coarser runs" if math.isfinite(best.error) else "not judged by another run"
+        notes = (f"interrupted: the error is {judged}",)
+    elif not error <= target:
         notes = (
-            f"accuracy not reached: {best.error:.1e} instead of {target:.1e} "
+            f"accuracy not reached: {error:.1e} instead of {target:.1e} "
             f"at tolerance {best.tolerance:.1e}",
         )
     if equation.source == "table":
@@ -86,7 +107,7 @@ def _assembled(task: Task, asked: Asked, method: Method) -> Motion:
         qd_end=float(y[1]) if k == 1 else y[k : 2 * k],
         track=run,
         events=run.events,
-        error=best.error + 4 * EPS * float(np.abs(y[:k]).max()),
+        error=error,
         time_error=best.time_error,
         accuracy=asked.accuracy,
         cost=Cost(),
@@ -108,23 +129,53 @@ def _dead_centre_time(meter: Metered, motion: Motion) -> float:
     return motion.t_end + 2 * DEAD_CENTRE / rate if rate > 0 else math.nan
 
 
+def _no_inertia_time(meter: Metered, motion: Motion) -> float:
+    """When the inertia would be zero: its root goes straight, so the way does as a root [s]."""
+    q, qd = float(motion.q_end), float(motion.qd_end)
+    one = meter.one(q)
+    way = abs(2 * one.J / one.dJ) if one.dJ else 0.0
+    return motion.t_end + way / (2 * abs(qd)) if qd else math.nan
+
+
 def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
     """Fixed steps in time; halved until two runs agree if a target is given."""
     start, until, accuracy = asked.start, asked.until, asked.accuracy
     reason = trouble(meter.one(start.q, start.rate, start.t))
     if reason:
         return nothing(meter, asked, "rk4", reason)
-    equation = from_kernels(meter, start.q, start.rate, start.t)
+    equation = reporting(from_kernels(meter, start.q, start.rate, start.t), asked, "rk4")
     scale = until.value if until.goal == "time" else TURN / equation.speed
     h = step or scale / RK4_STEPS
-    coarse = rk4.stepped(equation, start, until, 2 * h)
+    runs = []
+    for size in (4 * h, 2 * h):
+        runs.append(rk4.stepped(equation, start, until, size))
+        if runs[-1].end == INTERRUPTED:
+            return _fixed(runs[-1], meter, asked, "rk4", UNKNOWN, size, ())
+    coarse = runs[-1]
+    empty = _no_inertia(meter, coarse)
+    if empty is not None:
+        return _fixed(_cut(coarse, empty), meter, asked, "rk4", UNKNOWN, 2 * h, ())
+    before = _apart(*runs)
     for _ in range(HALVINGS):
         fine = rk4.stepped(equation, start, until, h)
-        error, time_error = (x / RK4_GAIN for x in _apart(coarse, fine))
-        if step or accuracy is None or error <= accuracy:
+        apart = _apart(coarse, fine)
+        error, time_error = (_of_order_4(a, b) for a, b in zip(before, apart, strict=True))
+        if step or accuracy is None or error <= accuracy or fine.end == INTERRUPTED:
             break
-        coarse, h = fine, h / 2
+        coarse, before, h = fine, apart, h / 2
     return _fixed(fine, meter, asked, "rk4", (error, time_error), h, ())
+
+
+def _of_order_4(before: float, apart: float) -> float:
+    """Error of the finest of three runs, each with half the step, from their differences.
+
+    They fall to a sixteenth where the steps are short enough for the order to show; where
+    they do not, as much less is believed.
+    """
+    if not (math.isfinite(apart) and apart > 0):
+        return apart
+    gain = before / apart / 2 - 1 if math.isfinite(before) else 0.0
+    return apart / min(max(gain, RK4_LEAST), RK4_GAIN)
 
 
 def by_euler_q(meter: Metered, asked: Asked, step: float | None) -> Motion:
@@ -135,17 +186,41 @@ def by_euler_q(meter: Metered, asked: Asked, step: float | None) -> Motion:
         return nothing(meter, asked, "euler_q", reason)
     h = step or EULER_STEP
     coarse = euler_q.stepped(meter, start, until, 2 * h)
+    if coarse.end == INTERRUPTED:
+        return _fixed(coarse, meter, asked, "euler_q", UNKNOWN, 2 * h, ())
+    empty = _no_inertia(meter, coarse)
+    if empty is not None:
+        return _fixed(_cut(coarse, empty), meter, asked, "euler_q", UNKNOWN, 2 * h, ())
     fine = euler_q.stepped(meter, start, until, h)
     error, time_error = (x / EULER_GAIN for x in _apart(coarse, fine))
     events = tuple(Event("standstill", float(fine.t[i]), float(fine.q[i]), 0.0) for i in fine.stops)
     return _fixed(fine, meter, asked, "euler_q", (error, time_error), h, events)
 
 
+def _no_inertia(meter: Metered, run: Stepped) -> float | None:
+    """A place without inertia that fixed steps would step over."""
+    around = run.q[0] + np.array([-1.0, 1.0]) * (meter.system.period or math.inf)
+    good = run.q[np.isfinite(run.q)].clip(*around)
+    return no_inertia_between(meter, float(good.min()), float(good.max()))
+
+
+def _cut(run: Stepped, q: float) -> Stepped:
+    """The run before it comes to a place [rad or m]."""
+    side = run.q > q
+    n = max(int(np.argmax(side != side[0])), 1)
+    rows = {name: getattr(run, name)[:n] for name in run._fields if name in ("t", "q", "qd", "qdd")}
+    return run._replace(**rows, end="no inertia", status="ended")
+
+
 def _apart(coarse: Stepped, fine: Stepped) -> tuple[float, float]:
     """Largest difference of two runs at common times, and of their ends."""
     end = min(coarse.t[-1], fine.t[-1])
+    if coarse.end != fine.end and fine.end != INTERRUPTED:
+        return UNKNOWN
     t = np.linspace(fine.t[0], end, COMPARED + 1)
     difference = float(np.abs(coarse.state(t).q - fine.state(t).q).max())
+    if fine.end == INTERRUPTED:
+        return difference, 0.0
     difference = max(difference, abs(float(coarse.q[-1] - fine.q[-1])))
     return difference, abs(float(coarse.t[-1] - fine.t[-1]))
 

@@ -8,7 +8,8 @@ target only stops earlier.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ from blockmech.dynamics.quadrature import (
 LEVELS = 40
 COARSE = 1e-6  # relative error of the time above which a series is looked at twice
 LOOSE = 1e-9  # relative error that is no rounding, even beside a dead centre
+NOISY = 4.0  # what the error of a series is there, relative to what its end tells
 
 
 @dataclass(frozen=True)
@@ -97,8 +99,14 @@ def converged(
     mesh = known
     tails: dict[tuple[float, float], float] = {}
     for level in range(LEVELS):
-        mesh = sampled(view, edges, mesh, limits)
-        stretch = _judged(view, mesh, low, high, inside)
+        try:
+            mesh = sampled(view, edges, mesh, limits)
+            stretch = _judged(view, mesh, low, high, inside)
+        except KeyboardInterrupt:  # the level before has its own, larger error
+            if level == 0:
+                raise
+            view.meter.interrupted = True
+            break
         if not stretch.complete or level == LEVELS - 1 or mesh.panels > MOST_PANELS:
             break
         enough = max(allowed(stretch) - stretch.rounding, stretch.rounding)
@@ -116,20 +124,19 @@ def converged(
 def _edges_between(edges: Floats, low: End, high: End, inside: Known | None) -> Floats:
     """Edges of a survey that lie well inside, with the ends and the known place added."""
     start = inside[0] if inside else np.nan
-    whole = np.concatenate([[low.x], edges[(edges > low.x) & (edges < high.x)], [high.x]])
-    if inside and not np.any(whole == start):
-        whole = np.sort(np.append(whole, start))
+    whole = [low.x, *(x for x in edges.tolist() if low.x < x < high.x), high.x]
+    if inside and start not in whole:
+        whole = sorted([*whole, start])
     # a sliver beside an end is worse than a longer panel
-    width = np.diff(whole)
-    keep = np.ones(whole.size, dtype=bool)
-    if whole.size > 3 and width[-1] < 0.1 * width[-2] and whole[-2] != start:
-        keep[-2] = False
-    if whole.size > 3 and width[0] < 0.1 * width[1] and whole[1] != start:
-        keep[1] = False
-    whole = whole[keep]
-    if whole.size == 2:
-        whole = np.array([low.x, (low.x + high.x) / 2, high.x])
-    return np.asarray(whole)
+    a, b, c, *_ = *whole, math.inf
+    *_, d, e, f = -math.inf, *whole
+    slivers = [b] if b - a < 0.1 * (c - b) and b != start else []
+    slivers += [e] if f - e < 0.1 * (e - d) and e != start else []
+    if len(whole) > 3:
+        whole = [x for x in whole if x not in slivers]
+    if len(whole) == 2:
+        whole.insert(1, (low.x + high.x) / 2)
+    return np.array(whole)
 
 
 def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -> Stretch:
@@ -137,14 +144,20 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
     anchors = _anchors(mesh, low, high, inside)
     quad = quadrature(mesh, anchors)
     T = quad.total
-    if not np.isfinite(T):
+    if not math.isfinite(T):
         possible = bool(mesh.possible.all())
         return Stretch(low, high, quad, np.inf, 0.0, np.inf, possible)
     truncation = quad.truncation
+    if low.limit or high.limit:
+        # beside a dead centre the end of the series is rounding of the kernels, not its end
+        noisy = np.ones(mesh.panels)
+        noisy[[0, -1]] = np.where([low.limit, high.limit], NOISY, 1.0)
+        truncation = truncation * noisy
+        quad = quad._replace(truncation=truncation)
     if truncation.max() > COARSE * T:
         hidden = crawls(quad.F, rule(mesh.nodes))
         truncation = np.where(hidden, np.maximum(truncation, quad.duration), truncation)
-        quad = replace(quad, truncation=truncation)
+        quad = quad._replace(truncation=truncation)
     reducible = float(truncation.sum()) + quad.lost_time
     rounding = quad.rounded_time + 2 * EPS * T
     ends, end_error = [low, high], 0.0
@@ -162,7 +175,7 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
         left = -quad.closure[0] if side == 0 else quad.closure[-1]
         step = float(left) / effort if abs(left) > noise else 0.0
         step = _held(step, mesh, side)
-        ends[side] = replace(end, x=end.x + (step if side else -step))
+        ends[side] = End(end.x + (step if side else -step), end.K, end.free, end.limit)
         reducible += abs(step) * slowing
         placed = noise / effort + EPS * (abs(view.origin) + abs(end.x))
         rounding += placed * slowing

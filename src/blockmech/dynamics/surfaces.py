@@ -16,6 +16,7 @@ from blockmech.dynamics.until import Watch
 Value: TypeAlias = Callable[[float, Any], float]
 
 DEAD_CENTRE = 1e-6  # margin at which a run is stopped
+NO_INERTIA = 1e-9  # inertia, relative, at which it is: the speed goes without bound
 ON = 1e-12  # relative distance within which a state counts as on a surface
 
 
@@ -34,9 +35,9 @@ class Surface:
     terminal: bool = True
 
 
-def driver_at(kind: str, q: float, terminal: bool = True) -> Surface:
+def driver_at(kind: str, q: float, direction: int = 0) -> Surface:
     """The driver coordinate reaches q [rad or m]."""
-    return Surface(kind, lambda t, y: float(y[0]) - q, 0, terminal)
+    return Surface(kind, lambda t, y: float(y[0]) - q, direction)
 
 
 def standstill(terminal: bool) -> Surface:
@@ -45,11 +46,14 @@ def standstill(terminal: bool) -> Surface:
 
 
 def near_dead_centre(equation: Equation) -> list[Surface]:
-    """The margin falls to 1e-6; none where the equation never comes near."""
-    margin = equation.margin
-    if margin is None:
-        return []
-    return [Surface("dead centre", lambda t, y: margin(y) - DEAD_CENTRE, -1)]
+    """The margin falls to 1e-6, or the inertia to nothing; none where it never comes near."""
+    margin, inertia = equation.margin, equation.inertia
+    found = []
+    if margin is not None:
+        found.append(Surface("dead centre", lambda t, y: margin(y) - DEAD_CENTRE, -1))
+    if inertia is not None:
+        found.append(Surface("no inertia", lambda t, y: inertia(y) - NO_INERTIA, -1))
+    return found
 
 
 def watched(watch: Watch, k: int) -> Surface:

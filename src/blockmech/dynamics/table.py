@@ -22,6 +22,7 @@ from blockmech.dynamics.reduced import TURN, Metered, feasible
 NODES = 12
 PANELS = (48, 96, 192, 384)
 DEAD_CENTRE = 1e-2  # margin below which a table is not to be trusted
+NO_INERTIA = 1e-4  # smallest inertia relative to the largest below which it is not either
 
 Row: TypeAlias = tuple[float, ...]
 Parts: TypeAlias = Callable[[float], tuple[float, float, float, float]]
@@ -109,12 +110,17 @@ def tabulated(
         sample = meter.sample(x, wanted)
         if not feasible(sample).all() or sample.margin.min() < DEAD_CENTRE:
             return None
+        if sample.J.min() < NO_INERTIA * sample.J.max():
+            return None
         assert sample.dJ is not None
         damping = np.zeros_like(x) if sample.damping is None else sample.damping
         series = [f @ r.cosine for f in (sample.J, sample.dJ, sample.tau, damping)]
+        sizes = [float(np.abs(c[:, 0]).max() + np.abs(c[:, 1]).max()) for c in series]
+        sizes[1] += sizes[0] / (high - low)  # of J that hardly changes, dJ is rounding only
+        count = 4 if sample.damping is not None else 3
         error = max(
-            float(np.abs(c[:, -2:]).max() / (np.abs(c[:, 0]).max() + np.abs(c[:, 1]).max()))
-            for c in series[: 4 if sample.damping is not None else 3]
+            float(np.abs(c[:, -2:]).max()) / size
+            for c, size in zip(series[:count], sizes[:count], strict=True)
             if np.abs(c).max() > 0
         )
         rows = [(c @ _monomials(NODES)).tolist() for c in series]

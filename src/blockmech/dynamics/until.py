@@ -13,6 +13,12 @@ Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "ste
 
 Surface: TypeAlias = Callable[[float, float, float], float]  # (t, q, q') -> value
 
+Progress: TypeAlias = Callable[[str, float, float | None], None]
+"""Told now and then in a run: what is at work, how far it is, and the whole where that is known.
+
+It may raise `KeyboardInterrupt` to stop the run, which keeps what was done.
+"""
+
 
 class Start(NamedTuple):
     """Driver coordinate [rad or m], its rate and the time [s] at which a run begins."""
@@ -80,6 +86,7 @@ class Asked:
     accuracy : target for the error of q [rad or m], or None
     why : why this method, recorded in the result
     times : further times [s] at which the answer is wanted
+    progress : told now and then how far an integration is
     """
 
     start: Start
@@ -88,6 +95,7 @@ class Asked:
     why: str = ""
     times: tuple[float, ...] = ()
     watches: tuple[Watch, ...] = ()
+    progress: Progress | None = None
 
 
 _SPELLINGS = (

@@ -14,6 +14,7 @@ from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.motion import Event, Motion
 from blockmech.dynamics.until import Watch
 
+BLIND = ("spectral", "rk4", "euler_q")  # methods that run on beyond an end stop
 SAMPLES_A_PASSAGE = 64
 LEAST, MOST = 257, 200_001
 HALVINGS = 60
@@ -39,6 +40,37 @@ def watched_motion(motion: Motion, watches: tuple[Watch, ...]) -> Motion:
         qd_end=last.qd,
         status="reached",
         end=last.kind,
+    )
+
+
+def stopped_motion(motion: Motion, stops: tuple[float, float]) -> Motion:
+    """The motion cut where it meets an end stop (low, high) that its method did not see."""
+    if motion.method not in BLIND or motion.t_end <= motion.t_start:
+        return motion
+    inner = motion.times(LEAST)
+    t = np.union1d(inner, getattr(motion.track, "t", inner))  # all steps, where there are steps
+    t = t[(t >= motion.t_start) & (t <= motion.t_end)]
+    q = motion.track.state(t).q
+    out = np.flatnonzero((q < stops[0]) | (q > stops[1]))
+    if not out.size:
+        return motion
+    i = int(out[0])
+    stop = stops[0] if q[i] < stops[0] else stops[1]
+    side = 1.0 if stop == stops[1] else -1.0
+    low, high = float(t[max(i - 1, 0)]), float(t[i])
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        beyond = side * (float(motion.track.state(np.array([middle])).q[0]) - stop) > 0
+        low, high = (low, middle) if beyond else (middle, high)
+    met = Event("end stop", low, stop, float(motion.track.state(np.array([low])).qd[0]))
+    return replace(
+        motion,
+        events=(*(e for e in motion.events if e.t <= low), met),
+        t_end=low,
+        q_end=met.q,
+        qd_end=met.qd,
+        status="ended",
+        end=met.kind,
     )
 
 

@@ -1,22 +1,45 @@
-"""SciPy's own integrators, one leg at a time."""
+"""SciPy's own integrators, one leg at a time.
+
+`solve_ivp` keeps nothing of a run that raises. Here an interruption (Ctrl-C, or a user's
+event that raises) is held until the next step, which then fails instead: all steps
+before it are kept.
+"""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from blockmech.dynamics.legs import FINEST, Ask, Hit, Leg, directions, scales
+from blockmech.dynamics.legs import (
+    FINEST,
+    TOO_MANY,
+    Ask,
+    Hit,
+    Leg,
+    TooMany,
+    directions,
+    scales,
+)
+from blockmech.dynamics.motion import INTERRUPTED
 from blockmech.dynamics.surfaces import Surface
 
 DIFFERENCE = 1.5e-8  # relative step of a difference quotient
 NAMES = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
 
 
+class _Held:
+    """Why the run has to stop, once it has."""
+
+    halted = ""
+
+
 def integrate(ask: Ask, method: str) -> Leg:
-    """One leg by `scipy.integrate.solve_ivp`."""
+    """One leg by `scipy.integrate.solve_ivp`. Raises what interrupts its first step."""
     from scipy.integrate import solve_ivp
 
+    held = _Held()
     rtol, atol = scales(ask.equation, ask.y, ask.tolerance)
     more: dict[str, Any] = {"rtol": rtol}
     if method == "radau":  # it takes one relative tolerance only
@@ -25,13 +48,16 @@ def integrate(ask: Ask, method: str) -> Leg:
         ask.rhs,
         (ask.t, ask.end),
         ask.y,
-        method=NAMES[method],
+        method=_patient(NAMES[method]),
+        held=held,
         atol=atol,
         dense_output=True,
-        events=[_event(s, d) for s, d in zip(ask.surfaces, directions(ask), strict=True)],
+        events=[_event(s, d, held) for s, d in zip(ask.surfaces, directions(ask), strict=True)],
         max_step=ask.longest,
         **more,
     )
+    if held.halted == INTERRUPTED and solution.t.size < 2:
+        raise KeyboardInterrupt
     tiny = 4 * np.finfo(float).eps * max(abs(ask.t), abs(float(solution.t[-1])))
     hits = [
         Hit(surface, float(t), y)
@@ -47,8 +73,9 @@ def integrate(ask: Ask, method: str) -> Leg:
         y1=solution.y[:, -1].copy(),
         dense=solution.sol,
         hits=tuple(sorted(hits, key=lambda hit: (hit.t, hit.surface.terminal))),
-        failed=solution.status == -1,
+        failed=solution.status == -1 and not held.halted,
         turned=float(np.abs(solution.y[-1]).max()),
+        halted=held.halted,
     )
 
 
@@ -73,9 +100,52 @@ def _jacobian(ask: Ask) -> Any:
     return jacobian
 
 
-def _event(surface: Surface, direction: int) -> Any:
+@cache
+def _patient(name: str) -> Any:
+    """A solver of SciPy whose step fails, and does not raise, when the user interrupts it."""
+    from scipy import integrate as scipy_integrate
+
+    solver: Any = getattr(scipy_integrate, name)
+
+    class Patient(solver):  # type: ignore[misc]
+        def __init__(self, *given: Any, held: _Held, **more: Any) -> None:
+            self.held = held
+            super().__init__(*given, **more)
+
+        def step(self) -> Any:
+            if not self.held.halted:
+                try:
+                    return super().step()
+                except KeyboardInterrupt:
+                    self.held.halted = INTERRUPTED
+                except TooMany:
+                    self.held.halted = TOO_MANY
+            self.status = "failed"
+            return self.held.halted
+
+        def dense_output(self) -> Any:
+            try:
+                return super().dense_output()
+            except KeyboardInterrupt:
+                self.held.halted = INTERRUPTED
+            except TooMany:
+                self.held.halted = TOO_MANY
+            return super().dense_output()
+
+    return Patient
+
+
+def _event(surface: Surface, direction: int, held: _Held) -> Any:
+    latest = 0.0
+
     def event(t: float, y: Any) -> float:
-        return surface.value(t, y)
+        nonlocal latest
+        if not held.halted:
+            try:
+                latest = surface.value(t, y)
+            except KeyboardInterrupt:
+                held.halted = INTERRUPTED
+        return latest
 
     event.direction = direction  # type: ignore[attr-defined]
     event.terminal = surface.terminal  # type: ignore[attr-defined]

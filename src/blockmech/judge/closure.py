@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -40,7 +41,7 @@ class Closure:
         held: Mapping[str, float],
         groups: tuple[str, ...],
     ) -> None:
-        self.mechanism = mechanism
+        self.mechanism = _sharp(mechanism)
         self.driver = driver
         self.held = held
         self.groups = groups
@@ -132,6 +133,16 @@ class Closure:
         # Rates are given so that laws of motion, which may be by time, are not asked.
         at = {d: q if d == self.driver else self.held[d] for d in self.mechanism.drivers}
         return self.mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), want=want, on_gap="mark")
+
+
+def _sharp(mechanism: Mechanism) -> Mechanism:
+    """The mechanism without the blind zones beside its change points: margins exist there."""
+    s = mechanism.structure
+    if not s.followed:
+        return mechanism
+    sharp = {name: there._replace(scale=0.0) for name, there in s.followed.items()}
+    scene = mechanism.inner.scene
+    return type(mechanism)(replace(s, followed=sharp), scene, mechanism.name, mechanism.names)
 
 
 def _never(k: int) -> Callable[[float], float]:

@@ -62,7 +62,8 @@ class Cycle:
 
     def at(self, s: float) -> tuple[dict[str, float], float | None]:
         """Driver coordinates and, where the request says it, the time of a place."""
-        run = self.run(np.array([s]), f"{self.mechanism.drivers[0]}.q")
+        first = self.mechanism.of_driver(self.mechanism.drivers[0], "q")
+        run = self.run(np.array([s]), first)
         time = None if run.time is None else float(run.time[0])
         time = time if time is None or math.isfinite(time) else None
         return {name: float(q[0]) for name, q in run.drivers.items()}, time
@@ -87,7 +88,7 @@ def _of_mechanism(mechanism: Mechanism, settings: Mapping[str, Any]) -> Cycle:
     }
     if len(drivers) == 1:
         law = laws.get(drivers[0])
-        rotary = mechanism.structure.driver_joint(drivers[0]).rotary
+        rotary = mechanism.driver_joint(drivers[0]).rotary
         if law is None or (law.by_coordinate and law.start == law.end):
             if not rotary:
                 raise _no_range(drivers[0], 'give the driver a law of motion with "from" and "to"')
@@ -158,7 +159,7 @@ def _by_coordinate(
     driver = mechanism.drivers[0]
     if low == high:
         raise _no_range(driver, "follow more than one place")
-    rotary = mechanism.structure.driver_joint(driver).rotary
+    rotary = mechanism.driver_joint(driver).rotary
     count = (high - low) / TURN
     whole = rotary and round(count) >= 1 and abs(count - round(count)) <= SAME * count
     steps = min(MOST, max(steps, math.ceil(STEPS * count))) if rotary else steps

@@ -17,14 +17,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.judge.arcs import TURN, Bound, Nearest, Piece, closed_pieces
+from blockmech.judge.arcs import SEAM, TURN, Bound, Nearest, Piece, closed_pieces
 from blockmech.judge.closure import Closure, one_turn, travel
+from blockmech.model.coordinates import same, to_document, to_graph
+from blockmech.model.naming import DriverName
 from blockmech.model.structure import Structure
 
 if TYPE_CHECKING:
@@ -33,7 +35,8 @@ if TYPE_CHECKING:
 SAMPLES = 720  # of a turn: every half degree
 FEWEST = 16
 TURNS, UNLIMITED = "turn", "unlimited"
-TINY = 1e-15  # [rad or m] shown as zero
+TINY = 1e-13  # [rad or m] shown as zero
+SAME = 1e-9  # [rad or m] within which change points of several groups are shown as one
 
 
 @dataclass(frozen=True)
@@ -101,6 +104,7 @@ class Limits:
     whole_turn : whether a crank turns fully
     nearest : where there is no arc: the group that never closes, and where it nearly does
     spacing : [rad or m] of the samples of the scan
+    prefix : what names of outputs put before the driver's, "driver." in a document of joints
     """
 
     driver: str
@@ -110,6 +114,11 @@ class Limits:
     whole_turn: bool
     nearest: Nearest | None
     spacing: float
+    prefix: str = ""
+
+    def _q(self, driver: str) -> str:
+        """Name of a driver's coordinate."""
+        return f"{self.prefix}{driver}.q"
 
     def arc_at(self, q: float) -> Arc | None:
         """The arc that holds a driver coordinate [rad or m], or None.
@@ -122,7 +131,7 @@ class Limits:
 
     def sentence(self) -> str:
         """The arcs in one sentence."""
-        name = f"{self.driver}.q"
+        name = self._q(self.driver)
         if self.whole_turn:
             return f"{name} turns fully"
         if self.nearest:
@@ -141,10 +150,10 @@ class Limits:
         return self.text()
 
     def _lines(self, scale: float, unit: str) -> Iterable[str]:
-        held = ", ".join(f"{d}.q = {q:.9g}" for d, q in self.held.items())
+        held = ", ".join(f"{self._q(d)} = {q:.9g}" for d, q in self.held.items())
         count = "turns fully" if self.whole_turn else f"{len(self.arcs) or 'no'} feasible arc"
         plural = "s" if len(self.arcs) > 1 else ""
-        yield f"{self.driver}.q: {count}{plural}" + (f", with {held}" if held else "")
+        yield f"{self._q(self.driver)}: {count}{plural}" + (f", with {held}" if held else "")
         if self.nearest:
             near = self.nearest
             yield (
@@ -158,16 +167,17 @@ class Limits:
                     f"  from {start} ({arc.start}) to {end} ({arc.end}), "
                     f"{arc.length * scale:.6g} {unit} long"
                 )
-            for p in arc.change_points:
-                yield f"  change point at {_shown(p.q * scale)} {unit} ({p})"
+            for first, *more in _together(arc.change_points):
+                others = f" and {len(more)} more" if more else ""
+                yield f"  change point at {_shown(first.q * scale)} {unit} ({first}{others})"
 
     def to_dict(self) -> dict[str, Any]:
         """The limits as a JSON object."""
         near = self.nearest
         return {
-            "driver": f"{self.driver}.q",
+            "driver": self._q(self.driver),
             "unit": self.unit,
-            "held": {f"{d}.q": q for d, q in self.held.items()},
+            "held": {self._q(d): q for d, q in self.held.items()},
             "whole_turn": self.whole_turn,
             "arcs": [a.to_dict() for a in self.arcs],
             "nearest": (
@@ -209,11 +219,13 @@ def limits(
     if samples < FEWEST:
         raise _error("samples", f"got {samples}", f"give at least {FEWEST}")
     moved, held = _request(mechanism, driver, dict(at or {}))
-    closure = Closure(mechanism, moved, held, _groups(mechanism.structure, blocks))
-    joint = mechanism.structure.driver_joint(moved)
-    nodes = one_turn(samples) if joint.rotary else travel(mechanism, moved, samples)
+    names, joint, inner = mechanism.driver_names, mechanism.driver_joint(moved), mechanism.inner
+    place = names[moved]
+    others = {names[d].driver: to_graph(names[d], q) for d, q in held.items()}
+    closure = Closure(inner, place.driver, others, _groups(mechanism.structure, blocks))
+    nodes = one_turn(samples) if joint.rotary else travel(inner, place.driver, samples)
     pieces, nearest = closed_pieces(closure.margins(), nodes, joint.rotary)
-    return Limits(
+    found = Limits(
         driver=moved,
         unit=joint.coordinate_unit,
         held=held,
@@ -221,7 +233,33 @@ def limits(
         whole_turn=len(pieces) == 1 and pieces[0].start is None,
         nearest=nearest,
         spacing=float(np.median(np.diff(nodes))),
+        prefix=mechanism.driver_prefix,
     )
+    return found if same(place) else _of_document(found, place)
+
+
+def _of_document(found: Limits, place: DriverName) -> Limits:
+    """Limits in the coordinate of a joint-based document from those in the graph's."""
+
+    def wrapped(q: float) -> float:
+        return (q - SEAM) % TURN + SEAM if found.unit == "rad" else q
+
+    def turned(arc: Arc) -> Arc:
+        passes = [replace(p, q=to_document(place, p.q)) for p in arc.change_points]
+        if found.whole_turn:
+            passes = sorted((replace(p, q=wrapped(p.q)) for p in passes), key=lambda p: p.q)
+            return replace(arc, change_points=tuple(passes))
+        ends = [replace(e, q=to_document(place, e.q)) for e in (arc.start, arc.end)]
+        middle = (ends[0].q + ends[1].q) / 2
+        by = wrapped(middle) - middle if found.unit == "rad" else 0.0
+        start, end, *others = (replace(e, q=e.q + by) for e in (*ends[:: place.sign], *passes))
+        return Arc(start, end, tuple(others[:: place.sign]))
+
+    arcs = sorted(map(turned, found.arcs), key=lambda arc: arc.start.q)
+    near = found.nearest
+    if near is not None:
+        near = replace(near, q=wrapped(to_document(place, near.q)))
+    return replace(found, arcs=tuple(arcs), nearest=near)
 
 
 def arcs_sentence(
@@ -241,6 +279,17 @@ def arcs_sentence(
 
 def _shown(q: float, digits: int = 15) -> str:
     return f"{q if abs(q) > TINY else 0.0:.{digits}g}"
+
+
+def _together(points: Iterable[End]) -> list[list[End]]:
+    """Change points in rising order, those of several groups at one place together."""
+    found: list[list[End]] = []
+    for p in points:
+        if found and abs(p.q - found[-1][0].q) <= SAME:
+            found[-1].append(p)
+        else:
+            found.append([p])
+    return [sorted(row, key=lambda p: p.block) for row in found]
 
 
 def _turned_into(arc: Arc, q: float) -> bool:

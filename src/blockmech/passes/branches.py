@@ -3,6 +3,13 @@
 One factor +1 or -1 a change point: the side of it on which the driver is. For a crank
 the side is the sign of sin((q - q_c)/2), which changes at q_c and one turn further on,
 and so on: an odd number of change points a turn gives another mode on every other turn.
+
+At the distance d [rad] from a change point a place has lost eps/d, a rate eps/d^2, an
+acceleration or a reaction eps/d^3 (measured on a rhombus: 3e-13, 3e-9 and 6e-7 at d = 1e-4,
+1e-4 and 1e-3), and dyads in a row pass on what they have lost. So nearer than eps^(1/4),
+1.2e-4 rad in double precision, there is no answer: the branch is NaN, and with it the dyad.
+
+Sources: Hunt, Kinematic Geometry of Mechanisms, 1978 (uncertainty configurations).
 """
 
 from __future__ import annotations
@@ -11,8 +18,13 @@ from typing import Any
 
 from blockmech.model.structure import FollowedBranch
 from blockmech.plan import Schedule
-from blockmech.plane import cross, expi, sign
+from blockmech.plane import EPS, cross, expi, sign, sqrt
 from blockmech.typing import Complex, Real
+
+
+def side_of(x: Real, scale: Real) -> Real:
+    """+1 or -1 by the sign of a distance; NaN where it is too small to tell anything."""
+    return sign(x) * sqrt(sign(abs(x) - scale * sqrt(sqrt(EPS))))
 
 
 def half_turned(q: Real) -> Complex:
@@ -20,14 +32,14 @@ def half_turned(q: Real) -> Complex:
     return expi(0.5 * q)
 
 
-def passed(branch: Real, half: Complex, point: Complex) -> Real:
+def passed(branch: Real, half: Complex, point: Complex, scale: Real) -> Real:
     """The branch on this side of a change point; ``point`` is the unit vector at half of it."""
-    return branch * sign(cross(point, half))
+    return branch * side_of(cross(point, half), 0.5 * scale)
 
 
-def passed_slide(branch: Real, q: Real, point: Real) -> Real:
-    """The branch on this side of a change point of a slide."""
-    return branch * sign(q - point)
+def passed_slide(branch: Real, q: Real, point: Real, scale: Real) -> Real:
+    """The branch on this side of a change point of a slide; ``scale`` is a length of it [m]."""
+    return branch * side_of(q - point, scale)
 
 
 def with_branch(p: Any, branch: Real) -> Any:
@@ -49,12 +61,11 @@ def branch_along(s: Schedule, there: FollowedBranch) -> str:
         return branch
     q = s.input("q", there.driver)
     rotary = s.structure.driver_joint(there.driver).rotary
-    half = s.emit(half_turned, q, name="half_turned") if rotary else ""
+    along = s.emit(half_turned, q, name="half_turned") if rotary else q
+    passing = passed if rotary else passed_slide
+    scale = s.parameter(("scale", there.scale), there.scale, "scale")
     for point in there.points:
-        if rotary:
-            slot = s.parameter(("half", point), expi(0.5 * point), "change_point")
-            branch = s.emit(passed, branch, half, slot, name="branch")
-        else:
-            slot = s.parameter(("change point", point), point, "change_point")
-            branch = s.emit(passed_slide, branch, q, slot, name="branch")
+        place = expi(0.5 * point) if rotary else point
+        slot = s.parameter(("change point", point), place, "change_point")
+        branch = s.emit(passing, branch, along, slot, scale, name="branch")
     return branch

@@ -24,7 +24,7 @@ from blockmech.values import shown
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
-    from blockmech.model.graph import Graph
+    from blockmech.model.opening import Opened
     from blockmech.result import Result
 
 NO_SIZE = "every expected number is 0, so only an atol allows an error"
@@ -90,7 +90,7 @@ def _pair(x: complex | float | None) -> Any:
 # -- running ---------------------------------------------------------------------------------
 
 
-def check_expectations(graph: Graph) -> list[Outcome]:
+def check_expectations(graph: Opened) -> list[Outcome]:
     """Compute and compare every number that a graph expects; an empty list if it has none.
 
     Raises
@@ -114,7 +114,7 @@ def check_expectations(graph: Graph) -> list[Outcome]:
     return found
 
 
-def expectations_of(graph: Graph) -> list[Expectation]:
+def expectations_of(graph: Opened) -> list[Expectation]:
     """The entries under ``expect``. Raises `FormatError` for ones written wrongly in Python."""
     found: list[Expectation] = []
     problems: list[Problem] = []
@@ -163,7 +163,10 @@ def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
     moving = expectation.simulate
     if moving is not None:
         friction = "none" if expectation.friction == "none" else None
-        return mechanism.simulate(moving.until, times=moving.times, want=want, friction=friction)
+        found = mechanism.simulate(moving.until, times=moving.times, want=want, friction=friction)
+        if found.motion is not None and found.motion.end == "interrupted":
+            raise KeyboardInterrupt
+        return found
     return mechanism.run(
         at=expectation.at,
         want=want,
@@ -180,15 +183,15 @@ def check_closing(mechanism: Mechanism) -> None:
     Raises `AssemblyError` if one does not. A mechanism of whose drivers nothing says where
     they begin is not tried.
     """
-    drivers, scene = mechanism.drivers, mechanism.scene
-    groups = [b for b in mechanism.structure.blocks if b not in drivers]
-    want = [f"{b}.margin" for b in groups]
+    inner = mechanism.inner
+    drivers, scene = inner.drivers, inner.scene
+    want = [f"{name}.margin" for name, block in inner.structure.blocks.items() if block.closes]
     if not want:
         return
     if all(d in scene.drive for d in drivers):
-        mechanism.run(samples=1, want=want)
+        inner.run(samples=1, want=want)
     elif all(d in scene.initial for d in drivers):
-        mechanism.run({d: scene.initial[d].q for d in drivers}, want=want)
+        inner.run({d: scene.initial[d].q for d in drivers}, want=want)
 
 
 def as_numbers(values: Sequence[Any]) -> NDArray[Any]:
@@ -333,7 +336,8 @@ def _why_not(result: Result, sample: int | None) -> str:
     if sample is None or quality.status[sample] == "ok":
         return "not defined there"
     block = quality.blame[sample]
-    return f"{quality.status[sample]} ({block})" if block else "not defined there"
+    said = result.mechanism.said(block)
+    return f"{quality.status[sample]} ({said})" if block else "not defined there"
 
 
 # -- showing ---------------------------------------------------------------------------------

@@ -91,7 +91,7 @@ class InnerPair(Strictly):
 
     type: PairType
     links: tuple[str, str]
-    at: tuple[Place, Place] = (Place(0j), Place(0j))
+    at: tuple[Place, Place]
     angle: tuple[Angle, Angle] | None = None
     dir: tuple[Vector, Vector] | None = None
     slider: Literal["i", "j"] = "j"
@@ -148,7 +148,20 @@ class GeneralGroup(AssurGroup, type="group.general"):
     ----------
     links : every link of the group with its mass properties; frames are free
     pairs : outer ones with ``link``, inner ones with ``links``
-    home : a pose and its driver values; the assembly mode is the one reached from there
+    home : a pose [m, m, rad] and its driver values; the assembly mode is the one reached
+        from there
+
+    >>> group = GeneralGroup(
+    ...     links={"a": {}, "b": {}},
+    ...     pairs={
+    ...         "B": {"type": "R", "link": "a"},
+    ...         "C": {"type": "R", "links": ["a", "b"], "at": [[1.0, 0.0], [1.0, 0.0]]},
+    ...         "D": {"type": "R", "link": "b"},
+    ...     },
+    ...     home={"drivers": {}, "poses": {"a": [0.0, 0.0, 0.5], "b": [1.6, 0.0, 2.6]}},
+    ... )
+    >>> group.group_class, group.kind, list(group.joints)
+    ('II', 'group', ['B', 'C', 'D'])
     """
 
     own_form: ClassVar[bool] = True

@@ -54,9 +54,9 @@ class PairPlan(NamedTuple):
 class Side(NamedTuple):
     """One side of a pair: arm from its link's origin, place, direction."""
 
-    r: Complex
-    P: Complex
-    u: Complex
+    r: Complex  # (...) [m]
+    P: Complex  # (...) [m]
+    u: Complex  # (...) [-]
 
 
 class Ends(NamedTuple):
@@ -64,15 +64,15 @@ class Ends(NamedTuple):
 
     a: Side
     b: Side
-    d: Complex
+    d: Complex  # (...) [m]
 
 
 class Rates(NamedTuple):
     """Motion of a pair: rates of both links, velocity of B - A, as seen from A's link."""
 
-    om_a: Real
-    om_b: Real
-    w: Complex
+    om_a: Real  # (...) [rad/s]
+    om_b: Real  # (...) [rad/s]
+    w: Complex  # (...) [m/s]
 
 
 def side(link: LinkPosition, p: Any, at: str, along: str) -> Side:

@@ -241,10 +241,5 @@ def carried(pair: PairPlan, at: Ends, own: tuple[Real, ...], size: Real) -> Any:
 
 def margin(pose: Pose, p: Any) -> Real:
     """Squared ratio of extreme singular values; below 0 where the path from home ends."""
-    ratio, _ = spread(pose.J)
+    ratio = spread(pose.J)
     return where(pose.reached < 1.0, pose.reached - 1.0, ratio * ratio)
-
-
-def orientation(pose: Pose, p: Any) -> Real:
-    """Sign of the determinant: it cannot change on a path without dead centre."""
-    return spread(pose.J)[1]

@@ -1,0 +1,84 @@
+"""Places at which the driver has no inertia: a massless crank in line with what it moves.
+
+A motion that comes there with energy gets faster without bound, and rigid bodies have
+no answer for what follows. J is zero there to second order, so its root is a kink of the
+integrand of the time; the run ends on this side of it, by name.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.mesh import Mesh, View, places
+from blockmech.dynamics.reduced import Metered
+
+SUSPECT = 1e-2  # smallest inertia at the nodes, relative to the largest, that is looked at
+NOTHING = 1e-14  # inertia, relative to the largest, that is none
+AROUND = 257  # samples of a way that is looked at
+STEPS = 12  # of the search for a zero
+NARROWER = 1 / 16  # each against the one before
+
+
+class NoInertia(Exception):
+    """The driver has no inertia at q [rad or m]."""
+
+    def __init__(self, q: float) -> None:
+        super().__init__(f"no inertia at {q:.9g}")
+        self.q = q
+
+
+def refuse_no_inertia_inside(view: View, mesh: Mesh) -> None:
+    """Raise `NoInertia` with the place nearest the mesh's low end where J is zero.
+
+    Cost: none where the inertia does not come near zero, else some 30 single poses.
+    """
+    J = mesh.J
+    if not float(J.min()) < SUSPECT * float(J.max()):
+        return
+    x = places(mesh.edges[:-1], mesh.edges[1:], mesh.limits, mesh.nodes).ravel()
+    found = first_zero(view, x, J.ravel())
+    if found is not None:
+        raise NoInertia(view.origin + view.sign * found)
+
+
+def no_inertia_between(meter: Metered, low: float, high: float) -> float | None:
+    """A driver coordinate between two where J is zero, if there is one; one batch call."""
+    if not low < high:
+        return None
+    x = np.linspace(0.0, high - low, AROUND)
+    view = View(meter, low, 1.0)
+    found = first_zero(view, x, np.asarray(meter.sample(view.q(x)).J))
+    return None if found is None else low + found
+
+
+def first_zero(view: View, x: Floats, J: Floats) -> float | None:
+    """The first place where J goes to zero, if it does, from samples J (n,) at places x (n,)."""
+    limit = SUSPECT * float(J.max())
+    least = (J[1:-1] < limit) & (J[1:-1] <= J[:-2]) & (J[1:-1] <= J[2:])
+    for i in (np.flatnonzero(least) + 1).tolist():
+        found = _zero(view, float(x[i - 1]), float(x[i + 1]), NOTHING / SUSPECT * limit)
+        if found is not None:
+            return found
+    return None
+
+
+def _zero(view: View, low: float, high: float, nothing: float) -> float | None:
+    """Where J goes to zero between two places, if it does: its root is a straight line there."""
+
+    def root(x: float) -> float:
+        return math.sqrt(max(view.meter.pose(view.origin + view.sign * x).J, 0.0))
+
+    for _ in range(STEPS):
+        a, b = root(low), root(high)
+        middle = (low * b + high * a) / (a + b) if a + b > 0 else (low + high) / 2
+        left = root(middle) ** 2
+        if left <= nothing:
+            return middle
+        if left >= 0.1 * max(a, b) ** 2 or not low < middle < high:
+            return None
+        half = (high - low) / 2 * NARROWER
+        low, high = middle - half, middle + half
+    return None

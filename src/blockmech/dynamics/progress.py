@@ -1,0 +1,66 @@
+"""How far an integration is, told now and then from its right-hand side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.reduced import TURN
+from blockmech.dynamics.until import Asked, Progress
+
+EVERY = 128  # right-hand sides between two reports
+NEARLY = 0.9  # share of the way after which a place at its beginning is a new run
+
+
+def once(progress: Progress) -> Progress:
+    """The same, silent from when it raised: what is kept of a run is still looked at."""
+    raised = False
+
+    def told(what: str, done: float, whole: float | None) -> None:
+        nonlocal raised
+        if not raised:
+            try:
+                progress(what, done, whole)
+            except KeyboardInterrupt:
+                raised = True
+                raise
+
+    return told
+
+
+def reporting(equation: Equation, asked: Asked, method: str) -> Equation:
+    """The equation whose right-hand side tells ``asked.progress`` how far the run is.
+
+    An integration repeated at a finer tolerance begins anew, and says so. Without anyone
+    to tell, it is the equation itself.
+    """
+    progress, right = asked.progress, equation.rhs
+    if progress is None:
+        return equation
+    far, whole = _distance(asked)
+    count, repeats, farthest = 0, 1, 0.0
+
+    def rhs(t: float, y: Any) -> Any:
+        nonlocal count, repeats, farthest
+        count += 1
+        if count % EVERY == 0:
+            done = float(far(t, y))
+            if done < farthest / 2 and farthest > NEARLY * (whole or farthest):
+                repeats, farthest = repeats + 1, 0.0
+            farthest = max(farthest, done)
+            progress(method if repeats == 1 else f"{method}, run {repeats}", done, whole)
+        return right(t, y)
+
+    return replace(equation, rhs=rhs)
+
+
+def _distance(asked: Asked) -> tuple[Callable[[float, Any], float], float | None]:
+    """How far a state is on the way to the goal, and the whole way; times [s] if unknown."""
+    (q0, _, t0), goal, value = asked.start, asked.until.goal, asked.until.value
+    if goal == "turns":
+        return lambda t, y: abs(float(y[0]) - q0) / TURN, value
+    if goal == "angle":
+        return lambda t, y: abs(float(y[0]) - q0), abs(value - q0)
+    return lambda t, y: t - t0, value if goal == "time" else None

@@ -1,0 +1,80 @@
+"""Pictures of a document of links and joints show its own names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blockmech.draw.curves import pictures_of
+from blockmech.draw.diagram import draw_diagram
+from blockmech.draw.mechanism import draw_mechanism
+from blockmech.draw.motion import moves
+from blockmech.draw.paths import paths_of
+from blockmech.draw.shapes import drive_ways, stage_of
+from blockmech.draw.sketch import sketch_of
+from blockmech.errors import RequestError
+from tests.model.documents import DOCUMENTS, flipped, linkage
+
+
+@pytest.fixture
+def crank():
+    return linkage(DOCUMENTS["slider_crank"]())
+
+
+def words(artists):
+    return {line for artist in artists for line in artist.get_text().split("\n")}
+
+
+def test_a_mechanism_has_the_names_of_its_joints_and_links(crank):
+    picture = draw_mechanism(crank.compile(), at=0.5)
+    shown = words(picture.labels)
+    assert {"O", "A", "B", "S", "crank", "rod", "piston", "q"} <= shown
+    captions = [t.get_text() for t in picture.figure.texts if t.get_label() == "caption"]
+    assert captions[0].startswith("driver.motor.q\u00a0= 28.65°")
+
+
+def test_a_pin_of_three_links_has_one_name():
+    picture = draw_mechanism(linkage(DOCUMENTS["arm"]()).compile())
+    shown = words(picture.labels)
+    assert "knot" in shown
+    assert {"lift.q", "bend.q"} <= shown
+
+
+def test_paths_are_those_of_the_documents_markers(crank):
+    motion = moves(crank.compile(), samples=9)
+    assert list(paths_of(motion, None)) == ["link.rod.P"]
+    found = paths_of(motion, ["link.rod.P", "joint.B"])
+    run = crank.run(samples=9, want=["link.rod.P.p"])
+    assert np.abs(found["link.rod.P"] - run["link.rod.P.p"]).max() <= 1e-15
+    with pytest.raises(RequestError, match=r"rod_piston\.C.*link\.rod\.P"):
+        paths_of(motion, ["rod_piston.C"])
+
+
+def test_without_markers_pins_between_moving_links_are_followed():
+    motion = moves(linkage(DOCUMENTS["shaper"]()).compile(), samples=9)
+    assert list(paths_of(motion, None)) == ["joint.C"]
+
+
+def test_an_arrow_shows_where_the_driven_link_goes_however_its_joint_is_named(crank):
+    other = linkage(flipped(DOCUMENTS["slider_crank"](), "O"))
+    ways = []
+    for mechanism in (crank.compile(), other.compile()):
+        motion = moves(mechanism, samples=5)
+        stage = stage_of(sketch_of(motion), motion, 0.01)
+        ways.append(drive_ways(stage, 1)["motor"])
+    assert np.abs(np.subtract(*ways)).max() <= 1e-15
+
+
+def test_a_diagram_names_joints_and_links_beside_the_blocks(crank):
+    made = crank.compile()
+    drawn = draw_diagram(crank.decompose().graph, made.names)
+    shown = words(drawn.labels)
+    assert {"II RRP: rod, piston", "I crank: crank", "A (R)", "S (P)", "rod_piston"} <= shown
+    assert "I(crank) → II RRP(rod, piston)" in shown
+    assert "B (R)" not in shown  # the block's own name for the joint A
+
+
+def test_curves_of_a_run_are_named_after_joints(crank):
+    panels = pictures_of(crank.run(samples=13))
+    names = {curve.name for panel in panels["reactions"] for curve in panel.curves}
+    assert names == {"joint.A", "joint.B", "joint.O", "joint.S"}

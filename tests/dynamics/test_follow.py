@@ -1,0 +1,397 @@
+"""Branches that follow the motion through change points: closed forms, and what is refused.
+
+A parallelogram translates its coupler; an isosceles slider-crank moves its slider by
+2 r cos q (Cardan's circles); a guide through a pin on the crank's circle turns at half the
+crank's rate; a kite is the same again only after two turns of its crank.
+"""
+
+from __future__ import annotations
+
+import cmath
+import json
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import FormatError, GraphError, SingularError
+from blockmech.loads.laws import DC
+from blockmech.model.document import loads
+from tests.dynamics import machines
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+TURN = 2 * math.pi
+EPS = 2.2e-16
+UPRIGHT = (math.pi / 2, 1)
+# Samples of three turns, none nearer than 0.01 rad to a change point of these linkages;
+# rates have lost eps/d^2 there, and links pass on what they have lost.
+Q = np.linspace(-7.0, 11.0, 181) + 0.0131
+NEAREST = 0.01
+PLACE, RATE = 40 * EPS / NEAREST, 40 * EPS / NEAREST**2
+
+
+def home(q, branch, driver="crank"):
+    return {"drivers": {driver: q}, "branch": branch}
+
+
+def rod(length):
+    return bm.Link(mass=1.0, inertia=length**2 / 12, cm=(length / 2, 0.0))
+
+
+def with_crank(length, **markers):
+    graph = bm.Graph("linkage", gravity=(0.0, -9.81))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), **markers}))
+    graph.add("crank", bm.Crank(length=length, links={"crank": rod(length)}))
+    graph.connect("frame.A", "crank.A")
+    return graph
+
+
+def four_bar(a, l_i, l_j, ground, start=UPRIGHT, branch="follow"):
+    graph = with_crank(a, D=(ground, 0.0))
+    said = {"home": home(*start)} if branch == "follow" else {}
+    links = {"i": rod(l_i), "j": rod(l_j)}
+    graph.add("dyad", bm.RRR(l_i=l_i, l_j=l_j, branch=branch, links=links, **said))
+    graph.connect("crank.B", "dyad.B")
+    graph.connect("frame.D", "dyad.D")
+    return graph
+
+
+def parallelogram(a=0.25, b=0.4, **more):
+    return four_bar(a, b, a, b, **more)
+
+
+def isosceles(r=1.0):
+    graph = with_crank(r, G=bm.Marker(at=(0.0, 0.0), angle=0.0))
+    links = {"i": rod(r), "j": bm.Link(mass=1.0)}
+    graph.add("dyad", bm.RRP(l=r, h=0.0, branch="follow", home=home(0.3, 1), links=links))
+    graph.connect("crank.B", "dyad.B")
+    graph.connect("frame.G", "dyad.S")
+    return graph
+
+
+def half_rate():
+    graph = with_crank(1.0, D=(1.0, 0.0))
+    links = {"j": bm.Link(mass=1.0, inertia=0.3)}
+    graph.add("dyad", bm.RPR(branch="follow", home=home(1.0, 1), links=links))
+    graph.connect("crank.B", "dyad.B")
+    graph.connect("frame.D", "dyad.D")
+    return graph
+
+
+def kite():
+    return four_bar(1.0, 2.0, 2.0, 1.0, start=(1.0, 1))
+
+
+def moved(graph, q, *want, rate=1.0):
+    return graph.compile().run(at=q, rates=rate, want=want)
+
+
+def off(found, wanted):
+    return float(np.abs(np.asarray(found) - np.asarray(wanted)).max())
+
+
+# -- motions -------------------------------------------------------------------------------
+
+
+def test_a_parallelogram_stays_one_through_its_change_points():
+    r = moved(parallelogram(), Q, "dyad.C.p", "dyad.j.omega", "dyad.i.omega")
+    assert off(r["dyad.C.p"], 0.4 + 0.25 * np.exp(1j * Q)) < PLACE
+    assert off(r["dyad.j.omega"], 1.0) < RATE
+    assert off(r["dyad.i.omega"], 0.0) < RATE
+
+
+def test_an_antiparallelogram_stays_one_as_well():
+    """Its coupler's instantaneous centre: the rates of both cranks are in the ratio e."""
+    r = moved(parallelogram(start=(math.pi / 2, -1)), Q, "dyad.C.p", "dyad.j.omega")
+    C = np.asarray(r["dyad.C.p"])
+    mirrored = np.abs(C - 0.25 * np.exp(1j * Q)) - 0.4  # the coupler keeps its length
+    assert off(mirrored, 0.0) < PLACE
+    assert (np.asarray(r["dyad.j.omega"]) < 0).all()  # the cranks turn against each other
+    assert np.abs(np.diff(C)).max() < 0.25 * 4.5 * 0.1  # its fastest rate is 13/3
+
+
+def test_a_slider_passes_the_middle_of_cardans_circles():
+    r = moved(isosceles(), Q, "dyad.j.p", "dyad.j.v", "dyad.i.omega")
+    assert off(r["dyad.j.p"], 2 * np.cos(Q)) < PLACE
+    assert off(r["dyad.j.v"], -2 * np.sin(Q)) < RATE
+    assert off(r["dyad.i.omega"], -1.0) < RATE
+
+
+def test_a_guide_through_a_pin_on_the_circle_turns_at_half_the_rate():
+    r = moved(half_rate(), Q, "dyad.j.omega", "dyad.j.angle")
+    assert off(r["dyad.j.omega"], 0.5) < RATE
+    turned = np.exp(1j * (np.asarray(r["dyad.j.angle"]) - Q / 2))
+    assert off(turned, turned[0]) < PLACE
+
+
+def test_a_kite_is_the_same_again_after_two_turns():
+    once, twice = (moved(kite(), Q + k * TURN, "dyad.j.angle", "dyad.j.omega") for k in (1, 2))
+    here = moved(kite(), Q, "dyad.j.angle", "dyad.j.omega")
+    assert off(np.exp(1j * twice["dyad.j.angle"]), np.exp(1j * here["dyad.j.angle"])) < PLACE
+    assert off(np.exp(1j * once["dyad.j.angle"]), np.exp(1j * here["dyad.j.angle"])) > 0.1
+    path = np.unwrap(here["dyad.j.angle"])
+    middle = np.diff(path) - np.diff(Q) * (here["dyad.j.omega"][1:] + here["dyad.j.omega"][:-1]) / 2
+    assert np.abs(middle).max() < 1e-3  # the trapezium rule at 0.1 rad: no jump anywhere
+    assert kite().compile().reduced.period == pytest.approx(2 * TURN)
+
+
+def test_a_slide_drives_a_dyad_through_its_change_point():
+    """Two rods of 1 m over a base of length q, which the slide shortens to nothing and beyond."""
+    graph = bm.Graph("tent")
+    markers = {"G": bm.Marker(at=(0.0, 0.0), angle=0.0), "D": (0.0, 0.0)}
+    graph.add("frame", bm.Frame(markers=markers))
+    graph.add("slide", bm.SlideDrive())
+    graph.add("dyad", bm.RRR(l_i=1.0, l_j=1.0, branch="follow", home=home(1.0, 1, "slide")))
+    graph.connect("frame.G", "slide.S")
+    graph.connect("slide.slider", "dyad.B")
+    graph.connect("frame.D", "dyad.D")
+    q = np.linspace(-1.9, 1.9, 40)
+    r = moved(graph, q, "dyad.C.p")
+    assert off(r["dyad.C.p"], q / 2 - 1j * np.sqrt(1 - q**2 / 4)) < PLACE
+
+
+@cache
+def chain():
+    return bm.Graph.load(GRAPHS / "n_four_bar.json").compile()
+
+
+def test_forty_four_bars_change_at_the_same_two_places():
+    found = {followed.points for followed in chain().structure.followed.values()}
+    (points,) = found
+    assert off(points, (0.0, math.pi)) < 1e-13
+    r = chain().run(at=Q, rates=1.0, want=["loop40.C.p", "loop40.j.omega"])
+    assert off(r["loop40.C.p"], 40 + np.exp(1j * Q)) < 40 * PLACE
+    assert off(r["loop40.j.omega"], 1.0) < 40 * RATE
+
+
+def test_reactions_of_two_loops_grow_without_bound_at_a_change_point_and_of_one_do_not():
+    """End rods and middle rods alone would fall unlike; couplers on one line cannot even it out.
+
+    Of one loop both rods are alike, and nothing has to pass along the line.
+    """
+    sizes = {}
+    for n in (1, 2):
+        graph = with_crank(1.0, **{f"P{k}": (float(k), 0.0) for k in range(1, n + 1)})
+        before = "crank.B"
+        for k in range(1, n + 1):
+            links = {"i": rod(1.0), "j": rod(1.0)}
+            loop = bm.RRR(l_i=1.0, l_j=1.0, branch="follow", home=home(*UPRIGHT), links=links)
+            graph.add(f"loop{k}", loop)
+            graph.connect(before, f"loop{k}.B")
+            graph.connect(f"frame.P{k}", f"loop{k}.D")
+            before = f"loop{k}.C"
+        d = np.array([0.02, 0.01, 0.005])
+        J, w = (n + 1) / 3 + n, 9.81 * ((n + 1) / 2 + n)
+        at = {"at": d, "rates": 0.0, "accelerations": -w * np.cos(d) / J}
+        found = graph.compile().run(**at, want=["loop1.B.reaction"])["loop1.B.reaction"]
+        sizes[n] = np.abs(found)
+    assert np.ptp(sizes[1]) < 0.05 * sizes[1].max()
+    # the middle rod's share of the moment, over the height d of the couplers' line
+    middle = 9.81 * 1.5 - 4 / 3 * 9.81 * 3.5 / 3
+    assert sizes[2] * d == pytest.approx(abs(middle) / 2, rel=0.1)
+
+
+def test_the_answer_depends_on_the_sample_alone():
+    mech = kite().compile()
+    want = ["dyad.j.angle", "dyad.j.omega"]
+    batch = mech.run(at=Q, rates=1.0, want=want, engine="numpy")
+    backward = mech.run(at=Q[::-1], rates=1.0, want=want, engine="numpy", chunk=7)
+    one_by_one = mech.run(at=Q, rates=1.0, want=want, engine="scalar")
+    for name in want:
+        assert (batch[name] == backward[name][::-1]).all()
+        assert off(batch[name], one_by_one[name]) < RATE
+
+
+def test_home_may_stand_anywhere_on_the_way():
+    here = moved(kite(), Q, "dyad.j.angle")["dyad.j.angle"]
+    there = four_bar(1.0, 2.0, 2.0, 1.0, start=(1.0 + TURN, -1))  # one change point further
+    assert (moved(there, Q, "dyad.j.angle")["dyad.j.angle"] == here).all()
+
+
+# -- at and near a change point ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("q", [0.0, math.pi, -math.pi, 1e-9, 1e-4, 3 * math.pi])
+def test_at_a_change_point_there_is_no_answer_and_a_flag_says_why(q):
+    mech = parallelogram().compile()
+    r = mech.run(at=[q, 1.0], rates=1.0, want=["dyad.j.omega"], on_gap="mark")
+    assert np.isnan(r["dyad.j.omega"][0])
+    assert np.isfinite(r["dyad.j.omega"][1])
+    assert ("change-point", "dyad") in {(f.code, f.where) for f in r.quality.flags if f.sample == 0}
+    with pytest.raises(SingularError, match="its two modes meet there"):
+        mech.run(at=[q], rates=1.0, want=["dyad.j.omega"])
+
+
+@pytest.mark.parametrize("point", [0.0, math.pi])
+@pytest.mark.parametrize("d", [1e-1, 3e-2, 1e-3, 5e-4, 2e-4])
+def test_near_a_change_point_digits_are_lost_as_documented(point, d):
+    """A place loses eps/d, a rate eps/d^2, an acceleration eps/d^3; ten times that at most."""
+    want = ("dyad.C.p", "dyad.j.omega", "dyad.j.alpha")
+    r = moved(four_bar(1.0, 1.0, 1.0, 1.0), [point - d, point + d], *want)
+    assert off(r["dyad.C.p"], 1 + np.exp(1j * np.array([point - d, point + d]))) < 10 * EPS / d
+    assert off(r["dyad.j.omega"], 1.0) < 10 * EPS / d**2
+    assert off(r["dyad.j.alpha"], 0.0) < 10 * EPS / d**3
+    near = {f.code for f in r.quality.flags}
+    assert near == ({"near-change-point"} if d < 1e-2 else set())
+
+
+@pytest.mark.parametrize("apart", [1e-6, 1e-9, 1e-11, -1e-9])
+def test_a_dyad_that_only_comes_near_keeps_its_branch(apart):
+    followed = four_bar(0.25, 0.4 + apart, 0.25, 0.4).compile().structure.followed["dyad"]
+    assert followed.points == ()
+
+
+def test_limits_name_the_change_points():
+    (arc,) = parallelogram().compile().limits().arcs
+    assert [(p.block, p.how) for p in arc.change_points] == [
+        ("dyad", "folded"),
+        ("dyad", "extended"),
+    ]
+
+
+# -- dynamics ------------------------------------------------------------------------------
+
+SPIN = {"crank": (1.0, 8.0)}
+
+
+@pytest.mark.parametrize("made", [parallelogram, isosceles, half_rate, kite])
+def test_energy_is_kept_through_change_points(made):
+    mech = made().compile()
+    energies = ["mechanism.kinetic_energy", "mechanism.potential_energy"]
+    r = mech.simulate(times=np.linspace(0, 5, 41), start=SPIN, want=[*energies, "crank.q"])
+    total = r[energies[0]] + r[energies[1]]
+    assert r.motion.method == "energy"
+    assert abs(r["crank.q"][-1] - 1.0) > 2 * TURN
+    # outputs are poses of their own, which may fall near a change point: 1e-3 rad is not met
+    assert np.abs(total / total[0] - 1).max() < 40 * EPS / 1e-3**2
+
+
+@pytest.mark.parametrize("made", [parallelogram, isosceles, half_rate, kite])
+@pytest.mark.parametrize(("method", "accuracy"), [("dop853", 1e-9), ("lsoda", 1e-8)])
+def test_integrators_pass_change_points_as_energy_does(made, method, accuracy):
+    mech = made().compile()
+    times = np.linspace(0, 3, 7)
+    wanted = mech.simulate(times=times, start=SPIN)["crank.q"]
+    r = mech.simulate(times=times, start=SPIN, method=method, accuracy=accuracy)
+    assert (r.motion.status, r.motion.end) == ("reached", "time")
+    assert off(r["crank.q"], wanted) <= max(accuracy, r.motion.error)
+
+
+@pytest.mark.parametrize("method", ["energy", "dop853"])
+def test_the_benchmark_turns_for_twenty_seconds(method):
+    times = [0.5, 1.0, 5.0, 10.0, 20.0]
+    q, rate = machines.n_four_bar(times)
+    r = chain().simulate(times=times, method=method)
+    tolerance = {"energy": 1e-11, "dop853": 1e-9}[method]
+    assert off(r["crank.q"], q) < tolerance
+    assert off(r["crank.rate"], rate) < 10 * tolerance  # it speeds up at up to 11 rad/s2
+    assert off(r["crank.q"], q) <= r.motion.error
+
+
+def test_a_motor_and_a_damper_turn_a_parallelogram():
+    """All links alike: J q'' = stall (1 - q'/free) + weights, one equation for the judge."""
+    from scipy.integrate import solve_ivp
+
+    a, b = 0.25, 0.4
+    graph = parallelogram(a, b)
+    graph.add("motor", bm.Motor(law=DC(stall_moment=8.0, no_load_speed=20.0)))
+    graph.connect("frame.A", "motor.a")
+    graph.connect("crank.crank", "motor.b")
+    J, w = 2 * a * a / 3 + a * a, 9.81 * (a + a)
+
+    def slope(t, y):
+        return [y[1], (8.0 * (1 - y[1] / 20.0) - w * math.cos(y[0])) / J]
+
+    times = np.linspace(0, 2, 9)
+    judge = solve_ivp(
+        slope, (0, 2), [0.3, 0.0], method="DOP853", rtol=1e-12, atol=1e-12, t_eval=times
+    )
+    for method in ("auto", "dop853"):
+        r = graph.compile().simulate(times=times, method=method, start={"crank": (0.3, 0.0)})
+        assert off(r["crank.q"], judge.y[0]) < 1e-8
+    assert judge.y[0][-1] > 3 * TURN
+
+
+def test_a_given_branch_turns_back_at_the_same_place():
+    """Without following, the margin's zero is the end of the motion."""
+    mech = parallelogram(branch=1).compile()
+    motion = mech.simulate("time=3", method="dop853", start={"crank": (1.0, 8.0)}).motion
+    assert motion.end == "dead centre"
+
+
+# -- what is refused -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("said", "code", "part"),
+    [
+        ({"branch": "follow"}, "missing-key", 'needs a "home"'),
+        ({"branch": 1, "home": home(1.0, 1)}, "unknown-key", "no meaning with branch 1"),
+        ({"branch": "folow"}, "wrong-value", 'must be -1, 1 or "follow"'),
+        ({"branch": "follow", "home": {"drivers": {}, "branch": 1}}, None, "drivers"),
+        ({"branch": "follow", "home": home(1.0, 0)}, "wrong-value", "-1 or 1"),
+    ],
+)
+def test_blocks_that_say_it_wrong_are_refused(said, code, part):
+    with pytest.raises(GraphError) as caught:
+        bm.RRR(l_i=1.0, l_j=1.0, **said)
+    (problem,) = caught.value.problems
+    assert problem.code == (code or problem.code)
+    assert part in str(problem)
+
+
+def test_a_home_at_a_change_point_or_beyond_reach_is_refused():
+    for q in (0.0, math.pi):
+        with pytest.raises(GraphError, match="stands at a change point"):
+            parallelogram(start=(q, 1)).compile()
+    with pytest.raises(GraphError, match="does not close"):
+        four_bar(2.0, 1.0, 1.0, 1.0, start=(2.0, 1)).compile()
+
+
+def test_several_drivers_and_wrong_names_are_told_by_check():
+    graph = with_crank(0.5, D=(1.0, 0.0))
+    graph.add("other", bm.Crank(length=0.5))
+    graph.connect("frame.D", "other.A")
+    graph.add("dyad", bm.RRR(l_i=1.0, l_j=1.0, branch="follow", home=home(1.0, 1)))
+    graph.connect("crank.B", "dyad.B")
+    graph.connect("other.B", "dyad.D")
+    (problem,) = graph.check()
+    assert (problem.code, problem.where) == ("many-drivers", "dyad.branch")
+    wrong = with_crank(0.25, D=(0.4, 0.0))
+    wrong.add("dyad", bm.RRR(l_i=0.4, l_j=0.25, branch="follow", home=home(1.0, 1, "krank")))
+    wrong.connect("crank.B", "dyad.B")
+    wrong.connect("frame.D", "dyad.D")
+    (problem,) = wrong.check()
+    assert (problem.code, problem.where) == ("wrong-home", "dyad.home.drivers")
+
+
+def test_it_is_written_and_read_again():
+    text = parallelogram().to_json()
+    assert '"branch": "follow"' in text
+    assert '"home": {"drivers": {"crank": 1.5707963267948966}, "branch": 1}' in text
+    assert loads(text).to_json() == text
+    data = json.loads(text)
+    del data["blocks"]["dyad"]["home"]
+    with pytest.raises(FormatError, match='needs a "home"'):
+        loads(json.dumps(data))
+
+
+def test_single_precision_is_blind_where_its_own_digits_end():
+    mech = parallelogram().compile()
+    d = 1e-3  # eps^(1/4) is 2e-2 in single precision, 1e-4 in double
+    request = {"rates": 1.0, "want": ["dyad.j.omega"], "on_gap": "mark", "engine": "numpy"}
+    single = mech.run(at=[d, 1.0], precision="complex64", **request)["dyad.j.omega"]
+    double = mech.run(at=[d, 1.0], **request)["dyad.j.omega"]
+    assert np.isnan(single[0])
+    assert abs(single[1] - 1) < 1e-5
+    assert off(double, 1.0) < 10 * EPS / d**2
+
+
+def test_the_pose_at_home_is_the_one_that_home_says():
+    r = moved(parallelogram(), [math.pi / 2], "dyad.B.p", "dyad.C.p", "dyad.D.p")
+    B, C, D = (complex(r[f"dyad.{name}.p"][0]) for name in "BCD")
+    assert ((D - B).conjugate() * (C - B)).imag > 0
+    assert cmath.isclose(C, 0.4 + 0.25j)

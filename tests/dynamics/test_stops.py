@@ -1,0 +1,161 @@
+"""End stops: the scene says them, every method knows them, and they end the run by name."""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import blockmech as bm
+from blockmech.errors import FormatError, GraphError, RequestError
+from blockmech.model.document import loads
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+EXACT = 1e-12  # [rad, s] by quadrature
+INTEGRATED = 1e-9  # [rad, s] the default target of the integrators
+METHODS = {  # error of the time of the stop [s] that a method may have at these steps
+    "energy": EXACT,
+    "dop853": INTEGRATED,
+    "lsoda": INTEGRATED,
+    "radau": INTEGRATED,
+    "rk4": 1e-6,  # order 4 at 7 ms
+    "euler_q": 2e-3,  # order 1 at 1e-3 rad; measured 9e-4
+}
+
+
+@cache
+def mechanism(name, stops=()):
+    graph = bm.Graph.load(GRAPHS / f"{name}.json")
+    for driver, low, high in stops:
+        graph.stop(driver, low, high)
+    return graph.compile()
+
+
+WATT = ("watt_sixbar", (("crank", -1.0, 1.0),))
+
+
+def test_the_scene_gives_the_stops_and_the_run_ends_there_with_what_was_computed():
+    r = mechanism(*WATT).simulate("time=1.4")
+    motion = r.motion
+    assert (motion.status, motion.end) == ("ended", "end stop")
+    assert motion.q_end == pytest.approx(-1.0, abs=EXACT)
+    assert motion.events[-1].kind == "end stop"
+    assert r.n > 100
+    assert r.time[-1] == motion.t_end
+    free = mechanism("watt_sixbar").simulate(times=r.time)
+    assert abs(r["crank.q"] - free["crank.q"]).max() < EXACT
+
+
+@pytest.mark.parametrize(("method", "tolerance"), METHODS.items())
+def test_every_method_ends_at_the_stop(method, tolerance):
+    wanted = mechanism("watt_sixbar").simulate("angle=-1").motion
+    motion = mechanism(*WATT).simulate("time=1.4", method=method).motion
+    assert (motion.status, motion.end) == ("ended", "end stop")
+    assert motion.q_end == pytest.approx(-1.0, abs=EXACT)
+    assert motion.t_end == pytest.approx(wanted.t_end, abs=tolerance)
+
+
+@pytest.mark.parametrize("method", ["auto", "spectral", "dop853", "lsoda"])
+def test_a_machine_with_a_motor_runs_into_its_stop(method):
+    motor = mechanism("pump", (("crank", None, 7.0),))
+    wanted = mechanism("pump").simulate("angle=7", method="dop853", accuracy=1e-11).motion
+    motion = motor.simulate("time=1", method=method).motion
+    assert (motion.status, motion.end) == ("ended", "end stop")
+    assert motion.t_end == pytest.approx(wanted.t_end, abs=INTEGRATED)
+
+
+@pytest.mark.parametrize("method", ["auto", "lsoda", "radau"])
+def test_one_of_several_drivers_meets_its_stop_and_is_named(method):
+    falling = mechanism("fivebar_falling", (("left", 1.0, None),))
+    motion = falling.simulate("time=0.6", method=method).motion
+    assert (motion.status, motion.end) == ("ended", "end stop of left")
+    assert motion.q_end[0] == pytest.approx(1.0, abs=INTEGRATED)
+    free = mechanism("fivebar_falling").simulate(times=[motion.t_end], accuracy=1e-10)
+    assert free["left.q"][0] == pytest.approx(1.0, abs=10 * INTEGRATED)  # at 3.6 rad/s
+
+
+def test_a_request_may_say_other_stops_than_the_scene():
+    motion = mechanism(*WATT).simulate("standstill", stops={}).motion
+    assert motion.end == "standstill"
+    motion = mechanism(*WATT).simulate("standstill", stops={"crank": (-2.0, 1.0)}).motion
+    assert motion.q_end == pytest.approx(-2.0, abs=EXACT)
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853", "rk4"])
+def test_a_start_pressed_against_a_stop_stays_there(method):
+    pressed = mechanism("watt_sixbar", (("crank", 0.0, 1.0),))  # its weights turn it down
+    motion = pressed.simulate("time=1", method=method).motion
+    assert (motion.end, motion.t_end, motion.q_end) == ("end stop", 0.0, 0.0)
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853", "lsoda"])
+def test_a_start_on_a_stop_that_leaves_it_is_free(method):
+    leaving = mechanism("watt_sixbar", (("crank", -1.0, 0.0),))
+    motion = leaving.simulate("time=1", method=method).motion
+    assert motion.q_end == pytest.approx(-1.0, abs=EXACT)
+
+
+def test_between_two_stops_a_swing_that_reaches_neither_is_as_without():
+    wide = mechanism("watt_sixbar", (("crank", -4.0, 0.5),))
+    assert wide.simulate("swings=4").motion.t_end == pytest.approx(
+        mechanism("watt_sixbar").simulate("swings=4").motion.t_end, abs=EXACT
+    )
+
+
+# -- what is refused ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("stops", "code", "part"),
+    [
+        ({"crank": (1.0, 2.0)}, "start-outside-stops", "crank.q = 0 is not between"),
+        ({"crank": (2.0, 1.0)}, "bad-value", "the lowest must be below the highest"),
+        ({"cranck": (1.0, 2.0)}, "unknown-driver", 'no driver "cranck"'),
+    ],
+)
+def test_stops_that_make_no_sense_are_refused(stops, code, part):
+    with pytest.raises(RequestError) as caught:
+        mechanism("watt_sixbar").simulate(stops=stops)
+    (problem,) = caught.value.problems
+    assert problem.code == code
+    assert part in str(problem)
+
+
+def test_a_start_outside_the_scenes_stops_names_the_place_in_the_file():
+    with pytest.raises(RequestError, match=r"scene\.stops\.crank"):
+        mechanism(*WATT).simulate(start={"crank": (1.5, 0.0)})
+
+
+def test_no_turn_repeats_for_ever_between_stops():
+    with pytest.raises(RequestError, match="no turn repeats"):
+        mechanism("pump", (("crank", None, 100.0),)).simulate("steady")
+
+
+@pytest.mark.parametrize("stops", [{"from": 2.0, "to": 1.0}, {}, {"from": "a"}, {"low": 1.0}])
+def test_a_file_with_impossible_stops_is_refused(stops):
+    data = json.loads((GRAPHS / "watt_sixbar.json").read_text(encoding="utf-8"))
+    data["scene"]["stops"] = {"crank": stops}
+    with pytest.raises(FormatError, match=r"scene\.stops\.crank"):
+        loads(json.dumps(data))
+
+
+def test_stops_are_written_and_read_again():
+    graph = bm.Graph.load(GRAPHS / "watt_sixbar.json")
+    graph.stop("crank", low=-1.0)
+    text = graph.to_json()
+    assert '"stops": {"crank": {"from": -1.0}}' in text
+    again = loads(text)
+    assert again.scene.stops["crank"].bounds == (-1.0, math.inf)
+    assert again.to_json() == text
+
+
+def test_stops_in_python_are_checked_when_they_are_made():
+    with pytest.raises(GraphError, match="must be below"):
+        bm.Graph("any").stop("crank", 2.0, 1.0)
+    graph = bm.Graph.load(GRAPHS / "watt_sixbar.json")
+    graph.stop("cranck", 0.0, 1.0)
+    (problem,) = graph.check()
+    assert (problem.code, problem.where) == ("unknown-driver", "scene.stops.cranck")
