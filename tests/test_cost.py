@@ -82,3 +82,36 @@ def test_lines_that_plans_share_are_counted_once() -> None:
     before = dict(model._lines)
     assert model.cost(mech.plan("*.p")) < whole
     assert model._lines == before
+
+
+@pytest.mark.parametrize("want", ["*.friction_power", "*.friction", "mechanism.friction_power"])
+def test_friction_that_is_left_out_costs_nothing(want: str) -> None:
+    mech = ruiz().compile()
+    assert mech.plan(want, friction="none").calls == 0
+    assert mech.plan(want).calls > 0
+    values = mech.run(samples=5, want=want, friction="none")
+    assert all(np.all(values[name] == 0.0) for name in values)
+
+
+def test_looking_up_a_table_is_counted() -> None:
+    Counted.tally = {}
+    knots = np.arange(5.0).view(Counted)
+    x = np.linspace(0.0, 3.9, 7).view(Counted)
+    x - knots[np.searchsorted(knots, x, side="right") - 1]
+    assert Counted.tally["searchsorted"] == 1
+    assert Counted.tally["take"] == 1
+
+
+def test_a_request_that_needs_no_kernel_still_costs_its_samples() -> None:
+    mech = ruiz().compile()
+    nothing = price(mech, mech.plan("*.friction", friction="none"))
+    assert 0 < nothing < price(mech, mech.plan("crank.crank.angle"))
+
+
+def test_the_same_operations_are_dearer_in_a_program_that_keeps_more_arrays() -> None:
+    mech = chain(30).compile()
+    model = CostModel(mech)
+    groups = [name for name in mech.structure.blocks if name not in mech.drivers]
+    costs = [model.cost(mech.plan(f"{name}.C.p")) for name in groups]
+    early, late = costs[3] - costs[2], costs[29] - costs[28]  # one more group of the same kind
+    assert early < late < 2 * early

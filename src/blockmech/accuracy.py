@@ -30,6 +30,7 @@ from blockmech.errors import Problem, RequestError, listed
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
+    from blockmech.judge.trade.errors import Yardstick
     from blockmech.mechanism import Mechanism
     from blockmech.plan import Plan
     from blockmech.result import Result
@@ -100,6 +101,7 @@ class Probe(NamedTuple):
     rounding : precision -> error of the worst output
     rubs : whether friction is computed at all
     left_out : outputs that are nothing but rounding, e.g. of a rate that is zero
+    few, stick : the probe's samples, and the answers there
     """
 
     share: float
@@ -108,6 +110,8 @@ class Probe(NamedTuple):
     rounding: Mapping[str, float]
     rubs: bool
     left_out: tuple[str, ...]
+    few: Samples
+    stick: Yardstick
 
 
 class Setting(NamedTuple):
@@ -136,7 +140,7 @@ def run_to(
         raise RequestError(
             Problem("bad-value", "accuracy", f"must be > 0, got {accuracy}", "", "try 1e-6")
         )
-    probe = look(mechanism, taken, want, static)
+    probe = look(mechanism, taken, want, static, accuracy)
     settings = list(_settings(probe, taken.n, accuracy, engine))
     for setting in settings:
         result = _run(mechanism, taken, want, static, setting, engine, chunk)
@@ -162,8 +166,17 @@ def refuse_settings(accuracy: float, **given: Any) -> None:
         )
 
 
-def look(mechanism: Mechanism, taken: Samples, want: Iterable[str] | str, static: bool) -> Probe:
-    """Probe a request at some of its samples."""
+def look(
+    mechanism: Mechanism,
+    taken: Samples,
+    want: Iterable[str] | str,
+    static: bool,
+    accuracy: float = math.inf,
+) -> Probe:
+    """Probe a request at some of its samples.
+
+    Where double precision will not do for the accuracy, the wider one is measured as well.
+    """
     from blockmech.judge.trade.errors import comparable, yardstick
 
     few = _some(taken)
@@ -181,6 +194,9 @@ def look(mechanism: Mechanism, taken: Samples, want: Iterable[str] | str, static
     single = _result(mechanism, plain, few, "complex64", none)
     wide = _result(mechanism, plain, few, "clongdouble", none) if LONG < DOUBLE else None
     rounding, left_out = _rounding(single, smooth, wide, good)
+    if wide is not None and SAFETY * rounding["complex128"] > accuracy / 2:
+        found = _lost_in_wide(mechanism, few, wide, none | {"want": plain.want}, good, left_out)
+        rounding["clongdouble"] = max(rounding["clongdouble"], found)
     stick = yardstick(best, best, good).without(left_out)
     return Probe(
         stick.error(smooth) if rubs else 0.0,
@@ -189,7 +205,29 @@ def look(mechanism: Mechanism, taken: Samples, want: Iterable[str] | str, static
         rounding,
         rubs,
         left_out,
+        few,
+        stick,
     )
+
+
+def _lost_in_wide(
+    mechanism: Mechanism,
+    few: Samples,
+    wide: Result,
+    settings: Mapping[str, Any],
+    good: Any,
+    left_out: tuple[str, ...],
+) -> float:
+    """Error of the widest precision: what turning the mechanism in the plane changes.
+
+    Kernels that iterate need not gain all the digits that a wider number has.
+    """
+    from blockmech.judge.trade.errors import TurnedBack, yardstick
+    from blockmech.judge.trade.turned import turned_run
+
+    check, angle = turned_run(mechanism, few, "clongdouble", settings)
+    stick = yardstick(wide, check, good, angle).without(left_out)
+    return stick.error(TurnedBack(check, angle))
 
 
 def _rounding(
@@ -262,6 +300,8 @@ def _judged(result: Result, setting: Setting, probe: Probe, accuracy: float) -> 
                 P = min(P, CONTRACTS)  # not what decides whether it converges
             worst = float(np.max(residual[good], initial=0.0))
             rubbing += SAFETY * probe.share * worst / (1 - P) if P < 1 else math.inf
+        if setting.friction != "newton":  # shares of several joints may cancel; errors need not
+            rubbing = max(rubbing, SAFETY * _missed(result, setting, probe))
     if probe.rubs:
         words += f", {rubbing:.1g} from friction"
     if probe.left_out:
@@ -274,6 +314,13 @@ def _judged(result: Result, setting: Setting, probe: Probe, accuracy: float) -> 
         setting.precision,
         words,
     )
+
+
+def _missed(result: Result, setting: Setting, probe: Probe) -> float:
+    """Error of a setting at the probe's samples."""
+    how = {k: result.settings[k] for k in ("friction", "iterations", "static")}
+    few = _result(result.mechanism, result.plan, probe.few, setting.precision, how)
+    return probe.stick.error(few)
 
 
 def _some(taken: Samples) -> Samples:

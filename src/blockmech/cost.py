@@ -1,12 +1,19 @@
 """What a request costs, output by output: a model in counted array operations.
 
 The plan's program is run once on a few samples with arrays that count what is done to
-them, line by line. Weights for a sum, a product, a root ... turn the counts into time.
+them, line by line, iterations of friction included. Three kinds of cost make the price:
+
+    each operation on a chunk       a weight for a sum, a root, a cosine ..., more where a
+                                    program keeps more arrays than the cache holds
+    each column of the result       copied out of its chunk; dearer where memory is new
+    each sample                     made and judged whatever is wanted
+
 Only ratios are used: how much dearer this is than that, on batches of many samples.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -23,6 +30,7 @@ if TYPE_CHECKING:
     from blockmech.samples import Samples
 
 PROBE = 32  # samples on which operations are counted
+NEAR = 1e-3  # [rad] or [m] around a start, where the mechanism is sure to close
 GROUPS = 12  # wanted outputs above which they are told by quantity
 WORTH, MOST_SAID = 1.1, 3  # savings that are said in words, and how many of them
 FAMILIES = (  # the dearest stage that outputs need -> what they are called
@@ -33,14 +41,23 @@ FAMILIES = (  # the dearest stage that outputs need -> what they are called
     ("velocity", "velocities"),
     ("position", "positions"),
 )
-WEIGHTS = {  # [ns] an element of a batch in cache, measured with NumPy 2.4
-    "divide": 0.6, "sqrt": 1.2, "sin": 8.4, "cos": 8.4, "arctan2": 8.0, "fmod": 4.4, "where": 0.9,
-    "sign": 0.6, "multiply": 0.4,
+BATCH = 100_000  # samples of the batches that costs are meant for
+TWO, ONE, TRUTH = 0.40, 0.31, 0.1  # [ns] a sum or a product; a sign or a comparison; an "and"
+LIVE = 32
+# [ns] an element of a chunk while a program keeps LIVE arrays; measured one by one with NumPy 2.4
+# by tests/benchmarks/weights.py. None is fitted to a mechanism.
+WEIGHTS = {
+    "add": TWO, "subtract": TWO, "multiply": TWO, "maximum": TWO, "minimum": TWO,
+    "divide": 0.47, "sqrt": 1.3, "sin": 8.3, "cos": 8.3, "arctan2": 2.6, "fmod": 4.9,
+    "where": 0.8, "sign": 0.7, "searchsorted": 5.0, "take": 0.85,
+    "bitwise_and": TRUTH, "bitwise_or": TRUTH, "logical_or": TRUTH,
 }  # fmt: skip
-USUAL = 0.27  # [ns] sums, differences, comparisons, absolute values
-CALL = 0.06  # [ns] a call's own time, spread over the batch
-COLUMN = 0.6  # [ns] a column of the result, copied out of its chunk; fitted on four mechanisms
-FRESH, MANY = 1.3, 16  # [ns] more for each column beyond these: it needs new pages of memory
+CROWD = 0.08  # more for every doubling of the arrays that a program keeps: fewer are in cache
+FEWEST = 8  # arrays below which they all are
+COLUMN = 0.6  # [ns] an element of a column of the result, copied out of its chunk
+REUSED = 32 * 2**20  # [bytes] C libraries hand out freed memory again up to here
+FRESH = 0.7  # [ns] more for an element of a larger result: its pages are new
+SAMPLES = 4.0  # [ns] a sample itself, measured where no kernel is called: its coordinates
 
 
 @dataclass(frozen=True)
@@ -75,9 +92,14 @@ class Counted(np.ndarray[Any, Any]):
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         found = func(*(_plain(a) for a in args), **kwargs)
-        if func.__name__ == "where":
-            _count(self.tally, "where")
+        if func.__name__ in ("where", "searchsorted"):
+            _count(self.tally, func.__name__)
         return _counted(found)
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, np.ndarray):
+            _count(self.tally, "take")
+        return _counted(_plain(self)[_plain(key)])
 
 
 def _count(tally: dict[str, int], name: str) -> None:
@@ -94,12 +116,20 @@ def _counted(x: Any) -> Any:
     return x.view(Counted) if isinstance(x, np.ndarray) and x.ndim else x
 
 
+def _counting(value: Any) -> Any:
+    """A parameter whose arrays count; a plain tuple of them is a table."""
+    if type(value) is tuple:
+        return tuple(map(_counting, value))
+    return _counted(value)
+
+
 class CostModel:
     """Costs of plans of one mechanism; lines that plans share are counted once."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._lines: dict[str, float] = {}
+        self._kept: dict[str, int] = {}
         self._columns: dict[str, int] = {}
 
     def cost(self, plan: Plan) -> float:
@@ -110,8 +140,11 @@ class CostModel:
         if not known or not all(text in self._columns for text in plan.program.outputs):
             self._run(plan)
         columns = sum(self._columns[text] for text in plan.program.outputs)
-        handed = COLUMN * columns + FRESH * max(columns - MANY, 0)
-        return sum(self._lines[text] for text in texts) + handed
+        fresh = 8 * BATCH * columns > REUSED
+        handed = columns * (COLUMN + FRESH * fresh)
+        kept = max(sum(self._kept[text] for text in texts), FEWEST)
+        crowded = 1.0 + CROWD * math.log2(kept / LIVE)
+        return SAMPLES + crowded * sum(self._lines[text] for text in texts) + handed
 
     def _run(self, plan: Plan) -> None:
         """Run a plan's program line by line on counting arrays."""
@@ -120,8 +153,10 @@ class CostModel:
         # The engine's own expi makes plain arrays, which would not count.
         own = primitives(engine.dtype) | {"expi": lambda t: Planar(np.cos(t), np.sin(t))}
         space |= bind_functions(plan.program.functions, own)
-        space |= dict(zip(plan.program.parameters, engine.parameters, strict=True))
-        given = _probe(self.mechanism).given(plan.program.inputs)
+        tables = map(_counting, engine.parameters)  # what is looked up in them counts as well
+        space |= dict(zip(plan.program.parameters, tables, strict=True))
+        probe = self.mechanism.inward(_probe(self.mechanism))
+        given = probe.given(plan.program.inputs)
         for name in plan.program.inputs:
             space[name] = np.asarray(given[name], dtype=float).view(Counted)
         with np.errstate(all="ignore"):
@@ -131,17 +166,18 @@ class CostModel:
                     continue
                 Counted.tally = {}
                 space[name] = eval(text, space)
-                self._lines[text] = sum(
-                    (WEIGHTS.get(op, USUAL) + CALL) * k for op, k in Counted.tally.items()
-                )
+                self._lines[text] = sum(WEIGHTS.get(op, ONE) * k for op, k in Counted.tally.items())
+                self._kept[text] = _columns(space[name])
             for text in plan.program.outputs:
                 self._columns[text] = _columns(eval(text, space))
 
 
 def _columns(value: Any) -> int:
-    """Columns that a value fills in the result; what is the same for all samples fills none."""
+    """Columns of numbers that a value holds; what is the same for all samples is none."""
     if isinstance(value, Planar):
         return _columns(value.real) + _columns(value.imag)
+    if isinstance(value, tuple):
+        return sum(map(_columns, value))
     return int(np.ndim(value) > 0)
 
 
@@ -151,17 +187,17 @@ def _parted(line: str) -> tuple[str, str]:
 
 
 def _probe(mechanism: Mechanism) -> Samples:
-    """Some samples of the drivers' ranges; of a turn, or a metre, where there is no law."""
+    """Some samples of the drivers' ranges; near the start where there is no law."""
     from blockmech.errors import RequestError
     from blockmech.samples import make_samples
 
-    structure, scene = mechanism.structure, mechanism.scene
+    drivers, scene = mechanism.drivers, mechanism.scene
     try:
-        return make_samples(structure, scene, samples=PROBE)
+        return make_samples(mechanism, scene, samples=PROBE)
     except RequestError:
-        start = {d: scene.initial[d].q if d in scene.initial else 0.0 for d in structure.drivers}
-        at = {d: np.linspace(q, q + 1.0, PROBE) for d, q in start.items()}
-        return make_samples(structure, scene, at, rates=dict.fromkeys(structure.drivers, 1.0))
+        start = {d: scene.initial[d].q if d in scene.initial else 0.0 for d in drivers}
+        at = {d: np.linspace(q, q + NEAR, PROBE) for d, q in start.items()}
+        return make_samples(mechanism, scene, at, rates=dict.fromkeys(drivers, 1.0))
 
 
 def shares(mechanism: Mechanism, want: Iterable[str] | str, **settings: Any) -> tuple[Share, ...]:

@@ -1,7 +1,12 @@
-"""T3 and T4: forward dynamics to an error, against C and against the table of the field."""
+"""T3 and T4: forward dynamics to an error, against C and against the table of the field.
+
+Timings are reported, never asserted: a busy machine must not fail a test. What is
+asserted is that the timed answers are right.
+"""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -9,39 +14,69 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
-from tests.wiring import watt
 
 from . import c_bounds
 from .results import ROWS, Row
 
 ROOT = Path(__file__).parents[2]
-WATT = -4.375366616457432  # [rad] crank angle at 2 s from rest at 60 degrees, in long double
-ANDREWS = 15.8107711951537  # [rad] beta(0.03 s), high-precision solution of the IVP test set
+WATT = json.loads((ROOT / "tests/data/watt_sixbar.json").read_text("utf-8"))["from_60_degrees"]
+ANDREWS = json.loads((ROOT / "tests/data/andrews_squeezer.json").read_text("utf-8"))
+BETA = ANDREWS["converged_at_0_03"]["q"][0]  # [rad]
+START = {"crank": (math.pi / 3, 0.0)}
+YARDSTICK = 1e-9  # [rad] error of the C integrator's setting that the goals refer to
 PINOCCHIO = {1e-3: 22e-3, 1e-6: 38e-3, 1e-8: 65e-3}  # [s] T4, best general tool of the table
 TABLE_C = {1e-3: 0.116e-3, 1e-6: 0.388e-3, 1e-8: 0.770e-3}  # [s] T4, C RK4, the table's figure
 
 
-@pytest.mark.parametrize(("target", "goal"), [(1e-3, None), (1e-6, None), (1e-9, 2.0)])
-def test_watt_sixbar_from_rest(benchmark: Callable[..., object], target: float, goal) -> None:
-    mech = watt().compile()
-    start = {"crank": (math.pi / 3, 0.0)}
-    result = benchmark(lambda: mech.simulate("time=2", times=[2.0], start=start, accuracy=target))
+@pytest.mark.parametrize(
+    ("method", "target", "goal"),
+    [
+        ("auto", 1e-3, None),
+        ("auto", 1e-6, None),
+        ("auto", 1e-9, 2.0),
+        ("energy", 1e-12, 2.0),
+        ("dop853", 1e-9, 30.0),
+        ("lsoda", 1e-9, 30.0),
+    ],
+)
+def test_watt_sixbar_from_rest(
+    benchmark: Callable[..., object], method: str, target: float, goal: float | None
+) -> None:
+    mech = bm.Graph.load(ROOT / "graphs" / "watt_sixbar.json").compile()
+    request = {"method": method, "accuracy": target, "want": ["crank.q"], "start": START}
+    result = benchmark(lambda: mech.simulate("time=2", times=[2.0], **request))
     seconds = benchmark.stats.stats.median  # type: ignore[attr-defined]
-    error = abs(result["crank.q"][-1] - WATT)
-    bound = c_bounds.dynamics(target)
-    ROWS.append(Row(f"T3 Watt six-bar to {target:g}", seconds, bound, "C RK4", goal, error))
+    error = abs(result["crank.q"][-1] - WATT["theta_at_2s"])
+    bound = c_bounds.dynamics(max(target, YARDSTICK))
+    task = f"T3 Watt six-bar to {target:g}, {method}"
+    ROWS.append(Row(task, seconds, bound, f"C RK4 to {max(target, YARDSTICK):g}", goal, error))
     assert error <= target
 
 
-@pytest.mark.parametrize(("target", "goal"), [(1e-3, None), (1e-6, None), (1e-8, None)])
-def test_andrews_squeezer(benchmark: Callable[..., object], target: float, goal) -> None:
+@pytest.mark.parametrize("target", [1e-3, 1e-6, 1e-8])
+def test_andrews_squeezer(benchmark: Callable[..., object], target: float) -> None:
     mech = bm.Graph.load(ROOT / "graphs" / "andrews_squeezer.json").compile()
-    result = benchmark(lambda: mech.simulate("time=0.03", times=[0.03], accuracy=target))
+    request = {"times": [0.03], "accuracy": target, "want": ["crank.q"]}
+    result = benchmark(lambda: mech.simulate("time=0.03", **request))
     seconds = benchmark.stats.stats.median  # type: ignore[attr-defined]
-    error = abs(result["crank.q"][-1] - ANDREWS)
+    error = abs(result["crank.q"][-1] - BETA)
     task = f"T4 Andrews' squeezer to {target:g}"
-    ROWS.append(Row(task, seconds, TABLE_C[target], "C RK4 (table)", goal, error))
+    ROWS.append(Row(task, seconds, TABLE_C[target], "C RK4 (table)", None, error))
     ROWS.append(Row(task, seconds, PINOCCHIO[target], "Pinocchio + DOP853 (table)", None, error))
+    assert error <= target
+
+
+@pytest.mark.parametrize(("method", "target"), [("energy", 1e-11), ("dop853", 1e-9)])
+def test_andrews_squeezer_by_name(
+    benchmark: Callable[..., object], method: str, target: float
+) -> None:
+    mech = bm.Graph.load(ROOT / "graphs" / "andrews_squeezer.json").compile()
+    request = {"times": [0.03], "method": method, "accuracy": target, "want": ["crank.q"]}
+    result = benchmark(lambda: mech.simulate("time=0.03", **request))
+    seconds = benchmark.stats.stats.median  # type: ignore[attr-defined]
+    error = abs(result["crank.q"][-1] - BETA)
+    task = f"T4 Andrews' squeezer to {target:g}, {method}"
+    ROWS.append(Row(task, seconds, TABLE_C[1e-8], "C RK4 to 1e-08 (table)", None, error))
     assert error <= target
 
 
@@ -52,6 +87,6 @@ def test_andrews_squeezer_from_the_file(benchmark: Callable[..., object]) -> Non
 
     q = benchmark(whole)
     seconds = benchmark.stats.stats.median  # type: ignore[attr-defined]
-    row = ("T4 to 1e-6 from the JSON file", seconds, 2e-3, "goal of 2 ms", 1.0, abs(q - ANDREWS))
+    row = ("T4 to 1e-6 from the JSON file", seconds, 2e-3, "goal of 2 ms", 1.0, abs(q - BETA))
     ROWS.append(Row(*row))
-    assert abs(q - ANDREWS) <= 1e-6
+    assert abs(q - BETA) <= 1e-6

@@ -1,20 +1,35 @@
-"""What `explain` predicts against what is measured, on batches of 1e5."""
+"""What `explain` predicts against what is measured, on batches of 1e5.
+
+Every graph of the gallery that has a law of motion, and random mechanisms; the model's weights
+come from single array operations (`weights.py`) and were fitted to none of them. Processor
+time, all requests of a mechanism in turn, the best of several rounds of each: what is left of
+the machine's other work after that is a few per cent.
+"""
 
 from __future__ import annotations
 
+import fnmatch
+import gc
+import math
+import os
 import time
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.cost import price
+from blockmech.cost import BATCH, price
 from blockmech.mechanism import Mechanism
+from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
 
-from .results import SAVINGS, Saving
+from .results import SAVINGS, WEIGHTS, Saving
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
-SAMPLES = 100_000
+WITHIN = 1.5  # what `explain` promises of a saving
+ROUNDS, MOST_ROUNDS = 3, 10  # more of them where the machine was busy
+LONGEST = 30.0  # [s] processor time for one mechanism
 REQUESTS = (
     ("*.p",),
     ("*.p", "*.v"),
@@ -23,30 +38,110 @@ REQUESTS = (
     ("*.drive",),
     ("*.J_red", "*.tau_red"),
 )
+SEEDS = range(1, 9)
+RANDOM = Options(kinds=KINDS, groups=(1, 4), drivers=(1, 1))
 
 
-def seconds(mech: Mechanism, want: tuple[str, ...], friction: str) -> float:
-    start = time.perf_counter()
-    mech.run(samples=SAMPLES, want=want, friction=friction, on_gap="mark")
-    return time.perf_counter() - start
+class Asked(NamedTuple):
+    """One request of a mechanism."""
+
+    want: tuple[str, ...]
+    friction: str
+
+    @property
+    def words(self) -> str:
+        return ", ".join(self.want) + (", without friction" if self.friction == "none" else "")
 
 
-def measured_saving(mech: Mechanism, want: tuple[str, ...], friction: str) -> float:
-    """Both requests in turn, so that both see the same machine; the fastest of each."""
-    pairs = [(seconds(mech, ("*",), "newton"), seconds(mech, want, friction)) for _ in range(7)]
-    whole, part = (min(column) for column in zip(*pairs[1:], strict=True))
-    return whole / part
+WHOLE = Asked(("*",), "newton")
 
 
-@pytest.mark.parametrize("name", ["ruiz_fourbar", "watt_sixbar", "slider_crank", "stephenson_3"])
-def test_savings_of_asking_for_less(name: str) -> None:
-    mech = bm.Graph.load(GRAPHS / f"{name}.json").compile()
-    full = price(mech, mech.plan("*"))
-    for want in REQUESTS:
-        for friction in ("newton", "none") if name == "ruiz_fourbar" else ("newton",):
-            predicted = full / price(mech, mech.plan(want, friction=friction))
-            measured = measured_saving(mech, want, friction)
-            without = ", without friction" if friction == "none" else ""
-            what = f"{name}: {', '.join(want)} in place of *{without}"
-            SAVINGS.append(Saving(what, predicted, measured))
-            assert predicted > 1.0  # less is asked for, so less is computed
+def from_gallery(name: str) -> tuple[Mechanism, dict[str, Any]]:
+    return bm.Graph.load(GRAPHS / f"{name}.json").compile(), {"samples": BATCH}
+
+
+def at_random(seed: int) -> tuple[Mechanism, dict[str, Any]]:
+    """A random mechanism near the pose in which it is sure to close, and a sweep of it."""
+    case = random_mechanism(Seeded(seed), RANDOM)
+    ((driver, q),) = case.request["at"].items()
+    rate = float(np.ravel(case.request["rates"][driver])[0])
+    case.graph.start(driver, float(np.ravel(q)[0]), rate)
+    near = float(np.ravel(q)[0]) + np.linspace(0.0, 1e-3, BATCH)
+    request = {"at": {driver: near}, "rates": {driver: rate}}
+    return case.graph.compile(), request
+
+
+def cases() -> list[Any]:
+    """Everything that a law moves, by name; random mechanisms by seed.
+
+    Without general groups: those are followed from pose to pose, and a batch of 1e5 of them
+    takes minutes.
+    """
+    driven = []
+    for path in sorted(GRAPHS.glob("*.json")):
+        mech = bm.Graph.load(path).compile()
+        types = {block.type_name for block in mech.structure.blocks.values()}
+        if "group.general" not in types and all(d in mech.scene.drive for d in mech.drivers):
+            driven.append(pytest.param(from_gallery, path.stem, id=path.stem))
+    return driven + [pytest.param(at_random, seed, id=f"random {seed}") for seed in SEEDS]
+
+
+def requests(mech: Mechanism) -> list[Asked]:
+    """What can be asked of it in place of everything."""
+    found = []
+    for friction in ("newton", "none") if mech.frictional_joints else ("newton",):
+        for want in REQUESTS:
+            there = tuple(w for w in want if fnmatch.filter(mech.outputs, w))
+            if there:
+                found.append(Asked(there, friction))
+    return found
+
+
+def seconds(mech: Mechanism, request: dict[str, Any], asked: Asked) -> float:
+    """Processor time [s] of one run."""
+    gc.collect()
+    start = time.process_time()
+    mech.run(**request, want=asked.want, friction=asked.friction, on_gap="mark")
+    return time.process_time() - start
+
+
+@pytest.mark.parametrize(("make", "which"), cases())
+def test_savings_of_asking_for_less(make, which) -> None:
+    mech, request = make(which)
+    name = which if make is from_gallery else f"random {which}"
+    rows = requests(mech)
+    predicted = {r: price(mech, mech.plan(r.want, friction=r.friction)) for r in (WHOLE, *rows)}
+    best = dict.fromkeys(predicted, math.inf)
+
+    def quotient(r: Asked) -> float:
+        return predicted[WHOLE] / predicted[r] * best[r] / best[WHOLE]
+
+    begun = time.process_time()
+    for n in range(MOST_ROUNDS):
+        for r in best:
+            best[r] = min(best[r], seconds(mech, request, r))
+        settled = n + 1 >= ROUNDS and all(1 / WITHIN <= quotient(r) <= WITHIN for r in rows)
+        if settled or time.process_time() - begun > LONGEST:
+            break
+    SAVINGS.extend(
+        Saving(f"{name}: {r.words}", predicted[WHOLE] / predicted[r], best[WHOLE] / best[r])
+        for r in rows
+    )
+    outside = {r.words: quotient(r) for r in rows if not 1 / WITHIN <= quotient(r) <= WITHIN}
+    if outside and crowded():
+        pytest.skip(f"others use this machine, so memory costs what they leave: {outside}")
+    assert not outside
+
+
+def crowded() -> bool:
+    """Whether more is at work here than there are processors for."""
+    return hasattr(os, "getloadavg") and os.getloadavg()[0] > (os.cpu_count() or 1)
+
+
+def test_weights_are_those_of_single_operations() -> None:
+    from . import weights
+
+    WEIGHTS.extend(weights.rows())
+    dear = {what: here for what, _, here in WEIGHTS}
+    # A busy machine shifts all of them, but not their order.
+    assert dear["sin"] > dear["sqrt"] > dear["add"]

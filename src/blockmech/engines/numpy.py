@@ -10,6 +10,7 @@ also faster than complex arrays, because nothing is strided.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -158,6 +159,7 @@ def _store(whole: Any, index: tuple[int, ...], answer: Any) -> None:
         whole[index] = answer
 
 
+@cache
 def primitives(dtype: Any) -> dict[str, Any]:
     """The primitives of the plane on arrays of one precision; see `blockmech.plane`."""
 
@@ -278,4 +280,5 @@ def _fill(room: Any, part: slice, value: Any) -> None:
 def _full(value: Any, n: int) -> Any:
     if isinstance(value, Planar):
         return Planar(_full(value.real, n), _full(value.imag, n))
-    return value if np.shape(value) == (n,) else np.broadcast_to(value, (n,))
+    # A matrix a sample is whole already.
+    return value if np.shape(value)[:1] == (n,) else np.broadcast_to(value, (n,))

@@ -132,7 +132,8 @@ def _unit_sizes(reference: Result, sizes: Mapping[str, float]) -> dict[str, floa
 def comparable(result: Result, friction: bool) -> NDArray[np.bool_]:
     """(n,) samples with a sure answer: not at a dead centre, no friction between two signs."""
     good = np.array([word == "ok" for word in result.quality.status], dtype=bool)
-    unsure = ["dead-centre", "near-dead-centre"] + ["zero-relative-speed"] * friction
+    unsure = ["dead-centre", "near-dead-centre", "change-point", "near-change-point"]
+    unsure += ["zero-relative-speed"] * friction
     good[[f.sample for f in result.quality.flags if f.code in unsure]] = False
     return good
 

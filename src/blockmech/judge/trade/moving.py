@@ -15,7 +15,7 @@ import numpy as np
 from blockmech.errors import RequestError
 from blockmech.judge.trade.errors import Yardstick, yardstick
 from blockmech.judge.trade.points import Point, Reference, Skipped, Trade
-from blockmech.judge.trade.timing import FEWEST, Clock, once, timed
+from blockmech.judge.trade.timing import FEWEST, RAN_OUT, Clock, once, timed
 from blockmech.result import Result
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ MOTION = ("*.q", "*.rate")
 TIMES = 21  # at which runs are compared, where none are named
 FINEST = (("energy", 1e-15), ("spectral", 1e-14), ("dop853", 1e-13))  # references, best first
 CHECKS = {"energy": ("dop853", 1e-13), "spectral": ("dop853", 1e-13), "dop853": ("radau", 1e-11)}
+CHEAPER = ("lsoda", 1e-12)  # check where that one would not fit the budget, or does not apply
+CHECK_COSTS, SHARE = 5.0, 0.3  # of a check, in times of the reference; of the budget it may take
 ADAPTIVE = {
     "energy": (1e-3, 1e-6, 1e-9, 1e-12),
     "spectral": (1e-3, 1e-6, 1e-9, 1e-12),
@@ -37,6 +39,7 @@ ADAPTIVE = {
 }
 PARTS = {"rk4": (100, 200, 400, 800), "euler_q": (100, 1000, 10_000)}  # steps of a run
 DEARER = 3.0  # the next finer setting of a method against the last one
+IMPLICIT = 10.0  # radau's coarsest setting against that of dop853; measured 8 to 14
 
 
 class Candidate(NamedTuple):
@@ -60,9 +63,16 @@ class Question(NamedTuple):
     want: tuple[str, ...]
 
     def run(self, **options: Any) -> Result:
-        """The simulation with some settings, through the public call."""
+        """The simulation with some settings, through the public call.
+
+        Raises `KeyboardInterrupt` where it was interrupted: half a run cannot be compared.
+        """
         given = dict(self.request)
-        return self.mechanism.simulate(given.pop("until", None), want=self.want, **given, **options)
+        until = given.pop("until", None)
+        result = self.mechanism.simulate(until, want=self.want, **given, **options)
+        if _motion(result).end == "interrupted":
+            raise KeyboardInterrupt
+        return result
 
 
 def trade_motion(
@@ -80,14 +90,15 @@ def trade_motion(
         notes = ("joint friction is left out of the motion",)
     question = Question(mechanism, given, want or MOTION)
     say("reference", 0, 0)
-    best, method = _finest(question)
+    (best, method), seconds = once(lambda: _finest(question))
     if _motion(best).status == "failed":
         raise RequestError(_no_motion(best))
     if given.get("times") is None:
         times = np.linspace(_motion(best).t_start, _motion(best).t_end, TIMES)
         question = question._replace(request=given | {"times": times})
         best = question.run(method=method, accuracy=dict(FINEST)[method])
-    reference, stick, doubts = _reference(question, best, method)
+    fits = CHECK_COSTS * seconds <= SHARE * clock.left
+    reference, stick, doubts = _reference(question, best, method, fits)
     candidates = _coarse_first(_candidates(best, len(mechanism.drivers)))
     points, skipped = _measured(question, candidates, reference, stick, best, clock, say)
     names = ", ".join(best) if len(best) <= 3 else f"{len(best)} outputs"
@@ -129,15 +140,18 @@ def _finest(question: Question) -> tuple[Result, str]:
 
 
 def _reference(
-    question: Question, best: Result, method: str
+    question: Question, best: Result, method: str, fits: bool
 ) -> tuple[Reference, Yardstick, tuple[str, ...]]:
-    """The reference with its check, and doubts where they differ by more than both say."""
-    other, accuracy = CHECKS[method]
+    """The reference with its check, and doubts where they differ by more than both say.
+
+    ``fits``: whether the better check is expected to fit the budget.
+    """
+    other, accuracy = CHECKS[method] if fits or method != "dop853" else CHEAPER
     good = np.ones(best.n, dtype=bool)
     try:
         check = question.run(method=other, accuracy=accuracy)
     except RequestError:  # several drivers, or loads that this one cannot follow
-        other, accuracy = "lsoda", 1e-12
+        other, accuracy = CHEAPER
         check = question.run(method=other, accuracy=accuracy)
     stick = yardstick(best, best, good)
     gap = distance(stick, check, best)
@@ -150,7 +164,7 @@ def _reference(
             f"({estimate:.1g} and {_motion(check).error:.1g})",
         )
     return (
-        Reference(f"{method} as fine as it goes", f"{other} at {accuracy:g}", floor),
+        Reference(f"{method} at its finest", f"{other} at {accuracy:g}", floor),
         stick,
         doubts,
     )
@@ -241,7 +255,7 @@ def _measured(
     for i, c in enumerate(candidates):
         if c.method in refused:
             continue
-        expected = (FEWEST + 1) * DEARER * last.get(c.method, 0.0)
+        expected = (FEWEST + 1) * _expected(c.method, last)
         if expected > clock.left or clock.left <= 0:
             skipped.append(Skipped(c.label, _too_long(expected, clock)))
             continue
@@ -253,7 +267,10 @@ def _measured(
             if FEWEST * cold > clock.left:
                 skipped.append(Skipped(c.label, _too_long(FEWEST * cold, clock)))
                 continue
-            took = timed(run)
+            took = timed(run, clock)
+            if took is None:
+                skipped.append(Skipped(c.label, RAN_OUT))
+                continue
         except RequestError as refusal:
             refused[c.method] = refusal.problems[0].found
             skipped.append(Skipped(c.method, f"does not apply: {refused[c.method]}"))
@@ -277,6 +294,13 @@ def _measured(
     order = list(ADAPTIVE) + list(PARTS)
     points.sort(key=lambda p: order.index(p.method))
     return tuple(points), tuple(skipped)
+
+
+def _expected(method: str, last: Mapping[str, float]) -> float:
+    """Time of a run [s] that is expected before it is made; 0 where nothing is known."""
+    if method == "radau" and method not in last:
+        return IMPLICIT * last.get("dop853", 0.0)
+    return DEARER * last.get(method, 0.0)
 
 
 def _runner(question: Question, candidate: Candidate) -> Callable[[], Result]:

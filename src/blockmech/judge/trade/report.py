@@ -62,10 +62,11 @@ def _nothing(trade: Trade) -> str:
     if not sure:
         return "no setting was measured: give a larger budget"
     closest = min(sure, key=lambda p: p.error)
+    target = USUAL if trade.target is None and trade.within is None else trade.target
     asked = []
-    if trade.target is not None:
-        asked.append(f"an error of {size(trade.target)}")
-        if trade.reference.floor > trade.target:
+    if target is not None:
+        asked.append(f"an error of {size(target)}")
+        if trade.reference.floor > target:
             return (
                 f"{asked[0]} cannot be confirmed: the reference itself is known to "
                 f"{size(trade.reference.floor)} only; the best is {closest.label}"

@@ -15,7 +15,7 @@ import numpy as np
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.judge.trade.errors import TurnedBack, Yardstick, comparable, compared, yardstick
 from blockmech.judge.trade.points import Point, Reference, Skipped, Trade
-from blockmech.judge.trade.timing import FEWEST, Clock, once, timed
+from blockmech.judge.trade.timing import FEWEST, RAN_OUT, Clock, once, timed
 from blockmech.judge.trade.turned import turned_run
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
@@ -71,7 +71,7 @@ def trade_sweep(
     given = dict(request)
     if not {"at", "samples", "times"} & set(given):
         given["samples"] = _affordable(mechanism, want, static, clock)
-    samples = make_samples(mechanism.structure, mechanism.scene, **given)
+    samples = make_samples(mechanism, mechanism.scene, **given)
     sweep = Sweep(mechanism, samples, given, want, static)
     plan = mechanism.plan(want, static=static)
     rubbing = any(name.startswith("friction/") for name in plan.layout)
@@ -156,6 +156,8 @@ def _reference(sweep: Sweep, rubbing: bool) -> tuple[Reference, Yardstick, tuple
     stick = yardstick(best, check, good, angle)
     eps = float(np.finfo(np.longdouble).eps)
     floor = max(stick.error(TurnedBack(check, angle)), eps)
+    if len(stick.left_out) > len(stick.values):
+        floor = 1.0  # what the two differ on is no rounding: nothing can be confirmed
     digits = "80-bit or wider" if eps < np.finfo(np.float64).eps else "double"
     how = f"{digits} floating point" + (", Newton's method" if rubbing else "")
     second = "the mechanism turned in the plane" + (f", {solver}" if rubbing else "")
@@ -167,7 +169,7 @@ def _left_out(best: Result, good: Any, rubbing: bool, outputs: tuple[str, ...]) 
     """What is not compared, and why."""
     flags = best.quality.flags
     resting = {f.sample for f in flags if f.code == "zero-relative-speed"} if rubbing else set()
-    near = {f.sample for f in flags if f.code.endswith("dead-centre")}
+    near = {f.sample for f in flags if f.code.endswith(("dead-centre", "change-point"))}
     gaps = len(set(np.flatnonzero(~good).tolist()) - resting - near)
     words = (
         (gaps, "without an answer"),
@@ -207,7 +209,10 @@ def _measured(
             if FEWEST * cold > clock.left:
                 skipped.append(Skipped(label, _too_long(FEWEST * cold, clock)))
                 continue
-            took = timed(lambda c=c: sweep.run(**c.options))  # type: ignore[misc]
+            took = timed(lambda c=c: sweep.run(**c.options), clock)  # type: ignore[misc]
+            if took is None:
+                skipped.append(Skipped(label, RAN_OUT))
+                continue
         except KeyboardInterrupt:
             skipped += [
                 Skipped(f"{r.method}, {r.setting}".rstrip(", "), "interrupted")

@@ -9,6 +9,7 @@ from statistics import median
 from typing import Any, NamedTuple
 
 FEWEST, MOST = 5, 25  # warm repeats
+RAN_OUT = "the budget was spent before it had run five times"
 LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little
 
 
@@ -57,9 +58,13 @@ def once(run: Callable[[], Any]) -> tuple[Any, float]:
     return found, time.perf_counter() - start
 
 
-def timed(run: Callable[[], Any]) -> Timing:
-    """Time a function that has run before, at least five times."""
+def timed(run: Callable[[], Any], clock: Clock) -> Timing | None:
+    """Time a function that has run before, at least five times; None if time runs out first."""
     times: list[float] = []
     while len(times) < FEWEST or (len(times) < MOST and sum(times) < LONG_ENOUGH):
+        if clock.left <= 0:
+            if len(times) < FEWEST:
+                return None
+            break
         times.append(once(run)[1])
     return Timing(median(times), min(times), max(times), len(times))

@@ -13,9 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.blocks.contract import Block
 from blockmech.blocks.frame import Frame
+from blockmech.blocks.general.block import GeneralGroup
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.loads import Force, Thrust
+from blockmech.mechanism import Mechanism
 from blockmech.model.diagram import Wire
 from blockmech.model.graph import Graph
 from blockmech.model.structure import JointRef
@@ -23,10 +26,10 @@ from blockmech.result import Result
 from blockmech.values import Marker, Place, Vector
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
     from blockmech.samples import Samples
 
 ANGLE = 0.7  # [rad] no symmetry of anything
+SAME = 1e-12  # relative difference of numbers that turning only rounds
 
 
 def turned_run(
@@ -50,7 +53,8 @@ def turned_run(
         else _turned_number(engine, numbers.get(name, 1 + 0j), value, e)
         for name, value in plan.program.parameters.items()
     )  # fmt: skip
-    values = engine.run(samples.given(plan.program.inputs), samples.n)
+    given = mechanism.inward(samples).given(plan.program.inputs)
+    values = engine.run(given, samples.n)
     full = {"friction": "newton", "tolerance": None, "iterations": None, "static": False}
     return Result(other, plan, samples, values, "numpy", full | how), real(ANGLE)
 
@@ -60,9 +64,11 @@ def turned(mechanism: Mechanism, angle: float = ANGLE) -> Mechanism:
     structure = mechanism.structure
     e = complex(math.cos(angle), math.sin(angle))
     graph = Graph(mechanism.name)
-    gravity = Vector(e * mechanism.scene.gravity.z)
-    graph.scene = mechanism.scene.model_copy(update={"gravity": gravity})
-    graph.blocks = {structure.frame: _turned_frame(structure.fixed, e), **structure.blocks}
+    scene = mechanism.inner.scene
+    gravity = Vector(e * scene.gravity.z)
+    graph.scene = scene.model_copy(update={"gravity": gravity})
+    graph.blocks = {structure.frame: _turned_frame(structure.fixed, e)}
+    graph.blocks |= {n: _turned_home(block, e, angle) for n, block in structure.blocks.items()}
     for name, element in structure.elements.items():
         seen: Any = element
         if isinstance(element, Force) and element.axes == "ground":
@@ -76,7 +82,8 @@ def turned(mechanism: Mechanism, angle: float = ANGLE) -> Mechanism:
         graph.blocks[name] = seen
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
-    return graph.compile()
+    compiled = graph.compile()
+    return Mechanism(compiled.structure, compiled.scene, compiled.name, mechanism.names)
 
 
 def _turned_frame(frame: Any, e: complex) -> Frame:
@@ -88,10 +95,34 @@ def _turned_frame(frame: Any, e: complex) -> Frame:
     return found
 
 
+def _turned_home(block: Block, e: complex, angle: float) -> Block:
+    """A block whose assembly mode is told by a pose gets that pose turned."""
+    if not isinstance(block, GeneralGroup):
+        return block
+    poses = {}
+    for name, (x, y, turn) in block.home.poses.items():
+        z = e * complex(x, y)
+        poses[name] = (z.real, z.imag, turn + angle)
+    home = block.home.model_copy(update={"poses": poses})
+    return block.model_copy(update={"home": home})
+
+
 def _turned_number(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any:
     """A parameter of the ground, turned in the engine's precision."""
     if isinstance(rough, tuple):
         parts = [_turned_number(engine, p, r, e) for p, r in zip(plain, rough, strict=True)]
         return type(rough)(*parts) if hasattr(rough, "_fields") else tuple(parts)
     exact = engine._cast(plain)
-    return exact * e if isinstance(exact, Planar) else exact
+    if isinstance(exact, Planar) and _near(rough, plain * _direction()):
+        return exact * e
+    # Turning only rounds what belongs to a link; a home's angles it changes, and they are
+    # no more than where the way to an answer starts.
+    return exact if _near(rough, plain) else engine._cast(rough)
+
+
+def _near(a: Any, b: Any) -> bool:
+    return bool(np.allclose(a, b, rtol=SAME, atol=0.0))
+
+
+def _direction() -> complex:
+    return complex(math.cos(ANGLE), math.sin(ANGLE))
