@@ -7,10 +7,10 @@ import pytest
 
 from blockmech.dynamics.chebyshev import (
     angle,
-    between,
     crawls,
     half_integral,
     integral,
+    part_of,
     remainder,
     rule,
     series,
@@ -47,7 +47,9 @@ def test_series_half_integrals_and_barycentric_values_agree_with_the_function():
     z = np.array([0.01, 0.3, 0.9])
     c = np.repeat((f @ r.cosine)[None], z.size, axis=0)
     assert np.abs(series(c, angle(z)) - grown(L * z)[0]).max() <= 1e-13
-    assert np.abs(between(f[None], r, z)[0] - grown(L * z)[0]).max() <= 1e-13
+    for start, share in ((0.5, 0.25), (0.0, 0.5), (0.12, 0.34)):
+        wanted = grown(L * (start + share * r.low))[0]
+        assert np.abs(part_of(f[None], r, start, share)[0] - wanted).max() <= 1e-13
     nodes = half_integral(np.repeat(c[:1], 32, axis=0), r.phi)
     assert np.abs(nodes - f @ r.integrate_half).max() <= 1e-13
 

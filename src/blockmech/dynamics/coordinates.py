@@ -64,6 +64,8 @@ def watch_in_graph(drivers: Drivers, watch: Sequence[Watch]) -> tuple[Watch, ...
 def motion_in_document(drivers: Drivers, motion: Motion) -> Motion:
     """The motion in the coordinates of the document."""
     names = tuple(drivers.values())
+    if all(map(same, names)) and all(d == name.driver for d, name in drivers.items()):
+        return motion
     said = {named(name.driver): named(d) for d, name in drivers.items()}
     events = tuple(e._replace(kind=said.get(e.kind, e.kind)) for e in motion.events)
     motion = replace(motion, end=said.get(motion.end, motion.end), events=events)

@@ -50,7 +50,8 @@ class Motion:
     regime : "libration", "rotation", "secular", "secular braking", "rest", ...
     status : "reached" what was asked for; "ended" before it, by something named;
         "rest": nothing moves; "failed": no motion could be computed (any further)
-    end : the named reason: "time", "standstill", "end stop", "dead centre", "interrupted", ...
+    end : the named reason: "time", "standstill", "end stop", "dead centre", "no inertia",
+        "interrupted", ...
     t_start, t_end : [s]
     q_end, qd_end : state at the end; floats, or arrays (k,) with k drivers
     track : dense output
