@@ -22,7 +22,8 @@ from hypothesis import strategies as st
 import blockmech
 from blockmech.blocks.contract import REGISTRY
 from blockmech.errors import BlockmechError, FormatError, listed
-from blockmech.model.document import dumps, load, loads, problems_in
+from blockmech.model.document import dumps, load, loads
+from blockmech.model.opening import problems_in
 from blockmech.model.problems import FILE_CODES, LONGEST, MOST
 from blockmech.model.reading import LARGEST
 

@@ -147,12 +147,12 @@ def solve_transposed(a: Any, right: Any) -> tuple[Real, ...]:
     return tuple(np.linalg.solve(a.T, right).tolist())
 
 
-def spread(a: Any) -> tuple[Real, Real]:
-    """Ratio of the smallest to the largest singular value, and the sign of the determinant."""
+def spread(a: Any) -> Real:
+    """Ratio of the smallest to the largest singular value."""
     import numpy as np
 
     values = np.linalg.svd(a, compute_uv=False)
-    return float(values[-1] / values[0]), float(np.linalg.slogdet(a)[0])
+    return float(values[-1] / values[0])
 
 
 SCALAR_PRIMITIVES = {

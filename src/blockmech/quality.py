@@ -104,7 +104,8 @@ def assess(
     Parameters
     ----------
     n : number of samples
-    values : report name (``margin/block``, ``path/block``, ``friction/block``, ``rest/joint``) -> its arrays
+    values : report name (``margin/block``, ``path/block``, ``friction/block``, ``rest/joint``)
+        -> its arrays
     wanted_bad : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
     following : dyads whose branch follows the motion: it runs on where their margin is zero

@@ -278,6 +278,8 @@ class Result(Mapping[str, NDArray[Any]]):
             return ""
         if len(drivers) == 1:
             return self.mechanism.feasible(groups)
+        if any(block.own_form for block in self.mechanism.structure.blocks.values()):
+            return ""  # each sample of an arc would be followed from home by itself
         return self.mechanism.feasible(
             groups,
             {d: float(q[sample]) for d, q in zip(drivers, self.drivers.values(), strict=True)},

@@ -61,14 +61,9 @@ class Twin:
         friction = block.friction.get(joint.name)
         if joint.outer:
             at, angle = self._place(self.structure.feeds[ref])
-        elif joint.kind == "P":
-            at, angle = on_line(block, joint, earlier.link)
         else:
-            at, angle = self._pin(block, joint, earlier.link), 0.0
-        if joint.kind == "P":
-            own_at, own_angle = on_line(block, joint, later.link)
-        else:
-            own_at, own_angle = self._pin(block, joint, later.link), 0.0
+            at, angle = self._side(block, joint, earlier.link)
+        own_at, own_angle = self._side(block, joint, later.link)
         return mb.Joint(
             joint.kind,
             (self._name(earlier), self._name(later)),
@@ -78,6 +73,15 @@ class Twin:
             friction=friction
             and mb.Friction(friction.coefficient, friction.radius or 0.0, friction.guide_length),
         )
+
+    def _side(self, block, joint, link):
+        """Place and angle of a pair on one of its block's own links."""
+        if isinstance(block, bm.GeneralGroup):
+            side = block.pairs[joint.name].sides[link]
+            return pair(side.at.z), float(np.angle(side.direction))
+        if joint.kind == "P":
+            return on_line(block, joint, link)
+        return self._pin(block, joint, link), 0.0
 
     def _pin(self, block, joint, link):
         """Place of a pin on a link: the built-in marker there that bears the joint's name."""
@@ -108,7 +112,9 @@ class Twin:
 
     def judge(self, q, qd, qdd, friction=True):
         """Everything at one sample: driver coordinates, rates and accelerations (d,)."""
-        poses = mb.assemble(self.system, self._guess(q), self._coordinates(q), refine=True)
+        guess = self._guess(q)
+        coordinates = self._coordinates(q, guess)  # winds the guess as well
+        poses = mb.assemble(self.system, guess, coordinates, refine=True)
         system = self._wound(poses)
         rates = mb.rates(system, poses, qd)
         accelerations = mb.accelerations(system, poses, rates, qdd)
@@ -134,16 +140,28 @@ class Twin:
                 loads[name] = replace(load, rest_angle=load.rest_angle + TURN * turns)
         return replace(self.system, loads=loads)
 
-    def _coordinates(self, q):
-        """The judge's driver coordinates: it does not know of offsets."""
-        offsets = []
-        for name in self.structure.drivers:
-            ref = self.structure.driven[name]
-            turn = 0.0
-            if self.structure.joint(ref).kind == "R":
-                turn = self._place(self.structure.feeds[ref])[1]
-            offsets.append(turn + getattr(self.structure.blocks[ref.block], "offset", 0.0))
-        return np.asarray(q, float) + offsets
+    def _coordinates(self, q, poses):
+        """The judge's driver coordinates: it does not know of offsets and directions.
+
+        A crank's angle counts turns, so its pose is wound to it; the angle of a pair inside
+        a group is brought to the turn in which the poses (n, 3) are.
+        """
+        found = np.asarray(q, float).copy()
+        rows = {str(link): k for k, link in enumerate(self._moving())}
+        for k, ref in enumerate(self.structure.driven.values()):
+            block = self.structure.blocks[ref.block]
+            found[k] += getattr(block, "offset", 0.0)
+            if self.structure.joint(ref).kind == "P":
+                continue
+            joint = self.system.joints[str(ref)]
+            found[k] += joint.angle[0] - joint.angle[1]
+            first, second = (rows.get(link) for link in joint.links)
+            base = 0.0 if first is None else poses[first, 2]
+            if isinstance(block, bm.GeneralGroup):
+                found[k] += TURN * np.round((poses[second, 2] - base - found[k]) / TURN)
+            else:
+                poses[second, 2] = base + found[k]
+        return found
 
     def _guess(self, q):
         """Poses by blockmech itself: they fix the assembly mode, the judge refines them."""
@@ -154,19 +172,7 @@ class Twin:
             (run[f"{link}.p"][0].real, run[f"{link}.p"][0].imag, run[f"{link}.angle"][0])
             for link in self._moving()
         ]
-        # A crank's angle is its coordinate, which counts turns.
-        poses = np.array(rows)
-        coordinates = self._coordinates(q)
-        for k, name in enumerate(self.structure.drivers):
-            ref = self.structure.driven[name]
-            earlier = self.structure.earlier_link(ref)
-            if self.structure.driver_joint(name).rotary:
-                base = 0.0
-                if earlier != self.structure.frame_link:
-                    base = poses[self._moving().index(earlier), 2]
-                row = self._moving().index(self.structure.later_link(ref))
-                poses[row, 2] = base + coordinates[k]
-        return poses
+        return np.array(rows)
 
 
 class Verdict(NamedTuple):

@@ -163,7 +163,7 @@ class System:
 
 
 def read(document: Mapping[str, Any]) -> System:
-    """The system of a joint-based document (`blockmech/joints`); laws of motion are left out."""
+    """The system of a joint-based document (`blockmech/joints`), without laws and markers."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, Mapping) and "polar" in value:
@@ -188,7 +188,7 @@ def read(document: Mapping[str, Any]) -> System:
         return document.get(key, {})
 
     return System(
-        links={name: made(Link, spec) for name, spec in section("links").items()},
+        links={name: made(Link, spec, "markers") for name, spec in section("links").items()},
         joints={name: joint(spec) for name, spec in section("joints").items()},
         drivers={name: driver(spec) for name, spec in section("drivers").items()},
         loads={name: load(spec) for name, spec in section("loads").items()},

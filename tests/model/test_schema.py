@@ -34,6 +34,7 @@ BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each ot
     *("infinite_inertia", "inner_joint", "nan", "no_frame", "no_such_block", "not_a_marker"),
     *("pair_mismatch", "self_wire", "taken_name", "two_frames", "unknown_block"),
     *("unknown_driver", "unknown_joint", "unknown_marker", "unwired_joint"),
+    *("many_drivers", "wrong_home"),
 }
 
 
@@ -65,7 +66,7 @@ def test_the_schema_is_plain_json():
 
 def test_keys_stand_in_the_order_of_the_file():
     keys = list(graph_schema()["$defs"]["dyad.rrr"]["properties"])
-    assert keys == ["type", "l_i", "l_j", "branch", "links", "friction"]
+    assert keys == ["type", "l_i", "l_j", "branch", "home", "links", "friction"]
 
 
 def test_units_are_said():

@@ -1,15 +1,18 @@
 """Five hundred random mechanisms against a solver that shares nothing with blockmech.
 
 All dyads, both drivers, guides on moving links, multiple pins, springs, loads, friction,
-margins down to 1e-3. Each failure prints the seed; the case is a graph file.
+margins down to 1e-3. The same with cylinders and general groups of up to six links, driven
+pairs inside (BLOCKMECH_EXAMPLES of them). Each failure prints the seed; the case is a
+graph file.
 """
 
 from __future__ import annotations
 
 import functools
+import os
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -17,12 +20,14 @@ import pytest
 from blockmech.model.graph import Graph
 from blockmech.model.structure import JointRef, MarkerRef
 from blockmech.result import Result
-from blockmech.testing.strategies import Case, Options, Seeded, random_mechanism
+from blockmech.testing.strategies import EVERY, Case, Options, Seeded, random_mechanism
 from tests.blocks.twin import Twin
 from tests.independent import multibody as mb
 
 SEEDS = range(500)
 OPTIONS = Options(groups=(0, 5), drivers=(1, 2), twists=True, least_margin=1e-3)
+GENERAL = replace(OPTIONS, groups=(1, 4), kinds=EVERY)
+GENERAL_SEEDS = range(int(os.environ.get("BLOCKMECH_EXAMPLES", "60")))
 MOTION = 1e-12  # of the largest of their kind, times the conditioning
 FORCES = 1e-11  # of their own size, times the conditioning
 NOISE = 1e-15  # of the largest reaction: below it a force is the rounding of others
@@ -71,14 +76,14 @@ class Errors:
 
 
 @functools.cache
-def case(seed: int) -> Case:
-    return random_mechanism(Seeded(seed), OPTIONS)
+def case(seed: int, options: Options = OPTIONS) -> Case:
+    return random_mechanism(Seeded(seed), options)
 
 
 @functools.cache
-def compared(seed: int, friction: bool) -> tuple[Errors, str]:
+def compared(seed: int, friction: bool, options: Options = OPTIONS) -> tuple[Errors, str]:
     """Errors of a case, and how its friction was settled by either solver."""
-    made = case(seed)
+    made = case(seed, options)
     mechanism = made.graph.compile()
     drivers = mechanism.drivers
     request = made.request
@@ -129,8 +134,10 @@ def _without_idle_friction(made: Case, run: Result) -> Graph:
     graph = Graph(made.graph.name)
     graph.scene, graph.wires = made.graph.scene, made.graph.wires
     for name, block in made.graph.blocks.items():
-        joints = [f"{name}.{j}.reaction" for j in getattr(block, "joints", {})]
-        idle = bool(joints) and not any(run[j][0] for j in joints)
+        joints = getattr(block, "joints", {})
+        carried = [f"{name}.{j}.reaction" for j in joints]
+        carried += [f"{name}.{j}.C" for j, joint in joints.items() if joint.kind == "P"]
+        idle = bool(carried) and not any(run[x][0] for x in carried)
         graph.add(name, block.model_copy(update={"friction": {}}) if idle else block)
     return graph
 
@@ -166,17 +173,23 @@ def _meets_others(marker: MarkerRef, feeds: Mapping[JointRef, MarkerRef]) -> boo
 
 
 @pytest.mark.parametrize("friction", [False, True], ids=["frictionless", "friction"])
-def test_motion_and_forces_are_the_judges(friction: bool) -> None:
+@pytest.mark.parametrize(
+    ("options", "seeds"), [(OPTIONS, SEEDS), (GENERAL, GENERAL_SEEDS)], ids=["dyads", "all groups"]
+)
+def test_motion_and_forces_are_the_judges(options: Options, seeds: range, friction: bool) -> None:
     outcomes: Counter[str] = Counter()
     worst: dict[str, float] = {}
-    for seed in SEEDS:
-        errors, outcome = compared(seed, friction)
+    for seed in seeds:
+        errors, outcome = compared(seed, friction, options)
         outcomes[outcome] += 1
         for kind, error in errors.worst.items():
             allowed = MOTION if kind in ("p", "angle", "v", "omega", "a", "alpha") else FORCES
-            assert error <= allowed, f"seed {seed}: {kind} off by {error:.2g}\n{case(seed)!r}"
+            assert error <= allowed, (
+                f"seed {seed}: {kind} off by {error:.2g}\n{case(seed, options)!r}"
+            )
             worst[kind] = max(worst.get(kind, 0.0), error)
     print(dict(outcomes), {k: f"{v:.1e}" for k, v in worst.items()})
-    assert outcomes["ok"] >= 0.9 * len(SEEDS)
+    # Loose friction numbers jam some guides; general groups have more guides than dyads.
+    assert outcomes["ok"] >= (0.9 if options is OPTIONS else 0.8) * len(seeds)
     # Both solvers agree on which cases have no friction solution.
     assert set(outcomes) <= {"ok", "self-locked, judge not", "jammed, judge not"}

@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 
-from blockmech.blocks.contract import DrivingLink
 from blockmech.model.structure import JointRef, MarkerRef
 from blockmech.result import Result
 from blockmech.values import Marker
@@ -36,6 +35,7 @@ class Ends:
         self.joint, self.marker = joint, marker
         self.block = self.structure.blocks[joint.block]
         self.declared = self.block.joints[joint.name]
+        self.driver = self.block.driver_name(*joint)
 
     def __call__(self, *parts: object) -> Any:
         return self.value[".".join(map(str, parts))]
@@ -79,15 +79,13 @@ class Ends:
 
     def drive(self) -> float:
         """The driving effort, if this is the joint of a driver."""
-        if isinstance(self.block, DrivingLink) and self.joint.name == self.block.drive:
-            return float(self(self.joint.block, "drive"))
-        return 0.0
+        return float(self(self.driver, "drive")) if self.declared.driven else 0.0
 
     def given(self) -> float:
         """Power [W] that friction (negative) and the drive put in."""
         power = self(self.joint, "friction") * self(self.joint, "slip")
         drive = self.drive()
-        return float(power + (drive * self(self.joint.block, "rate") if drive else 0.0))
+        return float(power + (drive * self(self.driver, "rate") if drive else 0.0))
 
 
 @pytest.mark.parametrize("friction", ["none", "newton"])

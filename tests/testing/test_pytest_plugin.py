@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 import blockmech as bm
+from tests.model.documents import slider_crank
 
 pytest_plugins = ["pytester"]
 
@@ -210,3 +213,17 @@ def test_without_the_ini_line_pytest_does_not_import_blockmech(pytester):
         """
     )
     pytester.runpytest_subprocess().assert_outcomes(passed=1)
+
+
+def test_a_document_of_links_and_joints_is_a_test_of_itself(pytester):
+    pytester.makeini("[pytest]\nblockmech_graphs = graphs\n")
+    folder = pytester.mkdir("graphs")
+    document = slider_crank()
+    entry = {"source": "the crank's motion, by hand", "at": {"motor": [0.0]}, "atol": 1e-12}
+    good, bad = ({"link.rod.p": [[x, 0.0]]} for x in (0.1, 0.2))
+    document["expect"] = [entry | {"want": good}, entry | {"want": bad}]
+    (folder / "crank.json").write_text(json.dumps(document))
+    (folder / "silent.json").write_text(json.dumps(slider_crank()))
+    said = run(pytester)
+    said.assert_outcomes(passed=2, failed=1)
+    said.stdout.fnmatch_lines(["*crank.json::expect[[]1]*", "*link.rod.p*"])

@@ -105,12 +105,15 @@ def links(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
         points = points if len(points) > 1 else points * 2
         fill, edge = _colours(body.number, faint)
         order = 1.5 if faint else 4 + 0.01 * body.number
+        bar = BAR * body.width
+        if body.width != 1 and not faint:  # cylinders lie on plates, a rod goes into its barrel
+            order = (4.9 if body.width > 1 else 4.85) + 1e-4 * body.number
         kind: Literal["area", "line"] = "area" if len(points) > 2 else "line"
         name = f"{'faint' if faint else 'link'}:{body.link}"
         # The edge is a wider copy below; so the corners of a plate are round as well.
         for what, above, colour, width in (
-            ("edge", 0.0, edge, BAR + 1.2),
-            (name, 0.005, fill, BAR),
+            ("edge", 0.0, edge, bar + 1.2),
+            (name, 0.005, fill, bar),
         ):
             height = order + above
             found.append(Shape(what, kind, points, height, colour, colour, width, rounded=True))
@@ -121,6 +124,8 @@ def sliders(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
     """A block on its guide for each prismatic pair."""
     found = []
     for slider in stage.sketch.sliders:
+        if slider.inside:
+            continue
         z, u = stage.place(slider.point, k), along(stage, slider, k) * stage.unit
         a, b = BLOCK[0] * u, BLOCK[1] * 1j * u
         corners = (z + a + b, z - a + b, z - a - b, z + a - b)

@@ -7,8 +7,8 @@ from declarations: joints, guide lines, markers, mass properties, terminals.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,6 +18,9 @@ from blockmech.draw.motion import Motion, marker_place
 from blockmech.mechanism import Mechanism
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.plane import cross
+
+BARREL, ROD = 1.7, 0.7  # [-] widths of a cylinder's links, in usual bars
+TUBE, OVERLAP = 0.9, 0.15  # [-] of the shortest length: the barrel, and what stays inside it
 
 LoadKind = Literal["force", "couple", "spring", "strut"]
 
@@ -51,6 +54,7 @@ class Slider:
     guide: Spot
     direction: complex
     reach: tuple[float, float]
+    inside: bool = False  # of a cylinder, which shows no block
 
     def end(self, which: int, beyond: float = 0.0) -> complex:
         """An end of the travel on the guide's link, or a place beyond it [m]."""
@@ -66,6 +70,16 @@ class Body:
     cm: complex | None
     number: int
     name: str = ""  # of a link of a joint-based document
+    width: float = 1.0  # [-] of a bar, in usual bars
+
+
+class Cylinder(NamedTuple):
+    """Barrel and rod of a driven length: a line in the frame of each link."""
+
+    barrel: LinkRef
+    rod: LinkRef
+    tube: tuple[complex, complex]
+    stem: tuple[complex, complex]
 
 
 @dataclass(frozen=True)
@@ -114,15 +128,23 @@ def sketch_of(motion: Motion) -> Sketch:
         points[spot.link].append(spot.at)
         for link in {s.earlier_link(ref), s.later_link(ref)} - {spot.link}:
             points[link].append(_seen_from(motion, link, spot))
+    pairs = dict(zip((r for r in refs if _slides(s, r)), sliders, strict=True))
+    cylinders = {r: c for r in pairs if (c := _cylinder(motion, r, points))}
+    sliders = tuple(replace(slider, inside=r in cylinders) for r, slider in pairs.items())
     for slider in sliders:
-        points[slider.point.link].append(slider.point.at)
-        points[slider.guide.link] += [slider.end(0), slider.end(1)]
+        if not slider.inside:
+            points[slider.point.link].append(slider.point.at)
+            points[slider.guide.link] += [slider.end(0), slider.end(1)]
+    widths: dict[LinkRef, float] = {}
+    for c in cylinders.values():
+        points[c.barrel], points[c.rod] = list(c.tube), list(c.stem)
+        widths |= {c.barrel: BARREL, c.rod: ROD}
     for marker in shown_markers(motion.mechanism):
         points[marker.on].append(marker_place(s, marker))
     names = motion.mechanism.names
     said = {} if names is None else {name.link: link for link, name in names.links.items()}
     bodies = tuple(
-        _body(s, link, places, said.get(link, ""))
+        _body(s, link, places, said.get(link, ""), widths.get(link, 1.0))
         for link, places in points.items()
         if link != s.frame_link
     )
@@ -215,6 +237,35 @@ def _slider(motion: Motion, ref: JointRef, name: str) -> Slider:
     return Slider(name, point, guide, direction, reach)
 
 
+def _cylinder(
+    motion: Motion, ref: JointRef, pins: Mapping[LinkRef, list[complex]]
+) -> Cylinder | None:
+    """Barrel and rod, if a driven guide joins two links that hang on one pin each, on its line.
+
+    The barrel is nearly as long as the whole is at its shortest, and the rod is so long that
+    its end stays inside at the longest.
+    """
+    s = motion.structure
+    barrel, rod = s.earlier_link(ref), s.later_link(ref)
+    if ref not in s.driven.values() or s.frame_link in (barrel, rod):
+        return None
+    (foot, *more), (eye, *others) = pins[barrel] or [0j], pins[rod] or [0j]
+    if not pins[barrel] or not pins[rod] or any(z != foot for z in more):
+        return None
+    line = _seen_all(motion, barrel, Spot(rod, eye)) - foot
+    line = line[np.isfinite(line)]
+    if not len(line) or any(z != eye for z in others):
+        return None
+    length, u = np.abs(line), line[0] / abs(line[0]) if line[0] else 1 + 0j
+    if length.min() == 0 or np.abs(line / length - u).max() > 1e-6:
+        return None  # off the line, or through the foot
+    short, long = float(length.min()), float(length.max())
+    stem = min(long - (TUBE - OVERLAP) * short, TUBE * short)
+    back = _seen_from(motion, rod, Spot(barrel, foot)) - eye
+    tube = (foot, complex(foot + u * TUBE * short))
+    return Cylinder(barrel, rod, tube, (eye, complex(eye + back / abs(back) * stem)))
+
+
 def _seen_all(motion: Motion, link: LinkRef, spot: Spot) -> np.ndarray:
     return (motion.at(*spot) - motion.origin[link]) * np.conj(motion.axis[link])
 
@@ -248,14 +299,16 @@ def shown_markers(mechanism: Mechanism) -> list[MarkerRef]:
     return list(dict.fromkeys(found))
 
 
-def _body(s: Structure, link: LinkRef, places: list[complex], name: str) -> Body:
+def _body(
+    s: Structure, link: LinkRef, places: list[complex], name: str, width: float = 1.0
+) -> Body:
     properties = s.properties(link)
     cm = properties.cm.z if properties.mass > 0 else None
     size = max((abs(z) for z in places), default=0.0)
     outline = hull(places, 1e-9 * size)
     if len(outline) == 1 and cm is not None and abs(cm - outline[0]) > 1e-9 * abs(cm):
         outline = (*outline, cm)
-    return Body(link, outline or (0j,), cm, s.links[link], name)
+    return Body(link, outline or (0j,), cm, s.links[link], name, width)
 
 
 def hull(places: Iterable[complex], close: float = 0.0) -> tuple[complex, ...]:

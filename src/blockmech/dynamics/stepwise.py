@@ -167,6 +167,7 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
         if step or accuracy is None or error <= accuracy or fine.end == INTERRUPTED:
             break
         coarse, before, h = fine, apart, h / 2
+    error += EPS / 2 * fine.q.size * float(np.abs(fine.q).max())  # each step's sum is rounded
     return _fixed(fine, meter, asked, "rk4", (error, time_error), h, ())
 
 

@@ -81,15 +81,11 @@ def _eliminated(a: Array, b: Array) -> Array:
     return x
 
 
-def spread(a: Array) -> tuple[Array, Array]:
-    """Ratio of extreme singular values, and the sign of the determinant, of each matrix."""
+def spread(a: Array) -> Array:
+    """Ratio of the smallest to the largest singular value; NaN of a matrix with a NaN in it."""
     plain = np.asarray(a, np.float64) if a.dtype not in LAPACK else a
     good = np.isfinite(plain).all(axis=(-2, -1))
     plain = np.where(good[..., None, None], plain, np.eye(plain.shape[-1], dtype=plain.dtype))
     values = np.linalg.svd(plain, compute_uv=False)
-    sign = np.linalg.slogdet(plain)[0]
-    lost = plain.dtype.type(np.nan)
-    return (
-        np.where(good, values[..., -1] / values[..., 0], lost).astype(a.dtype),
-        np.where(good, sign, lost).astype(a.dtype),
-    )
+    ratio = np.where(good, values[..., -1] / values[..., 0], plain.dtype.type(np.nan))
+    return np.asarray(ratio.astype(a.dtype))

@@ -93,7 +93,7 @@ def gap_lines(result: Result, degrees: bool = False) -> list[str]:
             + f" {c.unit}"
             for c in drivers
         ]
-        place = f" at {block}" if block else ""
+        place = f" at {result.mechanism.said(block)}" if block else ""
         lines.append(f"  {word}{place}, {_count(last - first + 1, 'sample')}: {', '.join(places)}")
     if len(stretches) > LINES:
         lines.append(f"  and {_count(len(stretches) - LINES, 'stretch', 'stretches')} more")

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.judge.by_link import checks_said, run_of_blocks
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
@@ -95,8 +96,8 @@ def verify(mechanism: Mechanism, **request: Any) -> Verification:
     if not {"at", "samples", "times"} & set(request):
         request["samples"] = SAMPLES
     request |= {"want": ("*",), "on_gap": "mark"}
-    run = _of_blocks(mechanism, request)
-    smooth = _of_blocks(mechanism, _without_friction(request))
+    run = run_of_blocks(mechanism, request)
+    smooth = run_of_blocks(mechanism, _without_friction(request))
     judge = _Judge(run)
     rows = [
         *judge.links(),
@@ -104,30 +105,9 @@ def verify(mechanism: Mechanism, **request: Any) -> Verification:
         judge.whole(),
         *_Judge(smooth).drives(),
     ]
-    said = _names_said(mechanism)
+    said = checks_said(mechanism)
     rows = [replace(row, name=said.get(row.name, row.name)) for row in rows]
     return Verification(tuple(rows), int(judge.good.sum()), float(judge.worst))
-
-
-def _of_blocks(mechanism: Mechanism, request: dict[str, Any]) -> Result:
-    """A run of everything under the names of the graph."""
-    if mechanism.names is None:
-        return mechanism.run(**request)
-    return mechanism.run(**request | {"want": ()}).inside(*request["want"])
-
-
-def _names_said(mechanism: Mechanism) -> dict[str, str]:
-    """Name of a check -> the same in the words of a joint-based document."""
-    if mechanism.names is None:
-        return {}
-    blocks = mechanism.structure.blocks
-    found = {f"power through {b}": f"power through {mechanism.said(b)}" for b in blocks}
-    for name, link in mechanism.names.links.items():
-        found |= {f"{what} on {link.link}": f"{what} on {name}" for what in ("forces", "moments")}
-    for name, where in mechanism.driver_names.items():
-        drive = mechanism.of_driver(name, "drive")
-        found[f"two routes to {where.driver}.drive"] = f"two routes to {drive}"
-    return found
 
 
 def _without_friction(request: dict[str, Any]) -> dict[str, Any]:
@@ -293,7 +273,9 @@ class _Judge:
     def _guide(self, ref: JointRef) -> Array:
         joint = self.structure.joint(ref)
         if not joint.outer:
-            return self._link(LinkRef(ref.block, joint.links[0]))[3]
+            earlier = LinkRef(ref.block, joint.links[0])
+            own = self.structure.blocks[ref.block].guide_line(ref.name, earlier.link)[1]
+            return self._link(earlier)[3] * own
         marker = self.structure.feeds[ref]
         declared = self.structure.marker(marker)
         direction = getattr(declared, "direction", 1 + 0j)
@@ -439,7 +421,7 @@ class _Judge:
         r, worst = self.run, np.max(list(self.condition.values()), axis=0)
         for driver in self.structure.drivers:
             difference = r[f"{driver}.drive"] - r[f"{driver}.drive_by_reduction"]
-            size = self._sizes[driver]
+            size = self._sizes[self.structure.driven[driver].block]
             rotary = self.structure.driver_joint(driver).rotary
             scale = (size.moment if rotary else size.force) * worst
             yield self._error(f"two routes to {driver}.drive", [_plain(difference)], scale)

@@ -1,65 +1,52 @@
 """Following a group without closed form from its home to a sample.
 
 The pose of a general group at driver values q is the one reached from its home along the
-straight line of driver values, by small steps: predict with the rates, correct with
-Newton, halve what needs a large correction or turns the determinant's sign. So an answer
-is a function of the sample alone, in any order, batch or chunk. Groups that it hangs on
-and that have no closed form either are followed along the same line.
+straight line of driver values, by small steps: predict with the rates, correct with Newton,
+shorten what needs a large correction or might have passed a dead centre. So an answer is
+a function of the sample alone, in any order, batch or chunk. Groups that it hangs on and
+that have no closed form either are followed along the same line.
+
+A step is safe if the Jacobian, its rows of unit length, changes by less than its smallest
+singular values at both ends: by Weyl's inequality no singular Jacobian lies between, so
+another mode that comes near is not taken for this one, however near it comes.
 
 With one driver all lines lie on one axis: *knots* along it are laid once, outward from
-home and the same whoever asks, and a sample starts from the last one before it.
+home and the same whoever asks, and a sample starts from the last one before it. Behind a
+dead centre a crank's pose is that of whole turns before, if the path leads there.
 
 Sources: Allgower & Georg, Introduction to numerical continuation methods, 2003, ch. 2
-(Euler-Newton predictor-corrector).
+(Euler-Newton predictor-corrector); Golub & Van Loan, Matrix Computations, 2013, 8.6
+(perturbation of singular values).
 """
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.blocks.general import GeneralGroup
-from blockmech.blocks.general.kernels import orientation
 from blockmech.errors import GraphError, Problem, listed
-from blockmech.model.scene import Scene
-from blockmech.model.structure import LinkRef, Structure
-from blockmech.passes.forward import (
-    ACTUAL,
-    link_position,
-    link_velocity,
-    moves,
-    parameters,
-    position,
-)
-from blockmech.plan import Friction, Schedule
-
-if TYPE_CHECKING:
-    from blockmech.engines import NumpyEngine, ScalarEngine
+from blockmech.model.structure import Structure
+from blockmech.passes.tracking import Stand, Tracker
+from blockmech.plan import Schedule
 
 Array = NDArray[Any]
 TURN = 2 * math.pi
-CORRECTION = 0.03  # [-] correction of a predicted pose up to which a step is taken
-STRIDE = 0.3  # [-] motion of a link in one step: radians, or sizes of the group
-SMALLEST = 1e-10  # share of a line below which a step is given up: the path ends there
+CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
+STRIDE = 0.3  # [rad] turn of a link in one step
+SMALLEST = 1e-14  # share of a line below which a step is given up: the path ends there
+CHANGE = 0.7  # of what the singular values allow: how much J may change in one step
+FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
+DEAD = 1e-7  # [-] smallest singular value of a home: nearer its modes are one, to rounding
 END = 1e-14  # [-] step of knots at which their side ends: a dead centre, to rounding
 BEFORE = 1.0 - 1e-16  # the largest share that is not all
 MOST = 5000  # steps of a line
+MODES = 12  # turns of the driver on which a group may be in another mode each
 SAME = 1e-9  # [-] difference of poses that are one pose
-
-
-class Stand(NamedTuple):
-    """Poses of all followed links at n samples, with their rates along the line.
-
-    place : (n, m, 4) [m, -] origin and direction of each link
-    rate : (n, m, 3) [m, rad] of origin and angle by the share of the line
-    """
-
-    place: Array
-    rate: Array
 
 
 def guess(s: Schedule, block: str) -> str:
@@ -84,7 +71,7 @@ def followed(structure: Structure) -> tuple[str, ...]:
 
 def refuse_open_homes(structure: Structure) -> None:
     """Raise `GraphError` for every general group that does not close at its home."""
-    problems = []
+    problems: list[Problem] = []
     for name in followed(structure):
         try:
             path_of(structure, name).at_home  # noqa: B018
@@ -110,7 +97,9 @@ class Path:
         upstream = structure.upstream[block]
         self.drivers = tuple(d for d in structure.drivers if d in upstream)
         self._problems()
-        self.tracker = Tracker(structure, block, self.drivers)
+        above = structure.ancestors(block)
+        groups = [name for name in followed(structure) if name in above]
+        self.tracker = Tracker(structure, groups, self.drivers)
         self.own = len(group.link_names)  # the last links of the state
 
     def _problems(self) -> None:
@@ -143,8 +132,8 @@ class Path:
             else:
                 places += self._of_another(name)
         still = np.zeros((1, len(self.drivers)))
-        found, first, sign = self.tracker.at(self.home[None, :], still, np.array([places]))
-        if not (np.isfinite(first).all() and np.isfinite(sign).all() and sign.all()):
+        found, first = self.tracker.at(self.home[None, :], still, np.array([places]), one=True)
+        if not (np.isfinite(first).all() and (found.nearest > DEAD).all()):
             raise GraphError(
                 Problem(
                     "bad-home",
@@ -154,7 +143,6 @@ class Path:
                     "give the poses of one assembled position; `decompose` finds them",
                 )
             )
-        self.sign = sign
         return found
 
     def _of_another(self, name: str) -> list[tuple[float, float, float, float]]:
@@ -169,7 +157,7 @@ class Path:
         wanted = np.empty((math.prod(shape), len(q)))
         for k, x in enumerate(q):
             wanted[:, k] = np.broadcast_to(x, shape).ravel()
-        place, reached = self.follow(wanted)
+        place, reached = self.follow(wanted, one=not shape)
         own = place[:, -self.own :, :]
         if not shape:
             links = tuple(tuple(row) for row in own[0].tolist())
@@ -177,27 +165,22 @@ class Path:
         columns = np.ascontiguousarray(np.moveaxis(own, 0, -1)).reshape((self.own, 4, *shape))
         return tuple(tuple(link) for link in columns), reached.reshape(shape)
 
-    def follow(self, q: Array) -> tuple[Array, Array]:
+    def follow(self, q: Array, one: bool = False) -> tuple[Array, Array]:
         """Places (n, m, 4) at driver values (n, k), NaN where the path ends before, and
-        the share of it (n,) that was possible."""
-        home = self.at_home
+        the share of it (n,) that was possible; by the scalar engine for ``one`` sample."""
+        home, n = self.at_home, len(q)
         if not self.drivers:
-            return np.repeat(home.place, len(q), axis=0), np.ones(len(q))
+            return np.repeat(home.place, n, axis=0), np.ones(n)
         if len(self.drivers) == 1:
-            return self.knots.follow(q[:, 0])
-        start = np.repeat(self.home[None, :], len(q), axis=0)
-        _, rate = self._rates(start, q - start, np.repeat(home.place, len(q), axis=0))
-        stand = Stand(np.repeat(home.place, len(q), axis=0), rate)
-        found, reached = travel(self, start, stand, q)
-        return found.place, reached
-
-    def _rates(self, q: Array, line: Array, place: Array) -> Stand:
-        return self.tracker.at(q, line, place)[0]
+            return self.knots.follow(q[:, 0], one)
+        start = np.repeat(self.home[None, :], n, axis=0)
+        stand, _ = self.tracker.at(start, q - start, np.repeat(home.place, n, axis=0), one)
+        return travel(self, start, stand, q, one)
 
     @property
     def repeats(self) -> bool:
         """Whether a turn of the only driver, if it is a rotary one, ends at home again."""
-        return not self.drivers or (len(self.drivers) == 1 and self.knots.repeats)
+        return not self.drivers or (len(self.drivers) == 1 and self.knots.turns == 1)
 
     @cached_property
     def knots(self) -> Knots:
@@ -205,17 +188,17 @@ class Path:
         return Knots(self)
 
 
-def travel(path: Path, start: Array, stand: Stand, end: Array) -> tuple[Stand, Array]:
+def travel(path: Path, start: Array, stand: Stand, end: Array, one: bool) -> tuple[Array, Array]:
     """Follow n samples from their start (n, k) to their end along straight lines.
 
-    Returns where they arrived, places NaN where the line ends before, and the share of
+    Returns places where they arrived, NaN where the line ends before, and the share of
     the line (n,) that was gone.
     """
     n, line = len(start), end - start
-    place, rate = stand.place.copy(), stand.rate.copy()
-    gone, h = np.zeros(n), np.ones(n)
-    active = np.isfinite(line).all(axis=1)
-    h = np.minimum(h, strides(path, rate))
+    finite = np.isfinite(line).all(axis=1)
+    stand = stand.at(np.arange(n))  # a copy
+    gone, h = np.zeros(n), np.minimum(1.0, strides(stand.rate))
+    active = finite.copy()
     for _ in range(MOST):
         now = np.flatnonzero(active)
         if not len(now):
@@ -225,16 +208,42 @@ def travel(path: Path, start: Array, stand: Stand, end: Array) -> tuple[Stand, A
         step = np.where(last, left, h[now])
         at = np.where(last, 1.0, gone[now] + step)
         q = np.where(last[:, None], end[now], start[now] + at[:, None] * line[now])
-        found, first, sign = path.tracker.at(q, line[now], predicted(place[now], rate[now], step))
-        good = (first <= CORRECTION) & (sign == path.sign).all(axis=1)
+        here = stand.at(now)
+        ahead = predicted(here.place, here.rate, step)
+        found, first = path.tracker.at(q, line[now], ahead, one)
+        room = room_left(path, here, found, first)
+        good = room >= 1.0
         taken = now[good]
-        place[taken], rate[taken], gone[taken] = found.place[good], found.rate[good], at[good]
-        growth = np.where(good, 0.7 * np.sqrt(CORRECTION / np.maximum(first, 1e-6)), 0.25)
-        h[now] = step * np.clip(np.nan_to_num(growth, nan=0.25), 0.25, 4.0)
-        h[taken] = np.minimum(h[taken], strides(path, rate[taken]))
+        stand.put(taken, found.at(good))
+        gone[taken] = at[good]
+        h[now] = step * growth(room)
+        h[taken] = np.minimum(h[taken], strides(found.rate[good]))
         active[now] = (gone[now] < 1.0) & (h[now] > SMALLEST)
-    place[gone < 1.0] = np.nan
-    return Stand(place, rate), np.where(np.isfinite(line).all(axis=1), gone, np.nan)
+    stand.place[gone < 1.0] = np.nan
+    return stand.place, np.where(finite, gone, np.nan)
+
+
+def room_left(path: Path, here: Stand, found: Stand, first: Array) -> Array:
+    """How much longer each step (n,) might have been; below 1 it was too long, 0 if lost."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.sqrt(CORRECTION * extent(path, found) / first)
+        for g, (a, b) in enumerate(zip(here.J, found.J, strict=True)):
+            change = np.sqrt(np.square(b - a).sum(axis=(1, 2)))
+            room = np.minimum(room, CHANGE * (here.nearest[:, g] + found.nearest[:, g]) / change)
+        room = np.where(found.reach <= FAR * path.at_home.reach, room, 0.0)
+    return np.asarray(np.nan_to_num(room, nan=0.0, posinf=np.inf))
+
+
+def extent(path: Path, stand: Stand) -> Array:
+    """What corrections (n,) are measured by [-]: size and radian, more where slides are far out."""
+    moved = (stand.place - path.at_home.place)[..., :2] * path.tracker.weights[:, :2]
+    far = 1.0 + np.abs(moved).max(axis=(1, 2), initial=0.0)
+    return np.asarray(np.maximum(far, stand.reach))
+
+
+def growth(room: Array) -> Array:
+    """Factor (n,) from a step to the next one."""
+    return np.clip(0.7 * room, 0.25, 4.0)
 
 
 def predicted(place: Array, rate: Array, step: Array) -> Array:
@@ -248,11 +257,10 @@ def predicted(place: Array, rate: Array, step: Array) -> Array:
     return moved
 
 
-def strides(path: Path, rate: Array) -> Array:
-    """Share of the line (n,) in which no link moves further than a stride."""
-    speed = np.abs(rate) * path.tracker.weights
+def strides(rate: Array) -> Array:
+    """Share of the line (n,) in which no link turns further than a stride."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(STRIDE / speed.max(axis=(1, 2), initial=0.0))
+        return np.asarray(STRIDE / np.abs(rate[..., 2]).max(axis=1, initial=0.0))
 
 
 class Knots:
@@ -263,51 +271,74 @@ class Knots:
         self.home = float(path.home[0])
         self.rotary = path.structure.driver_joint(path.drivers[0]).rotary
         one = np.ones((1, 1))
-        start = path.tracker.at(path.home[None, :], one, path.at_home.place)[0]
-        self.sides = {way: _Side(path, way, start) for way in (1, -1)}
+        start = path.tracker.at(path.home[None, :], one, path.at_home.place, one=True)[0]
+        unit = 1.0 if self.rotary else path.group.parameters().size
+        self.sides = {way: _Side(path, way, start, unit) for way in (1, -1)}
 
-    def follow(self, q: Array) -> tuple[Array, Array]:
-        """As `Path.follow`, for driver values (n,)."""
+    def follow(self, q: Array, one: bool) -> tuple[Array, Array]:
+        """As `Path.follow`, for driver values (n,).
+
+        Behind the end of an arc a crank stands where it also stands whole turns before:
+        if that is on the arc, that is its pose.
+        """
         q = self._folded(q)
+        place, reached = self._along(q, one)
+        lost = np.flatnonzero(reached < 1.0)
+        if not (self.rotary and len(lost)):
+            return place, reached
+        behind = self.home + np.mod(q[lost] - self.home, TURN)
+        for same in (behind, behind - TURN):
+            there, share = self._along(same, one)
+            better = share > reached[lost]
+            place[lost[better]], reached[lost[better]] = there[better], share[better]
+        return place, reached
+
+    def _along(self, q: Array, one: bool) -> tuple[Array, Array]:
         away = q - self.home
         place = np.full((len(q), *self.path.at_home.place.shape[1:]), np.nan)
         reached = np.where(np.isfinite(q), 0.0, np.nan)
         for way, side in self.sides.items():
             here = np.flatnonzero(away * way >= 0.0 if way > 0 else away < 0.0)
             if len(here):
-                place[here], reached[here] = side.follow(q[here], away[here])
+                place[here], reached[here] = side.follow(q[here], away[here], one)
         return place, reached
 
     def _folded(self, q: Array) -> Array:
-        """Driver values of further turns, brought into the first one where it repeats."""
+        """Driver values of further turns, brought into the first ones where they repeat."""
         far = np.abs(q - self.home) >= TURN
-        if not (far.any() and self.repeats):
+        if not (far.any() and self.turns):
             return q
-        return np.where(far, self.home + np.mod(q - self.home, TURN), q)
+        return np.where(far, self.home + np.mod(q - self.home, self.turns * TURN), q)
 
     @cached_property
-    def repeats(self) -> bool:
-        """Whether a turn of the driver ends in the pose at home."""
+    def turns(self) -> int:
+        """Turns of the driver after which the pose at home is back; 0 if the path ends."""
         if not self.rotary:
-            return False
-        place, _ = self.sides[1].follow(np.array([self.home + TURN]), np.array([TURN]))
-        scaled = (place - self.path.at_home.place)[..., :2] * self.path.tracker.weights[..., :2]
-        turned = (place - self.path.at_home.place)[..., 2:]
-        return bool(np.abs(scaled).max() < SAME and np.abs(turned).max() < SAME)
+            return 0
+        home = self.path.at_home.place
+        for k in range(1, MODES + 1):
+            away = np.array([k * TURN])
+            place, _ = self.sides[1].follow(self.home + away, away, one=True)
+            apart = np.abs(place - home).max(axis=0) * self.path.tracker.weights
+            if not np.isfinite(apart).all():
+                return 0
+            if apart.max() < SAME:
+                return k
+        return 0
 
 
 class _Side:
-    """Knots to one side of home."""
+    """Knots to one side of home; ``unit`` is what the driver is measured by [rad or m]."""
 
-    def __init__(self, path: Path, way: int, start: Stand) -> None:
-        self.path, self.way = path, way
+    def __init__(self, path: Path, way: int, start: Stand, unit: float) -> None:
+        self.path, self.way, self.unit = path, way, unit
         self.q = [float(path.home[0])]
         self.stands = [start]
         self.ended = False
-        self.step = 1.0
+        self.step = unit
         self._laid: tuple[Array, Stand] | None = None
 
-    def follow(self, q: Array, away: Array) -> tuple[Array, Array]:
+    def follow(self, q: Array, away: Array, one: bool) -> tuple[Array, Array]:
         """Places and shares at driver values (n,) on this side."""
         self._grow(float(np.abs(away).max()))
         knots, stands = self._arrays()
@@ -316,113 +347,42 @@ class _Side:
         k = np.searchsorted(knots * self.way, q * self.way, side="right") - 1
         start = knots[k]
         line = q - start
-        stand = Stand(stands.place[k], stands.rate[k] * line[:, None, None])
-        found, share = travel(self.path, start[:, None], stand, q[:, None])
+        stand = stands.at(k)
+        stand = stand._replace(rate=stand.rate * line[:, None, None])
+        place, share = travel(self.path, start[:, None], stand, q[:, None], one)
         with np.errstate(invalid="ignore", divide="ignore"):
             gone = np.where(np.isnan(q), knots[-1], start + share * line) - self.path.home[0]
-            return found.place, np.where(share >= 1.0, 1.0, np.minimum(gone / away, BEFORE))
+            return place, np.where(share >= 1.0, 1.0, np.minimum(gone / away, BEFORE))
 
     def _grow(self, reach: float) -> None:
         """Lay knots until one is further from home than ``reach``; each by its forerunner."""
         path, home = self.path, float(self.path.home[0])
         while not self.ended and abs(self.q[-1] - home) <= reach and len(self.q) < MOST * 20:
             stand = self.stands[-1]
-            limit = float(strides(path, stand.rate)[0])
-            step = min(self.step, limit)
+            step = min(self.step, float(strides(stand.rate)[0]))
             while True:
                 q = np.array([[self.q[-1] + self.way * step]])
                 ahead = predicted(stand.place, stand.rate, np.array([self.way * step]))
-                found, first, sign = path.tracker.at(q, np.ones((1, 1)), ahead)
-                if first[0] <= CORRECTION and (sign == path.sign).all():
+                found, first = path.tracker.at(q, np.ones((1, 1)), ahead, one=True)
+                room = room_left(path, stand, found, first)
+                if room[0] >= 1.0:
                     break
-                step /= 4
-                if step < END * max(1.0, abs(home)):
+                step *= float(growth(room)[0])
+                if step < END * max(self.unit, abs(self.q[-1])):
                     self.ended = True
                     return
             self.q.append(float(q[0, 0]))
             self.stands.append(found)
-            self.step = step * min(4.0, 0.7 * math.sqrt(CORRECTION / max(float(first[0]), 1e-6)))
+            self.step = step * float(growth(room)[0])
             self._laid = None
 
     def _arrays(self) -> tuple[Array, Stand]:
         if self._laid is None:
-            place = np.concatenate([s.place for s in self.stands])
-            rate = np.concatenate([s.rate for s in self.stands])
-            self._laid = np.array(self.q), Stand(place, rate)
+            columns = zip(*(s.J for s in self.stands), strict=True)
+            J = tuple(np.concatenate(x) for x in columns)
+            place, rate, nearest, reach = (
+                np.concatenate([getattr(s, x) for s in self.stands])
+                for x in ("place", "rate", "nearest", "reach")
+            )
+            self._laid = np.array(self.q), Stand(place, rate, J, nearest, reach)
         return self._laid
-
-
-class Tracker:
-    """The program of one step: from guessed places to places, rates, and how Newton went."""
-
-    def __init__(self, structure: Structure, block: str, drivers: tuple[str, ...]) -> None:
-        above = structure.ancestors(block)
-        self.groups = [name for name in followed(structure) if name in above]
-        links = [LinkRef(n, k) for n in self.groups for k in structure.blocks[n].link_names]
-        s = Schedule(structure, Scene(), Friction("none"), guess=_given)
-        wanted, last = [], []
-        for link in links:
-            wanted += list(s.ask(link_position, link))
-            if moves(s, link.block, ACTUAL):
-                wanted += list(s.ask(link_velocity, link))
-            else:
-                wanted += ["ZERO", "0.0"]
-        for name in self.groups:
-            pose, p = s.ask(position, name), s.ask(parameters, name)
-            last += [f"{pose}.first", s.emit(orientation, pose, p, name=f"{name}_sign")]
-        self.program = s.program([*wanted, *last])
-        self.links = links
-        sizes = [structure.blocks[link.block].parameters().size for link in links]
-        self.weights = np.array([[1 / x, 1 / x, 1.0] for x in sizes])
-        columns = {f"q_{structure.drivers.index(d)}": ("q", k) for k, d in enumerate(drivers)}
-        columns |= {f"qd_{structure.drivers.index(d)}": ("line", k) for k, d in enumerate(drivers)}
-        for j, link in enumerate(links):
-            for i, name in enumerate(_unknowns(s, link)):
-                columns[name] = ("place", (j, i))  # type: ignore[assignment]
-        self._columns = [columns[name] for name in self.program.inputs]
-
-    @cached_property
-    def _scalar(self) -> ScalarEngine:
-        from blockmech.engines import ScalarEngine
-
-        return ScalarEngine(self.program)
-
-    @cached_property
-    def _batch(self) -> NumpyEngine:
-        from blockmech.engines import NumpyEngine
-
-        return NumpyEngine(self.program)
-
-    def at(self, q: Array, line: Array, place: Array) -> tuple[Stand, Array, Array]:
-        """Corrected places with rates along the line, first corrections (n,), signs (n, g)."""
-        n, m = len(q), len(self.links)
-        data = {"q": q, "line": line, "place": place}
-        given = [data[what][(slice(None), *np.atleast_1d(k))] for what, k in self._columns]
-        if n == 1:
-            values: Any = [np.array([v]) for v in self._scalar.one([float(x[0]) for x in given])]
-        else:
-            inputs = dict(zip(self.program.inputs, given, strict=True))
-            values = self._batch.run(inputs, n)
-        found = Stand(np.empty((n, m, 4)), np.empty((n, m, 3)))
-        for j in range(m):
-            o, e, v, om = values[4 * j : 4 * j + 4]
-            found.place[:, j, 0], found.place[:, j, 1] = o.real, o.imag
-            found.place[:, j, 2], found.place[:, j, 3] = e.real, e.imag
-            found.rate[:, j, 0], found.rate[:, j, 1] = v.real, v.imag
-            found.rate[:, j, 2] = om
-        rest = values[4 * m :]
-        first = np.max([np.asarray(x) for x in rest[0::2]], axis=0)
-        return found, first, np.stack([np.asarray(x) for x in rest[1::2]], axis=1)
-
-
-def _unknowns(s: Schedule, link: LinkRef) -> list[str]:
-    """Names of the inputs that are a link's guessed place."""
-    number = s.structure.links[link]
-    return [f"{what}_{number}" for what in ("x", "y", "ex", "ey")]
-
-
-def _given(s: Schedule, block: str) -> str:
-    """The guess of a group's pose as inputs of the program."""
-    links = (LinkRef(block, name) for name in s.structure.blocks[block].link_names)
-    places = [f"({', '.join(s.unknown(x) for x in _unknowns(s, link))})" for link in links]
-    return f"(({', '.join(places)},), 1.0)"

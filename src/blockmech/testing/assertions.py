@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.errors import Problem, RequestError
-from blockmech.model.graph import Graph
+from blockmech.model.opening import Opened, opened, problems_in
 from blockmech.testing.expectations import compared, failure_table
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ ROUNDING = 8 * float(np.finfo(float).eps)
 """Relative, of a driver coordinate: ends of arcs are found to rounding."""
 
 
-def assert_graph(graph: Graph | str | os.PathLike[str]) -> GraphAssertion:
-    """Start a chain of assertions about a graph, or about a graph file.
+def assert_graph(graph: Opened | str | os.PathLike[str]) -> GraphAssertion:
+    """Start a chain of assertions about a graph, links and joints, or a file of either.
 
     >>> import blockmech as bm
     >>> g = bm.Graph("crank alone")
@@ -43,29 +43,25 @@ def assert_graph(graph: Graph | str | os.PathLike[str]) -> GraphAssertion:
 
 
 class GraphAssertion:
-    """A chain of assertions about one graph; made by `assert_graph`."""
+    """A chain of assertions about one mechanism; made by `assert_graph`."""
 
-    def __init__(self, graph: Graph | str | os.PathLike[str]) -> None:
+    def __init__(self, graph: Opened | str | os.PathLike[str]) -> None:
         self._given = graph
 
     @property
     def _name(self) -> str:
-        return self._given.name if isinstance(self._given, Graph) else os.fspath(self._given)
+        return self._given.name if isinstance(self._given, Opened) else os.fspath(self._given)
 
     @cached_property
     def _problems(self) -> list[Problem]:
-        if isinstance(self._given, Graph):
-            return self._given.check()
-        from blockmech.model.document import problems_in
-
-        return problems_in(self._given)
+        return self._given.check() if isinstance(self._given, Opened) else problems_in(self._given)
 
     @cached_property
     def _mechanism(self) -> Mechanism:
         __tracebackhide__ = True
         if self._problems:
             self._fail("a valid mechanism", _lines(self._problems))
-        graph = self._given if isinstance(self._given, Graph) else Graph.load(self._given)
+        graph = self._given if isinstance(self._given, Opened) else opened(self._given)
         return graph.compile()
 
     def _fail(self, expected: str, found: str) -> NoReturn:

@@ -1,27 +1,44 @@
-"""One placer a dyad: from the places of its ends to parameters and places of its links.
+"""One placer a group: from the places of its ends to parameters and places of its links.
 
 A placer ``(chance, least_margin, end, end)`` gets the place and direction of what its outer
-joints are wired to, and gives the block's parameters and the pose of its links, or None
-where the ends leave no good one.
+joints are wired to, and gives the block's parameters, the pose of its links and the
+coordinates of its driven joints, or None where the ends leave no good one. A general group
+has a shape first, drawn until it is determinate, and then as many ends as that has.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from blockmech.blocks.general import GeneralGroup
+from blockmech.blocks.general.equations import ends
+from blockmech.blocks.general.kernels import jacobian
+from blockmech.model.rigidity import Pair, rigidity
+from blockmech.plane import spread
+from blockmech.typing import Guide, LinkPosition
+from blockmech.values import Link
 
 if TYPE_CHECKING:
     from blockmech.testing.strategies import Chance
 
 Spot = tuple[complex, complex]
-Placed = tuple[dict[str, Any], dict[str, Spot]] | None
+
+
+class Placed(NamedTuple):
+    """Parameters, place and direction of each link, coordinate [rad or m] of driven joints."""
+
+    numbers: dict[str, Any]
+    places: dict[str, Spot]
+    drives: Mapping[str, float] = {}
+
 
 OWNERS = ("later", "later", "earlier")  # of a slider's point
 
 
-def _rrr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed:
+def _rrr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed | None:
     b, d = B[0], D[0]
     side = chance.pick((-1, 1))
     c = b + (d - b) * complex(chance.uniform(-0.3, 1.3), side * chance.uniform(0.2, 2.0))
@@ -29,10 +46,10 @@ def _rrr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed:
     if abs(d - b) < 0.1 or _sine2(u, w) < least:
         return None
     numbers = {"l_i": abs(u), "l_j": abs(w), "branch": side}
-    return numbers, {"i": (b, u / abs(u)), "j": (d, w / abs(w))}
+    return Placed(numbers, {"i": (b, u / abs(u)), "j": (d, w / abs(w))})
 
 
-def _rrp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed:
+def _rrp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed | None:
     b, (g, u) = B[0], S
     h, x = chance.uniform(-0.4, 0.4), chance.uniform(-1.5, 1.5)
     c = g + x * u - 1j * u * h
@@ -42,10 +59,10 @@ def _rrp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed:
         return None
     numbers: dict[str, Any] = {"l": abs(w), "h": h, "branch": 1 if along > 0 else -1}
     numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.pick(OWNERS)}
-    return numbers, {"i": (b, w / abs(w)), "j": (c, u)}
+    return Placed(numbers, {"i": (b, w / abs(w)), "j": (c, u)})
 
 
-def _rpr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed:
+def _rpr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed | None:
     b, d = B[0], D[0]
     u = cmath.rect(1.0, chance.uniform(-math.pi, math.pi))
     s, h = ((d - b) * u.conjugate()).real, ((d - b) * u.conjugate()).imag
@@ -54,10 +71,10 @@ def _rpr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed:
     h_j = chance.uniform(-0.4, 0.4)
     numbers: dict[str, Any] = {"h_i": h + h_j, "h_j": h_j, "branch": 1 if s > 0 else -1}
     numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.pick(OWNERS)}
-    return numbers, {"i": (b, u), "j": (d, u)}
+    return Placed(numbers, {"i": (b, u), "j": (d, u)})
 
 
-def _prp(chance: Chance, least: float, S1: Spot, S2: Spot) -> Placed:
+def _prp(chance: Chance, least: float, S1: Spot, S2: Spot) -> Placed | None:
     (g1, u1), (g2, u2) = S1, S2
     if _sine2(u1, u2) < least:
         return None
@@ -70,10 +87,10 @@ def _prp(chance: Chance, least: float, S1: Spot, S2: Spot) -> Placed:
     numbers: dict[str, Any] = {"h1": h1, "h2": h2}
     numbers |= {n: chance.uniform(-0.3, 0.3) for n in ("x_S1", "x_S2")}
     numbers["slider"] = {n: chance.pick(OWNERS) for n in ("S1", "S2")}
-    return numbers, {"i": (c, u1), "j": (c, u2)}
+    return Placed(numbers, {"i": (c, u1), "j": (c, u2)})
 
 
-def _rpp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed:
+def _rpp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed | None:
     b, (g, u2) = B[0], S
     beta = chance.uniform(0.3, 2.8) * chance.pick((-1, 1))
     if math.sin(beta) ** 2 < least:
@@ -85,7 +102,18 @@ def _rpp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed:
     numbers: dict[str, Any] = {"beta": beta, "h_i": h_i, "h_j": h_j}
     numbers |= {n: chance.uniform(-0.3, 0.3) for n in ("x_S1", "x_S")}
     numbers["slider"] = {n: chance.pick(OWNERS) for n in ("S1", "S")}
-    return numbers, {"i": (b, u1), "j": (g + x * u2, u2)}
+    return Placed(numbers, {"i": (b, u1), "j": (g + x * u2, u2)})
+
+
+def _cylinder(chance: Chance, least: float, B: Spot, D: Spot) -> Placed | None:
+    made = _rrr(chance, least, B, D)
+    if made is None:
+        return None
+    numbers, places, _ = made
+    q = numbers.pop("l_i")
+    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.pick(OWNERS)}
+    (b, e), j = places.values()
+    return Placed(numbers, {"barrel": (b, e), "rod": (b + q * e, e), "j": j}, {"S": q})
 
 
 def _cross(a: complex, b: complex) -> float:
@@ -96,11 +124,130 @@ def _sine2(a: complex, b: complex) -> float:
     return (_cross(a, b) / (abs(a) * abs(b))) ** 2
 
 
-PLACERS: dict[str, Callable[..., Placed]] = {
+class Tie(NamedTuple):
+    """A pair of a general group without geometry; ``first`` is "" for a support."""
+
+    first: str
+    second: str
+    kind: str
+    driven: bool
+
+    @property
+    def guided(self) -> bool:
+        """Whether an outer pair reads a direction."""
+        return self.kind == "P" or self.driven
+
+
+Shape = Mapping[str, Tie]
+"""Pairs of a general group by name."""
+SIZES = ((2, 0), (4, 0), (4, 0), (6, 0), (1, 1), (3, 1), (5, 1), (2, 2), (4, 2))
+"""Numbers of links and driven pairs: 3 n - k is even."""
+SOFT = 0.05  # margins of general groups are ratios of singular values: smaller than a sine
+
+
+def random_shape(
+    chance: Chance, sizes: Sequence[tuple[int, int]] = SIZES, kinds: Sequence[str] = "RRRP"
+) -> Shape:
+    """Random links and pairs that are determinate together for generic lengths."""
+    n, k = chance.pick(sizes)
+    links = [f"k{i}" for i in range(n)]
+    while True:
+        shape = {}
+        for i in range((3 * n - k) // 2):
+            second = links[i] if i < n else chance.pick(links)
+            first = chance.pick([*("" for _ in range(max(2, n // 2))), *links])
+            if first != second:
+                shape[f"J{i}"] = Tie(first, second, chance.pick(kinds), i >= (3 * n - k) // 2 - k)
+        if len(shape) == (3 * n - k) // 2 and is_determinate(links, shape):
+            return shape
+
+
+def is_determinate(links: Sequence[str], shape: Shape) -> bool:
+    """Whether nothing moves and nothing is held twice, for generic lengths."""
+    pairs = [Pair(n, t.first or " ", t.second, t.kind) for n, t in shape.items()]  # type: ignore[arg-type]
+    driven = [n for n, t in shape.items() if t.driven]
+    return rigidity(links, pairs, [" "], driven).determinate
+
+
+def place_group(
+    chance: Chance, least: float, shape: Shape, supports: Mapping[str, Spot]
+) -> Placed | None:
+    """A general group of this shape on its supports: parameters without the home's drivers."""
+    links = dict.fromkeys(x for tie in shape.values() for x in (tie.first, tie.second) if x)
+    places = {
+        link: (
+            complex(chance.uniform(-2.0, 2.0), chance.uniform(-2.0, 2.0)),
+            cmath.rect(1.0, chance.uniform(-math.pi, math.pi)),
+        )
+        for link in links
+    }
+    pairs, drives = {}, {}
+    for name, tie in shape.items():
+        pairs[name], q = _pair(chance, tie, places, supports.get(name))
+        if tie.driven:
+            drives[name] = q
+    poses = {k: (o.real, o.imag, cmath.phase(e)) for k, (o, e) in places.items()}
+    numbers: dict[str, Any] = {"pairs": pairs, "home": {"drivers": {}, "poses": poses}}
+    group = GeneralGroup(links={link: Link() for link in links}, **numbers)
+    if _general_margin(group, places, supports) < least * SOFT:
+        return None
+    return Placed(numbers, places, drives)
+
+
+def _pair(
+    chance: Chance, tie: Tie, places: Mapping[str, Spot], support: Spot | None
+) -> tuple[dict[str, Any], float]:
+    """A pair where its links are, and its coordinate there."""
+    if support is None:
+        a = places[tie.first][0] + cmath.rect(chance.uniform(0.2, 1.5), chance.uniform(-3.0, 3.0))
+        u = cmath.rect(1.0, chance.uniform(-math.pi, math.pi))
+    else:
+        a, u = support
+    slid = chance.uniform(-1.0, 1.0) if tie.kind == "P" else 0.0
+    turned = chance.uniform(-3.0, 3.0) if tie.kind == "R" else 0.0
+    b, w = a + slid * u, u * cmath.rect(1.0, turned)
+    sides = [(tie.second, b, w)] if support else [(tie.first, a, u), (tie.second, b, w)]
+    at, angle = [], []
+    for link, place, direction in sides:
+        o, e = places[link]
+        at.append((place - o) / e)
+        angle.append(cmath.phase(direction / e))
+    made: dict[str, Any] = {"type": tie.kind, "driven": tie.driven}
+    if support:
+        made |= {"link": tie.second, "at": _two(at[0]), "slider": chance.pick(OWNERS)}
+    else:
+        made |= {"links": (tie.first, tie.second), "at": tuple(map(_two, at))}
+        made["slider"] = chance.pick(("i", "j"))
+    if tie.guided:
+        made["angle"] = angle[0] if support else tuple(angle)
+    return made, turned if tie.kind == "R" else slid
+
+
+def _two(z: complex) -> tuple[float, float]:
+    return z.real, z.imag
+
+
+def _general_margin(
+    group: GeneralGroup, places: Mapping[str, Spot], supports: Mapping[str, Spot]
+) -> float:
+    p = group.parameters()
+    pose = tuple(LinkPosition(*places[link]) for link in group.link_names)
+    read = {name: Guide(*spot) for name, spot in supports.items()}
+    given = tuple(
+        read[j.name] if j.reads == "guide" else read[j.name].p
+        for j in group.joints.values()
+        if j.outer
+    )
+    at = tuple(ends(pair, pose, given, p) for pair in group.plans)
+    return float(spread(jacobian(group.plans, at, len(pose), p)) ** 2)
+
+
+PLACERS: dict[str, Callable[..., Placed | None]] = {
     "dyad.rrr": _rrr,
     "dyad.rrp": _rrp,
     "dyad.rpr": _rpr,
     "dyad.prp": _prp,
     "dyad.rpp": _rpp,
+    "driven.rrr": _cylinder,
 }
 """Block type -> how one is placed at random."""

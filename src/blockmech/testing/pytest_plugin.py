@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from blockmech.errors import BlockmechError
-from blockmech.model.graph import Graph
+from blockmech.model.opening import Opened, opened
 from blockmech.testing.expectations import (
     check_closing,
     check_expectation,
@@ -84,9 +84,9 @@ class GraphFile(pytest.File):  # type: ignore[misc]
     """A graph file; its tests are its expectations."""
 
     @cached_property
-    def graph(self) -> Graph:
-        """The graph. Raises `FormatError` or `GraphError`."""
-        return Graph.load(self.path)
+    def graph(self) -> Opened:
+        """The graph, or the links and joints. Raises `FormatError` or `GraphError`."""
+        return opened(self.path)
 
     @cached_property
     def mechanism(self) -> Mechanism:

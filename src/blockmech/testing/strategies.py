@@ -28,7 +28,7 @@ from blockmech.friction.laws import Coulomb
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
 from blockmech.model.graph import Graph
 from blockmech.model.structure import LinkRef
-from blockmech.testing.placers import PLACERS
+from blockmech.testing.placers import PLACERS, SIZES, Placed, place_group, random_shape
 from blockmech.values import Link, Marker, Place, Vector
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 AXES: tuple[Literal["ground", "link"], ...] = ("ground", "link")
 KINDS = ("dyad.rrr", "dyad.rrp", "dyad.rpr", "dyad.prp", "dyad.rpp")
+EVERY = (*KINDS, "driven.rrr", "group.general")
 
 
 class Chance(Protocol):
@@ -75,8 +76,11 @@ class Seeded:
 class Options:
     """What a random mechanism may have.
 
-    groups, drivers : least and greatest number of dyads and of driving links
-    kinds : block types of the dyads
+    groups, drivers : least and greatest number of groups and of driving links
+    kinds : block types of the groups: ``KINDS`` are the dyads, ``EVERY`` adds the cylinder
+        and the general group
+    sizes : numbers of links and of driven pairs that a general group may have
+    pairs : "R" and "P", drawn for each of its pairs
     slides : whether slide drives occur
     moving_drives : whether drivers may sit on moving links
     masses, loads, springs, friction, gravity : whether they occur
@@ -87,6 +91,8 @@ class Options:
     groups: tuple[int, int] = (1, 5)
     drivers: tuple[int, int] = (1, 2)
     kinds: tuple[str, ...] = KINDS
+    sizes: tuple[tuple[int, int], ...] = SIZES
+    pairs: str = "RRRP"
     slides: bool = True
     moving_drives: bool = True
     masses: bool = True
@@ -159,6 +165,7 @@ class _Draft:
     numbers: dict[str, Any]
     places: dict[str, tuple[complex, complex]]  # link -> origin, direction
     feeds: dict[str, str]  # joint -> "block.marker"
+    drives: dict[str, float] = field(default_factory=dict)  # driver -> coordinate
     markers: dict[str, dict[str, Marker]] = field(default_factory=dict)
 
 
@@ -177,7 +184,7 @@ class _Maker:
         for _ in range(self.chance.integer(*self.options.drivers)):
             self._driver()
         for _ in range(self.chance.integer(*self.options.groups)):
-            self._dyad()
+            self._group()
         graph = Graph("random", gravity=(0.0, -9.81) if self.options.gravity else (0.0, 0.0))
         elements = self._elements()
         graph.add("frame", Frame(markers=self.frame))
@@ -266,33 +273,65 @@ class _Maker:
         if slide:
             q = self._signed(0.2, 1.5)
             place = {"slider": (p + q * u, u)}
-            self.drafts[name] = _Draft("driver.slide", {}, place, {"S": source})
+            self.drafts[name] = _Draft("driver.slide", {}, place, {"S": source}, {name: q})
         else:
             q = self.chance.uniform(-math.pi, math.pi)
             numbers = {"length": self.chance.uniform(0.3, 1.5)}
             place = {"crank": (p, u * cmath.rect(1.0, q))}
-            self.drafts[name] = _Draft("driver.crank", numbers, place, {"A": source})
+            self.drafts[name] = _Draft("driver.crank", numbers, place, {"A": source}, {name: q})
         self.at[name] = q
 
-    def _dyad(self) -> None:
+    def _group(self) -> None:
         kind = self.chance.pick([k for k in self.options.kinds if k in REGISTRY])
+        make = self._general if kind == "group.general" else self._dyad
         for _ in range(20):  # places that cannot close well enough are drawn again
-            ends = []
-            joints = [j for j in REGISTRY[kind].joints.values() if j.outer]
-            links = self._links()
-            first = self.chance.pick(links)
-            second = self.chance.pick([k for k in links if k != first])
-            ends = [
-                (j.name, *self._marker(link, j.kind == "P"))
-                for j, link in zip(joints, (first, second), strict=True)
-            ]
-            made = PLACERS[kind](self.chance, self.options.least_margin, *(e[2:] for e in ends))
-            if made is not None:
-                numbers, places = made
-                feeds = {e[0]: e[1] for e in ends}
-                self.drafts[f"group{len(self.drafts) + 1}"] = _Draft(kind, numbers, places, feeds)
-                return
-            self._forget(e[1] for e in ends)
+            made, feeds = make(kind)
+            if made is None:
+                self._forget(feeds.values())
+                continue
+            name = f"group{len(self.drafts) + 1}"
+            cls = REGISTRY[kind]
+            assert issubclass(cls, Moving)
+            drives = {cls.driver_name(name, joint): q for joint, q in made.drives.items()}
+            self.drafts[name] = _Draft(kind, made.numbers, made.places, feeds, drives)
+            self.at |= drives
+            if kind == "group.general":
+                made.numbers["home"]["drivers"] = self._upstream(name)
+            return
+
+    def _dyad(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
+        joints = [j for j in REGISTRY[kind].joints.values() if j.outer]
+        links = self._links()
+        first = self.chance.pick(links)
+        second = self.chance.pick([k for k in links if k != first])
+        ends = [
+            (j.name, *self._marker(link, j.kind == "P"))
+            for j, link in zip(joints, (first, second), strict=True)
+        ]
+        made = PLACERS[kind](self.chance, self.options.least_margin, *(e[2:] for e in ends))
+        return made, {e[0]: e[1] for e in ends}
+
+    def _general(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
+        shape = random_shape(self.chance, self.options.sizes, self.options.pairs)
+        links = self._links()
+        found = {
+            name: self._marker(self.chance.pick(links), tie.guided)
+            for name, tie in shape.items()
+            if not tie.first
+        }
+        spots = {name: (p, u) for name, (_, p, u) in found.items()}
+        made = place_group(self.chance, self.options.least_margin, shape, spots)
+        return made, {name: address for name, (address, _, _) in found.items()}
+
+    def _upstream(self, name: str) -> dict[str, float]:
+        """Coordinates of all drivers on which a block's pose depends."""
+        draft = self.drafts[name]
+        found = dict(draft.drives)
+        for address in draft.feeds.values():
+            block = address.split(".")[0]
+            if block != "frame":
+                found |= self._upstream(block)
+        return found
 
     def _forget(self, addresses: Any) -> None:
         for address in addresses:
@@ -315,14 +354,18 @@ class _Maker:
             links[link] = Link(**properties)
         friction = {}
         assert issubclass(cls, Moving)
-        for joint in cls.joints.values():
+        if cls.own_form:
+            kinds = {name: pair["type"] for name, pair in draft.numbers["pairs"].items()}
+        else:
+            kinds = {name: joint.kind for name, joint in cls.joints.items()}
+        for joint, kind in kinds.items():
             if self.options.friction and self.chance.integer(0, 1):
                 law: dict[str, Any] = {"coefficient": self.chance.uniform(0.05, 0.3)}
-                if joint.kind == "R":
+                if kind == "R":
                     law["radius"] = self.chance.uniform(0.005, 0.05)
                 elif self.chance.integer(0, 1):
                     law["guide_length"] = self.chance.uniform(0.5, 1.5)
-                friction[joint.name] = Coulomb(**law)
+                friction[joint] = Coulomb(**law)
         return cls(**draft.numbers, links=links, friction=friction)
 
     def _elements(self) -> dict[str, tuple[Block, dict[str, str]]]:

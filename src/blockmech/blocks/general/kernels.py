@@ -101,7 +101,8 @@ def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int)
         *inputs, guess, p = given
         supports, q = tuple(inputs[:outer]), tuple(inputs[outer:])
         places = guess[0]
-        pose = tuple(LinkPosition(planar(x, y), planar(ex, ey)) for x, y, ex, ey in places)
+        # The guess is in double: its directions are units to this precision first.
+        pose = tuple(LinkPosition(planar(x, y), unit(planar(ex, ey))) for x, y, ex, ey in places)
         step = newton_step(plans, pose, supports, q, p)
         pose, first = stepped(pose, step, p.size)
         last = first
@@ -115,7 +116,7 @@ def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int)
             pose, last = further, where(more, size, last)
         open_by, rounding = gap(plans, pose, supports, q, p)
         good = where(open_by <= CLOSED * rounding, 1.0 + 0.0 * open_by, NAN)
-        pose = tuple(LinkPosition(mul(o, good), mul(e, good / hyp(e))) for o, e in pose)
+        pose = tuple(LinkPosition(mul(o, good), mul(unit(e), good)) for o, e in pose)
         at = tuple(ends(pair, pose, supports, p) for pair in plans)
         return Pose(pose, at, jacobian(plans, at, links, p), first, guess[1])
 
@@ -157,6 +158,11 @@ def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int)
         return Reactions(tuple(transmitted), tuple(efforts))
 
     return Kernels(position, velocity, acceleration, reactions, margin=margin)
+
+
+def unit(e: Complex) -> Complex:
+    """The vector at length 1."""
+    return mul(e, 1 / hyp(e))
 
 
 def newton_step(

@@ -197,17 +197,18 @@ class Diagram:
         for driver in upstream:
             c, where = found.pairs[joints[driver]], self._driven[driver]
             q = coordinate(found.poses, c)
-            if c.kind == "R":  # poses do not count turns: home is near to where the way starts
-                q -= TURN * round((q - self._start(driver)) / TURN)
+            start = self._start(driver)
+            if c.kind == "R":  # poses need not count turns: home is near to where the way starts
+                q = math.fmod(q, TURN) if start is None else q - TURN * round((q - start) / TURN)
             values[where.driver] = float(to_graph(where, q))
         return {"drivers": values, "poses": {link: _pose(found.poses, link) for link in unit.links}}
 
-    def _start(self, driver: str) -> float:
-        """Coordinate [rad or m] at which a driver's motion starts, 0 if none is given."""
+    def _start(self, driver: str) -> float | None:
+        """Coordinate [rad or m] at which a driver's motion starts, if the document says it."""
         law = self.linkage.drivers[driver]
         if isinstance(law, LawOfMotion):
             return float(law.at_times(np.array([law.begin()]))[0][0])
-        return self.linkage.initial[driver].q if driver in self.linkage.initial else 0.0
+        return self.linkage.initial[driver].q if driver in self.linkage.initial else None
 
     # -- loads, scene, names ----------------------------------------------
 

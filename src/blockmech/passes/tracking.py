@@ -1,0 +1,154 @@
+"""One step of a path: from guessed places of groups without closed form to their poses.
+
+The tracker runs a program of its own, made of the same rules as any other: its inputs are
+driver values, a direction of the line that is followed, and a guess for every link.
+
+Sources: Allgower & Georg, Introduction to numerical continuation methods, 2003, ch. 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.model.scene import Scene
+from blockmech.model.structure import LinkRef, Structure
+from blockmech.passes.forward import ACTUAL, link_position, link_velocity, moves, position
+from blockmech.plan import Friction, Schedule
+from blockmech.plane import SCALAR_PRIMITIVES
+
+if TYPE_CHECKING:
+    from blockmech.engines import NumpyEngine
+
+Array = NDArray[Any]
+
+
+class Stand(NamedTuple):
+    """Poses of all followed links at n samples, with their rates along the line.
+
+    place : (n, m, 4) [m, -] origin and direction of each link
+    rate : (n, m, 3) [m, rad] of origin and angle by the share of the line
+    J : of each followed group the Jacobian (n, N, N) [-], its rows of unit length
+    nearest : (n, g) [-] its smallest singular value: how near a singular one is
+    reach : (n,) [-] the longest of its rows: at least 1, more where slides are far out
+    """
+
+    place: Array
+    rate: Array
+    J: tuple[Array, ...]
+    nearest: Array
+    reach: Array
+
+    def at(self, samples: Any) -> Stand:
+        """Some of the samples."""
+        J = tuple(x[samples] for x in self.J)
+        place, rate, _, nearest, reach = self
+        return Stand(place[samples], rate[samples], J, nearest[samples], reach[samples])
+
+    def put(self, samples: Array, other: Stand) -> None:
+        """Overwrite some of the samples."""
+        for mine, theirs in zip(self.J, other.J, strict=True):
+            mine[samples] = theirs
+        for name in ("place", "rate", "nearest", "reach"):
+            getattr(self, name)[samples] = getattr(other, name)
+
+
+class Tracker:
+    """The program of one step: from guessed places to places, rates, J, and how Newton went."""
+
+    def __init__(
+        self, structure: Structure, groups: Sequence[str], drivers: tuple[str, ...]
+    ) -> None:
+        self.groups = groups
+        links = [LinkRef(n, k) for n in self.groups for k in structure.blocks[n].link_names]
+        s = Schedule(structure, Scene(), Friction("none"), guess=_given)
+        wanted, last = [], []
+        for link in links:
+            wanted += list(s.ask(link_position, link))
+            if moves(s, link.block, ACTUAL):
+                wanted += list(s.ask(link_velocity, link))
+            else:
+                wanted += ["ZERO", "0.0"]
+        for name in self.groups:
+            pose = s.ask(position, name)
+            last += [f"{pose}.first", f"{pose}.J"]
+        self.program = s.program([*wanted, *last])
+        self.links = links
+        sizes = [structure.blocks[link.block].parameters().size for link in links]
+        self.weights = np.array([[1 / x, 1 / x, 1.0, 1.0] for x in sizes])
+        columns = {f"q_{structure.drivers.index(d)}": ("q", k) for k, d in enumerate(drivers)}
+        columns |= {f"qd_{structure.drivers.index(d)}": ("line", k) for k, d in enumerate(drivers)}
+        for j, link in enumerate(links):
+            for i, name in enumerate(_unknowns(s, link)):
+                columns[name] = ("place", (j, i))  # type: ignore[assignment]
+        self._columns = [columns[name] for name in self.program.inputs]
+
+    @cached_property
+    def _scalar(self) -> Any:
+        from blockmech.engines.binding import bind
+        from blockmech.engines.scalar import CONSTANTS
+
+        return bind(self.program, SCALAR_PRIMITIVES, CONSTANTS)
+
+    @cached_property
+    def _batch(self) -> NumpyEngine:
+        from blockmech.engines import NumpyEngine
+
+        return NumpyEngine(self.program)
+
+    def at(self, q: Array, line: Array, place: Array, one: bool = False) -> tuple[Stand, Array]:
+        """Corrected places with rates along the line, and first corrections (n,)."""
+        n, m = len(q), len(self.links)
+        data = {"q": q, "line": line, "place": place}
+        given = [data[what][(slice(None), *np.atleast_1d(k))] for what, k in self._columns]
+        values = self._values(given, n, one)
+        found = np.empty((n, m, 4)), np.empty((n, m, 3))
+        for j in range(m):
+            o, e, v, om = values[4 * j : 4 * j + 4]
+            found[0][:, j, 0], found[0][:, j, 1] = o.real, o.imag
+            found[0][:, j, 2], found[0][:, j, 3] = e.real, e.imag
+            found[1][:, j, 0], found[1][:, j, 1] = v.real, v.imag
+            found[1][:, j, 2] = om
+        rest = values[4 * m :]
+        first = np.max([np.broadcast_to(x, (n,)) for x in rest[0::2]], axis=0)
+        whole = [np.asarray(x).reshape((n, *np.shape(x)[-2:])) for x in rest[1::2]]
+        long = [np.sqrt(np.square(x).sum(axis=-1)) for x in whole]
+        J = tuple(x / rows[..., None] for x, rows in zip(whole, long, strict=True))
+        nearest = np.stack([_smallest(x) for x in J], axis=1)
+        reach = np.max([rows.max(axis=-1) for rows in long], axis=0)
+        return Stand(*found, J, nearest, reach), first
+
+    def _values(self, given: list[Array], n: int, one: bool) -> tuple[Any, ...]:
+        if one:
+            try:
+                numbers = [float(x[0]) for x in given]
+                found: tuple[Any, ...] = self._scalar(*numbers, self.program.parameters.values())
+                return found
+            except (ArithmeticError, ValueError):  # singular: the batch gives NaN
+                pass
+        inputs = dict(zip(self.program.inputs, given, strict=True))
+        return self._batch.run(inputs, n, chunk=max(n, 1))
+
+
+def _smallest(J: Array) -> Array:
+    """The smallest singular value (n,) of each matrix; NaN where an entry is."""
+    good: Array = np.asarray(np.isfinite(J).all(axis=(1, 2)))
+    values = np.linalg.svd(np.where(good[:, None, None], J, 0.0), compute_uv=False)
+    return np.where(good, values[:, -1], np.nan)
+
+
+def _unknowns(s: Schedule, link: LinkRef) -> list[str]:
+    """Names of the inputs that are a link's guessed place."""
+    number = s.structure.links[link]
+    return [f"{what}_{number}" for what in ("x", "y", "ex", "ey")]
+
+
+def _given(s: Schedule, block: str) -> str:
+    """The guess of a group's pose as inputs of the program."""
+    links = (LinkRef(block, name) for name in s.structure.blocks[block].link_names)
+    places = [f"({', '.join(s.unknown(x) for x in _unknowns(s, link))})" for link in links]
+    return f"(({', '.join(places)},), 1.0)"

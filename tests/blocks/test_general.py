@@ -1,0 +1,433 @@
+"""The general group: any class, R and P, driven pairs inside; against dyads and the judge."""
+
+from __future__ import annotations
+
+import cmath
+import json
+
+import jsonschema
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.draw import draw
+from blockmech.model.document import loads
+from blockmech.model.schema import graph_schema
+from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
+from tests.blocks import machines
+from tests.blocks.platforms import HOME, REACH, platform, stacked, triad, two_drivers
+from tests.blocks.test_against_the_judge import ROUNDING, Comparison
+
+TURN = 2 * np.pi
+CLOSED_FORM = 1e-12  # [-] of the largest of its kind, times the conditioning
+TWO_ROUTES = 1e-12  # [-] what `verify` allows, times the conditioning
+BY_BLOCK = (".margin", ".transmission", ".mu")  # these are of the form, not of the mechanism
+
+
+def moving(mech, rate):
+    """Rates and accelerations of all drivers."""
+    drivers = mech.drivers
+    return {"rates": dict.fromkeys(drivers, rate), "accelerations": dict.fromkeys(drivers, -rate)}
+
+
+# -- dyads as general groups ----------------------------------------------------------------
+
+
+def forced(graph, at):
+    """The graph with every dyad written as a general group, homes taken from its own pose."""
+    mech = graph.compile()
+    s = mech.structure
+    drivers = dict(zip(s.drivers, np.atleast_1d(at), strict=True))
+    links = [str(link) for link in s.links if link != s.frame_link]
+    want = [f"{link}.{x}" for link in links for x in ("p", "angle")]
+    pose = mech.run(at=drivers, rates=dict.fromkeys(drivers, 0.0), want=want)
+    made = bm.Graph(graph.name, gravity=graph.scene.gravity)
+    for name, block in graph.blocks.items():
+        if block.type_name.startswith("dyad."):
+            upstream = {d: drivers[d] for d in s.upstream[name]}
+            made.add(name, as_general(name, block, pose, upstream))
+        else:
+            made.add(name, block)
+    for wire in graph.wires:
+        made.connect(wire.source, wire.target)
+    return made
+
+
+def as_general(name, block, pose, upstream):
+    """A dyad's links, joints and markers in the words of the general group."""
+    links, poses = {}, {}
+    built_in = {m.link: {} for m in block.built_in.values()}
+    for marker, m in block.built_in.items():
+        if marker not in block.joints:
+            x = getattr(block, m.along) if m.along else 0.0
+            built_in[m.link][marker] = bm.Marker(at=(x, 0.0))
+    for link, given in block.links_or_default().items():
+        markers = {**given.markers, **built_in.get(link, {})}
+        links[link] = given.model_copy(update={"markers": markers})
+        p = pose[f"{name}.{link}.p"][0]
+        poses[link] = (p.real, p.imag, float(pose[f"{name}.{link}.angle"][0]))
+    pairs = {}
+    for joint in block.joints.values():
+        sides = [joint.link] if joint.outer else list(joint.links)
+        places, angles = zip(*(_side(block, joint, link) for link in sides), strict=True)
+        pair = {"type": joint.kind}
+        pair |= {"link": sides[0]} if joint.outer else {"links": tuple(sides)}
+        pair["at"] = places[0] if joint.outer else places
+        if joint.kind == "P":
+            pair["angle"] = angles[0] if joint.outer else angles
+            later = block.slider_owner(joint.name) == "later"
+            words = ("later", "earlier") if joint.outer else ("j", "i")
+            pair["slider"] = words[0 if later else 1]
+        pairs[joint.name] = pair
+    return bm.GeneralGroup(
+        links=links,
+        pairs=pairs,
+        friction=block.friction,
+        home={"drivers": upstream, "poses": poses},
+    )
+
+
+def _side(block, joint, link):
+    if joint.kind == "P":
+        z, (_, u) = block.slider_place(joint.name, link), block.guide_line(joint.name, link)
+        return (z.real, z.imag), cmath.phase(u)
+    for marker in (joint.name, f"{joint.name}j"):
+        found = block.built_in.get(marker)
+        if found and found.link == link:
+            return ((getattr(block, found.along) if found.along else 0.0), 0.0), 0.0
+    raise LookupError(joint.name)
+
+
+DYADS = {
+    "slider-crank": (machines.slider_crank(), 0.3),
+    "whitworth": (machines.whitworth(branch=-1), 0.3),
+    "slotted crank": (machines.slotted_crank(), 0.3),
+    "yoke": (machines.yoke({"S1": "i", "S": "earlier"}, beta=-1.1), 0.3),
+    "shaper": (machines.shaper(), 1.1),
+    "stacked": (machines.stacked(), (4.0, 0.24)),
+}
+
+
+@pytest.mark.parametrize(("graph", "home"), DYADS.values(), ids=list(DYADS))
+@pytest.mark.parametrize("friction", ["none", "newton"])
+def test_dyads_forced_into_general_groups_agree_with_their_closed_forms(graph, home, friction):
+    dyads, general = graph.compile(), forced(graph, home).compile()
+    drivers = dyads.drivers
+    span = np.linspace(0.0, TURN if len(drivers) == 1 else 0.3, 41)
+    at = {d: q + span for d, q in zip(drivers, np.atleast_1d(home), strict=True)}
+    given = {"at": at, **moving(dyads, 2.0), "friction": friction}
+    a, b = (m.run(**given, on_gap="mark", want="*") for m in (dyads, general))
+    # Beyond a dead centre a path ends, where a closed form begins anew.
+    both = [x == y == "ok" for x, y in zip(a.quality.status, b.quality.status, strict=True)]
+    assert sum(both) >= 20
+    singular = np.max([1 / m[both] for m in b.quality.margin.values()], axis=0)
+    names = [n for n in a if n in b and np.size(a[n]) == 41 and not n.endswith(BY_BLOCK)]
+    assert len(names) >= 50
+    for kind in sorted({n.rsplit(".", 1)[1] for n in names}):
+        same = [n for n in names if n.endswith(f".{kind}")]
+        scale = max(np.abs(a[n][both]).max() for n in same) or 1.0
+        for n in same:
+            off = np.abs(a[n][both] - b[n][both])
+            if kind == "angle":
+                off = np.abs(np.exp(1j * (a[n][both] - b[n][both])) - 1)
+            assert (off / singular).max() <= CLOSED_FORM * scale, n
+
+
+# -- against the judge --------------------------------------------------------------------
+
+
+def odd(name):
+    """A name that is no Python name."""
+    return f"Lenker {name} α"
+
+
+CASES = {
+    f"{name} at {q}": (graph, q)
+    for name, graph, qs in (
+        ("triad", triad(), (0.6, 2.2, -1.0)),
+        ("two drivers", two_drivers(), ((0.6, 1.1), (2.0, 1.0), (-1.0, 0.9))),
+        ("odd names", platform(cylinder=True, names=odd), ((0.9, 1.05),)),
+        ("one on the other", stacked(), (0.6, 0.9, 0.2)),
+    )
+    for q in qs
+}
+
+
+@pytest.mark.parametrize(("graph", "q"), CASES.values(), ids=list(CASES))
+@pytest.mark.parametrize("friction", [False, True], ids=["smooth", "rough"])
+def test_motion_and_forces_are_the_judges(graph, q, friction):
+    compared = Comparison(graph, q, friction)
+    assert compared.run.quality.status == ("ok",)
+    assert compared.judge.forces.converged
+    errors = dict(compared.motion()) | dict(compared.forces())
+    assert {name: e for name, e in errors.items() if not e <= ROUNDING} == {}
+    if friction:
+        assert sum(j.friction != 0 for j in compared.judge.forces.joints.values()) >= 6
+
+
+def test_friction_by_iteration_is_friction_by_newton():
+    mech = two_drivers().compile()
+    given = {"at": {"crank": 0.9, "platform.S": 1.0}, **moving(mech, 1.0)}
+    want = ["*.reaction", "*.friction", "*.drive"]
+    newton = mech.run(**given, want=want, friction="newton")
+    steps = mech.run(**given, want=want, friction="successive", tolerance=1e-11)
+    for name in newton:
+        assert abs(newton[name][0] - steps[name][0]) <= 1e-10 * max(1.0, abs(newton[name][0]))
+
+
+@pytest.mark.parametrize("engine", ["scalar", "numpy"])
+@pytest.mark.parametrize("make", [triad, two_drivers, stacked])
+def test_efforts_of_both_routes_agree_and_everything_balances(make, engine):
+    mech = make().compile()
+    home = dict(zip(mech.drivers, (HOME, REACH - 0.1), strict=False))
+    at = {d: q + np.linspace(-0.1, 0.1, 5) for d, q in home.items()}
+    given = {"at": at, **moving(mech, 1.5), "engine": engine}
+    want = [f"{d}.{x}" for d in home for x in ("drive", "drive_by_reduction")]
+    run = mech.run(**given, want=[*want, "*.margin"], friction="none")
+    condition = 1 / np.min([m.min() for m in run.quality.margin.values()])
+    for d in home:
+        gap = np.abs(run[f"{d}.drive"] - run[f"{d}.drive_by_reduction"]).max()
+        assert gap <= TWO_ROUTES * condition * np.abs(run[f"{d}.drive"]).max()
+    assert mech.verify(**given, friction="newton").ok
+
+
+# -- scale, place and precision -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1e3, 1e6])
+@pytest.mark.parametrize("cylinder", [False, True], ids=["crank", "crank and cylinder"])
+def test_size_of_the_unit_does_not_matter(scale, cylinder):
+    one, other = (platform(cylinder=cylinder, scale=x) for x in (1.0, scale))
+    q = np.linspace(-0.9, 2.3, 15)
+    at = [{"crank": q, "platform.S": x * np.full(15, REACH - 0.1)} for x in (1.0, scale)]
+    drivers = one.compile().drivers
+    want = ["*.angle", "*.p", "*.margin"]
+    a, b = (
+        g.run(at={d: x[d] for d in drivers}, want=want)
+        for g, x in zip((one, other), at, strict=True)
+    )
+    root = np.sqrt(a.quality.margin["platform"])
+    assert a.quality.status == b.quality.status
+    for name in a:
+        by = scale if name.endswith(".p") else 1.0
+        off = np.abs(b[name] / by - a[name])
+        if name.endswith(".angle"):
+            off = np.abs(np.exp(1j * (b[name] - a[name])) - 1)
+        assert (off * root).max() <= ROUNDING * 10, name
+
+
+@pytest.mark.parametrize("far", [1e3, 1e6])
+def test_distance_from_the_origin_costs_its_rounding_only(far):
+    here, there = platform(), platform(shift=far * (1 + 0.7j))
+    q = np.linspace(-0.9, 2.3, 15)
+    a, b = (g.run(at=q, want=["*.angle", "*.margin"]) for g in (here, there))
+    root = np.sqrt(a.quality.margin["platform"])
+    for name in (n for n in a if n.endswith(".angle")):
+        off = np.abs(np.exp(1j * (b[name] - a[name])) - 1)
+        assert (off * root).max() <= 100 * np.spacing(far)
+
+
+@pytest.mark.parametrize(
+    ("precision", "eps"), [("complex64", 1.2e-7), ("clongdouble", np.finfo(np.longdouble).eps)]
+)
+@pytest.mark.parametrize("make", [triad, two_drivers, stacked])
+def test_other_precisions_agree_to_their_rounding(make, precision, eps):
+    mech = make().compile()
+    home = dict(zip(mech.drivers, (HOME, REACH - 0.1), strict=False))
+    at = {d: q + np.linspace(-0.1, 0.1, 7) for d, q in home.items()}
+    given = {"at": at, **moving(mech, 1.5), "friction": "none", "engine": "numpy"}
+    want = ["*.p", "*.v", "*.a", "*.alpha", "*.reaction", "*.drive", "*.margin"]
+    a, b = (mech.run(**given, want=want, precision=p) for p in ("complex128", precision))
+    assert b.quality.status == a.quality.status
+    rounding = max(eps, np.finfo(float).eps)  # the double result is no better than double
+    condition = 1 / np.min([m.min() for m in a.quality.margin.values()])
+    for name in (n for n in a if not n.endswith(".margin")):
+        scale = np.abs(a[name]).max() or 1.0
+        assert np.abs(a[name] - b[name]).max() <= 100 * rounding * condition * scale, name
+
+
+def test_extended_precision_is_more_than_double():
+    mech = triad().compile()
+    q = np.linspace(0.2, 1.2, 7)
+    wide = mech.run(at=q, want=["*.p", "*.angle"], precision="clongdouble", engine="numpy")
+    arm = wide["platform.leg 1.p"], wide["platform.leg 1.angle"], wide["platform.plate.p"]
+    group = mech.structure.blocks["platform"]
+    pair = group.pairs["C1"]
+    at_leg, at_plate = (np.clongdouble(m.at.z) for m in pair.sides.values())
+    turn = wide["platform.plate.angle"].astype(np.longdouble)
+    e = [np.cos(x) + 1j * np.sin(x) for x in (arm[1].astype(np.longdouble), turn)]
+    gap = np.abs(arm[0] + e[0] * at_leg - arm[2] - e[1] * at_plate)
+    assert gap.max() <= 100 * np.finfo(np.longdouble).eps * 6.0  # of the largest place [m]
+
+
+# -- what is refused --------------------------------------------------------------------------
+
+
+def changed(graph, **home):
+    """The graph's group with another home."""
+    group = graph.blocks["platform"]
+    new = group.home.model_copy(update=home)
+    graph.blocks["platform"] = group.model_copy(update={"home": new})
+    return graph
+
+
+def poses_of(graph, **moved):
+    return {**graph.blocks["platform"].home.poses, **moved}
+
+
+def near_dead_centre():
+    """A home at the very end of its arc."""
+    mech = triad().compile()
+    end = mech.limits().arc_at(HOME).end.q
+    run = mech.run(at=end - 1e-15, want=["platform.*.p", "platform.*.angle"], on_gap="mark")
+    poses = {}
+    for link in mech.structure.blocks["platform"].link_names:
+        p, angle = run[f"platform.{link}.p"][0], run[f"platform.{link}.angle"][0]
+        poses[link] = (p.real, p.imag, float(angle))
+    return changed(triad(), drivers={"crank": end}, poses=poses)
+
+
+BAD_HOMES = {
+    "does not close": (
+        lambda: changed(triad(), poses=poses_of(triad(), plate=(30.0, -20.0, 2.0))),
+        "do not close",
+    ),
+    "misses a driver": (
+        lambda: changed(two_drivers(), drivers={"crank": HOME}),
+        "no value of platform.S",
+    ),
+    "has a strange driver": (
+        lambda: changed(triad(), drivers={"crank": HOME, "wind": 2.0}),
+        "wind does not move it",
+    ),
+    "out of reach": (lambda: changed(triad(), drivers={"crank": HOME + 2.9}), "do not close"),
+}
+
+
+@pytest.mark.parametrize(("make", "said"), BAD_HOMES.values(), ids=list(BAD_HOMES))
+def test_bad_home_is_one_problem(make, said):
+    with pytest.raises(bm.GraphError) as caught:
+        make().compile()
+    (problem,) = caught.value.problems
+    assert problem.code == "bad-home"
+    assert problem.where.startswith("platform.home")
+    assert said in problem.found
+
+
+def test_home_at_a_dead_centre_is_refused():
+    with pytest.raises(bm.GraphError) as caught:
+        near_dead_centre().compile()
+    assert [p.code for p in caught.value.problems] == ["bad-home"]
+
+
+def test_rough_home_is_refined():
+    exact = triad()
+    poses = {
+        link: (x + 0.02, y - 0.03, a + 0.03)
+        for link, (x, y, a) in exact.blocks["platform"].home.poses.items()
+    }
+    rough = changed(triad(), poses=poses)
+    a, b = (g.run(at=1.0, want=["*.p", "*.margin"]) for g in (exact, rough))
+    for name in a:
+        assert abs(a[name][0] - b[name][0]) <= ROUNDING * 10
+
+
+def test_group_that_is_held_twice_inside_is_refused():
+    # Two links in a triangle with the frame, one swinging freely: the count is right.
+    pairs = {
+        "A": {"type": "R", "link": "i"},
+        "B": {"type": "R", "links": ("i", "j"), "at": ((1.0, 0.0), (0.0, 0.0))},
+        "C": {"type": "R", "links": ("i", "j"), "at": ((0.0, 1.0), (0.5, 0.0))},
+        "D": {"type": "R", "link": "k"},
+        "E": {"type": "R", "links": ("k", "l"), "at": ((1.0, 0.0), (0.0, 0.0))},
+        "F": {"type": "R", "link": "j", "at": (0.0, 0.3)},
+    }
+    links = {n: bm.Link() for n in "ijkl"}
+    poses = dict.fromkeys("ijkl", (0.0, 0.0, 0.0))
+    graph = bm.Graph("twice")
+    graph.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
+    graph.add("group", bm.GeneralGroup(links=links, pairs=pairs, home={"poses": poses}))
+    for joint in "ADF":
+        graph.connect("frame.O", f"group.{joint}")
+    with pytest.raises(bm.GraphError) as caught:
+        graph.compile()
+    assert {p.where.split(".")[0] for p in caught.value.problems} == {"group"}
+
+
+def test_wrong_number_of_pairs_is_one_problem():
+    with pytest.raises(bm.GraphError) as caught:
+        bm.GeneralGroup(
+            links={"i": bm.Link()},
+            pairs={"A": {"type": "R", "link": "i"}},
+            home={"poses": {"i": (0.0, 0.0, 0.0)}},
+        )
+    (problem,) = caught.value.problems
+    assert problem.where == "GeneralGroup.pairs"
+    assert problem.valid == "a group has 3n = 2p + k"
+
+
+# -- everything else that a mechanism can do ---------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "graph",
+    [triad(), platform(cylinder=True, names=odd), stacked()],
+    ids=["triad", "odd names", "stacked"],
+)
+def test_file_comes_back_byte_for_byte(graph):
+    text = graph.to_json()
+    again = loads(text)
+    assert again.to_json() == text
+    jsonschema.validate(json.loads(text), graph_schema())
+    home = dict(zip(graph.compile().drivers, (HOME, REACH), strict=False))
+    a, b = (g.run(at=home, want="*.p") for g in (graph, again))
+    assert all(np.array_equal(a[n], b[n]) for n in a)
+
+
+def test_limits_are_where_the_path_ends():
+    mech = triad().compile()
+    arc = mech.limits().arc_at(HOME)
+    assert (arc.start.block, arc.end.block) == ("platform", "platform")
+    inside = mech.run(at=[arc.start.q + 1e-9, arc.end.q - 1e-9], want="*.p", on_gap="mark")
+    assert inside.quality.status == ("ok", "ok")
+    outside = mech.run(at=[arc.start.q - 1e-9, arc.end.q + 1e-9], want="*.p", on_gap="mark")
+    assert outside.quality.status == ("no-assembly", "no-assembly")
+
+
+def test_simulation_by_energy_is_the_integrated_one():
+    graph = platform(gravity=(0.0, -9.81), crank=0.3)
+    graph.start("crank", q=0.2, rate=6.0)
+    mech = graph.compile()
+    given = {"until": "time=0.1", "friction": "none"}
+    a = mech.simulate(**given, method="energy")
+    b = mech.simulate(**given, method="dop853")
+    assert a["crank.rate"][-1] == pytest.approx(b["crank.rate"][-1], rel=1e-7)
+
+
+def test_plan_and_drawings_know_the_group(tmp_path):
+    graph = stacked()
+    mech = graph.compile()
+    for kind, more in (("diagram", {}), ("mechanism", {"at": HOME})):
+        path = draw(graph, tmp_path / f"{kind}.svg", kind=kind, **more)
+        assert path.stat().st_size > 1000
+    assert "platform" in mech.plan(["*.p"]).explain()
+    assert "III triad(platform" in repr(mech)
+
+
+# -- random ones -----------------------------------------------------------------------------
+
+RANDOM = Options(
+    groups=(1, 3),
+    drivers=(1, 2),
+    kinds=(*KINDS, "group.general", "group.general"),
+    least_margin=1e-2,
+)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_mechanisms_balance(seed):
+    case = random_mechanism(Seeded(seed), RANDOM)
+    mech = case.graph.compile()
+    # Some jam: no samples are left of them then.
+    jams = mech.run(**case.request, on_gap="mark").quality.status != ("ok",)
+    assert mech.verify(**case.request, friction="none" if jams else "newton").ok

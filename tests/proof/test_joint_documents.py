@@ -1,0 +1,110 @@
+"""Five hundred random joint-based documents against a solver that knows no Assur groups.
+
+Drivers on moving links and on each other, cylinders with and without closed form, groups of
+class III and IV of pins and guides, pins of three links, friction, loads. The same documents
+in general groups only, and in one single general group, must give the same. Each failure
+prints the seed. ``BLOCKMECH_PROOF=500`` takes all of them; a part is in the default suite.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import random
+from collections import Counter
+from contextlib import suppress
+
+import pytest
+
+from tests.independent import multibody as mb
+from tests.model.joints.against import Comparison
+from tests.model.joints.chance import document, judged
+
+SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "60")))
+UNITS = (
+    *("dyad", "dyad", "dyad", "driver", "cylinder", "bent_cylinder"),
+    *("triad", "loop", "fork", "rough_fork"),
+)
+FORMS = ("", "groups", "one")
+MOTION = 1e-12  # of the largest of their kind, times the conditioning
+FORCES = 1e-11  # of the largest, times the conditioning
+MOVES = (0.05, 0.01)  # [rad or m] of the drivers from the given pose; the judge may lose its way
+WORST = 1e5  # condition of the judge's Jacobian beyond which a document is left out
+MOST_LINKS = 14  # a document has no further units from here on
+
+
+def data_of(seed):
+    """A document of one to four units; every other one has friction."""
+    chance = random.Random(seed)
+    units = [chance.choice(UNITS) for _ in range(chance.randint(1, 4))]
+    while sum(4 if u in ("triad", "loop", "fork", "rough_fork") else 2 for u in units) > MOST_LINKS:
+        units.pop()
+    found = document(seed, units, rough=seed % 2 == 1)
+    system = judged(found)
+    home = mb.Instant(system, system.home)
+    # Poses do not count turns, so the start says in which turn of the drivers they are.
+    starts = {name: float(home.coordinate(d).value) for name, d in system.drivers.items()}
+    return found | {"initial": {name: {"q": q} for name, q in starts.items()}}
+
+
+@functools.cache
+def outcome(seed, form):
+    """The worst errors of a document in a form, or why there are none."""
+    for move in MOVES:
+        with suppress(mb.NoSolution):
+            found = Comparison(data_of(seed), form, seed % 2 == 1, move, seed)
+            break
+    else:
+        return "the judge loses its way", {}, None
+    if found.condition > WORST:
+        return "near singular", {}, None
+    status = found.run.quality.status[0]
+    if status != "ok" or not found.forces.converged:
+        judge = "solved" if found.forces.converged else "not"
+        return f"{status}, judge {judge}", {}, found
+    motion = max(error for _, error in found.motion())
+    forces = max(error for _, error in found.reactions())
+    return "ok", {"motion": motion, "forces": forces}, found
+
+
+@pytest.mark.parametrize("form", FORMS, ids=["blocks", "groups", "one_group"])
+def test_motion_and_forces_are_the_judges(form):
+    outcomes, worst = Counter(), Counter()
+    for seed in SEEDS:
+        said, errors, _ = outcome(seed, form)
+        outcomes[said] += 1
+        for kind, error in errors.items():
+            allowed = {"motion": MOTION, "forces": FORCES}[kind]
+            assert error <= allowed, f"seed {seed}: {kind} off by {error:.2g}"
+            worst[kind] = max(worst[kind], error)
+    print(form or "blocks", dict(outcomes), {k: f"{v:.1e}" for k, v in worst.items()})
+    assert outcomes["ok"] >= 0.8 * len(SEEDS)
+    # Where blockmech gives no answer, the judge has none either.
+    allowed = {"ok", "the judge loses its way", "near singular"}
+    assert set(outcomes) <= allowed | {"self-locked, judge not", "jammed, judge not"}
+
+
+def test_documents_are_as_varied_as_they_should_be():
+    blocks, kinds, units = Counter(), Counter(), Counter()
+    on_moving = pins = rough = 0
+    for seed in SEEDS:
+        said, _, found = outcome(seed, "")
+        if said != "ok":
+            continue
+        structure = found.mechanism.inner.structure
+        blocks.update(b.type_name for b in structure.blocks.values())
+        units.update(f"{u.kind} {u.number}" for u in found.decomposed.formation.units)
+        document = found.data
+        kinds.update(joint["type"] for joint in document["joints"].values())
+        pins += sum(len(joint["links"]) > 2 for joint in document["joints"].values())
+        rough += sum("friction" in joint for joint in document["joints"].values())
+        for driver in document["drivers"].values():
+            on_moving += "frame" not in document["joints"][driver["joint"]]["links"]
+    print(dict(blocks), dict(units), dict(kinds), f"drivers on moving links {on_moving}")
+    print(f"pins of three links {pins}, rough joints {rough}")
+    few = len(SEEDS) / 12
+    dyads = ("dyad.rrr", "dyad.rrp", "dyad.rpr", "dyad.prp", "dyad.rpp")
+    for kind in (*dyads, "driven.rrr", "group.general", "driver.crank", "driver.slide"):
+        assert blocks[kind] >= few, kind
+    assert min(on_moving, pins, rough) >= few
+    assert min(kinds["R"], kinds["P"]) >= len(SEEDS)
