@@ -24,6 +24,7 @@ from blockmech.errors import (
     close_match,
     listed,
 )
+from blockmech.passes.following import last_good, path_of
 from blockmech.plan import Plan
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY, Flag, Quality, assess
 from blockmech.samples import Samples
@@ -254,7 +255,8 @@ class Result(Mapping[str, NDArray[Any]]):
             what = (SingularError, "undefined", "a wanted value is not defined there")
         else:
             why = "its outer joints coincide" if np.isnan(margin) else f"margin {margin:.4g}"
-            what = (AssemblyError, status, f"the group cannot close, {why}")
+            far = self._came_as_far(block, drivers) if margin < 0 else ""
+            what = (AssemblyError, status, f"the group cannot close, {why}{far}")
         error, code, found = what
         count = f"{len(same)} of {self.n} samples" if len(same) > 1 else "one sample"
         return error(
@@ -267,6 +269,22 @@ class Result(Mapping[str, NDArray[Any]]):
             ),
             failure,
         )
+
+    def _came_as_far(self, block: str, drivers: Mapping[str, float]) -> str:
+        """Where the way from home of a group without closed form ends, in words."""
+        mechanism = self.mechanism
+        if not mechanism.structure.blocks[block].own_form:
+            return ""
+        path, said = path_of(mechanism.structure, block), mechanism.driver_names
+        name_of = {where.driver: name for name, where in said.items()}
+        names = [name_of[driver] for driver in path.drivers]
+        q = [drivers[f"{mechanism.driver_prefix}{name}.q"] for name in names]
+        inner = [(x - said[n].offset) * said[n].sign for n, x in zip(names, q, strict=True)]
+        places = []
+        for n, x in zip(names, last_good(path, np.array(inner)), strict=True):
+            unit = mechanism.driver_joint(n).coordinate_unit
+            places.append(f"{n} = {said[n].sign * x + said[n].offset:.9g} {unit}")
+        return f"; followed from its home it comes as far as {', '.join(places)}"
 
     def _arcs(self, sample: int) -> str:
         """Where the groups of this run close, in words, if that is found in an instant.

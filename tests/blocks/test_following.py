@@ -285,3 +285,30 @@ def test_home_may_be_near_a_dead_centre(near):
     for link in block.link_names:
         off = np.abs(a[f"{name}.{link}.p"] - b[f"{name}.{link}.p"]) / far.march.size
         assert (off * root).max() <= POSES
+
+
+def test_a_message_says_how_far_a_path_came():
+    mech = triad().compile()
+    (arc,) = mech.limits().arcs
+    for q, end in ((arc.end.q + 0.3, arc.end.q), (arc.start.q - 0.3, arc.start.q)):
+        with pytest.raises(bm.AssemblyError) as refused:
+            mech.run(at=q, rates=1.0, accelerations=0.0, want="platform.plate.angle")
+        assert f"followed from its home it comes as far as crank = {end:.9g} rad" in str(
+            refused.value
+        )
+
+
+def test_a_message_names_the_last_good_values_of_several_drivers():
+    mech = two_drivers().compile()
+    home = two_drivers.home
+    far = {name: q + 4 * two_drivers.span[name] for name, q in home.items()}
+    with pytest.raises(bm.AssemblyError) as refused:
+        mech.run(at=far, rates=dict.fromkeys(far, 0.0), want="platform.margin")
+    text = str(refused.value).split("it comes as far as ")[1].split(";")[0]
+    last = {name: float(q.split()[0]) for name, q in (x.split(" = ") for x in text.split(", "))}
+    shares = [(last[name] - home[name]) / (far[name] - home[name]) for name in home]
+    assert 0 < shares[0] < 1
+    assert shares[0] == pytest.approx(shares[1], rel=1e-6)
+    on_the_way = {name: q - 1e-6 * (q - home[name]) for name, q in last.items()}
+    run = mech.run(at=on_the_way, rates=dict.fromkeys(far, 0.0), want="platform.margin")
+    assert run["platform.margin"][0] > 0

@@ -263,6 +263,15 @@ def strides(rate: Array) -> Array:
         return np.asarray(STRIDE / np.abs(rate[..., 2]).max(axis=1, initial=0.0))
 
 
+def last_good(path: Path, q: Array) -> Array:
+    """Driver values (k,) of the last pose on the line from home to q, where that ends before."""
+    if len(path.drivers) == 1:
+        side = path.knots.sides[1 if q[0] >= path.home[0] else -1]
+        return np.array([side.q[-1]])
+    reached = path.follow(q[None, :], one=True)[1]
+    return np.asarray(path.home + reached * (q - path.home))
+
+
 class Knots:
     """Poses of a path along its only driver, laid outward from home as far as asked."""
 

@@ -8,7 +8,7 @@ are seated on the link that is placed first. Dyads and cylinders become closed-f
 a driven joint on a placed link a driving link, every other group a general one with its home
 in the pose of the document, refined.
 
-Names: a driver's block is named like the driver, a group's after its links.
+Names: the block of a driver or a cylinder is named like the driver, a group's after its links.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ class Diagram:
 
     def add(self, unit: Unit, made: Made, found: Sequence) -> None:
         """Add the block of a unit and wire its outer joints."""
-        name = self._name_of(unit)
+        name = self._name_of(unit, made.type)
         data: dict[str, Any] = {"type": made.type, **made.keys}
         for link, seat in made.seats.items():
             self._seats[link] = seat._replace(block=name)
@@ -93,8 +93,8 @@ class Diagram:
         if made.type == GENERAL:
             data["home"] = self._home(unit, upstream, found)
 
-    def _name_of(self, unit: Unit) -> str:
-        if unit.kind == "driver":
+    def _name_of(self, unit: Unit, kind: str) -> str:
+        if len(unit.driven) == 1 and kind != GENERAL:
             return self.drivers[unit.driven[0]]
         wish = "_".join(unit.links[:MOST_IN_NAME])
         if len(unit.links) > MOST_IN_NAME:
