@@ -173,7 +173,8 @@ def test_ctrl_c_on_the_command_line_prints_what_was_done():
     words = ["simulate", str(GRAPHS / "watt_sixbar.json"), "--until", "time=20"]
     words += ["--method", "rk4", "--step", "1e-5"]  # two million steps: half a minute at least
     code = f"""
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 import blockmech.cli.simulate, blockmech.cli.app, blockmech.dynamics.simulation
 from blockmech.cli import main
 print("ready", flush=True)
