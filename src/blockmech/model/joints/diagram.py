@@ -94,7 +94,7 @@ class Diagram:
             data["home"] = self._home(unit, upstream, found)
 
     def _name_of(self, unit: Unit, kind: str) -> str:
-        if len(unit.driven) == 1 and kind != GENERAL:
+        if unit.kind == "driver" or (unit.kind == "cylinder" and kind != GENERAL):
             return self.drivers[unit.driven[0]]
         wish = "_".join(unit.links[:MOST_IN_NAME])
         if len(unit.links) > MOST_IN_NAME:
