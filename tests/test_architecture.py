@@ -14,7 +14,8 @@ import networkx as nx
 import pytest
 
 import blockmech
-from blockmech.blocks.contract import REGISTRY, Moving
+from blockmech.blocks.contract import Moving
+from blockmech.blocks.registry import REGISTRY
 from blockmech.plane import SCALAR_PRIMITIVES
 
 SOURCE = Path(blockmech.__file__).parent
@@ -201,6 +202,7 @@ def test_the_general_group_computes_with_the_primitives_alone(module):
     loaded = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     assert loaded <= {
         "__future__",
+        "collections.abc",
         "typing",
         "blockmech.blocks.contract",
         "blockmech.blocks.general.equations",

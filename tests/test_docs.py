@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
-from blockmech.blocks.contract import REGISTRY, Block
+from blockmech.blocks.contract import Block
+from blockmech.blocks.registry import REGISTRY
 from blockmech.values import Strictly
 
 ROOT = Path(__file__).resolve().parents[1]

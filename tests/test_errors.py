@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import blockmech
-from blockmech.blocks.contract import REGISTRY
+from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import BlockmechError, FormatError, listed
 from blockmech.model.document import dumps, load, loads
 from blockmech.model.opening import problems_in

@@ -13,7 +13,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs import Output, outputs_of
 from blockmech.outputs_by_link import outputs_by_link
-from blockmech.passes import following, forces, forward, friction
+from blockmech.passes import forces, forward, friction
 from blockmech.plan import STAGES, Friction, Plan, Schedule
 
 
@@ -127,7 +127,7 @@ def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
         if entry.stage == "position" and s.structure.blocks[entry.block].closes:
             yield f"margin/{entry.block}", (s.ask(forward.margin, entry.block),)
             if s.structure.blocks[entry.block].own_form:
-                yield f"path/{entry.block}", (f"{s.ask(following.guess, entry.block)}[1]",)
+                yield f"path/{entry.block}", (f"{s.ask(forward.position, entry.block)}.reached",)
         if entry.stage == "force":
             yield from _friction_quality(s, entry.block)
 

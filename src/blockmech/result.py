@@ -24,7 +24,8 @@ from blockmech.errors import (
     close_match,
     listed,
 )
-from blockmech.passes.following import last_good, path_of
+from blockmech.model.coordinates import to_document, to_graph
+from blockmech.passes.following import followed, last_good, path_of
 from blockmech.plan import Plan
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY, Flag, Quality, assess
 from blockmech.samples import Samples
@@ -275,15 +276,14 @@ class Result(Mapping[str, NDArray[Any]]):
         mechanism = self.mechanism
         if not mechanism.structure.blocks[block].own_form:
             return ""
-        path, said = path_of(mechanism.structure, block), mechanism.driver_names
-        name_of = {where.driver: name for name, where in said.items()}
-        names = [name_of[driver] for driver in path.drivers]
-        q = [drivers[f"{mechanism.driver_prefix}{name}.q"] for name in names]
-        inner = [(x - said[n].offset) * said[n].sign for n, x in zip(names, q, strict=True)]
+        path = path_of(mechanism.structure, block)
+        known = {where.driver: (name, where) for name, where in mechanism.driver_names.items()}
+        said = [known[driver] for driver in path.drivers]
+        q = [to_graph(where, drivers[mechanism.of_driver(name, "q")]) for name, where in said]
         places = []
-        for n, x in zip(names, last_good(path, np.array(inner)), strict=True):
-            unit = mechanism.driver_joint(n).coordinate_unit
-            places.append(f"{n} = {said[n].sign * x + said[n].offset:.9g} {unit}")
+        for (name, where), x in zip(said, last_good(path, np.array(q)), strict=True):
+            unit = mechanism.driver_joint(name).coordinate_unit
+            places.append(f"{name} = {to_document(where, x):.9g} {unit}")
         return f"; followed from its home it comes as far as {', '.join(places)}"
 
     def _arcs(self, sample: int) -> str:
@@ -296,7 +296,7 @@ class Result(Mapping[str, NDArray[Any]]):
             return ""
         if len(drivers) == 1:
             return self.mechanism.feasible(groups)
-        if any(block.own_form for block in self.mechanism.structure.blocks.values()):
+        if followed(self.mechanism.structure):
             return ""  # each sample of an arc would be followed from home by itself
         return self.mechanism.feasible(
             groups,

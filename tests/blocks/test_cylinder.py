@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from tests.blocks.machines import LONG_SHOE, PIN, SHOE, body, wired
-from tests.blocks.test_against_the_judge import ROUNDING, Comparison
+from tests.blocks.test_against_the_judge import ROUNDING, Comparison, assert_the_judge_agrees
 
 TWO_ROUTES = 1e-13  # [-] of the largest effort: hundreds of roundings, at margins above 0.1
 ENGINES = pytest.mark.parametrize("engine", ["scalar", "numpy"])
@@ -68,10 +68,7 @@ CASES = {
 @pytest.mark.parametrize("friction", [False, True], ids=["smooth", "rough"])
 def test_motion_and_forces_are_the_judges(graph, q, friction):
     compared = Comparison(graph, q, friction)
-    assert compared.run.quality.status == ("ok",)
-    assert compared.judge.forces.converged
-    errors = dict(compared.motion()) | dict(compared.forces())
-    assert {name: e for name, e in errors.items() if not e <= ROUNDING} == {}
+    assert_the_judge_agrees(compared)
     if friction:
         rubbing = {n for n, j in compared.judge.forces.joints.items() if j.friction}
         assert rubbing == set(compared.judge.forces.joints)  # the driven pair too

@@ -8,7 +8,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from blockmech.blocks.contract import REGISTRY
+from blockmech.blocks.registry import REGISTRY
 from blockmech.loads import Element, Terminal
 from blockmech.model.schema import graph_schema
 from blockmech.values import Length

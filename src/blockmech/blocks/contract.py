@@ -1,4 +1,4 @@
-"""What a block is: the contract that every block keeps, and the registry.
+"""What a block is: the contract that every block keeps.
 
 A block declares its joints, links and markers and brings four kernels; wiring
 checks, schedules, drawings, schemas and documents are derived from that. The
@@ -40,7 +40,8 @@ from typing import Any, ClassVar, Literal, LiteralString, TypeAlias
 from pydantic import ValidationError, field_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from blockmech.errors import GraphError, Problem, close_match, listed
+from blockmech.blocks.registry import REGISTRY
+from blockmech.errors import close_match, listed
 from blockmech.friction.laws import Coulomb
 from blockmech.values import NAME_RULE, Link, Marker, Pair, Strictly, is_name, mistake
 
@@ -185,11 +186,13 @@ class Block(Strictly):
         given: dict[str, Link] = getattr(self, "links", {})
         return {name: given.get(name, NO_LINK) for name in self.link_names}
 
+    def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
+        """The markers that the block brings at its joints: name -> (link, marker)."""
+        return {name: (m.link, m) for name, m in self.built_in.items()}
+
     def markers_of(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
         """All markers: name -> (link, marker). Built-in ones first, a link's name is one."""
-        found: dict[str, tuple[str, Marker | BuiltIn]] = {
-            name: (m.link, m) for name, m in self.built_in.items()
-        }
+        found = self.own_markers()
         for link in self.link_names:
             found.setdefault(link, (link, BuiltIn(link)))
         for link, properties in self.links_or_default().items():
@@ -266,40 +269,14 @@ class Moving(Block):
     @field_validator("links")
     @classmethod
     def _links_exist(cls, links: dict[str, Link]) -> dict[str, Link]:
-        refuse(cls.__name__, cls._wrong_links(links))
+        refuse(cls.__name__, wrong_links(links, cls.link_names, cls.built_in))
         return links
 
     @field_validator("friction")
     @classmethod
     def _friction_fits(cls, friction: dict[str, Coulomb]) -> dict[str, Coulomb]:
-        refuse(cls.__name__, cls._wrong_friction(friction))
+        refuse(cls.__name__, wrong_friction(friction, cls.joints))
         return friction
-
-    @classmethod
-    def _wrong_links(cls, links: Mapping[str, Link]) -> Iterator[Mistake]:
-        taken = set(cls.built_in) | set(cls.link_names)
-        for link, properties in links.items():
-            if link not in cls.link_names:
-                yield (link,), unknown_name("unknown-link", "link", link, cls.link_names)
-            for marker in properties.markers:
-                where = (link, "markers", marker)
-                if not is_name(marker):
-                    yield where, bad_name("marker", marker)
-                elif marker in taken:
-                    found = f'the marker name "{marker}" is taken in this block'
-                    yield where, mistake("taken-name", found, f"taken: {listed(sorted(taken))}")
-                taken.add(marker)
-
-    @classmethod
-    def _wrong_friction(cls, friction: Mapping[str, Coulomb]) -> Iterator[Mistake]:
-        for joint, law in friction.items():
-            if joint not in cls.joints:
-                yield (joint,), unknown_name("unknown-joint", "joint", joint, tuple(cls.joints))
-                continue
-            try:
-                law.check_for(cls.joints[joint].kind, joint)
-            except PydanticCustomError as error:
-                yield (joint,), error
 
     def slider_place(self, joint: str, link: str) -> complex:
         """Place [m] of a slider's point on one of its links, in the link's frame."""
@@ -355,6 +332,39 @@ def refuse(title: str, mistakes: Iterable[Mistake]) -> None:
         raise ValidationError.from_exception_data(title, lines)
 
 
+def wrong_links(
+    links: Mapping[str, Link], known: Iterable[str], built_in: Iterable[str]
+) -> Iterator[Mistake]:
+    """Links that the block does not have, and markers whose names cannot stand or are taken."""
+    names = tuple(known)
+    taken = {*built_in, *names}
+    for link, properties in links.items():
+        if link not in names:
+            yield (link,), unknown_name("unknown-link", "link", link, names)
+        for marker in properties.markers:
+            where = (link, "markers", marker)
+            if not is_name(marker):
+                yield where, bad_name("marker", marker)
+            elif marker in taken:
+                found = f'the marker name "{marker}" is taken in this block'
+                yield where, mistake("taken-name", found, f"taken: {listed(sorted(taken))}")
+            taken.add(marker)
+
+
+def wrong_friction(
+    friction: Mapping[str, Coulomb], joints: Mapping[str, Joint], what: str = "joint"
+) -> Iterator[Mistake]:
+    """Friction of joints that the block does not have, or that does not fit their kind."""
+    for joint, law in friction.items():
+        if joint not in joints:
+            yield (joint,), unknown_name("unknown-joint", what, joint, tuple(joints))
+            continue
+        try:
+            law.check_for(joints[joint].kind, joint)
+        except PydanticCustomError as error:
+            yield (joint,), error
+
+
 def unknown_name(
     code: LiteralString, what: str, name: str, valid: tuple[str, ...]
 ) -> PydanticCustomError:
@@ -398,75 +408,3 @@ def _declare(cls: type[Block]) -> None:
                 f"{cls.__name__}: kernel {name} must take ({', '.join(wanted)}), "
                 f"it takes ({', '.join(found)})"
             )
-
-
-class Registry:
-    """Block types by name: built-in ones, and those of installed packages."""
-
-    def __init__(self) -> None:
-        self._types: dict[str, type[Block]] = {}
-        self._outside_loaded = False
-
-    def register(self, name: str, cls: type[Block]) -> None:
-        """Add a class. A notebook cell may define its class again; two modules may not."""
-        known = self._types.get(name)
-        if known is not None and known.__module__ != cls.__module__:
-            raise TypeError(
-                f"block type {name!r} is defined twice: in {known.__module__} "
-                f"and in {cls.__module__}"
-            )
-        cls.type_name = name
-        self._types[name] = cls
-
-    def __getitem__(self, name: str) -> type[Block]:
-        if name not in self._types:
-            self._load_outside()
-        return self._types[name]
-
-    def get(self, name: str) -> type[Block] | None:
-        """The class of a type, or None."""
-        try:
-            return self[name]
-        except KeyError:
-            return None
-
-    def __contains__(self, name: str) -> bool:
-        return self.get(name) is not None
-
-    def __iter__(self) -> Iterator[str]:
-        self._load_outside()
-        return iter(sorted(self._types))
-
-    def unknown(self, name: str, where: str) -> Problem:
-        """The problem that names an unknown type and its nearest relatives."""
-        return Problem(
-            "unknown-block",
-            where,
-            f'no block type "{name}"',
-            f"known types: {listed(self, 30)}",
-            close_match(name, self) or "install the package that defines it",
-        )
-
-    def _load_outside(self) -> None:
-        if self._outside_loaded:
-            return
-        self._outside_loaded = True
-        from importlib.metadata import entry_points
-
-        for point in entry_points(group="blockmech.blocks"):
-            try:
-                point.load()
-            except Exception as error:
-                raise GraphError(
-                    Problem(
-                        "broken-plugin",
-                        point.name,
-                        f"the block package {point.value} failed to load: {error}",
-                        "",
-                        "repair or uninstall it",
-                    )
-                ) from error
-
-
-REGISTRY = Registry()
-"""The one global: every block type that this process knows."""

@@ -24,23 +24,20 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import networkx as nx
 
 from blockmech.model.rigidity import (
     MOST_WORK,
-    Finding,
     Loose,
     Overconstraint,
     Pair,
     TooTangledError,
     check_names,
-    diagnose,
     rigidity,
 )
 
-SUPPORTS = "the supports"  # how a message calls the earlier links of a group, taken as one
 DYADS = ("RRR", "RRP", "RPR", "PRP", "RPP")
 """Kinds of dyads in the letters outer, inner, outer; PPP leaves a link free to slide."""
 
@@ -538,19 +535,6 @@ def _holds(unit: Unit) -> bool:
     with suppress(TooTangledError):
         return rigidity(unit.links, unit.pairs, others, unit.driven, MOST_WORK).determinate
     return True
-
-
-def group_findings(
-    links: Iterable[str], pairs: Iterable[tuple[str, str, str, Literal["R", "P"], bool]]
-) -> tuple[Finding, ...]:
-    """Why links and pairs are no group, although the count 3n = 2p + driven is right.
-
-    Pairs are (name, first, second, kind, driven); the first link is "" for a support.
-    """
-    given = list(pairs)
-    plain = [Pair(name, first or SUPPORTS, second, kind) for name, first, second, kind, _ in given]
-    driven = [name for name, *_, is_driven in given if is_driven]
-    return diagnose(links, plain, {SUPPORTS}, driven)
 
 
 def roman(number: int) -> str:

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import networkx as nx
 
-from blockmech.blocks.contract import REGISTRY, Block, Moving
+from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.general import GeneralGroup
+from blockmech.blocks.general.block import SUPPORTS
 from blockmech.blocks.modes import TwoModes
+from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import Problem, close_match, listed
 from blockmech.loads.contract import Element, Following
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
@@ -312,9 +314,10 @@ def _group_problems(graph: Graph) -> Iterable[Problem]:
     """General groups whose pairs hold some links twice and leave others loose."""
     for name, block in graph.blocks.items():
         if isinstance(block, GeneralGroup):
-            from blockmech.model.assur import group_findings  # few graphs have such a group
+            from blockmech.model.rigidity import diagnose  # few graphs have such a group
 
-            for finding in group_findings(block.link_names, block.structure):
+            driven = [joint.name for joint in block.driven]
+            for finding in diagnose(block.link_names, block.structural, {SUPPORTS}, driven):
                 remedy = "move a pair from an over-constrained link to a loose one"
                 yield Problem(finding.code, f"{name}.pairs", finding.text, "", remedy)
 

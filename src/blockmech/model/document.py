@@ -13,17 +13,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from blockmech.blocks.contract import REGISTRY
+from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import FormatError, GraphError, Problem, listed
 from blockmech.model import checks
 from blockmech.model.contents import EXTRAS, FORMAT, GraphDocument
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.model.graph import Graph
 from blockmech.model.migrations import VERSION, migrate, version_problem
-from blockmech.model.problems import MOST, in_file, path_text, unknown_key
+from blockmech.model.problems import MOST, in_file, path_text, said_already, unknown_key
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.refusals import validated
-from blockmech.model.writing import canonical_text, field_order, plain
+from blockmech.model.writing import canonical_text, field_order, plain, write_checked
 from blockmech.values import shown
 
 
@@ -72,12 +72,7 @@ def save(graph: Graph, path: str | os.PathLike[str]) -> None:
     FormatError, GraphError for a graph that could not be read again; nothing is written
     RequestError where the place cannot be written
     """
-    from blockmech.export.files import writing
-
-    text = dumps(graph)
-    loads(text)
-    with writing(path) as stream:
-        stream.write(text.encode())
+    write_checked(path, dumps(graph), loads)
 
 
 def _block_data(block: AnyBlock) -> dict[str, Any]:
@@ -105,8 +100,7 @@ class _Draft:
     def note(self, problems: Iterable[Problem]) -> None:
         """Add what is wrong with the content, unless the text has said so already."""
         for problem in problems:
-            inside = (problem.where, f"{problem.where}.", f"{problem.where}[")
-            if not any(p.where == inside[0] or p.where.startswith(inside[1:]) for p in self.odd):
+            if not said_already(problem, self.odd):
                 self.content.append(problem)
 
 

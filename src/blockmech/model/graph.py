@@ -20,6 +20,7 @@ from blockmech.model.structure import JointRef, MarkerRef, Structure, formation_
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
+    from blockmech.model.naming import Names
     from blockmech.result import Result
 
 
@@ -159,19 +160,19 @@ class Graph:
 
     # -- using ------------------------------------------------------------
 
-    def compile(self) -> Mechanism:
+    def compile(self, names: Names | None = None) -> Mechanism:
         """Check the graph and freeze it into a mechanism that computes.
 
-        The mechanism is a snapshot: the graph may be edited and compiled again.
+        The mechanism is a snapshot: the graph may be edited and compiled again. With
+        ``names`` it speaks of the document that the graph was made of.
         Raises `GraphError` with all problems.
         """
         from blockmech.mechanism import Mechanism
-
-        structure = self.structure()
         from blockmech.passes.following import refuse_open_homes
 
+        structure = self.structure()
         refuse_open_homes(structure)
-        return Mechanism(structure, self.scene, name=self.name)
+        return Mechanism(structure, self.scene, self.name, names)
 
     def run(self, **request: Any) -> Result:
         """Compile and run; see `Mechanism.run`."""

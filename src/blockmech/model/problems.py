@@ -92,6 +92,12 @@ def in_file(problems: Iterable[Problem], file: str) -> list[Problem]:
     return found
 
 
+def said_already(problem: Problem, odd: Iterable[Problem]) -> bool:
+    """Whether one of the problems is at the same place, or inside it."""
+    inside = (f"{problem.where}.", f"{problem.where}[")
+    return any(p.where == problem.where or p.where.startswith(inside) for p in odd)
+
+
 def _printable(problem: Problem) -> Problem:
     parts = {f.name: getattr(problem, f.name) for f in fields(problem)}
     return Problem(**{name: _line(text) for name, text in parts.items()})

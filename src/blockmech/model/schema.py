@@ -11,7 +11,8 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
-from blockmech.blocks.contract import REGISTRY, Block, Moving
+from blockmech.blocks.contract import Block, Moving
+from blockmech.blocks.registry import REGISTRY
 from blockmech.model.contents import GraphDocument
 from blockmech.model.writing import field_order
 

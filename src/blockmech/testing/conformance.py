@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from blockmech.blocks.contract import REGISTRY, Block, Moving
+from blockmech.blocks.contract import Block, Moving
+from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import RequestError
 from blockmech.loads.contract import Element
 from blockmech.testing.block_rules import BlockRules

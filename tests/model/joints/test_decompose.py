@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.blocks.contract import REGISTRY
+from blockmech.blocks.registry import REGISTRY
 from blockmech.model.joints.contents import load_kinds
 from blockmech.model.joints.document import loads
 from tests.model.joints import machines

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections import namedtuple
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -29,6 +30,8 @@ from blockmech.blocks.contract import (
     outer_joint,
     refuse,
     unknown_name,
+    wrong_friction,
+    wrong_links,
 )
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
@@ -50,8 +53,10 @@ from blockmech.values import (
 
 if TYPE_CHECKING:
     from blockmech.model.assur import Unit
+    from blockmech.model.rigidity import Pair
 
 PairType = Literal["R", "P"]
+SUPPORTS = "the supports"  # how counting and its messages call all earlier links
 
 
 class OuterPair(Strictly):
@@ -177,22 +182,22 @@ class GeneralGroup(AssurGroup, type="group.general"):
         return tuple(self.links)
 
     @cached_property
-    def structure(self) -> tuple[tuple[str, str, str, PairType, bool], ...]:
-        """Each pair without geometry: name, links ("" is the support), kind, whether driven."""
+    def structural(self) -> tuple[Pair, ...]:
+        """The pairs without geometry, for counting; earlier links are one, ``SUPPORTS``."""
+        from blockmech.model.rigidity import Pair
+
         found = []
         for name, pair in self.pairs.items():
-            *first, second = pair.sides
-            found.append((name, first[0] if first else "", second, pair.type, pair.driven))
+            first, second = (SUPPORTS, *pair.sides)[-2:]
+            found.append(Pair(name, first, second, pair.type))
         return tuple(found)
 
     @cached_property
     def unit(self) -> Unit:
         """What the group is in the trade's terms: kind and class."""
         from blockmech.model.assur import classify
-        from blockmech.model.rigidity import Pair
 
-        pairs = [Pair(name, i, j, kind) for name, i, j, kind, _ in self.structure]
-        return classify(self.link_names, pairs, [j.name for j in self.driven])
+        return classify(self.link_names, self.structural, [j.name for j in self.driven])
 
     @property
     def group_class(self) -> str:  # type: ignore[override]
@@ -217,7 +222,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
                 guided = pair.type == "P" or pair.driven
                 reads: Any = "guide" if guided else "point"
                 joint = outer_joint(pair.type, pair.link, reads, driven=pair.driven)
-            found[name] = Joint(**{**vars(joint), "name": name})
+            found[name] = replace(joint, name=name)
         return found
 
     @cached_property
@@ -269,18 +274,9 @@ class GeneralGroup(AssurGroup, type="group.general"):
         places += [z - origins[0] for z in origins[1:]]
         return max(map(abs, places), default=0.0)
 
-    def markers_of(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
-        """All markers: of each pair on its (first) link, of each link, and the user's."""
-        found: dict[str, tuple[str, Marker | BuiltIn]] = {}
-        for name, pair in self.pairs.items():
-            link, marker = next(iter(pair.sides.items()))
-            found[name] = (link, marker)
-        for link in self.link_names:
-            found.setdefault(link, (link, BuiltIn(link)))
-        for link, properties in self.links.items():
-            for name, marker in properties.markers.items():
-                found[name] = (link, marker)
-        return found
+    def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
+        """The markers at the pairs, each on its (first) link."""
+        return {name: next(iter(pair.sides.items())) for name, pair in self.pairs.items()}
 
     def slider_place(self, joint: str, link: str) -> complex:
         """Place [m] of a slider's point on one of its links: the pair's place there."""
@@ -314,24 +310,37 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     # -- what is refused ------------------------------------------------------------------
 
+    # Links and friction are held against the pairs, once these are read.
+
     @field_validator("links")
     @classmethod
     def _links_exist(cls, links: dict[str, Link]) -> dict[str, Link]:
-        refuse(cls.__name__, _wrong_markers(links))
         return links
 
     @field_validator("friction")
     @classmethod
     def _friction_fits(cls, friction: dict[str, Coulomb]) -> dict[str, Coulomb]:
-        return friction  # held against the pairs below
+        return friction
 
     @model_validator(mode="after")
     def _hangs_together(self) -> GeneralGroup:
-        wrong = [*self._wrong_pairs(), *self._wrong_home(), *self._wrong_laws(), *self._taken()]
+        wrong = [*self._wrong_names(), *self._wrong_pairs(), *self._wrong_home()]
         if not wrong:
             wrong = list(self._wrong_count())
         refuse(type(self).__name__, wrong)
         return self
+
+    def _wrong_names(self) -> Iterator[Mistake]:
+        for link in self.links:
+            if not is_name(link):
+                yield ("links", link), bad_name("link", link)
+            if link in self.pairs:
+                found = f'a link is called "{link}" as well'
+                yield ("pairs", link), mistake("taken-name", found)
+        for where, error in wrong_links(self.links, self.links, self.pairs):
+            yield ("links", *where), error
+        for where, error in wrong_friction(self.friction, self.joints, "pair"):
+            yield ("friction", *where), error
 
     def _wrong_pairs(self) -> Iterator[Mistake]:
         for name, pair in self.pairs.items():
@@ -354,40 +363,9 @@ class GeneralGroup(AssurGroup, type="group.general"):
             valid = "a home has the pose of every link"
             yield ("home", "poses"), mistake("no-pose", found, valid, "add [x, y, angle]")
 
-    def _wrong_laws(self) -> Iterator[Mistake]:
-        for name, law in self.friction.items():
-            if name not in self.pairs:
-                error = unknown_name("unknown-joint", "pair", name, tuple(self.pairs))
-                yield ("friction", name), error
-                continue
-            try:
-                law.check_for(self.pairs[name].type, name)
-            except ValueError as error:
-                yield ("friction", name), error  # type: ignore[misc]
-
-    def _taken(self) -> Iterator[Mistake]:
-        taken = {*self.pairs, *self.links}
-        for name in self.pairs.keys() & self.links.keys():
-            yield ("pairs", name), mistake("taken-name", f'a link is called "{name}" as well')
-        for link, properties in self.links.items():
-            for marker in properties.markers:
-                if marker in taken:
-                    found = f'the marker name "{marker}" is taken in this block'
-                    yield ("links", link, "markers", marker), mistake("taken-name", found)
-                taken.add(marker)
-
     def _wrong_count(self) -> Iterator[Mistake]:
         n, p = len(self.links), len(self.pairs)
         k = sum(pair.driven for pair in self.pairs.values())
         if 3 * n != 2 * p + k or not n:
             found = f"{n} links, {p} pairs and {k} driven pairs: 3n = {3 * n}, 2p + k = {2 * p + k}"
             yield ("pairs",), mistake("not-a-group", found, "a group has 3n = 2p + k")
-
-
-def _wrong_markers(links: Mapping[str, Link]) -> Iterator[Mistake]:
-    for link, properties in links.items():
-        if not is_name(link):
-            yield (link,), bad_name("link", link)
-        for marker in properties.markers:
-            if not is_name(marker):
-                yield (link, "markers", marker), bad_name("marker", marker)

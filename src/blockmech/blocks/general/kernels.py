@@ -14,6 +14,7 @@ Sources: [R10] Eqs. 2-7 and [D14] Eqs. 1-8 for groups of any class.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from blockmech.blocks.contract import Kernels
@@ -173,11 +174,23 @@ def newton_step(
     p: Any,
 ) -> tuple[Real, ...]:
     """Solution of J step = -residual."""
+    at, open_by = conditions(plans, pose, supports, q, p)
+    return solve(jacobian(plans, at, len(pose), p), [-x for x in open_by])
+
+
+def conditions(
+    plans: tuple[PairPlan, ...],
+    pose: tuple[LinkPosition, ...],
+    supports: tuple[Any, ...],
+    q: tuple[Real, ...],
+    p: Any,
+) -> tuple[tuple[Ends, ...], list[Real]]:
+    """Both sides of each pair at a pose, and how far all conditions are from zero."""
     at = tuple(ends(pair, pose, supports, p) for pair in plans)
-    right: list[Real] = []
+    found: list[Real] = []
     for pair, sides in zip(plans, at, strict=True):
-        right += [-x for x in residuals(pair, sides, q, 1 / p.size)]
-    return solve(jacobian(plans, at, len(pose), p), right)
+        found += residuals(pair, sides, q, 1 / p.size)
+    return at, found
 
 
 def gap(
@@ -188,28 +201,30 @@ def gap(
     p: Any,
 ) -> tuple[Real, Real]:
     """Largest residual of a pose, and the rounding of the places it is made of."""
-    largest: Real = 0.0
+    at, open_by = conditions(plans, pose, supports, q, p)
     reach: Real = 1.0
-    for pair in plans:
-        at = ends(pair, pose, supports, p)
-        for x in residuals(pair, at, q, 1 / p.size):
-            largest = maximum(largest, abs(x))
-        reach = maximum(reach, hyp(at.b.P) * (1 / p.size))
-    return largest, EPS * reach
+    for sides in at:
+        reach = maximum(reach, hyp(sides.b.P) * (1 / p.size))
+    return largest(open_by), EPS * reach
+
+
+def largest(values: Iterable[Real]) -> Real:
+    """The largest magnitude."""
+    top: Real = 0.0
+    for x in values:
+        top = maximum(top, abs(x))
+    return top
 
 
 def stepped(
     pose: tuple[LinkPosition, ...], step: tuple[Real, ...], size: Real
 ) -> tuple[tuple[LinkPosition, ...], Real]:
     """The pose after a step, and the step's largest part, by size or in radians."""
-    largest: Real = 0.0
-    for x in step:
-        largest = maximum(largest, abs(x))
     moved = []
     for k, link in enumerate(pose):
         x, y, turn = step[3 * k : 3 * k + 3]
         moved.append(LinkPosition(link.o + planar(x * size, y * size), link.e * expi(turn)))
-    return tuple(moved), largest
+    return tuple(moved), largest(step)
 
 
 def jacobian(plans: tuple[PairPlan, ...], at: tuple[Ends, ...], links: int, p: Any) -> Any:

@@ -44,6 +44,7 @@ from blockmech.model.joints.frames import DeadCentre, Made, closed_form, driving
 from blockmech.model.joints.general import general_group
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import Known, reference_problems
+from blockmech.model.joints.special import Layout
 from blockmech.model.naming import Names
 from blockmech.model.problems import in_file
 
@@ -82,10 +83,7 @@ class Decomposition:
 
     def compile(self) -> Mechanism:
         """A mechanism that computes, with the names of the document."""
-        from blockmech.mechanism import Mechanism
-
-        graph = self.graph
-        return Mechanism(graph.structure(), graph.scene, graph.name, self.names)
+        return self.graph.compile(self.names)
 
 
 @dataclass(frozen=True)
@@ -128,13 +126,13 @@ def sequence(linkage: Linkage) -> Sequence:
         problem = Problem("wrong-value", "joints", large, "lengths are in m", "check the places")
         raise GraphError(problem)
     axis = axes(pairs, size)
-    driven = {driver.joint for driver in linkage.drivers.values()}
+    layout = Layout(given_poses(linkage.links), pairs, axis, linkage.driven, size)
+    given, driven = layout.given, layout.driven
     seats = seated(pairs, axis, driven)
     links = [link for link in linkage.links if link != FRAME]
     found = formation(links, structural(seats.pairs, axis), (FRAME,), driven)
-    given = given_poses(linkage.links)
     if not found.complete or not links:
-        raise GraphError(why_not(linkage, pairs, axis, driven, given, size))
+        raise GraphError(why_not(layout))
     closing = Closing(given.links, pairs, driven, size)
     poses = closing.refine(given)
     if not closing.closed(poses):
@@ -144,7 +142,7 @@ def sequence(linkage: Linkage) -> Sequence:
         raise GraphError(away)
     stuck = [unit for unit in found.units if _stands_still(unit, seats.pairs, driven, poses, size)]
     if stuck:
-        raise GraphError(why_stuck(linkage, stuck, pairs, axis, driven, given, size))
+        raise GraphError(why_stuck(layout, stuck))
     return Sequence(pairs, seats, found, poses)
 
 
@@ -160,9 +158,8 @@ def _stands_still(
 
 
 def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposition:
-    names = {driver.joint: name for name, driver in linkage.drivers.items()}
     plain = links_read_as_they_are(linkage.loads, found.pairs)
-    diagram = Diagram(linkage, names)
+    diagram = Diagram(linkage, linkage.driven)
     problems = []
     units = _merged(found.formation.units) if general == "one" else found.formation.units
     for unit in units:

@@ -9,7 +9,7 @@ over-constrained, and move all the same.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from blockmech.errors import Problem, listed
@@ -18,7 +18,7 @@ from blockmech.model.joints.closing import CLOSED, Closing, Poses
 from blockmech.model.joints.connections import Connections, structural
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.matrix import LEAST_SQUARES
-from blockmech.model.joints.special import Special, special_geometry
+from blockmech.model.joints.special import Layout, Special, special_geometry
 from blockmech.model.problems import path_text
 from blockmech.model.rigidity import (
     MOST_WORK,
@@ -29,7 +29,7 @@ from blockmech.model.rigidity import (
 )
 
 if TYPE_CHECKING:
-    from blockmech.model.joints.linkage import Linkage
+    pass
 
 CODES: Mapping[str, str] = {
     "unconnected-links": "links that no joint joins to the rest",
@@ -53,26 +53,20 @@ FAR_TURN, FAR_WAY = 1.5, 1.0  # [rad], [-] of the size: how far a pose may be of
 MOST = 12  # names in a message
 
 
-def why_not(
-    linkage: Linkage,
-    pairs: Connections,
-    axis: Mapping[str, str],
-    driven: Collection[str],
-    given: Poses,
-    size: float,
-) -> list[Problem]:
+def why_not(layout: Layout) -> list[Problem]:
     """The reasons why a structure cannot be put in a formation sequence, one for each."""
-    if not given.links:
+    if not layout.links:
         remedy = "add links and joints"
         return [Problem("no-links", "links", "there is no moving link", "", remedy)]
     try:
-        return _by_rank(linkage, pairs, axis, driven, given, size)
+        return _by_rank(layout)
     except TooTangledError:
-        return [_by_count(given.links, pairs, driven)]
+        return [_by_count(layout)]
 
 
-def _by_count(links: Collection[str], pairs: Connections, driven: Collection[str]) -> Problem:
+def _by_count(layout: Layout) -> Problem:
     """What can be told of very many links in loops: which of them cannot be placed."""
+    links, pairs, driven = layout.links, layout.pairs, layout.driven
     counted = structural(pairs, dict.fromkeys(pairs, ""))
     rest = formation(links, counted, (FRAME,), driven).rest
     mobility = 3 * len(links) - 2 * len(pairs)
@@ -82,56 +76,37 @@ def _by_count(links: Collection[str], pairs: Connections, driven: Collection[str
     return Problem("too-tangled", "joints", found, "each freedom has one driver", remedy)
 
 
-def _by_rank(
-    linkage: Linkage,
-    pairs: Connections,
-    axis: Mapping[str, str],
-    driven: Collection[str],
-    given: Poses,
-    size: float,
-) -> list[Problem]:
-    counted = structural(pairs, axis)
-    together = _coincident(given.links, pairs, axis, driven)
+def _by_rank(layout: Layout) -> list[Problem]:
+    together = _coincident(layout)
     if together:
         return together
-    findings = diagnose(given.links, counted, (FRAME,), driven, MOST_WORK)
-    state = rigidity(given.links, counted, (FRAME,), (), MOST_WORK)
-    names = {driver.joint: name for name, driver in linkage.drivers.items()}
-    said = _Words(names, state.mobility, state.counted)
-    special = special_geometry(given, pairs, axis, driven, size, state.mobility)
+    findings = diagnose(layout.links, layout.counted, (FRAME,), layout.driven, MOST_WORK)
+    state = rigidity(layout.links, layout.counted, (FRAME,), (), MOST_WORK)
+    said = _Words(layout.drivers, state.mobility, state.counted)
+    special = special_geometry(layout, state.mobility)
     if special is not None:
         return said.special(special)
     return said.problems(findings)
 
 
-def why_stuck(
-    linkage: Linkage,
-    stuck: Iterable[Unit],
-    pairs: Connections,
-    axis: Mapping[str, str],
-    driven: Collection[str],
-    given: Poses,
-    size: float,
-) -> list[Problem]:
+def why_stuck(layout: Layout, stuck: Iterable[Unit]) -> list[Problem]:
     """Why groups that are sound by count cannot be placed in the given pose."""
-    if 3 * len(given.links) <= LEAST_SQUARES:
-        state = rigidity(given.links, structural(pairs, axis), (FRAME,))
-        special = special_geometry(given, pairs, axis, driven, size, state.mobility)
+    if 3 * len(layout.links) <= LEAST_SQUARES:
+        state = rigidity(layout.links, layout.counted, (FRAME,))
+        special = special_geometry(layout, state.mobility)
         if special is not None:
-            names = {driver.joint: name for name, driver in linkage.drivers.items()}
-            return _Words(names, state.mobility, state.counted).special(special)
+            return _Words(layout.drivers, state.mobility, state.counted).special(special)
     why = "their joints do not hold them there"
     return [dead_centre(unit.links, why) for unit in stuck]
 
 
-def _coincident(
-    links: Iterable[str], pairs: Connections, axis: Mapping[str, str], driven: Collection[str]
-) -> list[Problem]:
+def _coincident(layout: Layout) -> list[Problem]:
     """Joints that lie on each other, where that is why the structure cannot work.
 
     Two of the same two links hold them twice. Others do no harm as such, unless the structure
     would work if they were apart.
     """
+    links, pairs, axis, driven = layout.links, layout.pairs, layout.axis, layout.driven
     twice: dict[tuple[frozenset[str], str], list[str]] = defaultdict(list)
     for c in pairs.values():
         if axis[c.name]:
@@ -154,7 +129,7 @@ def _coincident(
     apart = structural(pairs, dict.fromkeys(pairs, ""))
     if not any(axis.values()) or not formation(links, apart, (FRAME,), driven).complete:
         return []
-    held = rigidity(links, structural(pairs, axis), (FRAME,), driven, MOST_WORK)
+    held = rigidity(links, layout.counted, (FRAME,), driven, MOST_WORK)
     for o in held.overconstrained:
         groups: dict[str, list[str]] = defaultdict(list)
         for name in o.pairs:

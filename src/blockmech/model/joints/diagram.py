@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.blocks.contract import REGISTRY
+from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import GraphError
 from blockmech.model.assur import Unit
 from blockmech.model.contents import FORMAT

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from blockmech.blocks.contract import REGISTRY
+from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import FormatError, Problem, close_match, listed
 from blockmech.loads.contract import Element
 from blockmech.model.contents import FORMAT as GRAPH
@@ -31,10 +31,10 @@ from blockmech.model.joints.contents import (
 from blockmech.model.joints.linkage import Linkage, bad_name, unknown_load
 from blockmech.model.joints.references import Known, reference_problems
 from blockmech.model.migrations import VERSION, version_problem
-from blockmech.model.problems import MOST, in_file, path_text
+from blockmech.model.problems import MOST, in_file, path_text, said_already
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.refusals import validated
-from blockmech.model.writing import canonical_text, plain
+from blockmech.model.writing import canonical_text, plain, write_checked
 from blockmech.values import Strictly, is_name, shown
 
 SECTIONS = ("links", "joints", "drivers", "loads")
@@ -85,12 +85,7 @@ def save(linkage: Linkage, path: str | os.PathLike[str]) -> None:
     FormatError for a document that could not be read again; nothing is written
     RequestError where the place cannot be written
     """
-    from blockmech.export.files import writing
-
-    text = dumps(linkage)
-    loads(text)
-    with writing(path) as stream:
-        stream.write(text.encode())
+    write_checked(path, dumps(linkage), loads)
 
 
 def load_data(load: Any) -> dict[str, Any]:
@@ -124,8 +119,7 @@ class _Draft:
     def note(self, problems: Iterable[Problem]) -> None:
         """Add what is wrong, unless the text has said so already."""
         for problem in problems:
-            inside = (f"{problem.where}.", f"{problem.where}[")
-            if not any(p.where == problem.where or p.where.startswith(inside) for p in self.odd):
+            if not said_already(problem, self.odd):
                 self.problems.append(problem)
 
 

@@ -105,7 +105,7 @@ class Linkage:
 
         Raises `GraphError` for an unknown kind or keys that do not fit.
         """
-        from blockmech.blocks.contract import REGISTRY
+        from blockmech.blocks.registry import REGISTRY
 
         self._free("load", name, self.loads)
         cls = REGISTRY.get(f"{LOADS}{kind}")
@@ -136,6 +136,11 @@ class Linkage:
             )
 
     # -- checking and using -----------------------------------------------
+
+    @property
+    def driven(self) -> dict[str, str]:
+        """Driven joint -> the driver's name."""
+        return {driver.joint: name for name, driver in self.drivers.items()}
 
     def check(self) -> list[Problem]:
         """Everything that is wrong, as data; an empty list is a mechanism that works."""

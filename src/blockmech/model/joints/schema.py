@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from blockmech.blocks.contract import REGISTRY
+from blockmech.blocks.registry import REGISTRY
 from blockmech.loads.contract import Element
 from blockmech.model.joints.contents import (
     FRAME,

@@ -7,7 +7,7 @@ structure can move for a moment only, is seen after a small step along the motio
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +17,45 @@ from blockmech.model.joints.closing import Closing, Floats, Poses
 from blockmech.model.joints.connections import Connections, structural
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.matrix import LEAST_SQUARES, SINGULAR
+from blockmech.model.rigidity import Pair
 
 STEP = 1e-3  # [-] of the size and of a radian: shows whether a structure really moves
 TAKES_PART = 1e-6  # [-] of the largest; smaller shares of a self-stress are rounding
 MOST_TRIES = 50  # links that are taken away to see whether the rest works
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Links and joints of a document, as counting and closing see them.
+
+    Attributes
+    ----------
+    given : the links in the pose that is given
+    pairs, axis : joints two by two, and which of them share a pin or a direction
+    drivers : driven joint -> driver
+    size : of the mechanism [m]
+    """
+
+    given: Poses
+    pairs: Connections
+    axis: Mapping[str, str]
+    drivers: Mapping[str, str]
+    size: float
+
+    @property
+    def links(self) -> Sequence[str]:
+        """The moving links."""
+        return self.given.links
+
+    @property
+    def driven(self) -> Collection[str]:
+        """The driven joints."""
+        return self.drivers.keys()
+
+    @property
+    def counted(self) -> tuple[Pair, ...]:
+        """The joints without geometry."""
+        return tuple(structural(self.pairs, self.axis))
 
 
 @dataclass(frozen=True)
@@ -42,27 +77,20 @@ class Special:
     spare: tuple[str, tuple[str, ...]] | None
 
 
-def special_geometry(
-    given: Poses,
-    pairs: Connections,
-    axis: Mapping[str, str],
-    driven: Collection[str],
-    size: float,
-    mobility: int,
-) -> Special | None:
+def special_geometry(layout: Layout, mobility: int) -> Special | None:
     """What is special, or None where links move no better than other lengths let them."""
-    if 3 * len(given.links) > LEAST_SQUARES:
+    if 3 * len(layout.links) > LEAST_SQUARES:
         return None
-    closing = Closing(given.links, pairs, (), size)
-    poses = closing.refine(given, hold=False)
+    closing = Closing(layout.links, layout.pairs, (), layout.size)
+    poses = closing.refine(layout.given, hold=False)
     if not closing.closed(poses):
         return None
     freedom, motion = closing.freedom(poses)
     if freedom <= mobility or not _keeps_moving(closing, poses, motion, mobility):
         return None
     names, redundant = _stressed(closing, poses)
-    links = sorted({link for name in names for link in pairs[name].links})
-    spare = _spare(links, given.links, pairs, axis, driven)
+    links = sorted({link for name in names for link in layout.pairs[name].links})
+    spare = _spare(links, layout)
     return Special(freedom, redundant, tuple(links), names, spare)
 
 
@@ -91,20 +119,14 @@ def _stressed(closing: Closing, poses: Poses) -> tuple[tuple[str, ...], int]:
     return tuple(sorted(taking)), idle.shape[1]
 
 
-def _spare(
-    links: list[str],
-    all_links: Collection[str],
-    pairs: Connections,
-    axis: Mapping[str, str],
-    driven: Collection[str],
-) -> tuple[str, tuple[str, ...]] | None:
+def _spare(links: list[str], layout: Layout) -> tuple[str, tuple[str, ...]] | None:
     """The last link without which, and without its joints, the rest can be put in sequence."""
     for link in sorted(set(links) - {FRAME}, reverse=True)[:MOST_TRIES]:
-        own = tuple(name for name, c in pairs.items() if link in c.links)
-        if driven and set(own) & set(driven):
+        own = tuple(name for name, c in layout.pairs.items() if link in c.links)
+        if set(own) & set(layout.driven):
             continue
-        rest = {name: c for name, c in pairs.items() if name not in own}
-        others = [a for a in all_links if a != link]
-        if formation(others, structural(rest, axis), (FRAME,), driven).complete:
+        rest = {name: c for name, c in layout.pairs.items() if name not in own}
+        others = [a for a in layout.links if a != link]
+        if formation(others, structural(rest, layout.axis), (FRAME,), layout.driven).complete:
             return link, own
     return None
