@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import blockmech as bm
 from blockmech.errors import NotComputedError
 from blockmech.values import Marker
 from tests.wiring import EPS, off, ruiz, toggle, watt, wire
+
+GRAPHS = Path(__file__).resolve().parents[1] / "graphs"
 
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 
@@ -479,6 +482,12 @@ def test_no_efficiency_where_the_drive_does_no_positive_work():
     assert math.isnan(r["mechanism.efficiency"])
     assert math.isnan(r["mechanism.friction_efficiency"])
     assert r.to_dict()["outputs"]["mechanism.efficiency"]["values"] in (None, [None])
+
+
+def test_no_efficiency_of_a_free_motion_whose_drive_is_idle():
+    engine = bm.Graph.load(GRAPHS / "engine.json").compile().simulate("turns=2", want="mechanism.*")
+    assert np.abs(engine["mechanism.drive_power"]).max() > 0  # rounding of large torques
+    assert math.isnan(engine["mechanism.efficiency"])
 
 
 def test_no_efficiency_of_a_single_sample():

@@ -206,8 +206,14 @@ def efficiency(s: Schedule) -> tuple[str, str]:
 
 
 def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
-    """Work of the useful loads over the drive's work; NaN without positive drive work."""
-    return _share(np.sum(useful * weights), np.sum(drive * weights))
+    """Work of the useful loads over the drive's work; NaN without positive drive work.
+
+    In a free motion the drive is idle, and its work is rounding of the useful loads' work.
+    """
+    given = np.sum(drive * weights)
+    if given <= _rounding(useful, drive, weights):
+        return float("nan")
+    return _share(np.sum(useful * weights), given)
 
 
 def friction_efficiency(s: Schedule) -> tuple[str, str]:
@@ -222,11 +228,15 @@ def read_friction_efficiency(friction: Any, drive: Any, weights: Any) -> float:
     takes all that the drive gives, and the powers may be much larger than what is left of them.
     """
     taken, given = np.sum(friction * weights), np.sum(drive * weights)
-    eps = np.finfo(np.result_type(drive, friction, np.float32)).eps
-    flows = np.sum((np.abs(friction) + np.abs(drive)) * np.abs(weights))
-    if given > 0 and abs(given - taken) <= ROUNDINGS * eps * flows:
+    if given > 0 and abs(given - taken) <= _rounding(friction, drive, weights):
         return 0.0
     return 1.0 - _share(taken, given)
+
+
+def _rounding(part: Any, whole: Any, weights: Any) -> float:
+    """What rounding leaves of a sum of the two powers over the samples."""
+    eps = np.finfo(np.result_type(whole, part, np.float32)).eps
+    return float(ROUNDINGS * eps * np.sum((np.abs(part) + np.abs(whole)) * np.abs(weights)))
 
 
 def _share(part: float, whole: float) -> float:
