@@ -121,6 +121,11 @@ def repair(condition: Real, one: Any, given: Any, *data: Any) -> Any:
     return one(given, *data) if condition else given
 
 
+def each(function: Any, *x: Real) -> Real:
+    """``function(*x)`` for each sample, as Python numbers; for functions that are no kernels."""
+    return function(*x)
+
+
 def planar(x: Real, y: Real) -> Complex:
     """A planar vector from its components, in the engine's precision."""
     return complex(x, y)
@@ -174,6 +179,7 @@ SCALAR_PRIMITIVES = {
         piecewise,
         some,
         repair,
+        each,
         planar,
         matrix,
         solve,

@@ -72,6 +72,13 @@ def table(of, data, **more):
 
 
 LINEAR = {"interpolation": "linear"}
+
+
+def everything(coordinate, rate, time):
+    """A moment [N m] that no typed law can say."""
+    return math.sin(coordinate) * rate - 0.3 * abs(rate) * rate + math.exp(-time)
+
+
 CASES = {
     "a table of the time": (
         (bm.Motor(law=table("time", CLOCK, **LINEAR)), ON_CRANK),
@@ -108,6 +115,21 @@ CASES = {
     "a periodic table of the angle": (
         (bm.Motor(law=table("coordinate", ANGLES, turns=1), driver="crank"), ON_CRANK),
         lambda q, w, t: float(WAVE(q % TURN)),
+        (),
+    ),
+    "a function of everything": (
+        (bm.Motor(law=everything, driver="crank"), ON_CRANK),
+        everything,
+        (),
+    ),
+    "a function of rate and time, the other way round": (
+        (bm.Motor(law=lambda time, rate: math.sin(3 * time) - 0.2 * rate**3), BACKWARD),
+        lambda q, w, t: -(math.sin(3 * t) + 0.2 * w**3),
+        (),
+    ),
+    "a function of the coordinate": (
+        (bm.Motor(law=lambda coordinate: -0.2 * coordinate**3, driver="crank"), ON_CRANK),
+        lambda q, w, t: -0.2 * q**3,
         (),
     ),
     "a torsional damper": (

@@ -36,7 +36,7 @@ def knots_of(
     found: list[float] = []
     for name, element in structure.elements.items():
         law = element.law if isinstance(element, Following) else None
-        if law is not None and law.argument() != "coordinate":
+        if law is not None and "coordinate" not in law.variables():
             continue
         if isinstance(element, Following) and element.driver is not None:
             if isinstance(law, Table):
@@ -55,7 +55,7 @@ def time_knots_of(structure: Structure, latest: float) -> tuple[float, ...]:
     found: list[float] = []
     for element in structure.elements.values():
         law = element.law if isinstance(element, Following) else None
-        if isinstance(law, Table) and law.argument() == "time":
+        if isinstance(law, Table) and law.variables() == ("time",):
             most = min(latest, MOST * law.whole) if law.whole else latest
             found += _repeated(law, 0.0, most)
     return tuple(sorted(set(found)))
@@ -115,7 +115,7 @@ def _measured(structure: Structure, scene: Any, name: str, element: Element) -> 
         args = [s.ask(terminal_reading, JointRef(name, terminal), "e") for terminal in ("a", "b")]
         measure: Any = twist
     else:
-        measure, reads = element.measures()
+        measure, reads = element.own_measure(rate=False)
         args = readings(s, name, reads)
     value = s.emit(measure, *args, s.ask(element_parameters, name), name="measure")
     return s.program([value])

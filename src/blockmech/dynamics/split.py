@@ -27,12 +27,13 @@ from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.following import followed, path_of
 from blockmech.passes.forces import negated
 from blockmech.passes.forward import ZERO, link_velocity, marker_velocity
-from blockmech.passes.loads import NOTHING, cm_velocity, terminal_term, weight_on
+from blockmech.passes.loads import NOTHING, cm_velocity, law_at, terminal_term, weight_on
 from blockmech.plan import Friction, Schedule
 from blockmech.plane import hyp
 from blockmech.typing import Complex, Real
 
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
+MOVING = frozenset({"rate", "time"})  # arguments of laws that are not of the position
 SAME = 1e-12  # relative distance within which two periods fit into one another
 FREE = Friction("none")
 
@@ -59,9 +60,9 @@ def straight(element: Element) -> bool:
     if not isinstance(element, Following):
         return True  # springs with dampers
     law = element.law
-    if law.argument() == "rate":
+    if law.variables() == ("rate",):
         return isinstance(law, DC) or (isinstance(law, Polynomial) and len(law.coefficients) <= 2)
-    return law.argument() != "time"
+    return not MOVING & set(law.variables())
 
 
 def lossless(structure: Structure) -> bool:
@@ -102,11 +103,9 @@ def own_loads(structure: Structure, scene: Any, driver: str) -> OwnLoads | None:
     for name, way in zip(crooked, signs, strict=True):
         element = structure.elements[name]
         assert isinstance(element, Following)
-        x = clock if element.law.argument() == "time" else rate
-        if x is rate and element.driver is None and way < 0:
-            x = backward
-        numbers = s.parameter(("law", name), element.law.numbers(), f"law_{name}")
-        term = s.emit(element.law.kernel(), x, numbers, name=f"{name}_law")
+        own = backward if element.driver is None and way < 0 else rate
+        given = [clock if what == "time" else own for what in element.law.variables()]
+        term = law_at(s, name, given)
         terms.append(term if way > 0 else s.emit(negated, term, name=f"{name}_back"))
     program = s.program([s.sum(terms, "own")])
     many, single = NumpyEngine(program), ScalarEngine(program)
@@ -125,7 +124,7 @@ def own_loads(structure: Structure, scene: Any, driver: str) -> OwnLoads | None:
 def _way(structure: Structure, name: str, driver: str) -> int:
     """+1 or -1 where an element is a motor from frame to driver or back; else 0."""
     element = structure.elements[name]
-    if not isinstance(element, Motor):
+    if not isinstance(element, Motor) or not set(element.law.variables()) <= MOVING:
         return 0
     ref = structure.driven[driver]
     crank = structure.later_link(ref)
@@ -148,7 +147,7 @@ def period_of(structure: Structure, driver: str, rotary: bool) -> float | None:
     for element in structure.elements.values():
         if not (isinstance(element, Following) and element.driver == driver):
             continue
-        if element.law.argument() != "coordinate":
+        if "coordinate" not in element.law.variables():
             continue
         law = element.law
         if isinstance(law, Fourier) and law.period is None:

@@ -119,6 +119,14 @@ def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
     return whole
 
 
+def each(function: Any, *x: Any) -> Any:
+    """Ask a function sample by sample; see `blockmech.plane.each`."""
+    columns = np.broadcast_arrays(*x)
+    rows = zip(*(map(float, column.ravel()) for column in columns), strict=True)
+    found = [function(*row) for row in rows]
+    return np.array(found, columns[0].dtype).reshape(columns[0].shape)
+
+
 def _shapes(value: Any) -> list[tuple[int, ...]]:
     if isinstance(value, tuple):
         return [shape for x in value for shape in _shapes(x)]
@@ -192,6 +200,7 @@ def primitives(dtype: Any) -> dict[str, Any]:
         "some": some,
         "EPS": float(np.finfo(dtype).eps),
         "repair": repair,
+        "each": each,
         "planar": planar,
         "matrix": matrix,
         "solve": linear.solve,

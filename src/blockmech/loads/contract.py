@@ -13,24 +13,38 @@ pictures and files all read that one declaration.
     returns one force or couple per terminal. It obeys the rules of kernels.
  4. ``energy``, if there is one, is the stored energy [J]; it may read ``p`` and
     ``e`` only, the position quantities that the kernel reads.
- 5. A `Following` element has a law: what it ``measures`` is the law's argument, the
+ 5. A `Following` element has a law: what it ``measures`` are the law's arguments, the
     law's value is one more argument of its kernel, before the parameters.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
-from pydantic import StrictBool, model_validator
+from pydantic import (
+    StrictBool,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
 
 from blockmech.blocks.contract import Block, Mistake, refuse
+from blockmech.errors import listed
+from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
 from blockmech.values import mistake
 
 Reads: TypeAlias = Mapping[str, tuple[str, ...]]
 """What is read at each terminal, or under the keys "driver" and "time"."""
+
+if TYPE_CHECKING:
+    from blockmech.values import Given
+
+    LawGiven = Given[AnyLaw | Function, AnyLaw | Function | Mapping[str, Any] | Callable[..., Any]]
+else:
+    LawGiven = AnyLaw
 
 POSITION_READS = ("p", "e")
 VELOCITY_READS = ("v", "om")
@@ -71,18 +85,26 @@ class Element(Block):
 class Following(Element):
     """An element whose force or moment follows a law.
 
-    ``driver`` names the driving link whose coordinate or rate is the law's argument;
-    without it that is the element's own, see `own_measure`.
+    ``law`` is typed data, in Python also a function of ``coordinate``, ``rate`` or ``time``,
+    by the names of its parameters. ``driver`` names the driving link whose coordinate or
+    rate is the law's argument; without it that is the element's own, see `own_measure`.
     """
 
-    law: AnyLaw
+    law: LawGiven
     driver: str | None = None
+
+    @field_validator("law", mode="wrap")
+    @classmethod
+    def _data_or_function(cls, raw: Any, read: ValidatorFunctionWrapHandler) -> Any:
+        if isinstance(raw, Function):
+            return raw
+        return Function.told(raw) if callable(raw) and not isinstance(raw, type) else read(raw)
 
     @model_validator(mode="after")
     def _driver_matters(self) -> Following:
-        argument = self.law.argument()
-        if self.driver is not None and argument not in ("coordinate", "rate"):
-            found = f"is useless: the law is {f'of {argument}' if argument else 'constant'}"
+        of = self.law.variables()
+        if self.driver is not None and not {"coordinate", "rate"} & set(of):
+            found = f"is useless: the law is {f'of {listed(of)}' if of else 'constant'}"
             lines: list[Mistake] = [(("driver",), mistake("wrong-value", found, "", "remove it"))]
             refuse(type(self).__name__, lines)
         return self
@@ -90,8 +112,9 @@ class Following(Element):
     def reads(self) -> Reads:
         """All that it depends on: what its kernel reads and what its law measures."""
         found = dict(self.acts_by())
-        for key, what in self.measures()[1].items():
-            found[key] = tuple(dict.fromkeys((*found.get(key, ()), *what)))
+        for _, reads in self.measures():
+            for key, what in reads.items():
+                found[key] = tuple(dict.fromkeys((*found.get(key, ()), *what)))
         return found
 
     def acts_by(self) -> Reads:
@@ -102,13 +125,12 @@ class Following(Element):
         """The element's own coordinate or rate: a kernel of what it reads and the parameters."""
         raise TypeError(f"{type(self).__name__} declares no measure of its own")
 
-    def measures(self) -> tuple[Callable[..., Any] | None, Reads]:
-        """What the law's argument is made from; no kernel where it is read as it stands."""
-        argument = self.law.argument()
-        if argument == "time":
-            return None, {"time": ("t",)}
-        if not argument:
-            return None, {}
-        if self.driver is not None:
-            return None, {"driver": ("qd" if argument == "rate" else "q",)}
-        return self.own_measure(argument == "rate")
+    def measures(self) -> Iterator[tuple[Callable[..., Any] | None, Reads]]:
+        """What each of the law's arguments is made from; no kernel where it is read as it is."""
+        for argument in self.law.variables():
+            if argument == "time":
+                yield None, {"time": ("t",)}
+            elif self.driver is not None:
+                yield None, {"driver": ("qd" if argument == "rate" else "q",)}
+            else:
+                yield self.own_measure(argument == "rate")

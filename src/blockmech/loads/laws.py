@@ -123,9 +123,10 @@ def dc(x: Real, law: DCNumbers) -> Real:
 class Law(Strictly):
     """Size of a force [N] or moment [N m]. ``of`` is what it is a function of."""
 
-    def argument(self) -> str:
-        """What the law is a function of; empty for a constant."""
-        return str(getattr(self, "of", ""))
+    def variables(self) -> tuple[str, ...]:
+        """What the law is a function of; nothing for a constant."""
+        of = getattr(self, "of", None)
+        return () if of is None else (of,)
 
     def numbers(self) -> Any:
         """The law's numbers, as its kernel reads them."""
@@ -139,8 +140,8 @@ class Law(Strictly):
 class Constant(Law):
     """The same size always.
 
-    >>> Constant(value=5.0).argument()
-    ''
+    >>> Constant(value=5.0).variables()
+    ()
     """
 
     kind: Literal["constant"] = "constant"

@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from blockmech.errors import FormatError, Problem
+from blockmech.loads.functions import Function
 from blockmech.model.problems import path_text
 from blockmech.values import Pair
 
@@ -102,12 +103,17 @@ def _refuse_strange(value: Any, path: tuple[str | int, ...]) -> None:
             _refuse_strange(item, (*path, k))
     elif isinstance(value, float) and not math.isfinite(value):
         raise _strange("non-finite", path, "must be a finite number", float(value))
+    elif isinstance(value, Function):
+        remedy = "say it as a table, a polynomial or a Fourier series"
+        raise _strange("not-json", path, "a function of Python is not written", value.call, remedy)
     elif not isinstance(value, str | int | float | None):
         raise _strange("not-json", path, "must be JSON data", value)
 
 
-def _strange(code: str, path: tuple[str | int, ...], rule: str, value: Any) -> FormatError:
-    return FormatError(Problem(code, path_text(path), f"{rule}, got {value!r:.60}"))
+def _strange(
+    code: str, path: tuple[str | int, ...], rule: str, value: Any, remedy: str = ""
+) -> FormatError:
+    return FormatError(Problem(code, path_text(path), f"{rule}, got {value!r:.60}", "", remedy))
 
 
 def _text(value: Any, column: int, depth: int, last: bool = True) -> str:

@@ -8,7 +8,8 @@ Sources: [R10] Figs. 5 and 8, [D14] section 3.1.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 from blockmech.loads.contract import Element, Following, Reads
 from blockmech.model.structure import JointRef, LinkRef
@@ -118,12 +119,23 @@ def law_value(s: Schedule, name: str) -> str:
     """What an element's law says [N or N m]."""
     element = s.structure.elements[name]
     assert isinstance(element, Following)
-    measure, reads = element.measures()
+    return law_at(s, name, [measured(s, name, *each) for each in element.measures()])
+
+
+def measured(s: Schedule, name: str, measure: Callable[..., Any] | None, reads: Reads) -> str:
+    """One argument of an element's law."""
     args = readings(s, name, reads)
-    if measure is not None:
-        args = [s.emit(measure, *args, s.ask(element_parameters, name), name=f"{name}_argument")]
+    if measure is None:
+        return args[0]
+    return s.emit(measure, *args, s.ask(element_parameters, name), name=f"{name}_argument")
+
+
+def law_at(s: Schedule, name: str, arguments: Sequence[str]) -> str:
+    """The value [N or N m] of an element's law at given arguments."""
+    element = s.structure.elements[name]
+    assert isinstance(element, Following)
     numbers = s.parameter(("law", name), element.law.numbers(), f"law_{name}")
-    return s.emit(element.law.kernel(), *args, numbers, name=f"{name}_law")
+    return s.emit(element.law.kernel(), *arguments, numbers, name=f"{name}_law")
 
 
 def readings(s: Schedule, name: str, reads: Reads) -> list[str]:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from blockmech.loads.functions import Function
 from blockmech.model.joints.connections import Connection, Connections
 from blockmech.model.joints.contents import FRAME, HOLDS
 from blockmech.model.joints.frames import Seat
@@ -48,7 +49,7 @@ def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[
         if law is None or kinds != ["link", "link"] or load.driver is not None:
             continue
         joint = pairs.get(load.joint or "")
-        if law.argument() == "coordinate" and (joint is None or joint.kind == "R"):
+        if "coordinate" in law.variables() and (joint is None or joint.kind == "R"):
             found.update(load.links or joint.links if joint else load.links)
     return found - {FRAME}
 
@@ -126,8 +127,10 @@ def _turn(seat: Seat) -> float:
 # Laws of a driver's coordinate x = sign q + offset, as laws of q.
 
 
-def law_of_graph(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
+def law_of_graph(law: Mapping[str, Any] | Function, sign: int, offset: float) -> Any:
     """The law of q that is a given law of ``sign * q + offset``; of a rate without offset."""
+    if isinstance(law, Function):
+        return law.moved(sign, offset)
     found = dict(law)
     rewrite = _REWRITE.get(law["kind"])
     if (sign == 1 and offset == 0) or rewrite is None or law.get("of") == "time":

@@ -1,0 +1,98 @@
+"""A law that is a function of Python: whatever typed data cannot say.
+
+The names of its parameters declare what it depends on, and that alone decides which
+methods apply: ``lambda rate: -0.3 * rate * abs(rate)``. It is asked sample by sample and
+in double precision, and it is not written to files.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from blockmech.errors import Problem, RequestError
+from blockmech.loads.laws import Argument
+from blockmech.plane import each
+from blockmech.typing import Real
+from blockmech.values import mistake, shown
+
+ARGUMENTS = get_args(Argument)
+VALID = 'parameters named "coordinate", "rate" or "time"'
+
+
+@dataclass(frozen=True)
+class Function:
+    """Size of a force [N] or moment [N m] as ``call`` of the arguments in ``of``, in that order.
+
+    >>> import math
+    >>> law = Function(math.sin, of=("time",))
+    >>> law.kernel()(0.0, law.numbers())
+    0.0
+    """
+
+    call: Callable[..., float]
+    of: tuple[Argument, ...]
+
+    @classmethod
+    def told(cls, call: Callable[..., float]) -> Function:
+        """The law that a function is, by the names of its parameters.
+
+        Raises pydantic's error for other names.
+        """
+        try:
+            names = tuple(inspect.signature(call).parameters)
+        except (TypeError, ValueError):  # of some builtins
+            names = ()
+        if not names or not set(names) <= set(ARGUMENTS):
+            found = f"a function of ({', '.join(names)})"
+            raise mistake("wrong-function", found, VALID, "e.g. lambda rate: -0.3 * rate")
+        return cls(call, names)  # type: ignore[arg-type]
+
+    def moved(self, sign: int, offset: float) -> Function:
+        """The law of q that this law is of ``sign * q + offset``; of its rate likewise."""
+        steps = {"coordinate": (sign, offset), "rate": (sign, 0.0), "time": (1, 0.0)}
+
+        def moved(*given: float) -> float:
+            pairs = zip(given, self.of, strict=True)
+            return self.call(*(steps[what][0] * x + steps[what][1] for x, what in pairs))
+
+        return Function(moved, self.of)
+
+    def variables(self) -> tuple[str, ...]:
+        """What the law is a function of."""
+        return self.of
+
+    def numbers(self) -> tuple[()]:
+        """None: the function has its own."""
+        return ()
+
+    def kernel(self) -> Callable[..., Real]:
+        """The function, asked sample by sample."""
+
+        def function(*given: Any) -> Real:
+            return each(self._asked, *given[:-1])
+
+        return function
+
+    def _asked(self, *given: float) -> float:
+        try:
+            answer = self.call(*given)
+        except Exception as error:
+            raise self._refused(f"{type(error).__name__}: {error}", given) from error
+        try:
+            return float(answer)
+        except (TypeError, ValueError):
+            raise self._refused(f"it gave {shown(answer)}", given) from None
+
+    def _refused(self, found: str, given: Iterable[float]) -> RequestError:
+        name = getattr(self.call, "__name__", "function")
+        at = ", ".join(f"{what} = {x:.9g}" for what, x in zip(self.of, given, strict=True))
+        remedy = f"give a number, or {math.nan} where there is no answer"
+        return RequestError(
+            Problem(
+                "user-function", f"{name}({', '.join(self.of)})", f"{found}, at {at}", "", remedy
+            )
+        )
