@@ -10,9 +10,6 @@ import ast
 import json
 import os
 import sys
-import time
-from contextlib import suppress
-from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -26,13 +23,14 @@ from blockmech.model.document import dumps, load, loads
 from blockmech.model.opening import problems_in
 from blockmech.model.problems import FILE_CODES, LONGEST, MOST
 from blockmech.model.reading import LARGEST
+from tests.soon import answered
+from tests.spoilt import any_data, spoilt
 
 ROOT = Path(__file__).resolve().parents[1]
 BROKEN = sorted((ROOT / "graphs" / "broken").iterdir())
 MESSAGES = Path(__file__).resolve().parent / "data" / "messages"
 GOOD = (ROOT / "graphs" / "ruiz_fourbar.json").read_text(encoding="utf-8")
 
-SOON = 5.0  # [s] in which any file is answered
 EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "300"))  # 10000 is the full run
 
 FOLLOWS = {  # files in which a mistake has consequences, or that have more than one on purpose
@@ -145,10 +143,8 @@ MADE = {
 @pytest.mark.parametrize("make", MADE, ids=lambda make: make.__name__)
 def test_a_file_that_cannot_be_read_is_one_message(make, tmp_path):
     path = make(tmp_path)
-    started = time.process_time()
-    with pytest.raises(FormatError) as raised:
+    with answered(), pytest.raises(FormatError) as raised:
         load(path)
-    assert time.process_time() - started < SOON
     (problem,) = raised.value.problems
     assert problem.code == MADE[make]
     assert problem.file.startswith(str(tmp_path))
@@ -172,6 +168,9 @@ NOT_FROM_FILES = {
     "not-a-block",  # Graph.add
     "not-a-law",  # Graph.drive
     "not-json",  # data added in Python
+    "unknown-attribute",  # set in Python
+    "user-function",  # a law that is a function of Python
+    "wrong-function",  # likewise
     "unreachable",  # a remark
     "unused-marker",  # a remark
 }
@@ -199,7 +198,7 @@ def test_every_code_in_the_source_is_declared():
 # Floods: large files in which everything is wrong.
 
 
-def spoilt(place, flood):
+def flooded(place, flood):
     """The four-bar with something put in after a place."""
     return GOOD.replace(place, place + flood, 1)
 
@@ -209,15 +208,15 @@ FLOODS = {
     "digits": lambda: "7" * LARGEST,
     "a text without end": lambda: '"' + "x" * (LARGEST - 1),
     "bytes": lambda: bytes(range(256)) * (LARGEST // 256),
-    "keys": lambda: spoilt("{", "".join(f'"{n:06}":1,' for n in range(LARGEST // 12))),
+    "keys": lambda: flooded("{", "".join(f'"{n:06}":1,' for n in range(LARGEST // 12))),
     "a long key": lambda: GOOD.replace("inertia", "x" * (LARGEST - 5000), 1),
-    "wires that are none": lambda: spoilt('"wires": [', "3," * (LARGEST // 20)),
-    "wires to nothing": lambda: spoilt('"wires": [', "{}," * (LARGEST // 20)),
-    "blocks that are none": lambda: spoilt(
+    "wires that are none": lambda: flooded('"wires": [', "3," * (LARGEST // 20)),
+    "wires to nothing": lambda: flooded('"wires": [', "{}," * (LARGEST // 20)),
+    "blocks that are none": lambda: flooded(
         '"blocks": {', "".join(f'"{n:06}":{{}},' for n in range(LARGEST // 13))
     ),
-    "NaN": lambda: spoilt('"gravity": [', "NaN," * (LARGEST // 5)),
-    "keys given again": lambda: spoilt('"blocks": {', '"crank":1,' * (LARGEST // 12)),
+    "NaN": lambda: flooded('"gravity": [', "NaN," * (LARGEST // 5)),
+    "keys given again": lambda: flooded('"blocks": {', '"crank":1,' * (LARGEST // 12)),
 }
 
 
@@ -227,9 +226,8 @@ def test_a_flood_is_answered_soon_and_shortly(name, tmp_path):
     path = tmp_path / "flood.json"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     assert path.stat().st_size <= LARGEST
-    started = time.process_time()
-    problems = problems_in(path)
-    assert time.process_time() - started < SOON
+    with answered():
+        problems = problems_in(path)
     assert 1 <= len(problems) <= MOST + 1
     assert max(len(str(problem)) for problem in problems) < 5 * LONGEST
 
@@ -249,49 +247,7 @@ NUMBERS = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
 )
 SCALARS = st.one_of(st.none(), st.booleans(), NUMBERS, WORDS, st.text(max_size=5))
-DATA = st.recursive(
-    SCALARS,
-    lambda inner: (
-        st.lists(inner, max_size=4) | st.dictionaries(WORDS | st.text(), inner, max_size=4)
-    ),
-    max_leaves=12,
-)
-
-
-def places(data, path=()):
-    """Paths to all objects, lists and values of a document."""
-    yield path
-    if isinstance(data, dict | list):
-        for key, item in data.items() if isinstance(data, dict) else enumerate(data):
-            yield from places(item, (*path, key))
-
-
-PLACES = [path for path in places(json.loads(GOOD)) if path]
-
-
-@st.composite
-def spoilt_documents(draw):
-    """The four-bar with some places replaced, removed, renamed or copied elsewhere."""
-    data = json.loads(GOOD)
-    for path in draw(st.lists(st.sampled_from(PLACES), min_size=1, max_size=4)):
-        with suppress(LookupError, TypeError, AttributeError):  # it is gone by now
-            box = data
-            for key in path[:-1]:
-                box = box[key]
-            what = draw(st.sampled_from(["replace", "remove", "rename", "copy"]))
-            if what == "replace":
-                box[path[-1]] = draw(DATA)
-            elif what == "copy":
-                source = draw(st.sampled_from(PLACES))
-                item = json.loads(GOOD)
-                for key in source:
-                    item = item[key]
-                box[path[-1]] = item
-            else:
-                item = box.pop(path[-1])
-                if what == "rename" and isinstance(box, dict):
-                    box[draw(WORDS | st.text(max_size=3))] = item
-    return json.dumps(data)
+DATA = any_data(SCALARS, WORDS | st.text(), most=4, leaves=12)
 
 
 @st.composite
@@ -308,7 +264,7 @@ def spoilt_texts(draw):
 
 DOCUMENTS = st.one_of(
     DATA.map(json.dumps),
-    spoilt_documents(),
+    spoilt(json.loads(GOOD), 4, data=DATA, names=WORDS | st.text(max_size=3)).map(json.dumps),
     spoilt_texts(),
     st.text(),
     st.binary(),
@@ -316,21 +272,18 @@ DOCUMENTS = st.one_of(
 )
 
 
-@settings(
-    max_examples=EXAMPLES,
-    deadline=timedelta(seconds=SOON),
-    suppress_health_check=list(HealthCheck),
-)
+@settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
 @given(document=DOCUMENTS)
 def test_a_made_document_is_read_or_refused(document, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "made.json"
     raw = document if isinstance(document, bytes) else document.encode(errors="surrogatepass")
     path.write_bytes(raw)
     graph, refusal = None, None
-    try:
-        graph = load(path)
-    except BlockmechError as error:
-        refusal = error
+    with answered():
+        try:
+            graph = load(path)
+        except BlockmechError as error:
+            refusal = error
     if graph is None:
         assert {problem.code for problem in refusal.problems} <= set(FILE_CODES)
         assert str(refusal).replace("\n", "").isprintable()

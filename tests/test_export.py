@@ -29,7 +29,9 @@ from blockmech.export import (
     writing,
 )
 from examples.wire_ruiz import fourbar
+from tests.judge.linkages import fivebar
 
+BAR = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
 GAP = 4.0  # [rad] crank angle at which `short_fourbar` cannot close
 
 
@@ -42,20 +44,6 @@ def short_fourbar(name: str = "short", crank: str = "crank") -> bm.Graph:
     g.add("dyad", bm.RRR(l_i=2.5, l_j=2.5, links={"i": bar, "j": bar}))
     for wire in (("frame.A", f"{crank}.A"), (f"{crank}.B", "dyad.B"), ("frame.D", "dyad.D")):
         g.connect(*wire)
-    return g
-
-
-def fivebar() -> bm.Graph:
-    """Two cranks and a dyad between their pins: two drivers."""
-    g = bm.Graph("fivebar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
-    bar = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
-    for name, pivot in (("left", "A"), ("right", "D")):
-        g.add(name, bm.Crank(length=1.0, links={"crank": bar}))
-        g.connect(f"frame.{pivot}", f"{name}.A")
-    g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0, links={"i": bar, "j": bar}))
-    g.connect("left.B", "dyad.B")
-    g.connect("right.B", "dyad.D")
     return g
 
 
@@ -99,7 +87,7 @@ def test_json_has_one_value_for_a_number_of_the_run(turn):
 
 
 def test_json_has_nested_lists_for_matrices():
-    result = fivebar().run(at={"left": [0.3, 0.6], "right": [2.0, 2.2]})
+    result = fivebar(BAR).run(at={"left": [0.3, 0.6], "right": [2.0, 2.2]})
     outputs = result.to_dict()["outputs"]
     assert outputs["mechanism.M"]["values"] == result["mechanism.M"].tolist()
     assert outputs["mechanism.Q"]["values"] == result["mechanism.Q"].tolist()
@@ -119,7 +107,7 @@ def test_a_sample_without_an_answer_is_null_and_its_neighbours_are_whole(gappy):
 
 
 def test_json_leaves_time_out_where_nobody_knows_it():
-    result = fivebar().run(at={"left": 0.3, "right": 2.0})
+    result = fivebar(BAR).run(at={"left": 0.3, "right": 2.0})
     assert "time" not in result.to_dict()
 
 
@@ -186,7 +174,7 @@ def test_csv_leaves_cells_without_an_answer_empty(gappy):
 
 
 def test_csv_names_the_entries_of_matrices():
-    result = fivebar().run(at={"left": [0.3], "right": [2.0]}, want="mechanism.*")
+    result = fivebar(BAR).run(at={"left": [0.3], "right": [2.0]}, want="mechanism.*")
     head, row = rows_of(result.to_csv())
     cell = dict(zip(head, row, strict=True))
     assert head[:2] == ["left.q [rad]", "right.q [rad]"]
@@ -361,7 +349,7 @@ def test_notebooks_show_the_html_table(gappy):
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_beside_it(tmp_path):
     old = tmp_path / "results.csv"
-    old.write_text("old")
+    old.write_text("old", encoding="utf-8")
 
     def half() -> Any:
         yield "half"
@@ -369,20 +357,20 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_beside_it(tmp_path):
 
     with pytest.raises(ZeroDivisionError):
         write_csv(half(), old)
-    assert old.read_text() == "old"
+    assert old.read_text(encoding="utf-8") == "old"
     assert os.listdir(tmp_path) == ["results.csv"]
 
 
 def test_writing_replaces_a_file_and_follows_a_link(tmp_path):
     target, link = tmp_path / "target.csv", tmp_path / "link.csv"
-    target.write_text("old")
+    target.write_text("old", encoding="utf-8")
     try:
         link.symlink_to(target)
     except OSError:
         pytest.skip("links need a permission here")
     write_csv(["new"], link)
     assert link.is_symlink()
-    assert target.read_text() == "new"
+    assert target.read_text(encoding="utf-8") == "new"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a device file")
@@ -394,7 +382,7 @@ def test_writing_to_a_device_does_not_replace_it():
 
 @pytest.mark.parametrize("name", ["", "missing/x.csv", "file/x.csv"])
 def test_a_place_that_cannot_be_written_is_refused_by_name(turn, tmp_path, name):
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(bm.RequestError, match="cannot-write") as caught:
         turn.to_csv(tmp_path / name)
     assert caught.value.problems[0].where == str(tmp_path / name)
@@ -403,26 +391,26 @@ def test_a_place_that_cannot_be_written_is_refused_by_name(turn, tmp_path, name)
 
 def test_a_folder_appears_whole_with_its_parents(tmp_path):
     with folder(tmp_path / "a" / "b") as draft:
-        (draft / "one.txt").write_text("1")
+        (draft / "one.txt").write_text("1", encoding="utf-8")
         assert not (tmp_path / "a").exists()
-    assert (tmp_path / "a" / "b" / "one.txt").read_text() == "1"
+    assert (tmp_path / "a" / "b" / "one.txt").read_text(encoding="utf-8") == "1"
     assert os.listdir(tmp_path) == ["a"]
     assert os.listdir(tmp_path / "a") == ["b"]
 
 
 def test_a_folder_keeps_other_files_and_replaces_its_own(tmp_path):
-    (tmp_path / "other.txt").write_text("other")
-    (tmp_path / "one.txt").write_text("old")
+    (tmp_path / "other.txt").write_text("other", encoding="utf-8")
+    (tmp_path / "one.txt").write_text("old", encoding="utf-8")
     with folder(tmp_path) as draft:
-        (draft / "one.txt").write_text("new")
+        (draft / "one.txt").write_text("new", encoding="utf-8")
     assert sorted(os.listdir(tmp_path)) == ["one.txt", "other.txt"]
-    assert (tmp_path / "one.txt").read_text() == "new"
+    assert (tmp_path / "one.txt").read_text(encoding="utf-8") == "new"
 
 
 def test_a_failed_folder_leaves_nothing(tmp_path):
     def fail(place: Path) -> None:
         with folder(place) as draft:
-            (draft / "one.txt").write_text("1")
+            (draft / "one.txt").write_text("1", encoding="utf-8")
             raise ZeroDivisionError
 
     for place in (tmp_path / "new", tmp_path):
@@ -434,8 +422,8 @@ def test_a_failed_folder_leaves_nothing(tmp_path):
 def test_a_directory_in_the_way_stops_a_folder_before_anything_moves(tmp_path):
     def fill(place: Path) -> None:
         with folder(place) as draft:
-            (draft / "a.txt").write_text("new")
-            (draft / "b.txt").write_text("new")
+            (draft / "a.txt").write_text("new", encoding="utf-8")
+            (draft / "b.txt").write_text("new", encoding="utf-8")
 
     (tmp_path / "b.txt").mkdir()
     with pytest.raises(bm.RequestError, match="in the way"):
@@ -448,7 +436,7 @@ def test_a_file_in_the_place_of_a_folder_is_refused(tmp_path):
         with folder(place):
             pass
 
-    (tmp_path / "file").write_text("old")
+    (tmp_path / "file").write_text("old", encoding="utf-8")
     with pytest.raises(bm.RequestError, match="it is a file"):
         fill(tmp_path / "file")
-    assert (tmp_path / "file").read_text() == "old"
+    assert (tmp_path / "file").read_text(encoding="utf-8") == "old"

@@ -6,19 +6,15 @@ engine and wraps the arrays in a labelled result.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from blockmech.blocks.modes import TwoModes
 from blockmech.catalogue import Catalogue
 from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
-from blockmech.errors import Problem, RequestError, listed
-from blockmech.friction.solvers import METHODS
+from blockmech.errors import GraphError, Problem
 from blockmech.model.coordinates import (
     GraphInputs,
     drivers_in_order,
@@ -30,9 +26,10 @@ from blockmech.model.naming import DriverName, Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs_by_link import blocks_by_link, joints_by_name
-from blockmech.plan import Friction, Plan
+from blockmech.plan import Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
+from blockmech.settings import check_chunk, friction_asked, unknown_engine
 
 if TYPE_CHECKING:
     from blockmech.blocks.contract import Joint
@@ -55,6 +52,15 @@ class Mechanism:
     >>> mech.run(at=[0.0, 1.0], want=["crank.drive"])  # doctest: +SKIP
     """
 
+    structure: Structure
+    scene: Scene
+    name: str
+    names: Names | None
+    _scene_of_graph: Scene
+    _plans: dict[Any, Plan]
+    _engines: dict[Any, Any]
+    _feasible: dict[frozenset[str], str]
+
     def __init__(
         self,
         structure: Structure,
@@ -68,14 +74,21 @@ class Mechanism:
         joint-based document that the graph was made of: outputs, `drivers`, coordinates
         and `scene` are the document's; `inner` is the mechanism of the graph.
         """
-        self.structure = _followed(structure, scene)
-        self.names = names
-        self.scene = scene if names is None else scene_of_document(scene, names)
-        self.name = name
-        self._scene_of_graph = scene
-        self._plans: dict[Any, Plan] = {}
-        self._engines: dict[Any, Any] = {}
-        self._feasible: dict[frozenset[str], str] = {}
+        vars(self).update(
+            structure=_followed(structure, scene),
+            names=names,
+            scene=scene if names is None else scene_of_document(scene, names),
+            name=name,
+            _scene_of_graph=scene,
+            _plans={},
+            _engines={},
+            _feasible={},
+        )
+
+    def __setattr__(self, name: str, value: object) -> None:
+        where, found = f"Mechanism.{name}", "a compiled mechanism does not change"
+        remedy = "set it on the graph or linkage, and compile that again"
+        raise GraphError(Problem("frozen", where, found, "", remedy))
 
     @cached_property
     def outputs(self) -> Catalogue:
@@ -162,7 +175,7 @@ class Mechanism:
         names = (want,) if isinstance(want, str) else tuple(want)
         key = (names, friction, tolerance, iterations, static)
         if key not in self._plans:
-            how = _friction(friction, tolerance, iterations)
+            how = friction_asked(friction, tolerance, iterations)
             self._plans[key] = self.outputs.plan(self.scene, names, how, static)
         return self._plans[key]
 
@@ -253,9 +266,7 @@ class Mechanism:
         chunk: int | None = None,
     ) -> tuple[tuple[Any, ...], str]:
         """Values of a plan's program at samples, and the engine that was taken."""
-        if chunk is not None and (not isinstance(chunk, int | np.integer) or chunk < 1):
-            found = f"must be a whole number, at least 1 sample, got {chunk!r}"
-            raise RequestError(Problem("bad-value", "chunk", found, "", ""))
+        check_chunk(chunk)
         if engine == "auto":
             few = taken.n <= SCALAR_UP_TO and precision == "complex128"
             engine = "scalar" if few else "numpy"
@@ -264,7 +275,7 @@ class Mechanism:
             scalar = self._engine(plan, "scalar", "")
             return scalar.run(inputs, taken.n), "scalar"
         if engine != "numpy" or precision not in PRECISIONS:
-            raise RequestError(_unknown_engine(engine, precision))
+            raise unknown_engine(engine, precision)
         batch = self._engine(plan, "numpy", precision)
         more = {} if chunk is None else {"chunk": int(chunk)}
         return batch.run(inputs, taken.n, **more), "numpy"
@@ -368,50 +379,3 @@ def _followed(structure: Structure, scene: Scene) -> Structure:
     from blockmech.judge.change_points import with_followed
 
     return with_followed(structure, scene)
-
-
-def _friction(method: str, tolerance: float | None, iterations: int | None) -> Friction:
-    problems = []
-    if method not in METHODS:
-        problems.append(
-            Problem(
-                "unknown-method",
-                "friction",
-                f'no friction method "{method}"',
-                f"methods: {listed(METHODS)}",
-                "",
-            )
-        )
-    given = [n for n, x in (("tolerance", tolerance), ("iterations", iterations)) if x is not None]
-    if given and method != "successive":
-        problems.append(
-            Problem(
-                "useless-setting",
-                listed(given),
-                f'has no meaning for friction="{method}"',
-                "",
-                'use friction="successive" with it',
-            )
-        )
-    if tolerance is not None and not 0 <= tolerance < math.inf:
-        problems.append(
-            Problem("bad-value", "tolerance", f"must be >= 0 N, got {tolerance}", "", "")
-        )
-    if iterations is not None and (iterations < 1 or iterations != int(iterations)):
-        found = f"must be a whole number, at least 1, got {iterations}"
-        problems.append(Problem("bad-value", "iterations", found, "", ""))
-    if problems:
-        raise RequestError(problems)
-    if tolerance is None:
-        tolerance = 0.0 if iterations is not None else 1e-3
-    return Friction(method, float(tolerance), None if iterations is None else int(iterations))
-
-
-def _unknown_engine(engine: str, precision: str) -> Problem:
-    return Problem(
-        "unknown-engine",
-        "engine",
-        f'no engine "{engine}" with precision "{precision}"',
-        f"engines: auto, scalar, numpy; precisions of numpy: {listed(PRECISIONS)}",
-        "",
-    )

@@ -145,27 +145,18 @@ def _driver_outputs(structure: Structure, name: str) -> Iterator[Output]:
 
 
 def _link_outputs(link: LinkRef) -> Iterator[Output]:
-    yield Output(
-        f"{link}.angle",
-        "rad",
-        "real",
-        lambda s: (s.ask(forward.link_position, link).scalar,),
-        _angle,
+    rules = (
+        ("angle", "rad", forward.link_position, _angle),
+        ("omega", "rad/s", forward.link_velocity, _same),
+        ("alpha", "rad/s2", forward.link_acceleration, _same),
     )
-    yield Output(
-        f"{link}.omega",
-        "rad/s",
-        "real",
-        lambda s: (s.ask(forward.link_velocity, link).scalar,),
-        _same,
-    )
-    yield Output(
-        f"{link}.alpha",
-        "rad/s2",
-        "real",
-        lambda s: (s.ask(forward.link_acceleration, link).scalar,),
-        _same,
-    )
+    for what, unit, rule, read in rules:
+        yield Output(f"{link}.{what}", unit, "real", _scalar(rule, link), read)
+
+
+def _scalar(rule: Any, link: LinkRef) -> Callable[[Schedule], tuple[str]]:
+    """What a rule says of a link's turning."""
+    return lambda s: (s.ask(rule, link).scalar,)
 
 
 def _marker_outputs(marker: MarkerRef) -> Iterator[Output]:

@@ -12,22 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.numpy import Planar
-from blockmech.errors import (
-    AssemblyError,
-    FrictionError,
-    NotComputedError,
-    Problem,
-    RequestError,
-    SampleError,
-    SampleFailure,
-    SingularError,
-    close_match,
-    listed,
-)
-from blockmech.model.coordinates import to_document, to_graph
-from blockmech.passes.following import followed, last_good, path_of
+from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
+from blockmech.failures import failure_of
 from blockmech.plan import Plan
-from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY, Flag, Quality, assess
+from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
@@ -35,8 +23,6 @@ if TYPE_CHECKING:
     from blockmech.dynamics.motion import Motion
     from blockmech.mechanism import Mechanism
     from blockmech.outputs import Output
-
-MOST_GROUPS = 8  # whose limits take a few milliseconds
 
 
 class Result(Mapping[str, NDArray[Any]]):
@@ -203,7 +189,7 @@ class Result(Mapping[str, NDArray[Any]]):
         if not gaps:
             return self
         if on_gap == "raise":
-            raise self._failure()
+            raise failure_of(self)
         return self._first(gaps[0])
 
     def _surely_whole(self) -> bool:
@@ -218,90 +204,6 @@ class Result(Mapping[str, NDArray[Any]]):
             return all(values[i] > 0 for i in margins) and not any(values[i] for i in outcomes)
         except TypeError:  # the guarded program's answer to a division by zero
             return False
-
-    def _failure(self) -> SampleError:
-        quality = self.quality
-        first = quality.gaps[0]
-        block = quality.blame[first]
-        status = quality.status[first]
-        same = [i for i in quality.gaps if quality.blame[i] == block]
-        drivers = {name: float(q[first]) for name, q in self.drivers.items()}
-        margin = float(quality.margin[block][first]) if block in quality.margin else float("nan")
-        failure = SampleFailure(block, same, drivers, margin)
-        place = ", ".join(
-            f"{name} = {q:.9g} {self.unit_of_driver(name)}" for name, q in drivers.items()
-        )
-        failing = self.mechanism.said(block) if block else "mechanism"
-        where = f"{failing} at {place} (sample {first} of {self.n})"
-        what: tuple[type[SampleError], str, str]
-        if status != NO_ASSEMBLY:
-            limit = next(
-                (f.value for f in quality.flags if f.sample == first and f.where == block), None
-            )
-            reach = f" (solvable up to {limit:.4g} times the friction)" if limit else ""
-            what = (FrictionError, status, f"the friction equations have no solution{reach}")
-            if status == "not-converged":
-                by = "successive approximations"
-                by = by if self.settings["friction"] == "successive" else "continuation"
-                what = (FrictionError, status, f"{by} did not converge")
-        elif (first, CHANGE_POINT, block) in {(f.sample, f.code, f.where) for f in quality.flags}:
-            lost = "its two modes meet there, rates and reactions are limits of 0/0"
-            what = (SingularError, CHANGE_POINT, lost)
-        elif margin == 0:
-            lost = "rates and reactions do not exist there"
-            if self.mechanism.structure.blocks[block].kind == "PRP":
-                lost = "its guides are parallel, so no pose, rate or reaction exists there"
-            what = (SingularError, "dead-centre", lost)
-        elif not block:
-            what = (SingularError, "undefined", "a wanted value is not defined there")
-        else:
-            why = "its outer joints coincide" if np.isnan(margin) else f"margin {margin:.4g}"
-            far = self._came_as_far(block, drivers) if margin < 0 else ""
-            what = (AssemblyError, status, f"the group cannot close, {why}{far}")
-        error, code, found = what
-        count = f"{len(same)} of {self.n} samples" if len(same) > 1 else "one sample"
-        return error(
-            Problem(
-                code,
-                where,
-                f"{found}; {count} affected",
-                self._arcs(first) if block and error is not FrictionError else "",
-                'choose other samples, or pass on_gap="mark" to keep the rest',
-            ),
-            failure,
-        )
-
-    def _came_as_far(self, block: str, drivers: Mapping[str, float]) -> str:
-        """Where the way from home of a group without closed form ends, in words."""
-        mechanism = self.mechanism
-        if not mechanism.structure.blocks[block].own_form:
-            return ""
-        path = path_of(mechanism.structure, block)
-        known = {where.driver: (name, where) for name, where in mechanism.driver_names.items()}
-        said = [known[driver] for driver in path.drivers]
-        q = [to_graph(where, drivers[mechanism.of_driver(name, "q")]) for name, where in said]
-        places = []
-        for (name, where), x in zip(said, last_good(path, np.array(q)), strict=True):
-            unit = mechanism.driver_joint(name).coordinate_unit
-            places.append(f"{name} = {to_document(where, x):.9g} {unit}")
-        return f"; followed from its home it comes as far as {', '.join(places)}"
-
-    def _arcs(self, sample: int) -> str:
-        """Where the groups of this run close, in words, if that is found in an instant.
-
-        Of several drivers each is moved by itself, the others held as in the sample.
-        """
-        groups, drivers = frozenset(self.quality.margin), self.mechanism.drivers
-        if len(groups) > MOST_GROUPS:
-            return ""
-        if len(drivers) == 1:
-            return self.mechanism.feasible(groups)
-        if followed(self.mechanism.structure):
-            return ""  # each sample of an arc would be followed from home by itself
-        return self.mechanism.feasible(
-            groups,
-            {d: float(q[sample]) for d, q in zip(drivers, self.drivers.values(), strict=True)},
-        )
 
     def unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate ``"crank.q"``."""

@@ -7,10 +7,12 @@ import json
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
+    ClassVar,
     Generic,
     Literal,
     LiteralString,
@@ -175,6 +177,14 @@ def mistake(
     return PydanticCustomError(code, "{said}", {"said": said, **parts})
 
 
+def check_table(what: str, x: Sequence[float], values: Sequence[float]) -> None:
+    """Refuse a table whose values are not one for each x, or whose x, called ``what``, fall."""
+    if len(x) != len(values):
+        raise mistake("bad-table", f'"{what}" and "values" must have the same length')
+    if any(b <= a for a, b in pairwise(x)):
+        raise mistake("bad-table", f'"{what}" must increase')
+
+
 class Strictly(BaseModel):
     """Base of all models: frozen, unknown keys refused, finite numbers only.
 
@@ -188,6 +198,8 @@ class Strictly(BaseModel):
         arbitrary_types_allowed=True,
         defer_build=True,  # importing the package builds no validators
     )
+
+    remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
 
     if not TYPE_CHECKING:  # type checkers read the fields instead
 
@@ -207,7 +219,7 @@ class Strictly(BaseModel):
                 super().__setattr__(name, value)
             except ValidationError:
                 where, found = f"{type(self).__name__}.{name}", "it does not change once it is made"
-                raise GraphError(Problem("frozen", where, found, "", "make a new one")) from None
+                raise GraphError(Problem("frozen", where, found, "", self.remade)) from None
 
 
 def _plain(raw: Any, name: str = "") -> Any:

@@ -12,6 +12,7 @@ import pytest
 import blockmech as bm
 from blockmech.cli import main
 from examples.wire_ruiz import fourbar
+from tests.judge import linkages
 
 
 class Said(NamedTuple):
@@ -62,16 +63,8 @@ def short(tmp_path: Path) -> Path:
 @pytest.fixture
 def fivebar(tmp_path: Path) -> Path:
     """A file of a mechanism with two drivers, without a law of motion."""
-    g = bm.Graph("fivebar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
-    for name, pivot in (("left", "A"), ("right", "D")):
-        g.add(name, bm.Crank(length=1.0))
-        g.connect(f"frame.{pivot}", f"{name}.A")
-    g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0))
-    g.connect("left.B", "dyad.B")
-    g.connect("right.B", "dyad.D")
     path = tmp_path / "fivebar.json"
-    g.save(path)
+    linkages.fivebar().save(path)
     return path
 
 

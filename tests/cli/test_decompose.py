@@ -31,7 +31,7 @@ def joints(tmp_path):
         }
     ]
     path = tmp_path / "crank.json"
-    path.write_text(json.dumps(document))
+    path.write_text(json.dumps(document), encoding="utf-8")
     return path
 
 
@@ -45,7 +45,7 @@ def locked(tmp_path):
         "at": [[0.2, 0.1], [0.13, 0.06]],
     }
     path = tmp_path / "locked.json"
-    path.write_text(json.dumps(document))
+    path.write_text(json.dumps(document), encoding="utf-8")
     return path
 
 
@@ -89,7 +89,8 @@ def test_decompose_makes_general_groups_where_they_are_asked_for(call, joints, t
     graph = tmp_path / "graph.json"
     said = call("decompose", joints, "--general", general, "-o", graph)
     assert (said.code, said.err) == (0, "")
-    types = {block["type"] for block in json.loads(graph.read_text())["blocks"].values()}
+    blocks = json.loads(graph.read_text(encoding="utf-8"))["blocks"]
+    types = {block["type"] for block in blocks.values()}
     assert types == {"frame", "driver.crank", "group.general", "load.force"}
 
 
@@ -150,9 +151,9 @@ def test_check_tells_what_keeps_links_from_being_a_mechanism(call, locked):
 
 
 def test_a_slip_in_the_document_is_one_clear_message(call, joints):
-    document = json.loads(joints.read_text())
+    document = json.loads(joints.read_text(encoding="utf-8"))
     document["joints"]["A"]["links"][1] = "rodd"
-    joints.write_text(json.dumps(document))
+    joints.write_text(json.dumps(document), encoding="utf-8")
     for command in ("check", "decompose", "run"):
         said = call(command, joints)
         assert said.code == 2
@@ -190,7 +191,7 @@ def test_run_writes_files(call, joints, tmp_path):
     out = tmp_path / "results"
     assert call("run", joints, "--samples", "13", "--out", out).code == 0
     assert {"results.csv", "result.json", "reactions.png"} <= {p.name for p in out.iterdir()}
-    with (out / "results.csv").open(newline="") as stream:
+    with (out / "results.csv").open(newline="", encoding="utf-8") as stream:
         head = next(csv.reader(stream))
     assert head[:2] == ["driver.motor.q [rad]", "time [s]"]
     assert "joint.A.reaction.x [N]" in head
@@ -206,12 +207,12 @@ def test_run_explains_what_the_documents_outputs_cost(call, joints):
 
 
 def test_a_gap_names_the_group_with_its_links(call, joints):
-    document = json.loads(joints.read_text())
+    document = json.loads(joints.read_text(encoding="utf-8"))
     document["joints"]["S"]["at"][0] = [0.3, 0.25]  # the guide is out of reach half of the turn
     document["links"]["crank"]["pose"] = [0, 0, 1.5]
     document["links"]["rod"]["pose"] = [0.0, 0.1, 0.6]
     document["links"]["piston"]["pose"] = [0.26, 0.26, 0.1]
-    joints.write_text(json.dumps(document))
+    joints.write_text(json.dumps(document), encoding="utf-8")
     said = call("run", joints, "--samples", "9", "--want", "link.piston.p")
     assert said.code == 1
     assert "no-assembly at rod_piston (rod, piston)" in said.out
@@ -273,7 +274,7 @@ def test_draw_draws_links_and_joints(call, joints, tmp_path, picture, more):
     said = call("draw", joints, "-o", path, *more)
     assert (said.code, said.out) == (0, f"wrote {path}\n")
     if path.suffix == ".svg":
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
         assert all(re.search(rf"\b{word}\b", text) for word in ("rod", "piston"))
 
 
@@ -288,9 +289,9 @@ def test_expected_numbers_of_a_document_are_tests(call, joints):
     said = call("test", joints)
     assert (said.code, said.err) == (0, "")
     assert "expect[0]: 4 numbers" in said.out
-    document = json.loads(joints.read_text())
+    document = json.loads(joints.read_text(encoding="utf-8"))
     document["expect"][0]["want"]["driver.motor.rate"] = [3.0, 3.5]
-    joints.write_text(json.dumps(document))
+    joints.write_text(json.dumps(document), encoding="utf-8")
     assert call("test", joints).code == 1
 
 

@@ -45,7 +45,7 @@ def test_schema_of_a_result_is_that_of_python(call):
 def test_schema_of_a_graph_accepts_a_graph(call, ruiz, words):
     schema = json.loads(call("schema", *words).out)
     Draft202012Validator.check_schema(schema)
-    Draft202012Validator(schema).validate(json.loads(ruiz.read_text()))
+    Draft202012Validator(schema).validate(json.loads(ruiz.read_text(encoding="utf-8")))
 
 
 def test_a_printed_result_keeps_the_printed_schema(call, ruiz):

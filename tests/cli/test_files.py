@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import tomllib
+from pathlib import Path
 
 import pytest
 
 import blockmech as bm
 from blockmech.cli.new import gallery
+from blockmech.testing.files import LEFT_OUT
 
 
 def spoiled(file, path, change):
     """A copy of a graph file with a change to its data."""
-    data = json.loads(file.read_text())
+    data = json.loads(file.read_text(encoding="utf-8"))
     change(data)
-    path.write_text(json.dumps(data))
+    path.write_text(json.dumps(data), encoding="utf-8")
     return path
 
 
@@ -70,7 +73,7 @@ def test_check_names_all_problems_at_once(call, ruiz, tmp_path):
 
 
 def test_check_shows_no_traceback_for_data_that_is_not_a_graph(call, tmp_path):
-    (tmp_path / "list.json").write_text("[1, 2]")
+    (tmp_path / "list.json").write_text("[1, 2]", encoding="utf-8")
     said = call("check", tmp_path / "list.json", "--json")
     assert said.code == 2
     assert json.loads(said.out)["problems"][0]["code"] == "not-an-object"
@@ -117,15 +120,23 @@ def test_new_alone_lists_the_gallery(call):
     assert "ruiz_fourbar" in said.out.split()
 
 
+def test_the_wheel_leaves_out_what_the_gallery_leaves_out():
+    root = Path(__file__).resolve().parents[2]
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert wheel["exclude"] == [f"graphs/{name}" for name in LEFT_OUT]
+    assert wheel["sources"]["graphs"] == "blockmech/graphs"  # where `gallery` looks
+
+
 def test_new_keeps_an_existing_file_unless_forced(call, tmp_path):
     target = tmp_path / "mine.json"
-    target.write_text("mine")
+    target.write_text("mine", encoding="utf-8")
     said = call("new", "ruiz_fourbar", target)
     assert said.code == 2
     assert "the file exists" in said.err
-    assert target.read_text() == "mine"
+    assert target.read_text(encoding="utf-8") == "mine"
     assert call("new", "ruiz_fourbar", target, "--force").code == 0
-    assert json.loads(target.read_text())["name"] == "ruiz_fourbar"
+    assert json.loads(target.read_text(encoding="utf-8"))["name"] == "ruiz_fourbar"
 
 
 def test_new_knows_the_nearest_name(call, tmp_path):

@@ -58,7 +58,7 @@ def test_an_unknown_command_is_one_sentence(call):
 
 
 def no_json(path: Path) -> Path:
-    path.write_text("# not JSON\n")
+    path.write_text("# not JSON\n", encoding="utf-8")
     return path
 
 

@@ -112,3 +112,23 @@ def test_a_steady_state_tells_its_period(call):
     found = json.loads(call("simulate", GRAPHS / "pump.json", "--until", "steady", "--json").out)
     assert found["motion"]["facts"]["period"] == pytest.approx(found["time"][-1], rel=1e-12)
     assert found["outputs"]["crank.q"]["values"][-1] == pytest.approx(2 * math.pi, abs=1e-9)
+
+
+def test_a_steady_state_tells_its_period_its_stability_and_how_it_was_found(call, tmp_path):
+    data = json.loads((GRAPHS / "pump.json").read_text(encoding="utf-8"))
+    series = {"kind": "fourier", "of": "time", "period": 0.2, "mean": 1.0, "cosines": [5.0]}
+    data["blocks"]["motor"]["law"] = series
+    path = tmp_path / "forced.json"
+    path.write_text(json.dumps(data), encoding="utf-8")
+    said = call("simulate", path, "--until", "steady")
+    assert said.code == 0
+    assert "method stroboscopic map (the loads depend on rate, time)" in said.out
+    assert "\nperiod 0.2 s\n" in said.out
+    assert "\nmultiplier " in said.out
+    assert "note: stable: a period leaves" in said.out
+    data["blocks"]["spring"]["damping"] = 0.0
+    data["blocks"]["motor"]["law"] = {"kind": "constant", "value": 3.0}
+    path.write_text(json.dumps(data), encoding="utf-8")
+    refused = call("simulate", path, "--until", "steady")
+    assert (refused.code, refused.out) == (2, "")
+    assert "over a turn the loads do a net work of" in refused.err

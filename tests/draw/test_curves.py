@@ -230,7 +230,7 @@ def test_run_pictures_draws_no_forces_that_were_not_wanted(tmp_path):
 
 
 def test_a_folder_that_is_a_file_is_refused(tmp_path):
-    (tmp_path / "taken").write_text("x")
+    (tmp_path / "taken").write_text("x", encoding="utf-8")
     with pytest.raises(bm.RequestError, match="cannot-write"):
         run_pictures(ruiz().run(samples=3), tmp_path / "taken")
 

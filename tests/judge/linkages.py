@@ -71,14 +71,15 @@ def pushed(coupler: float, rocker: float, x: float, y: float) -> Graph:
     return wired(g, "frame.G ram.S", "ram.S dyad.B", "frame.D dyad.D")
 
 
-def fivebar() -> Graph:
-    """Two cranks of 1 m, 4 m apart, and two rods of 3 m."""
+def fivebar(bar: bm.Link | None = None) -> Graph:
+    """Two cranks of 1 m, 4 m apart, and two rods of 3 m; each link a bar with these masses."""
+    bar = bar or bm.Link()
     g = Graph("fivebar")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
     for name, pivot in (("left", "A"), ("right", "D")):
-        g.add(name, bm.Crank(length=1.0))
+        g.add(name, bm.Crank(length=1.0, links={"crank": bar}))
         g.connect(f"frame.{pivot}", f"{name}.A")
-    g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0))
+    g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0, links={"i": bar, "j": bar}))
     return wired(g, "left.B dyad.B", "right.B dyad.D")
 
 

@@ -343,7 +343,6 @@ def test_cycle_with_a_broken_address_is_still_told():
     assert [p.code for p in g.check()] == ["unknown-marker", "cycle"]
 
 
-@pytest.mark.xfail(reason="cycles are diagnosed without knowing which pairs share a pin")
 def test_links_between_the_same_two_pins_are_no_group():
     # a.j and b.i both reach from pin a.C to pin b.C: one of them is too many
     (problem,) = ring("C", "C").check()
@@ -364,7 +363,7 @@ def codes_in(module):
     }
 
 
-REFUSED_AT_ONCE = {"bad-name", "duplicate-block", "not-a-block", "not-a-law"}
+REFUSED_AT_ONCE = {"bad-name", "duplicate-block", "not-a-block", "not-a-law", "wrong-type"}
 PASSED_ON = {"over-constrained", "too-few-drivers", "loose-links"}  # of model.rigidity
 REMARKS = {"unreachable", "unused-marker", "idle-driver"}
 

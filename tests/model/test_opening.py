@@ -18,7 +18,7 @@ from tests.wiring import ruiz
 def write(tmp_path):
     def writing(data):
         path = tmp_path / "mechanism.json"
-        path.write_text(data if isinstance(data, str) else json.dumps(data))
+        path.write_text(data if isinstance(data, str) else json.dumps(data), encoding="utf-8")
         return path
 
     return writing

@@ -1,4 +1,4 @@
-"""Structure alone: mobility, over-constrained and loose links, formation sequence.
+"""Structure alone: mobility, over-constrained and loose links, and why nothing can be placed.
 
 Judges that share nothing with the code: the float rank of a velocity Jacobian at random
 poses, and the exact count over all partitions of the links for pairs without shared axes.
@@ -8,165 +8,26 @@ from __future__ import annotations
 
 import itertools
 import random
-import time
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
-from typing import TypeAlias
 
-import networkx as nx
 import numpy as np
 import pytest
 
-from blockmech.model.assur import Unit, classify, formation, reseat, waiting
-from blockmech.model.rigidity import Pair, diagnose, rigidity
-
-FRAME = ("frame",)
-
-
-def chain(text: str) -> tuple[list[str], list[Pair]]:
-    """Links and pairs from words such as ``O:frame-crank S:frame-slider:P A:a-b:R@pin``."""
-    pairs = []
-    for word in text.split():
-        name, ends, kind, *_ = [*word.split(":"), "R"]
-        kind, _, axis = kind.partition("@")
-        first, second = ends.split("-")
-        assert kind in ("R", "P")
-        pairs.append(Pair(name, first, second, "P" if kind == "P" else "R", axis))
-    return sorted({a for p in pairs for a in p.links} - {"frame"}), pairs
-
-
-def codes(text: str, *drivers: str) -> dict[str, tuple[str, ...]]:
-    """Findings of a structure on the frame: code -> links."""
-    return {f.code: f.links for f in diagnose(*chain(text), FRAME, drivers)}
-
-
-def sequence(text: str, *drivers: str) -> str:
-    """Formation sequence of a structure on the frame, which must be complete."""
-    found = formation(*chain(text), FRAME, drivers)
-    assert found.complete, found
-    return str(found)
-
-
-FOUR_BAR = "O:frame-crank A:crank-rod B:rod-rocker C:rocker-frame"
-TRIAD = "TX:t-x TY:t-y TZ:t-z X:x-crank Y:y-frame Z:z-frame"
-CLASS_IV = "K:t-a L:a-u M:u-b N:b-t T:t-frame U:u-crank"
-
-
-# Formation sequences of known mechanisms.
-
-
-def test_four_bar_is_a_crank_and_a_dyad() -> None:
-    assert sequence(FOUR_BAR, "O") == "I(crank) -> II RRR(rocker, rod)"
-
-
-def test_watt_six_bar_has_two_dyads_in_order() -> None:
-    watt = FOUR_BAR + " D:rocker-e E:e-f F:f-frame"
-    assert sequence(watt, "O") == "I(crank) -> II RRR(rocker, rod) -> II RRR(e, f)"
-
-
-def test_stephenson_six_bar_driven_at_its_dyad_is_a_triad() -> None:
-    stephenson = "O:frame-crank A:crank-t B:t-x C:t-y D:x-frame E:y-frame"
-    # crank on the ternary link: a dyad cannot be closed before the whole is
-    found = formation(
-        *chain("O:frame-crank A:crank-x " + "B:x-t C:t-y D:t-z E:y-frame F:z-frame"), FRAME, ["O"]
-    )
-    assert [(u.kind, u.number) for u in found.units] == [("driver", 1), ("triad", 3)]
-    assert found.units[1].links[0] == "t"
-    assert rigidity(*chain(stephenson), FRAME, ["O"]).redundant == 1
-
-
-@pytest.mark.parametrize(
-    ("kinds", "expected"),
-    [
-        ("RRR", "RRR"), ("RRP", "RRP"), ("PRR", "RRP"), ("RPR", "RPR"),
-        ("PRP", "PRP"), ("RPP", "RPP"), ("PPR", "RPP"),
-    ],
-)  # fmt: skip
-def test_dyads_are_recognised_either_way_round(kinds: str, expected: str) -> None:
-    links, pairs = chain(f"B:frame-i:{kinds[0]} C:i-j:{kinds[1]} D:j-frame:{kinds[2]}")
-    (unit,) = formation(links, pairs, FRAME).units
-    assert unit.kind == expected
-    feet = {a: p for p in unit.outer for a in p.links if a != "frame"}
-    letters = feet[unit.links[0]].kind + unit.inner[0].kind + feet[unit.links[1]].kind
-    assert letters == expected
-    assert [p.name for p in unit.outer] == [feet[a].name for a in unit.links]
-
-
-def test_triad_is_class_three_with_the_ternary_link_first() -> None:
-    found = formation(*chain("O:frame-crank " + TRIAD), FRAME, ["O"])
-    assert str(found) == "I(crank) -> III triad(t, x, y, z)"
-
-
-def test_a_closed_contour_of_four_links_is_class_four() -> None:
-    found = formation(*chain("O:frame-crank " + CLASS_IV), FRAME, ["O"])
-    assert str(found) == "I(crank) -> IV(a, b, t, u)"
-    assert len(found.units[1].outer) == 2
-
-
-def test_two_joined_ternary_links_are_class_three_of_order_four() -> None:
-    text = "A:t-u B:t-a C:t-b D:u-c E:u-d F:a-frame G:b-frame H:c-frame I:d-frame"
-    (unit,) = formation(*chain(text), FRAME).units
-    assert (unit.kind, unit.number, len(unit.outer)) == ("group", 3, 4)
-
-
-def test_elliptic_trammel_and_oldham_have_their_dyads() -> None:
-    trammel = "S:frame-slider:P A:slider-bar B:bar-shoe T:frame-shoe:P"
-    assert sequence(trammel, "S") == "I(slider) -> II RRP(bar, shoe)"
-    oldham = "O:frame-left A:left-disc:P B:disc-right:P C:right-frame"
-    assert sequence(oldham, "O") == "I(left) -> II RPP(right, disc)"
-
-
-def test_scotch_yoke_is_a_prp_dyad_on_the_crank_pin() -> None:
-    yoke = "O:frame-crank A:crank-block B:block-yoke:P C:yoke-frame:P"
-    assert sequence(yoke, "O") == "I(crank) -> II RPP(block, yoke)"
-
-
-def test_two_drivers_of_a_five_bar_come_first() -> None:
-    five = "O:frame-a A:a-b B:b-c C:c-d D:d-frame"
-    assert sequence(five, "O", "D") == "I(a) -> I(d) -> II RRR(b, c)"
-
-
-def test_cylinder_between_two_pivots() -> None:
-    links, pairs = chain("B:frame-barrel S:barrel-rod:P C:rod-boom D:boom-frame")
-    for order in (pairs, [Pair("S", "rod", "barrel", "P"), *pairs[:1], *pairs[2:]]):
-        (unit,) = formation(links, order, FRAME, ["S"]).units
-        assert (unit.kind, unit.number, unit.driven) == ("cylinder", 2, ("S",))
-        assert unit.links == ("barrel", "rod", "boom")
-
-
-def test_driver_on_a_moving_link_is_a_plain_driver() -> None:
-    text = "O:frame-arm A:arm-fore"
-    assert sequence(text, "O", "A") == "I(arm) -> I(fore)"
-
-
-def test_driver_between_moving_links_sits_inside_a_group() -> None:
-    # a four-bar driven at its coupler's pin: 3 links, 4 pairs, one driven
-    found = formation(*chain(FOUR_BAR), FRAME, ["A"])
-    (unit,) = found.units
-    assert (unit.kind, unit.driven) == ("group", ("A",))
-    assert 3 * len(unit.links) == 2 * len(unit.pairs) + 1
-    assert unit.number == 2  # crank and rod welded: a dyad
-
-
-def test_driver_named_from_the_later_link_still_places_it() -> None:
-    found = formation(["a"], [Pair("O", "a", "frame")], FRAME, ["O"])
-    assert str(found) == "I(a)"
-
-
-def test_units_come_in_the_same_order_whatever_the_order_of_the_arguments() -> None:
-    rng = random.Random(4)
-    links, pairs = chain(FOUR_BAR + " D:rocker-e E:e-f F:f-frame " + TRIAD + " G:frame-h:P")
-    expected = formation(links, pairs, FRAME, ["O", "G"])
-    state = rigidity(links, pairs[:-2], FRAME, ["O"])
-    for _ in range(20):
-        rng.shuffle(links)
-        shuffled = rng.sample(pairs, len(pairs))
-        assert formation(links, shuffled, FRAME, ["G", "O"]) == expected
-        fewer = [p for p in shuffled if p not in pairs[-2:]]
-        assert rigidity(links, fewer, FRAME, ["O"]) == state
-
-
-# What is wrong with a structure.
+from blockmech.model.determinacy import diagnose
+from blockmech.model.formation import formation
+from blockmech.model.rigidity import Pair, rigidity
+from tests.model.structures import (
+    FOUR_BAR,
+    FRAME,
+    chain,
+    check_units,
+    codes,
+    conditions,
+    null_space,
+    random_mechanism,
+    random_structure,
+)
 
 
 def test_a_sound_mechanism_has_no_findings() -> None:
@@ -286,20 +147,6 @@ def test_a_pin_of_three_links_is_not_three_separate_axes() -> None:
     assert ("a", "c") in on_one.clusters
 
 
-def test_a_dyad_with_both_feet_on_one_pin_cannot_be_placed() -> None:
-    text = "O:frame-crank A:crank-i:R@pin B:i-j C:j-crank:R@pin"
-    found = formation(*chain(text), FRAME, ["O"])
-    assert ([u.kind for u in found.units], found.rest) == (["driver"], ("i", "j"))
-
-
-def test_a_pair_between_placed_links_is_left_over() -> None:
-    links, pairs = chain(FOUR_BAR + " X:frame-base")
-    found = formation(links, pairs, ["frame", "base"], ["O"])
-    assert (found.rest, found.spare, found.complete) == ((), ("X",), False)
-    (o,) = rigidity(links, pairs, ["frame", "base"], ["O"]).overconstrained
-    assert (o.links, o.pairs, o.excess) == (("base", "frame"), ("X",), 2)
-
-
 def test_names_that_do_not_fit_are_refused() -> None:
     pair = Pair("A", "frame", "a")
     for links, pairs, drivers in (
@@ -309,126 +156,6 @@ def test_names_that_do_not_fit_are_refused() -> None:
             rigidity(links, pairs, FRAME, drivers)
         with pytest.raises(ValueError, match=r"unknown|same name"):
             formation(links, pairs, FRAME, drivers)
-
-
-# Links that wait for each other.
-
-
-def test_two_dyads_that_wait_for_each_other_are_a_group_of_class_four() -> None:
-    # dyad (a, b) stands on d and the frame, dyad (c, d) on a and the crank: a closed loop
-    links, pairs = chain("A:a-frame B:a-b C:b-d D:d-c E:c-a F:d-crank")
-    found = waiting([a for a in links if a != "crank"], pairs, ["frame", "crank"])
-    assert found.is_group
-    assert found.text == "a, b, c, d are one Assur group of class IV with 4 links and 6 pairs"
-
-
-def test_waiting_dyads_with_an_over_constrained_part_are_named() -> None:
-    # 3n = 2p, but a, b, c, d is a quadrilateral with a diagonal and x hangs on
-    links, pairs = chain("A:a-b B:b-c C:c-a D:a-frame E:b-frame F:c-x")
-    found = waiting(links, pairs, FRAME)
-    assert not found.is_group
-    assert found.overconstrained[0].links == ("a", "b", "c", "frame")
-    assert found.loose[0].links == ("x",)
-    assert "over-constrained: a, b, c, frame; loose: x" in found.text
-
-
-def test_waiting_links_that_are_several_groups_are_put_in_order() -> None:
-    links, pairs = chain("A:a-frame B:a-b C:b-frame D:c-a E:c-d F:d-b")
-    found = waiting(links, pairs, FRAME)
-    assert not found.is_group
-    assert [u.links for u in found.units] == [("a", "b"), ("c", "d")]
-
-
-def test_reseating_pins_turns_a_false_group_into_dyads() -> None:
-    # as in Jansen's leg: two dyads (j, b) and (k, c) share the crank's pin and a fixed pin
-    text = (
-        "O:frame-crank A:crank-k:R@crankpin B:k-j:R@crankpin "
-        "C:frame-b:R@fixed D:b-c:R@fixed E:j-b F:k-c"
-    )
-    links, pairs = chain(text)
-    as_given = formation(links, pairs, FRAME, ["O"])
-    assert [u.number for u in as_given.units] == [1, 4]
-    seated = reseat(links, pairs, FRAME, ["O"])
-    assert str(formation(links, seated, FRAME, ["O"])) == (
-        "I(crank) -> II RRR(b, j) -> II RRR(c, k)"
-    )
-    assert {p.name for p in seated} == {p.name for p in pairs}
-    assert {p.name: p for p in seated}["A"] == pairs[1]
-    assert rigidity(links, seated, FRAME) == rigidity(links, pairs, FRAME)
-
-
-# Random structures against the rank of a numeric Jacobian.
-
-
-def conditions(
-    links: Sequence[str], pairs: Iterable[Pair], drivers: Collection[str], rng: np.random.Generator
-) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """Velocity Jacobian at a random pose, the pair of each row, and the links' origins.
-
-    Unknowns are the velocity of each link's own origin, placed at random, and its rate.
-    """
-    origin = {a: rng.normal(size=2) for a in links}
-    axes: dict[tuple[str, str], np.ndarray] = {}
-    rows, names = [], []
-    for p in pairs:
-        place = rng.normal(size=2)
-        if p.axis:
-            place = axes.setdefault((p.kind, p.axis), place)
-        along = place / np.linalg.norm(place)
-        if p.kind == "R":
-            directions = [(1.0, 0.0), (0.0, 1.0)]
-        else:
-            directions = [(-along[1], along[0])]
-        turns = p.kind == "P" or p.name in drivers
-        if p.kind == "P" and p.name in drivers:
-            directions.append((along[0], along[1]))
-        point = place if p.kind == "R" else rng.normal(size=2)
-        for kind, direction in [("d", d) for d in directions] + [("t", (0.0, 0.0))] * turns:
-            row = np.zeros(3 * len(links))
-            for a, sign in ((p.first, 1.0), (p.second, -1.0)):
-                if a in origin:
-                    k = 3 * links.index(a)
-                    arm = point - origin[a]
-                    if kind == "t":
-                        row[k + 2] += sign
-                    else:
-                        lever = direction[1] * arm[0] - direction[0] * arm[1]
-                        row[k : k + 3] += sign * np.array([*direction, lever])
-            rows.append(row)
-            names.append(p.name)
-    places = np.array([origin[a] for a in links])
-    return np.array(rows).reshape(len(rows), 3 * len(links)), names, places
-
-
-def null_space(matrix: np.ndarray) -> np.ndarray:
-    """Orthonormal columns that the matrix takes to zero; the gap in its values is asserted."""
-    if not matrix.size:
-        return np.eye(matrix.shape[1])
-    _, values, right = np.linalg.svd(matrix)
-    rank = int(np.sum(values > 1e-9))
-    assert not np.any((values > 1e-12) & (values < 1e-9)), values
-    return right[rank:].T
-
-
-def random_structure(rng: random.Random) -> tuple[list[str], list[Pair], list[str]]:
-    """A few links with about as many pairs as they need, shared axes and drivers among them."""
-    n = rng.randint(1, 9)
-    links = [f"l{k}" for k in range(n)]
-    near = ["frame", *links]
-    pairs = []
-    slides = rng.choice([0.0, 0.2, 0.5, 1.0])
-    count = max(1, round(1.5 * n) + rng.choice([-2, -1, 0, 0, 0, 1, 2]))
-    for k in range(count):
-        a = links[k] if k < n else rng.choice(links)  # mostly connected
-        b = rng.choice([x for x in near[: links.index(a) + 1] if x != a] if k < n else near)
-        if a == b:
-            continue
-        kind = "P" if rng.random() < slides else "R"
-        axis = rng.choice(["x", "y", "", "", "", ""]) if rng.random() < 0.4 else ""
-        pairs.append(Pair(f"j{k}", a, b, "P" if kind == "P" else "R", axis))
-    rng.shuffle(pairs)
-    drivers = [p.name for p in pairs if rng.random() < 0.15]
-    return links, pairs, drivers
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -477,23 +204,6 @@ def test_random_structures_agree_with_the_rank_of_a_jacobian(seed: int) -> None:
         assert found.complete == state.determinate, case
         assert found.complete == (not diagnose(links, pairs, FRAME, drivers)), case
         check_units(found.units, pairs, drivers)
-
-
-def check_units(units: Iterable[Unit], pairs: Sequence[Pair], drivers: Collection[str]) -> None:
-    """Each unit is balanced, stands on earlier ones, and no part of it is balanced."""
-    placed = {"frame"}
-    for unit in units:
-        own = [p for p in pairs if set(p.links) <= placed | set(unit.links)]
-        own = [p for p in own if not set(p.links) <= placed]
-        assert sorted(p.name for p in own) == sorted(p.name for p in unit.pairs)
-        assert unit.driven == tuple(sorted(p.name for p in own if p.name in drivers))
-        if len(unit.links) <= 7:
-            for size in range(1, len(unit.links)):
-                for part in itertools.combinations(unit.links, size):
-                    inside = [p for p in own if set(p.links) <= placed | set(part)]
-                    taken = 2 * len(inside) + sum(p.name in drivers for p in inside)
-                    assert taken < 3 * size, (unit, part)
-        placed |= set(unit.links)
 
 
 def test_spoilt_mechanisms_get_findings_that_the_rank_confirms() -> None:
@@ -580,149 +290,3 @@ def test_mobility_is_the_best_count_over_all_partitions() -> None:
             count = 2 * len(parts) - 2 + classes(parts, pairs) - 1
             best = max(best, count - sum(2 if p.kind == "R" else 1 for p in across))
         assert rigidity(links, pairs, FRAME).mobility == best, pairs
-
-
-Mechanism: TypeAlias = tuple[list[str], list[Pair], list[str], list[int]]
-
-
-def random_mechanism(rng: random.Random, shared: float = 0.0) -> Mechanism:
-    """A determinate mechanism made of drivers, dyads, triads and class IV groups.
-
-    Links, pairs, drivers and the numbers of links of the units. ``shared``: how often a
-    foot stands on a pin that is already there.
-    """
-    placed, pairs, drivers, sizes = ["frame"], list[Pair](), list[str](), list[int]()
-    pins: list[tuple[str, str]] = []  # a link and a pin on it
-    names = iter(rng.sample(range(1000), 600))
-
-    def join(a: str, b: str, kind: str = "R", axis: str = "") -> None:
-        ends = (a, b) if rng.random() < 0.5 else (b, a)
-        axis = axis or f"pin{next(names)}"
-        pairs.append(Pair(f"j{next(names)}", *ends, "P" if kind == "P" else "R", axis))
-        if kind == "R":
-            new_pins.append((a, axis))
-
-    for _ in range(rng.randint(1, 12)):
-        size = rng.choice([1, 1, 2, 2, 2, 4, 5])
-        new = [f"l{next(names)}" for _ in range(4 if size == 5 else size)]
-        new_pins: list[tuple[str, str]] = []
-        feet = [(rng.choice(placed), "") for _ in range(3)]
-        if rng.random() < shared and len({axis for _, axis in pins}) >= 3:
-            feet = [(a, x) for x, a in rng.sample(sorted({x: a for a, x in pins}.items()), 3)]
-        if size == 1:
-            kind = rng.choice("RP")
-            join(new[0], feet[0][0], kind, feet[0][1] if kind == "R" else "")
-            drivers.append(pairs[-1].name)
-        elif size == 2:
-            letters = rng.choice(["RRR", "RRP", "RPR", "PRP", "RPP"])
-            join(new[0], new[1], letters[1])
-            for a, (b, axis), kind in zip(new, feet, letters[::2], strict=False):
-                join(a, b, kind, axis if kind == "R" else "")
-        elif size == 4:
-            for leg, (foot, axis) in zip(new[1:], feet, strict=True):
-                join(new[0], leg)
-                join(leg, foot, "R", axis)
-        else:
-            for a, b in zip(new, new[1:] + new[:1], strict=True):
-                join(a, b)
-            join(new[0], feet[0][0], "R", feet[0][1])
-            join(new[2], feet[1][0], "R", feet[1][1])
-        sizes.append(len(new))
-        placed += new
-        pins += new_pins
-    rng.shuffle(pairs)
-    return rng.sample(placed[1:], len(placed) - 1), pairs, drivers, sorted(sizes)
-
-
-def test_random_mechanisms_come_apart_into_what_they_were_made_of() -> None:
-    rng = random.Random(11)
-    for trial in range(400):
-        links, pairs, drivers, sizes = random_mechanism(rng, shared=trial % 2 * 0.6)
-        found = formation(links, pairs, FRAME, drivers)
-        assert found.complete
-        assert sorted(len(u.links) for u in found.units) == sizes
-        assert "group" not in {u.kind for u in found.units if u.number < 4}
-        check_units(found.units, pairs, drivers)
-        assert rigidity(links, pairs, FRAME, drivers).determinate
-
-
-def test_reseated_pins_give_the_smallest_groups_whatever_their_pairs_were() -> None:
-    rng, larger = random.Random(3), 0
-    for _ in range(300):
-        links, pairs, drivers, sizes = random_mechanism(rng, shared=0.7)
-        at: dict[str, list[Pair]] = defaultdict(list)
-        for p in pairs:
-            at[p.axis].append(p)
-        mixed = []
-        for pin in at.values():  # the same pin, its links joined in another way
-            tree = [p for p in pin if p.name in drivers]
-            graph = nx.Graph([p.links for p in tree])
-            todo = [p.name for p in pin if p.name not in drivers]
-            ends = sorted({a for p in pin for a in p.links})
-            graph.add_nodes_from(ends)
-            while todo:
-                a, b = rng.sample(ends, 2)
-                if not nx.has_path(graph, a, b):
-                    graph.add_edge(a, b)
-                    tree.append(Pair(todo.pop(), a, b, pin[0].kind, pin[0].axis))
-            mixed += tree
-        before = formation(links, mixed, FRAME, drivers)
-        seated = reseat(links, mixed, FRAME, drivers)
-        after = formation(links, seated, FRAME, drivers)
-        assert before.complete
-        assert after.complete
-        assert sorted(len(u.links) for u in after.units) == sizes
-        assert {p.name for p in seated} == {p.name for p in pairs}
-        assert reseat(links, seated, FRAME, drivers) == seated
-        larger += len(before.units) < len(after.units)
-    assert larger > 30  # the mixing did harm, else nothing was shown
-
-
-def dyad_chain(count: int, rng: random.Random) -> tuple[list[str], list[Pair]]:
-    """A crank and so many dyads in a row, shuffled."""
-    links, pairs, last = ["crank"], [Pair("O", "frame", "crank")], "crank"
-    for k in rng.sample(range(count), count):
-        links += [f"i{k}", f"j{k}"]
-        pairs += [
-            Pair(f"B{k}", last, f"i{k}"),
-            Pair(f"C{k}", f"i{k}", f"j{k}"),
-            Pair(f"D{k}", "frame", f"j{k}"),
-        ]
-        last = f"j{k}"
-    rng.shuffle(pairs)
-    return links, pairs
-
-
-def test_a_thousand_dyads_are_taken_apart(capsys: pytest.CaptureFixture[str]) -> None:
-    links, pairs = dyad_chain(1000, random.Random(1))
-    lines = []
-
-    def timed(what: str, start: float) -> None:
-        lines.append(f"1000 dyads, {what}: {time.perf_counter() - start:.3f} s")
-
-    start = time.perf_counter()
-    found = formation(links, pairs, FRAME, ["O"])
-    timed("formation", start)
-    assert found.complete
-    assert [len(u.links) for u in found.units] == [1] + [2] * 1000
-    start = time.perf_counter()
-    assert rigidity(links, pairs, FRAME, ["O"]).determinate
-    timed("rigidity", start)
-    start = time.perf_counter()
-    assert {f.code for f in diagnose(links, pairs[1:], FRAME, ["O"])} == {
-        "too-few-drivers",
-        "loose-links",
-    }
-    timed("diagnosis of a missing pair", start)
-    twice = [Pair(f"X{p.name}", p.first, p.second) for p in pairs[:1000]]
-    start = time.perf_counter()
-    assert diagnose(links, pairs + twice, FRAME, ["O"])
-    timed("diagnosis of 1000 doubled pairs", start)
-    with capsys.disabled():
-        print("\n" + "\n".join(lines))
-
-
-def test_classifying_alone_does_not_check() -> None:
-    unit = classify(*chain("A:a-frame:P B:a-b:P C:b-frame:P"))
-    assert (unit.kind, unit.number) == ("group", 2)
-    assert not rigidity(unit.links, unit.pairs, FRAME).determinate

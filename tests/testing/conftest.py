@@ -50,5 +50,5 @@ def short() -> bm.Graph:
 @pytest.fixture(scope="session")
 def rows() -> list[dict[str, Any]]:
     """The four-bar at crank 0, 1, ..., 6 rad by an independent multibody solution."""
-    found: list[dict[str, Any]] = json.loads(REFERENCE.read_text())["rows"]
+    found: list[dict[str, Any]] = json.loads(REFERENCE.read_text(encoding="utf-8"))["rows"]
     return found

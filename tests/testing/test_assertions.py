@@ -93,7 +93,8 @@ def test_a_file_is_asked_like_a_graph(arm, tmp_path):
     file = tmp_path / "arm.json"
     arm.save(file)
     assert_graph(file).has_mobility(1).has_output("crank.q", at=0.5, value=0.5, atol=0)
-    file.write_text(file.read_text().replace('"length"', '"lenght"'))
+    spoiled = file.read_text(encoding="utf-8").replace('"length"', '"lenght"')
+    file.write_text(spoiled, encoding="utf-8")
     assert_graph(file).fails_with("unknown-key", "blocks.crank.lenght")
     assert str(file) in said(assert_graph(file).has_mobility, 1)
 

@@ -108,7 +108,7 @@ def test_a_folder_is_taken_with_its_folders_but_not_those_that_are_wrong_on_purp
     taken = [file(f"graphs/{name}", MET) for name in ("a.json", "more/b.json")]
     for name in ("broken/c.json", "more/legacy/d.json"):
         file(f"graphs/{name}", MISSED)
-    (tmp_path / "graphs" / "notes.txt").write_text("no graph")
+    (tmp_path / "graphs" / "notes.txt").write_text("no graph", encoding="utf-8")
     said = call(tmp_path / "graphs")
     assert said.code == 0
     assert said.out.splitlines()[:-1] == [
@@ -130,7 +130,7 @@ def test_wrong_files_are_exit_code_2_and_stop_no_other(call, file, tmp_path):
     good = file("good.json", MET)
     unknown = file("unknown.json", MET, {**MET, "want": {"crank.qq": [0.0]}})
     spoiled = tmp_path / "spoiled.json"
-    spoiled.write_text("{")
+    spoiled.write_text("{", encoding="utf-8")
     empty = tmp_path / "empty"
     empty.mkdir()
     said = call(spoiled, unknown, tmp_path / "missing.json", empty, good)

@@ -10,6 +10,7 @@ import pytest
 import blockmech as bm
 from blockmech.model.scene import Initial
 from blockmech.testing import check_expectations
+from tests.judge.linkages import fivebar
 
 ROUNDING = 1e-14  # a few ulps of numbers of size 1 to 10
 OWN_SIZE = 1e-11  # of reactions with friction, what the project promises
@@ -87,14 +88,7 @@ def test_the_margin_is_the_smallest_of_the_groups_at_the_sample(short):
 
 
 def test_several_drivers_stand_where_the_entry_says():
-    g = bm.Graph("fivebar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
-    for name, pivot in (("left", "A"), ("right", "D")):
-        g.add(name, bm.Crank(length=1.0))
-        g.connect(f"frame.{pivot}", f"{name}.A")
-    g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0))
-    g.connect("left.B", "dyad.B")
-    g.connect("right.B", "dyad.D")
+    g = fivebar()
     # Cranks upright, then both turned in: C is over the middle of B and D.
     at = {"left": [math.pi / 2, 0.0], "right": [math.pi / 2, math.pi]}
     tops = [[2.0, 1.0 + math.sqrt(5.0)], [2.0, math.sqrt(8.0)]]

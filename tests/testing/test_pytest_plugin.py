@@ -42,6 +42,12 @@ def graphs(pytester, file):
     file("graphs/arm.json", MET, MISSED)
 
 
+def with_more_tests(pytester):
+    """A folder of test paths with one test."""
+    path = pytester.mkdir("tests") / "test_more.py"
+    path.write_text("def test_more():\n    pass\n", encoding="utf-8")
+
+
 def run(pytester, *words):
     """Run pytest in this process, without a plugin that would import hypothesis each time."""
     return pytester.runpytest("-p", "no:hypothesispytest", *words)
@@ -114,7 +120,7 @@ def test_an_unfinished_graph_fails_with_its_problems(pytester, graphs, arm):
 
 
 def test_a_wrong_file_fails_alone(pytester, graphs):
-    (pytester.path / "graphs" / "spoiled.json").write_text("{")
+    (pytester.path / "graphs" / "spoiled.json").write_text("{", encoding="utf-8")
     said = run(pytester)
     said.assert_outcomes(passed=2, failed=2)
     said.stdout.fnmatch_lines(["*spoiled.json::reads*", "*truncated*line 1, column 2*"])
@@ -133,7 +139,7 @@ def test_a_wrong_expectation_fails_alone(pytester, graphs, file):
 def test_broken_legacy_and_other_files_are_left_out(pytester, graphs, file):
     for name in ("graphs/broken/a.json", "graphs/more/legacy/b.json", "elsewhere/c.json"):
         file(name, MET)
-    (pytester.path / "graphs" / "notes.txt").write_text("no graph")
+    (pytester.path / "graphs" / "notes.txt").write_text("no graph", encoding="utf-8")
     file("graphs/more/d.json", MET)
     assert ran(pytester) == [
         "graphs/arm.json::expect[0]",
@@ -159,7 +165,7 @@ def test_one_test_of_a_graph_can_be_named(pytester, graphs):
 @pytest.mark.parametrize("words", [[], ["tests"], ["graphs", "tests"]])
 def test_the_folders_join_a_run_of_all_test_paths(pytester, graphs, words):
     pytester.makeini("[pytest]\ntestpaths = tests\nblockmech_graphs = graphs\n")
-    (pytester.mkdir("tests") / "test_more.py").write_text("def test_more():\n    pass\n")
+    with_more_tests(pytester)
     assert sorted(ran(pytester, *words)) == [
         "graphs/arm.json::expect[0]",
         "graphs/arm.json::expect[1]",
@@ -169,7 +175,7 @@ def test_the_folders_join_a_run_of_all_test_paths(pytester, graphs, words):
 
 def test_the_folders_do_not_join_a_run_of_some_tests(pytester, graphs):
     pytester.makeini("[pytest]\ntestpaths = tests\nblockmech_graphs = graphs\n")
-    (pytester.mkdir("tests") / "test_more.py").write_text("def test_more():\n    pass\n")
+    with_more_tests(pytester)
     for word in ("tests/test_more.py", "tests/test_more.py::test_more"):
         assert ran(pytester, word) == ["tests/test_more.py::test_more"]
 
@@ -190,7 +196,7 @@ def test_a_folder_that_is_not_there_is_a_usage_error(pytester, graphs):
 def test_workers_of_xdist_run_the_same_tests(pytester, graphs):
     pytest.importorskip("xdist")
     pytester.makeini("[pytest]\ntestpaths = tests\nblockmech_graphs = graphs\n")
-    (pytester.mkdir("tests") / "test_more.py").write_text("def test_more():\n    pass\n")
+    with_more_tests(pytester)
     run(pytester, "-n", "2").assert_outcomes(passed=2, failed=1)
 
 
@@ -222,8 +228,8 @@ def test_a_document_of_links_and_joints_is_a_test_of_itself(pytester):
     entry = {"source": "the crank's motion, by hand", "at": {"motor": [0.0]}, "atol": 1e-12}
     good, bad = ({"link.rod.p": [[x, 0.0]]} for x in (0.1, 0.2))
     document["expect"] = [entry | {"want": good}, entry | {"want": bad}]
-    (folder / "crank.json").write_text(json.dumps(document))
-    (folder / "silent.json").write_text(json.dumps(slider_crank()))
+    (folder / "crank.json").write_text(json.dumps(document), encoding="utf-8")
+    (folder / "silent.json").write_text(json.dumps(slider_crank()), encoding="utf-8")
     said = run(pytester)
     said.assert_outcomes(passed=2, failed=1)
     said.stdout.fnmatch_lines(["*crank.json::expect[[]1]*", "*link.rod.p*"])

@@ -33,17 +33,16 @@ import functools
 import inspect
 import math
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal, LiteralString, TypeAlias
+from typing import Any, ClassVar, Literal
 
-from pydantic import ValidationError, field_validator
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import field_validator
 
+from blockmech.blocks.mistakes import refuse, wrong_friction, wrong_links
 from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import close_match, listed
 from blockmech.friction.laws import Coulomb
-from blockmech.values import NAME_RULE, Link, Marker, Pair, Strictly, is_name, mistake
+from blockmech.values import Link, Marker, Pair, Strictly
 
 PairKind = Literal["R", "P"]
 
@@ -200,6 +199,12 @@ class Block(Strictly):
                 found[name] = (link, marker)
         return found
 
+    def place_of(self, marker: Marker | BuiltIn) -> complex:
+        """Place [m] of one of the block's markers, in the frame of the marker's link."""
+        if isinstance(marker, Marker):
+            return marker.at.z
+        return complex(getattr(self, marker.along) or 0.0) if marker.along else 0j
+
     @classmethod
     def parameter_names(cls) -> tuple[str, ...]:
         """The block's own numbers, in the order of declaration."""
@@ -319,63 +324,6 @@ class DrivingLink(Moving):
 
 class AssurGroup(Moving):
     """A group that its drivers, if it has any, and its supports determine by themselves."""
-
-
-Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
-"""Where in a model, and what is wrong there."""
-
-
-def refuse(title: str, mistakes: Iterable[Mistake]) -> None:
-    """Refuse a model with all its mistakes, each at its own place."""
-    lines = [InitErrorDetails(type=error, loc=where, input=None) for where, error in mistakes]
-    if lines:
-        raise ValidationError.from_exception_data(title, lines)
-
-
-def wrong_links(
-    links: Mapping[str, Link], known: Iterable[str], built_in: Iterable[str]
-) -> Iterator[Mistake]:
-    """Links that the block does not have, and markers whose names cannot stand or are taken."""
-    names = tuple(known)
-    taken = {*built_in, *names}
-    for link, properties in links.items():
-        if link not in names:
-            yield (link,), unknown_name("unknown-link", "link", link, names)
-        for marker in properties.markers:
-            where = (link, "markers", marker)
-            if not is_name(marker):
-                yield where, bad_name("marker", marker)
-            elif marker in taken:
-                found = f'the marker name "{marker}" is taken in this block'
-                yield where, mistake("taken-name", found, f"taken: {listed(sorted(taken))}")
-            taken.add(marker)
-
-
-def wrong_friction(
-    friction: Mapping[str, Coulomb], joints: Mapping[str, Joint], what: str = "joint"
-) -> Iterator[Mistake]:
-    """Friction of joints that the block does not have, or that does not fit their kind."""
-    for joint, law in friction.items():
-        if joint not in joints:
-            yield (joint,), unknown_name("unknown-joint", what, joint, tuple(joints))
-            continue
-        try:
-            law.check_for(joints[joint].kind, joint)
-        except PydanticCustomError as error:
-            yield (joint,), error
-
-
-def unknown_name(
-    code: LiteralString, what: str, name: str, valid: tuple[str, ...]
-) -> PydanticCustomError:
-    """A name that the block does not declare, with the declared ones and the nearest of them."""
-    known = f"{what}s there: {listed(valid)}"
-    return mistake(code, f'no {what} "{name}"', known, close_match(name, valid))
-
-
-def bad_name(what: str, name: str) -> PydanticCustomError:
-    """A name that could not stand in an address."""
-    return mistake("bad-name", f'"{name}" is not a {what} name', NAME_RULE, "choose another name")
 
 
 def _declare(cls: type[Block]) -> None:

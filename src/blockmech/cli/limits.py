@@ -10,8 +10,8 @@ import typer
 from blockmech.cli.check import AsJson
 from blockmech.cli.graphs import GraphFile, compiled
 from blockmech.cli.numbers import coordinates
+from blockmech.cli.output import refused, si_only
 from blockmech.cli.terminal import patience, say
-from blockmech.errors import Problem, RequestError
 
 
 def limits(
@@ -30,18 +30,17 @@ def limits(
     json: AsJson = False,
 ) -> None:
     """Find the arcs of each driver on which the mechanism closes."""
-    if json and deg:
-        raise _bad("--deg", "JSON results are in SI units", "leave it out")
+    si_only(json, deg)
     mechanism = compiled(file)
     held = {}
     for name, row in (coordinates(mechanism, at or []) or {}).items():
         if len(row) != 1:
-            raise _bad(f"--at {name}", f"it names {len(row)} places", "give one number")
+            raise refused(f"--at {name}", f"it names {len(row)} places", "give one number")
         held[name] = row[0]
     moving = mechanism.drivers if driver is None else (driver,)
     for name in held:
         if moving == (name,):
-            raise _bad(f"--at {name}", "this driver is the one that moves", "hold another one")
+            raise refused(f"--at {name}", "this driver is the one that moves", "hold another one")
     with patience("searching"):
         found = [
             mechanism.limits(moved, {d: q for d, q in held.items() if d != moved})
@@ -52,7 +51,3 @@ def limits(
         say(text_of.dumps({"file": file, "limits": rows}, indent=2))
     else:
         say("\n".join(f.text(degrees=deg) for f in found))
-
-
-def _bad(where: str, found: str, remedy: str) -> RequestError:
-    return RequestError(Problem("bad-request", where, found, "", remedy))

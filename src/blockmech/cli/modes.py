@@ -10,8 +10,8 @@ import typer
 from blockmech.cli.check import AsJson
 from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import coordinates
+from blockmech.cli.output import si_only
 from blockmech.cli.terminal import patience, say
-from blockmech.errors import Problem, RequestError
 
 
 def modes(
@@ -31,10 +31,7 @@ def modes(
     json: AsJson = False,
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""
-    if json and deg:
-        raise RequestError(
-            Problem("bad-request", "--deg", "JSON results are in SI units", "", "leave it out")
-        )
+    si_only(json, deg)
     mechanism = compiled(file)
     with patience("searching"):
         found = mechanism.modes(

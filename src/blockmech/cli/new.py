@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 import blockmech
+from blockmech.cli.output import refused
 from blockmech.cli.terminal import say
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import close_match, listed
 from blockmech.export import writing
 from blockmech.testing.files import graphs_of
 
@@ -27,16 +28,12 @@ def new(
         say("\n".join(graphs) or "the gallery is empty")
         return
     if name not in graphs:
-        raise _wrong(
-            name,
-            "no such graph in the gallery",
-            f"graphs there: {listed(graphs, 40)}",
-            close_match(name, graphs),
-        )
+        there = f"graphs there: {listed(graphs, 40)}"
+        raise refused(name, "no such graph in the gallery", close_match(name, graphs), there)
     if file is None:
-        raise _wrong(name, "no file to write is named", "", f"blockmech new {name} {name}.json")
+        raise refused(name, "no file to write is named", f"blockmech new {name} {name}.json")
     if Path(file).exists() and not force:
-        raise _wrong(file, "the file exists", "", "choose another name, or add --force")
+        raise refused(file, "the file exists", "choose another name, or add --force")
     with writing(file) as stream:
         stream.write(graphs[name].read_bytes())
     say(f"wrote {file}")
@@ -51,7 +48,3 @@ def gallery() -> dict[str, Path]:
             found = graphs_of(place)
             return {path.relative_to(place).with_suffix("").as_posix(): path for path in found}
     return {}
-
-
-def _wrong(where: str, found: str, valid: str, remedy: str) -> RequestError:
-    return RequestError(Problem("bad-request", where, found, valid, remedy))

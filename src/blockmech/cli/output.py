@@ -79,6 +79,27 @@ def _folder(result: Result, spelling: dict[str, Any], out: str, pictures: Pictur
     return [Path(out) / name for name in names]
 
 
+def check_ways(
+    file: str, json: bool, out: str | None, csv: str | None, plot: str | None, degrees: bool
+) -> None:
+    """Refuse ways of output that do not go together."""
+    one_of(json=json, out=out is not None, csv=csv is not None, plot=plot is not None)
+    spare(file, csv, plot)
+    si_only(json, degrees)
+
+
+def si_only(json: bool, degrees: bool) -> None:
+    """Refuse degrees in JSON."""
+    if json and degrees:
+        raise refused("--deg", "JSON results are in SI units", "leave it out")
+
+
+def spelled(separator: str, decimal: str, degrees: bool) -> dict[str, Any]:
+    """How numbers stand in a table and a CSV file; ``tab`` may be said for the separator."""
+    cells = {"tab": "\t"}.get(separator, separator)
+    return {"separator": cells, "decimal": decimal, "degrees": degrees}
+
+
 def one_of(**given: bool) -> None:
     """Refuse two ways of output at a time."""
     asked = [f"--{name}" for name, on in given.items() if on]
@@ -93,6 +114,6 @@ def spare(source: str, *targets: str | None) -> None:
             raise refused(target, "it is the graph file itself", "give the output another name")
 
 
-def refused(where: str, found: str, remedy: str) -> RequestError:
+def refused(where: str, found: str, remedy: str, valid: str = "") -> RequestError:
     """The error of a call that makes no sense."""
-    return RequestError(Problem("bad-request", where, found, "", remedy))
+    return RequestError(Problem("bad-request", where, found, valid, remedy))

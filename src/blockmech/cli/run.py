@@ -19,11 +19,10 @@ from blockmech.cli.output import (
     Separator,
     Times,
     Want,
+    check_ways,
     names_of,
-    one_of,
     option,
-    refused,
-    spare,
+    spelled,
     switch,
     written,
 )
@@ -74,10 +73,7 @@ def run(
     Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that
     some sample has no answer.
     """
-    one_of(json=json, out=out is not None, csv=csv is not None, plot=plot is not None)
-    spare(file, csv, plot)
-    if json and deg:
-        raise refused("--deg", "JSON results are in SI units", "leave it out")
+    check_ways(file, json, out, csv, plot, deg)
     mechanism = compiled(file)
     names = names_of(want)
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
@@ -91,8 +87,7 @@ def run(
     result, gaps = _computed(mechanism, {**plan, **taken, **how}, on_gap, deg)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    cells = {"tab": "\t"}.get(separator, separator)
-    spelling: dict[str, Any] = {"separator": cells, "decimal": decimal, "degrees": deg}
+    spelling = spelled(separator, decimal, deg)
     if json or csv == "-":
         pour(json_chunks(result) if json else csv_chunks(result, **spelling))
         note(*gaps)

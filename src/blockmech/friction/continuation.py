@@ -1,21 +1,16 @@
 """Continuation from zero friction: what decides where no certificate does.
 
-The physical solution is the one that starts at zero friction. Its path is
-followed in the scale lambda of all friction factors, from 0 to 1, by
-pseudo-arclength in homogeneous unknowns v = (n, eta, lambda): friction is
-n / eta, so reactions that go to infinity are an ordinary point of the path.
+The physical solution is the one that starts at zero friction. Its path is followed in the
+scale lambda of all friction factors, from 0 to 1, by pseudo-arclength in the homogeneous
+unknowns of `friction.equations`. It ends at lambda = 1 (solved), at eta = 0 (asymptote:
+reactions grow without bound whatever the loads) or where lambda turns back (fold: no
+solution beyond). The last two are self-locking, and lambda there is the limit.
 
-    G_j(v) = n_j - lambda k_j | eta f_j + sum_m R_jm n_m |,     |n|^2 + eta^2 = 1
+The path is followed to each kink of a guide's load with the contacts held, and goes on with
+the new one.
 
-The path ends at lambda = 1 (solved), at eta = 0 (asymptote: reactions grow
-without bound whatever the loads) or where lambda turns back (fold: no solution
-beyond). The last two are self-locking, and lambda there is the limit.
-
-The load of a guide, max(|N|, 2 |C| / L), has kinks where its contact changes. The
-path is followed to each kink with the contacts held, and goes on with the new one.
-
-Sources: Allgower & Georg, Introduction to Numerical Continuation Methods, SIAM 2003
-(pseudo-arclength steps); the homogeneous form and its limits are blockmech's own.
+Source: Allgower & Georg, Introduction to Numerical Continuation Methods, SIAM 2003
+(pseudo-arclength steps).
 """
 
 from __future__ import annotations
@@ -25,9 +20,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from blockmech.friction.equations import Array, Equations
 
 STEP, LARGEST, SMALLEST = 0.05, 0.2, 1e-10
 TURN = 0.95  # cosine of the largest turn of the tangent in one step
@@ -62,101 +56,6 @@ class Path(NamedTuple):
     steps: int
 
 
-class _Equations:
-    """The equations of one sample, scaled to unit loads and unit factors."""
-
-    def __init__(
-        self,
-        k: Sequence[float],
-        edges: Sequence[bool],
-        base: Sequence[complex],
-        rows: Sequence[Sequence[complex]],
-    ) -> None:
-        self.edges = np.array(edges)
-        f = np.array([[z.real, z.imag] for z in base])
-        R = np.array([[[z.real, z.imag] for z in row] for row in rows])
-        self.load = float(np.abs(f).max()) or 1.0
-        self.factor = float(np.abs(k).max()) or 1.0
-        self.k = np.array(k) / self.factor
-        self.f = f / self.load  # (m, 2)
-        self.R = R * self.factor  # (m, m, 2)
-        self.m = len(self.k)
-
-    def loads(self, n: Array, eta: float) -> Array:
-        """Loads (m, 2) on the pairs."""
-        found: Array = eta * self.f + np.einsum("jmc,m->jc", self.R, n)
-        return found
-
-    def contacts(self, F: Array, growth: Array | None = None) -> Array:
-        """Directions (m, 2) along which the guides are pressed: of +-N or of +-2 C / L.
-
-        Where nothing presses yet, the direction in which the load grows. Rows of
-        revolute pairs mean nothing.
-        """
-        empty: NDArray[np.bool_] = np.abs(F).max(axis=1) == 0
-        if growth is not None:
-            F = np.where(empty[:, None], growth, F)
-        pick = np.abs(F).argmax(axis=1)
-        found = np.zeros_like(F)
-        found[np.arange(self.m), pick] = np.where(F[np.arange(self.m), pick] < 0, -1.0, 1.0)
-        return found
-
-    def spare(self, v: Array, contacts: Array) -> Array:
-        """By how much each guide (m,) is pressed more as its contact says than otherwise.
-
-        Negative where the contact has changed; infinite for revolute pairs.
-        """
-        along, across = self._pressed(v, contacts)
-        return np.where(self.edges, along - np.maximum(np.abs(across), -along), np.inf)
-
-    def switched(self, v: Array, contacts: Array) -> Array:
-        """The contacts behind a kink: the guide with least to spare has changed its own."""
-        along, across = self._pressed(v, contacts)
-        j = int(np.argmin(self.spare(v, contacts)))
-        x, y = contacts[j]
-        found = contacts.copy()
-        found[j] = (
-            (-x, -y) if -along[j] > abs(across[j]) else np.sign(across[j]) * np.array((-y, x))
-        )
-        return found
-
-    def _pressed(self, v: Array, contacts: Array) -> tuple[Array, Array]:
-        F = self.loads(v[:-2], v[-2])
-        along: Array = np.einsum("jc,jc->j", contacts, F)
-        return along, contacts[:, 0] * F[:, 1] - contacts[:, 1] * F[:, 0]
-
-    def norm(self, n: Array, eta: float, contacts: Array) -> tuple[Array, Array]:
-        """Load norms (m,) and their gradients (m, m + 1) in (n, eta), smooth in a contact."""
-        F = self.loads(n, eta)
-        size = np.hypot(F[:, 0], F[:, 1])
-        unit = np.where(self.edges[:, None], contacts, F / np.maximum(size, 1e-300)[:, None])
-        slope = np.empty((self.m, self.m + 1))
-        slope[:, :-1] = np.einsum("jc,jmc->jm", unit, self.R)
-        slope[:, -1] = np.einsum("jc,jc->j", unit, self.f)
-        return np.where(self.edges, np.einsum("jc,jc->j", contacts, F), size), slope
-
-    def value(self, v: Array, contacts: Array) -> tuple[Array, Array]:
-        """G (m + 1,) and its Jacobian (m + 1, m + 2)."""
-        m, n, eta, lam = self.m, v[:-2], v[-2], v[-1]
-        g, slope = self.norm(n, eta, contacts)
-        G = np.append(n - lam * self.k * g, n @ n + eta * eta - 1.0)
-        J = np.zeros((m + 1, m + 2))
-        J[:m, : m + 1] = -lam * self.k[:, None] * slope
-        J[:m, :m] += np.eye(m)
-        J[:m, -1] = -self.k * g
-        J[m, :m], J[m, m] = 2 * n, 2 * eta
-        return G, J
-
-    def start(self) -> tuple[Array, Array]:
-        """The frictionless solution v (m + 2,) and its contacts (m, 2)."""
-        v = np.zeros(self.m + 2)
-        v[-2] = 1.0
-        contacts = self.contacts(self.f)
-        g, _ = self.norm(v[:-2], 1.0, contacts)
-        growth = np.einsum("jmc,m->jc", self.R, self.k * g)
-        return v, self.contacts(self.f, growth)
-
-
 def continue_from_zero(
     k: Sequence[float],
     edges: Sequence[bool],
@@ -176,7 +75,7 @@ def continue_from_zero(
     -------
     Path with friction t [N m] or [N], or the reason why there is none
     """
-    eq = _Equations(k, edges, base, rows)
+    eq = Equations(k, edges, base, rows)
     v, contacts = eq.start()
     tangent = _tangent(eq, v, contacts, None)
     side = _side(eq, v, contacts, tangent)
@@ -219,7 +118,7 @@ def continue_from_zero(
 
 
 def _moved(
-    eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float
+    eq: Equations, v: Array, contacts: Array, tangent: Array, step: float
 ) -> tuple[Array, Array, int] | None:
     """The path one step further, its tangent there and the effort; None if it turns too much."""
     found = _correct(eq, v, contacts, tangent, step)
@@ -230,7 +129,7 @@ def _moved(
     return (new, ahead, effort) if ahead @ tangent >= TURN else None
 
 
-def _tangent(eq: _Equations, v: Array, contacts: Array, side: float | None) -> Array:
+def _tangent(eq: Equations, v: Array, contacts: Array, side: float | None) -> Array:
     """Unit null vector of the Jacobian, in the path's direction (at the start: of lambda).
 
     The direction is told by the sign of det [J; tangent], which is one along the whole
@@ -241,13 +140,13 @@ def _tangent(eq: _Equations, v: Array, contacts: Array, side: float | None) -> A
     return -null if forward < 0 else null
 
 
-def _side(eq: _Equations, v: Array, contacts: Array, tangent: Array) -> float:
+def _side(eq: Equations, v: Array, contacts: Array, tangent: Array) -> float:
     """Sign of det [J; tangent]."""
     return float(np.sign(np.linalg.det(np.vstack([eq.value(v, contacts)[1], tangent]))))
 
 
 def _correct(
-    eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float
+    eq: Equations, v: Array, contacts: Array, tangent: Array, step: float
 ) -> tuple[Array, int] | None:
     """Newton back to the path, across the tangent; None if it takes more than six steps."""
     guess = v + step * tangent
@@ -266,7 +165,7 @@ def _correct(
 
 
 def _crossing(
-    eq: _Equations,
+    eq: Equations,
     v: Array,
     contacts: Array,
     tangent: Array,
@@ -301,19 +200,19 @@ def _crossing(
     return x
 
 
-def _kink(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
+def _kink(eq: Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
     """The step at which a guide's contact changes."""
     return _crossing(eq, v, contacts, tangent, step, lambda x: float(eq.spare(x, contacts).min()))
 
 
-def _asymptote(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
+def _asymptote(eq: Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
     """Lambda where eta is zero, between v and one step further."""
     end = _crossing(eq, v, contacts, tangent, step, lambda x: float(x[-2]))
     moved = _correct(eq, v, contacts, tangent, end)
     return float((v if moved is None else moved[0])[-1])
 
 
-def _fold(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float) -> Array:
+def _fold(eq: Equations, v: Array, contacts: Array, tangent: Array, step: float) -> Array:
     """The point of largest lambda on the path between v and one step further."""
     side = _side(eq, v, contacts, tangent)
     end = _crossing(
@@ -323,7 +222,7 @@ def _fold(eq: _Equations, v: Array, contacts: Array, tangent: Array, step: float
     return v if moved is None else moved[0]
 
 
-def _at_full(eq: _Equations, v: Array, new: Array, contacts: Array) -> Array | None:
+def _at_full(eq: Equations, v: Array, new: Array, contacts: Array) -> Array | None:
     """The point of the path between v and new where lambda is 1, by Newton.
 
     The unknowns stay homogeneous, so a friction that goes to infinity does no harm.
@@ -342,7 +241,7 @@ def _at_full(eq: _Equations, v: Array, new: Array, contacts: Array) -> Array | N
     return None
 
 
-def _polish(eq: _Equations, x: Array, count: int) -> Path:
+def _polish(eq: Equations, x: Array, count: int) -> Path:
     """The answer at lambda = 1: one or two steps of Newton on the friction itself."""
     n = x[:-2] / x[-2]
     for _ in range(20):
@@ -372,7 +271,7 @@ def _polish(eq: _Equations, x: Array, count: int) -> Path:
     )
 
 
-def _ended(eq: _Equations, outcome: Outcome, limit: Any, count: int) -> Path:
+def _ended(eq: Equations, outcome: Outcome, limit: Any, count: int) -> Path:
     nothing = (float("nan"),) * eq.m
     return Path(nothing, nothing, outcome, float(limit), float("nan"), count)
 

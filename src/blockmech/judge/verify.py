@@ -15,16 +15,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.judge.by_link import checks_said, run_of_blocks
+from blockmech.judge.free_bodies import Array, FreeBodies
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
     from blockmech.result import Result
 
-Array = NDArray[Any]
 TOLERANCE = 1e-12  # of the sum of absolute terms, times the conditioning
 ROUNDING = 2.0**-46  # of all forces from which a reaction is solved: 128 roundings of 2**-53
 SAMPLES = 25
@@ -169,6 +168,7 @@ class _Judge:
     def __init__(self, run: Result) -> None:
         self.run = run
         self.structure = run.mechanism.structure
+        self.bodies = FreeBodies(run)
         self.good = np.array([s == "ok" for s in run.quality.status])
         self.condition = self._conditioning()
         self.worst = max(
@@ -197,102 +197,6 @@ class _Judge:
             name, float(np.max(np.where(total == 0, 0.0, total / np.where(scale, scale, 1))))
         )
 
-    # -- kinematics of a link, from outputs ----------------------------------------
-
-    def _link(self, link: LinkRef) -> tuple[Array, Array, Array, Array]:
-        """Place, velocity and rate of a link's origin, and its unit direction."""
-        if link == self.structure.frame_link:
-            zero = np.zeros(self.run.n)
-            return zero + 0j, zero + 0j, zero, zero + 1
-        r = self.run
-        e = np.exp(1j * r[f"{link}.angle"])
-        return r[f"{link}.p"], r[f"{link}.v"], r[f"{link}.omega"], e
-
-    # -- the terms on a link: (force, place, moment) -------------------------------
-
-    def _terms(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
-        """Everything that acts on a link: force, where it acts, couple."""
-        yield from self._inertia_and_weight(link)
-        yield from self._elements(link)
-        for joint in self._joints_on(link):
-            yield self._pair(joint, link)
-
-    def _inertia_and_weight(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
-        properties = self.structure.properties(link)
-        if link == self.structure.frame_link or not properties.massive:
-            return
-        r = self.run
-        o, _, om, e = self._link(link)
-        arm = e * properties.cm.z
-        gravity = self.run.mechanism.scene.gravity.z
-        force = np.full(r.n, properties.mass * gravity)
-        couple = np.zeros(r.n)
-        if not r.settings["static"]:
-            al = r[f"{link}.alpha"]
-            force = force - properties.mass * (r[f"{link}.a"] + (1j * al - om**2) * arm)
-            couple = -properties.inertia * al
-        yield force, o + arm, couple
-
-    def _elements(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
-        r, zero = self.run, np.zeros(self.run.n)
-        for terminal in self.structure.loaded[link]:
-            marker = self.structure.holds[terminal]
-            if f"{terminal}.force" in r:
-                yield r[f"{terminal}.force"], r[f"{marker}.p"], zero
-            else:
-                yield zero + 0j, r[f"{marker}.p"], r[f"{terminal}.couple"]
-
-    def _joints_on(self, link: LinkRef) -> list[JointRef]:
-        own = []
-        if link != self.structure.frame_link:
-            joints = self.structure.blocks[link.block].joints.values()
-            own = [JointRef(link.block, j.name) for j in joints if link.link in (j.link, *j.links)]
-        return own + list(self.structure.carried[link])
-
-    def _pair(self, ref: JointRef, link: LinkRef) -> tuple[Array, Array, Array]:
-        """What a pair does to one of its links, from the reported reaction and friction."""
-        r, joint = self.run, self.structure.joint(ref)
-        t = np.array(r[f"{ref}.friction"])
-        if joint.driven:
-            driver = self.structure.blocks[ref.block].driver_name(*ref)
-            t = t + r[f"{driver}.drive"]
-        sign = 1.0 if self.structure.later_link(ref) == link else -1.0
-        if joint.kind == "R":
-            return sign * r[f"{ref}.reaction"], self._pin(ref), sign * t
-        u = self._guide(ref)
-        return sign * (r[f"{ref}.reaction"] + t * u), self._slider(ref, u), sign * r[f"{ref}.C"]
-
-    def _pin(self, ref: JointRef) -> Array:
-        joint = self.structure.joint(ref)
-        if joint.outer:
-            found: Array = self.run[f"{self.structure.feeds[ref]}.p"]
-            return found
-        inner: Array = self.run[f"{ref.block}.{ref.name}.p"]
-        return inner
-
-    def _guide(self, ref: JointRef) -> Array:
-        joint = self.structure.joint(ref)
-        if not joint.outer:
-            earlier = LinkRef(ref.block, joint.links[0])
-            own = self.structure.blocks[ref.block].guide_line(ref.name, earlier.link)[1]
-            return self._link(earlier)[3] * own
-        marker = self.structure.feeds[ref]
-        declared = self.structure.marker(marker)
-        direction = getattr(declared, "direction", 1 + 0j)
-        return self._link(marker.on)[3] * direction
-
-    def _slider(self, ref: JointRef, u: Array) -> Array:
-        """The slider's point of a prismatic pair."""
-        joint, block = self.structure.joint(ref), self.structure.blocks[ref.block]
-        owner = self.structure.later_link(ref)
-        if block.slider_owner(ref.name) == "earlier":
-            if joint.outer:
-                found: Array = self.run[f"{self.structure.feeds[ref]}.p"]
-                return found
-            owner = self.structure.earlier_link(ref)
-        o, _, _, e = self._link(owner)
-        return o + e * block.slider_place(ref.name, owner.link)
-
     # -- the checks -----------------------------------------------------------------
 
     def links(self) -> Iterator[Check]:
@@ -308,7 +212,7 @@ class _Judge:
         found = {}
         for link in self.structure.links:
             if link != self.structure.frame_link:
-                o, terms = self._link(link)[0], list(self._terms(link))
+                o, terms = self.bodies.link(link)[0], list(self.bodies.terms(link))
                 moments = [_plain(m) for _, _, m in terms]
                 moments += [_moment(p - o, f) for f, p, _ in terms]
                 reach = np.max([np.abs(p) + np.abs(o) for _, p, _ in terms], axis=0)
@@ -348,7 +252,7 @@ class _Judge:
     def _speeds(self, block: str) -> tuple[Array, Array]:
         """Largest speed [m/s] and rate [rad/s] of a block's links, and of what they hang on."""
         structure, kind = self.structure, self.structure.blocks[block]
-        links = [self._link(LinkRef(block, link)) for link in kind.link_names]
+        links = [self.bodies.link(LinkRef(block, link)) for link in kind.link_names]
         outer = [JointRef(block, j.name) for j in kind.joints.values() if j.outer]
         wired = [self.run[f"{structure.feeds[ref]}.v"] for ref in outer]
         v = np.max(np.abs([*(v for _, v, _, _ in links), *wired]), axis=0)
@@ -389,15 +293,15 @@ class _Judge:
     def _wire(self, ref: JointRef, sign: float) -> list[Term]:
         """Power that a wire gives to its support, times a sign."""
         marker = self.structure.feeds[ref]
-        om = self._link(marker.on)[2]
+        om = self.bodies.link(marker.on)[2]
         v = self.run[f"{marker}.v"]
         force, moment = self.run[f"{ref}.wrench_F"], self.run[f"{ref}.wrench_M"]
         return [_power(sign * force, v), _plain(sign * moment * om)]
 
     def _power_of_loads(self, link: LinkRef) -> list[Term]:
-        o, v, om, _ = self._link(link)
+        o, v, om, _ = self.bodies.link(link)
         found = []
-        for source in (self._inertia_and_weight(link), self._elements(link)):
+        for source in (self.bodies.inertia_and_weight(link), self.bodies.elements(link)):
             for force, place, couple in source:
                 found.append(_power(force, v + 1j * om * (place - o)))
                 found.append(_plain(couple * om))

@@ -20,7 +20,15 @@ from pydantic import Field, field_validator, model_validator
 
 from blockmech.plane import angle, expi, imul, modulo, mul, piecewise, where
 from blockmech.typing import Real
-from blockmech.values import Number, NumbersGiven, Positive, Strictly, default, mistake
+from blockmech.values import (
+    Number,
+    NumbersGiven,
+    Positive,
+    Strictly,
+    check_table,
+    default,
+    mistake,
+)
 
 TURN = 2 * math.pi
 Argument: TypeAlias = Literal["coordinate", "rate", "time"]
@@ -218,10 +226,7 @@ class Table(_Repeating):
     @model_validator(mode="after")
     def _ordered(self) -> Table:
         x = self.arguments
-        if len(x) != len(self.values):
-            raise mistake("bad-table", '"arguments" and "values" must have the same length')
-        if any(b <= a for a, b in pairwise(x)):
-            raise mistake("bad-table", '"arguments" must increase')
+        check_table("arguments", x, self.values)
         if self.whole and x[-1] - x[0] >= self.whole * (1 - 1e-12):
             raise mistake(
                 "bad-table",

@@ -6,10 +6,9 @@ one pass, so that a user sees everything at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING, Any, TypeAlias
-
-import networkx as nx
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
@@ -49,9 +48,13 @@ def all_problems(graph: Graph) -> list[Problem]:
 
 def remarks(graph: Graph) -> list[Problem]:
     """Unused and unreachable things of a graph: not wrong, but perhaps forgotten."""
-    dag, found = block_dag(graph), []
+    found = []
     frames = [n for n, b in graph.blocks.items() if isinstance(b, Frame)]
-    reached = set(frames).union(*(nx.descendants(dag, n) for n in frames))
+    fed: dict[str, list[str]] = {}
+    for name, sources in feeders(graph).items():
+        for source in sources:
+            fed.setdefault(source, []).append(name)
+    reached = _reached(frames, fed)
     for name, block in graph.blocks.items():
         if isinstance(block, Moving) and name not in reached:
             found.append(
@@ -296,9 +299,9 @@ def _driver_problems(graph: Graph) -> Iterable[Problem]:
 def _branch_problems(graph: Graph) -> Iterable[Problem]:
     """Branches that follow a motion of several drivers, or of another one than home says."""
     following = {n: b for n, b in graph.blocks.items() if isinstance(b, TwoModes) and b.follows}
-    dag = block_dag(graph) if following else None
+    fed_by = feeders(graph) if following else {}
     for name, block in following.items():
-        above = nx.ancestors(dag, name)
+        above = _reached(fed_by[name], fed_by)
         moving = {n: b for n, b in graph.blocks.items() if n in above and isinstance(b, Moving)}
         drivers = [b.driver_name(n, j.name) for n, b in moving.items() for j in b.driven]
         said = list(block.home.drivers)  # type: ignore[attr-defined]
@@ -314,7 +317,7 @@ def _group_problems(graph: Graph) -> Iterable[Problem]:
     """General groups whose pairs hold some links twice and leave others loose."""
     for name, block in graph.blocks.items():
         if isinstance(block, GeneralGroup):
-            from blockmech.model.rigidity import diagnose  # few graphs have such a group
+            from blockmech.model.determinacy import diagnose  # few graphs have such a group
 
             driven = [joint.name for joint in block.driven]
             for finding in diagnose(block.link_names, block.structural, {SUPPORTS}, driven):
@@ -323,11 +326,22 @@ def _group_problems(graph: Graph) -> Iterable[Problem]:
 
 
 def _cycles(graph: Graph) -> Iterable[Problem]:
-    links = 0
-    for component in nx.strongly_connected_components(block_dag(graph)):
-        if len(component) > 1:
-            from blockmech.model import cycles  # only a wrong graph pays for it
+    fed_by = feeders(graph)
+    try:
+        TopologicalSorter(fed_by).prepare()
+    except CycleError:
+        yield from _diagnosed(graph, fed_by)
 
+
+def _diagnosed(graph: Graph, fed_by: Mapping[str, Iterable[str]]) -> Iterable[Problem]:
+    import networkx as nx  # only a wrong graph pays for it
+
+    from blockmech.model import cycles
+
+    links = 0
+    dag = nx.DiGraph((source, name) for name, sources in fed_by.items() for source in sources)
+    for component in nx.strongly_connected_components(dag):
+        if len(component) > 1:
             blocks = sorted(component)
             known = [b for name in blocks if isinstance(b := graph.blocks[name], Block)]
             links += sum(len(block.link_names) for block in known)
@@ -335,13 +349,27 @@ def _cycles(graph: Graph) -> Iterable[Problem]:
             yield cycles.diagnose_cycle(graph, blocks) if few else cycles.cycle(blocks)
 
 
-def block_dag(graph: Graph) -> nx.DiGraph:
-    """Blocks with links, and an edge from each block to those that it feeds."""
-    dag = nx.DiGraph()
-    dag.add_nodes_from(n for n, b in graph.blocks.items() if not isinstance(b, Element))
+def feeders(graph: Graph) -> dict[str, list[str]]:
+    """Blocks with links, each with the blocks that feed it."""
+    found: dict[str, list[str]] = {
+        name: [] for name, block in graph.blocks.items() if not isinstance(block, Element)
+    }
     for wire in graph.wires:
         source, target = wire.source.split(".")[0], wire.target.split(".")[0]
         fixed = isinstance(graph.blocks.get(target), Frame)  # nothing can feed it
-        if source in dag and target in dag and source != target and not fixed:
-            dag.add_edge(source, target)
-    return dag
+        known = source in found and target in found
+        if known and source != target and not fixed and source not in found[target]:
+            found[target].append(source)
+    return found
+
+
+def _reached(starts: Iterable[str], edges: Mapping[str, Iterable[str]]) -> set[str]:
+    """All that edges lead to from some blocks, these included."""
+    found = set(starts)
+    waiting = list(found)
+    while waiting:
+        for name in edges.get(waiting.pop(), ()):
+            if name not in found:
+                found.add(name)
+                waiting.append(name)
+    return found

@@ -6,25 +6,27 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import networkx as nx
-
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.errors import GraphError, Problem
 from blockmech.loads.contract import Element
 from blockmech.model import checks
+from blockmech.model.attributes import KnownAttributes
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.structure import JointRef, MarkerRef, Structure, formation_order
+from blockmech.values import Vector
 
 if TYPE_CHECKING:
+    import networkx as nx
+
     from blockmech.mechanism import Mechanism
     from blockmech.model.naming import Names
     from blockmech.result import Result
 
 
-class Graph:
+class Graph(KnownAttributes):
     """A mechanism as a block diagram.
 
     >>> import blockmech as bm
@@ -39,6 +41,14 @@ class Graph:
     <Graph fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II RRR(dyad: 2,3)>
     """
 
+    name: str
+    title: str
+    blocks: dict[str, AnyBlock]
+    wires: list[Wire]
+    extras: dict[str, Any]  # view, expect, source, notes: kept with the file
+    file: str  # where the graph was read from, for messages
+    _scene: Scene
+
     def __init__(
         self,
         name: str = "mechanism",
@@ -49,13 +59,39 @@ class Graph:
     ) -> None:
         self.name = name
         self.title = title
-        self.blocks: dict[str, AnyBlock] = {}
-        self.wires: list[Wire] = []
+        self.blocks = {}
+        self.wires = []
         self.scene = Scene(gravity=gravity)  # type: ignore[arg-type]
-        self.extras: dict[str, Any] = {}  # view, expect, source, notes: kept with the file
-        self.file = ""  # where the graph was read from, for messages
+        self.extras = {}
+        self.file = ""
         for driver, law in (drive or {}).items():
             self.drive(driver, law)
+
+    # -- the scene --------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene:
+        """Gravity, drives, start and end stops. Set as a whole; the parts have their methods."""
+        return self._scene
+
+    @scene.setter
+    def scene(self, scene: Scene) -> None:
+        """Replace the scene. Raises `GraphError` for what is none."""
+        if not isinstance(scene, Scene):
+            found = f"{type(scene).__name__} is no scene"
+            raise GraphError(Problem("wrong-type", "Graph.scene", found, "", Scene.remade))
+        self.__dict__["_scene"] = scene
+
+    @property
+    def gravity(self) -> Vector:
+        """Gravity [m/s2] of the scene."""
+        return self.scene.gravity
+
+    @gravity.setter
+    def gravity(self, gravity: complex | Sequence[float] | Vector) -> None:
+        """Set gravity [m/s2], (x, y) or x + iy. Raises `GraphError` for what is no vector."""
+        made = Scene(gravity=gravity)  # type: ignore[arg-type]
+        self.scene = self.scene.model_copy(update={"gravity": made.gravity})
 
     # -- building ---------------------------------------------------------
 
@@ -129,7 +165,7 @@ class Graph:
             raise GraphError(problems)
         known = {n: b for n, b in self.blocks.items() if isinstance(b, Block)}
         frame = next(n for n, b in known.items() if isinstance(b, Frame))
-        order = formation_order(known, checks.block_dag(self))
+        order = formation_order(known, checks.feeders(self))
         feeds: dict[JointRef, MarkerRef] = {}
         holds: dict[JointRef, MarkerRef] = {}
         markers: dict[str, Any] = {}  # a frame may have thousands
@@ -147,6 +183,8 @@ class Graph:
 
     def to_networkx(self) -> nx.DiGraph:
         """A copy of the block diagram: nodes are blocks, edges carry their ``wires``."""
+        import networkx as nx
+
         graph = nx.DiGraph(name=self.name)
         for name, block in self.blocks.items():
             kind = block.type if isinstance(block, UnknownBlock) else block.type_name

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
-from blockmech.values import Number, NumbersGiven, Positive, Strictly, mistake
+from blockmech.values import Number, NumbersGiven, Positive, Strictly, check_table
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
@@ -178,10 +178,7 @@ class Table(LawOfMotion):
 
     @model_validator(mode="after")
     def _ordered(self) -> Table:
-        if len(self.times) != len(self.values):
-            raise mistake("bad-table", '"times" and "values" must have the same length')
-        if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
-            raise mistake("bad-table", '"times" must increase')
+        check_table("times", self.times, self.values)
         return self
 
     def at_times(self, t: Array) -> Motion:

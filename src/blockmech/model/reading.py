@@ -53,7 +53,8 @@ def _bytes_of(path: Path) -> bytes:
         )
     with path.open("rb") as stream:
         size = os.fstat(stream.fileno()).st_size
-        raw = b"" if size > LARGEST else stream.read(LARGEST + 1)
+        most = size or LARGEST  # what is no file on a disk tells no size
+        raw = b"" if size > LARGEST else stream.read(most + 1)
     if size > LARGEST or len(raw) > LARGEST:
         found = f"{size / MEGABYTE:.0f} MB" if size > LARGEST else "endless"
         raise FormatError(

@@ -12,8 +12,7 @@ once too often), the rank is right for both.
 The rank is taken in integers modulo the prime 2^61 - 1, with coordinates made from
 the names of the pairs: no rounding, no tolerance, the same answer in any order. By
 the Schwartz-Zippel lemma a structure with N conditions is misjudged with a chance
-below N^2 / 2^60. Cost: linear for chains of dyads (sparse elimination, links with few
-neighbours first).
+below N^2 / 2^60. Cost: linear for chains of dyads (`elimination`).
 
 Sources: [T89] Tay, Linking (n-2)-dimensional panels in n-space II, Graphs Combin. 5
 (1989); [J97] Jacobs & Hendrickson, The pebble game, J. Comput. Phys. 137 (1997).
@@ -22,31 +21,17 @@ Sources: [T89] Tay, Linking (n-2)-dimensional panels in n-space II, Graphs Combi
 from __future__ import annotations
 
 import hashlib
-import heapq
-import math
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 import networkx as nx
 
-PRIME = 2**61 - 1
-"""Modulus of the arithmetic: a Mersenne prime that fits a machine word."""
-
-Row: TypeAlias = dict[int, int]
-"""A condition on the twists (vx, vy, om) of the links: column -> coefficient."""
+from blockmech.model.elimination import PRIME, Echelon, Row, few_neighbours_first
 
 Condition: TypeAlias = tuple[str, str]
 """Name of the pair and what it holds: "place" (R), "turn", "slide" (P), "drive"."""
-
-
-MOST_WORK = 5_000_000
-"""Steps of elimination that take about a second; a chain of 1,000 dyads takes 100,000."""
-
-
-class TooTangledError(ValueError):
-    """So many links in loops with each other that the rank would take too long."""
 
 
 @dataclass(frozen=True)
@@ -162,11 +147,12 @@ def rigidity(
     moving = sorted(set(links) - set(earlier))
     ordered = sorted(pairs, key=lambda p: p.name)
     check_names(moving, ordered, earlier, drivers)
-    column = {a: 3 * k for k, a in enumerate(_few_neighbours_first(moving, ordered, work))}
+    joined = (pair.links for pair in ordered)
+    column = {a: 3 * k for k, a in enumerate(few_neighbours_first(moving, joined, work))}
     held = [(pair, part, row) for pair in ordered for part, row in _pair_rows(pair, column)]
     held += [(p, "drive", _drive_row(p, column)) for p in ordered if p.name in drivers]
     names: list[Condition] = [(pair.name, part) for pair, part, _ in held]
-    system = _Echelon(3 * len(moving), [row for _, _, row in held], work)
+    system = Echelon(3 * len(moving), [row for _, _, row in held], work)
     twist = _twists(column, system)
     free = Counter(a for a, c in column.items() for k in range(3) if c + k not in system.pivots)
     return Rigidity(
@@ -243,114 +229,10 @@ def _drive_row(pair: Pair, column: Mapping[str, int]) -> Row:
     return _difference(pair, column, vx=-y, vy=x)
 
 
-def _few_neighbours_first(
-    links: Sequence[str], pairs: Iterable[Pair], work: int | None = None
-) -> Iterator[str]:
-    """Order of elimination that keeps rows short: least degree, ties by name."""
-    left = math.inf if work is None else work
-    near: dict[str, set[str]] = {a: set() for a in links}
-    for pair in pairs:
-        a, b = pair.links
-        if a in near and b in near and a != b:
-            near[a].add(b)
-            near[b].add(a)
-    heap = [(len(near[a]), a) for a in links]
-    heapq.heapify(heap)
-    while heap:
-        degree, a = heapq.heappop(heap)
-        if a not in near or degree != len(near[a]):
-            continue
-        yield a
-        neighbours = near.pop(a)
-        left -= len(neighbours) ** 2
-        if left < 0:
-            raise TooTangledError
-        for b in neighbours:
-            near[b] |= neighbours
-            near[b] -= {a, b}
-            heapq.heappush(heap, (len(near[b]), b))
-
-
-class _Pivot(NamedTuple):
-    """A condition solved for its first column: twist[column] = -sum(row * twist)."""
-
-    column: int
-    row: Row  # without the pivot's own column, whose coefficient is 1
-    source: int  # number of the condition that it came from
-    scale: int  # what the reduced condition was multiplied by
-    used: list[tuple[int, int]]  # earlier pivots taken away: column, factor
-
-
-class _Echelon:
-    """Conditions on so many columns in echelon form modulo the prime."""
-
-    def __init__(self, columns: int, conditions: Sequence[Row], work: int | None = None) -> None:
-        self.conditions = conditions
-        self.left = work
-        self.pivots: dict[int, _Pivot] = {}
-        self.redundant: list[int] = []  # conditions that those before them imply
-        for source, condition in enumerate(conditions):
-            if len(self.pivots) == columns:
-                self.redundant.append(source)
-                continue
-            row, used = self.reduce(condition)
-            if row:
-                lead = min(row)
-                scale = pow(row.pop(lead), -1, PRIME)
-                solved = {c: value * scale % PRIME for c, value in row.items()}
-                self.pivots[lead] = _Pivot(lead, solved, source, scale, used)
-            else:
-                self.redundant.append(source)
-
-    def reduce(self, condition: Row) -> tuple[Row, list[tuple[int, int]]]:
-        """What is left of a condition, and the pivots taken away with their factors."""
-        row, used = dict(condition), list[tuple[int, int]]()
-        while row:
-            lead = min(row)
-            pivot = self.pivots.get(lead)
-            if pivot is None:
-                break
-            factor = row.pop(lead)
-            used.append((lead, factor))
-            if self.left is not None:
-                self.left -= 1 + len(pivot.row)
-                if self.left < 0:
-                    raise TooTangledError
-            for c, value in pivot.row.items():
-                rest = (row.get(c, 0) - factor * value) % PRIME
-                if rest:
-                    row[c] = rest
-                else:
-                    row.pop(c, None)
-        return row, used
-
-    def stress(self, source: int) -> set[int]:
-        """The conditions that a redundant one depends on, and itself."""
-        weight: dict[int, int] = defaultdict(int)
-        waiting: list[tuple[int, int]] = []
-        found = {source}
-
-        def owe(column: int, amount: int) -> None:
-            if column not in weight:
-                heapq.heappush(waiting, (-self.pivots[column].source, column))
-            weight[column] = (weight[column] + amount) % PRIME
-
-        for column, factor in self.reduce(self.conditions[source])[1]:
-            owe(column, factor)
-        while waiting:  # later pivots first: they only use earlier ones
-            pivot = self.pivots[heapq.heappop(waiting)[1]]
-            amount = weight[pivot.column] * pivot.scale % PRIME
-            if amount:
-                found.add(pivot.source)
-                for column, factor in pivot.used:
-                    owe(column, -amount * factor)
-        return found
-
-
 Twists: TypeAlias = Mapping[str, tuple[int, int, int]]
 
 
-def _twists(column: Mapping[str, int], system: _Echelon) -> Twists:
+def _twists(column: Mapping[str, int], system: Echelon) -> Twists:
     """A random motion that the conditions allow: generic, so zero only where all are."""
     value: Row = {}
     for a in reversed(list(column)):
@@ -397,7 +279,7 @@ class _Part:
 
 
 def _overconstrained(
-    system: _Echelon, names: Sequence[Condition], pairs: Iterable[Pair], moving: Collection[str]
+    system: Echelon, names: Sequence[Condition], pairs: Iterable[Pair], moving: Collection[str]
 ) -> tuple[Overconstraint, ...]:
     """Join dependencies that share a condition (the components of the matroid)."""
     by_name = {pair.name: pair for pair in pairs}
@@ -442,99 +324,3 @@ def _named(part: _Part, names: Sequence[Condition], by_name: Mapping[str, Pair])
         excess=part.excess,
         turning_only=all(what == "turn" for _, what in conditions),
     )
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One reason why a structure cannot work, as data.
-
-    Attributes
-    ----------
-    code : "unconnected-links", "over-constrained", "turning-held-twice", "too-many-drivers",
-        "too-few-drivers", "locked-driver", "conflicting-drivers" or "loose-links"
-    links, pairs : what it is about, by name, sorted
-    number : redundant conditions, drivers too many or too few, or freedoms left
-    text : the same as a sentence
-    """
-
-    code: str
-    links: tuple[str, ...]
-    pairs: tuple[str, ...]
-    number: int
-    text: str
-
-
-def diagnose(
-    links: Iterable[str],
-    pairs: Iterable[Pair],
-    earlier: Collection[str],
-    drivers: Collection[str] = (),
-    work: int | None = None,
-) -> tuple[Finding, ...]:
-    """Why links, pairs and drivers do not make a determinate mechanism.
-
-    Parameters as of `rigidity`. No finding: every link is placed by the drivers, none
-    twice. Over-constrained links are those of the structure without drivers; a driver
-    whose pair cannot move there is locked, and its finding names the links that hold it.
-    """
-    moving, ordered = set(links) - set(earlier), sorted(pairs, key=lambda p: p.name)
-    check_names(sorted(moving), ordered, earlier, drivers)
-    away = _unconnected(moving, ordered, earlier)
-    at_hand = [p for p in ordered if not away.intersection(p.links)]
-    driven = {p.name: p for p in at_hand if p.name in drivers}
-    undriven = rigidity(moving - away, at_hand, earlier, (), work)
-    held = rigidity(moving - away, at_hand, earlier, driven, work)
-    found: list[Finding] = []
-
-    def say(code: str, links: Iterable[str], pairs: Iterable[str], number: int, text: str) -> None:
-        names = tuple(sorted(links))
-        words = {"links": ", ".join(names), "pairs": ", ".join(pairs), "number": number}
-        words |= {"times": "once" if number == 1 else f"{number} times", "s": "s" * (number > 1)}
-        found.append(Finding(code, names, tuple(pairs), number, text.format(**words)))
-
-    if away:
-        say("unconnected-links", away, (), len(away), "no pair joins {links} to the rest")
-    for o in undriven.overconstrained:
-        if o.turning_only:
-            text = "{links} are joined in a loop by P pairs alone ({pairs}), which hold their"
-            text += " relative turning {times} too often"
-            say("turning-held-twice", o.links, o.pairs, o.excess, text)
-        else:
-            text = "{links} are over-constrained: their pairs {pairs} hold them {times} too often"
-            say("over-constrained", o.links, o.pairs, o.excess, text)
-    missing = undriven.mobility - len(driven)
-    count = f"mobility {undriven.mobility}, drivers {len(driven)}: {{number}} driver{{s}} too "
-    if missing < 0:
-        say("too-many-drivers", (), sorted(driven), -missing, count + "many")
-    elif missing > 0:
-        say("too-few-drivers", (), sorted(driven), missing, count + "few")
-    body = {a: part for part in undriven.clusters for a in part}
-    for o in held.overconstrained:
-        locked = [
-            d for d in o.drivers if body.get(driven[d].first, ()) == body.get(driven[d].second)
-        ]
-        fighting = [d for d in o.drivers if d not in locked]
-        for d in locked:
-            say("locked-driver", o.links, (d,), 1, "driver {pairs} moves nothing: {links} lock it")
-        if fighting:
-            independent = (
-                undriven.mobility
-                - rigidity(moving - away, at_hand, earlier, fighting, work).mobility
-            )
-            excess = len(fighting) - independent
-            text = "drivers {pairs} prescribe the motion of {links} {times} too often"
-            say("conflicting-drivers", o.links, fighting, excess, text)
-    for loose in held.loose:
-        text = "{links} can still move with every driver held: {number} freedom{s}"
-        say("loose-links", loose.links, (), loose.freedom, text)
-    return tuple(found)
-
-
-def _unconnected(moving: set[str], pairs: Iterable[Pair], earlier: Collection[str]) -> set[str]:
-    """Links that no chain of pairs joins to the earlier ones."""
-    graph: nx.Graph[str] = nx.Graph()
-    graph.add_nodes_from([*moving, *earlier])
-    graph.add_edges_from(pair.links for pair in pairs)
-    nx.add_path(graph, earlier)
-    reached = nx.node_connected_component(graph, next(iter(earlier))) if earlier else set()
-    return moving - reached

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -49,6 +49,8 @@ class Scene(Strictly):
     ``drive`` gives the drivers' laws of motion; a free motion starts from ``initial`` and
     ends at the ``stops`` if it gets there.
     """
+
+    remade: ClassVar[str] = "on a graph set gravity, and call drive(), start() and stop()"
 
     gravity: VectorGiven = default(Vector(0j))
     drive: dict[str, AnyLaw] = {}

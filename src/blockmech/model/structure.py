@@ -6,12 +6,12 @@ mobility 3n - 2p.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import heapq
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from graphlib import TopologicalSorter
 from typing import Any, NamedTuple
-
-import networkx as nx
 
 from blockmech.blocks.contract import Block, BuiltIn, Joint, Moving
 from blockmech.loads.contract import Element
@@ -249,7 +249,15 @@ class Structure:
         return f"{head}({name}: {','.join(map(str, own))})"
 
 
-def formation_order(blocks: Mapping[str, Block], graph: nx.DiGraph) -> list[str]:
-    """Moving blocks in topological order, ties by name."""
-    order = nx.lexicographical_topological_sort(graph, key=str)
+def formation_order(blocks: Mapping[str, Block], feeders: Mapping[str, Iterable[str]]) -> list[str]:
+    """Moving blocks in topological order, ties by name; each waits for its feeders."""
+    sorter = TopologicalSorter(feeders)
+    sorter.prepare()
+    order, ready = [], sorted(sorter.get_ready())
+    while ready:
+        name = heapq.heappop(ready)
+        order.append(name)
+        sorter.done(name)
+        for free in sorter.get_ready():
+            heapq.heappush(ready, free)
     return [n for n in order if isinstance(blocks[n], Moving)]

@@ -28,7 +28,6 @@ from blockmech.modes.triad import place_of, size_of
 from blockmech.plane import angle
 from blockmech.samples import make_samples
 from blockmech.typing import LinkPosition
-from blockmech.values import Marker
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -262,11 +261,8 @@ class _Lister:
 
     def _at(self, ref: MarkerRef) -> complex:
         """Place [m] of a marker on its link."""
-        marker = self.inner.structure.marker(ref)
-        if isinstance(marker, Marker):
-            return marker.at.z
-        block = self.inner.structure.blocks[ref.block]
-        return complex(getattr(block, marker.along)) if marker.along else 0j
+        structure = self.inner.structure
+        return structure.block(ref.block).place_of(structure.marker(ref))
 
     def _standing(
         self, drivers: Mapping[str, float]

@@ -22,7 +22,7 @@ from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link
 
 if TYPE_CHECKING:
-    from blockmech.testing.strategies import Chance
+    from blockmech.testing.chance import Chance
 
 Spot = tuple[complex, complex]
 

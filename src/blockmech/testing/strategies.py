@@ -16,10 +16,9 @@ from __future__ import annotations
 
 import cmath
 import math
-import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.blocks import REGISTRY
 from blockmech.blocks.contract import Block, Moving
@@ -28,48 +27,26 @@ from blockmech.friction.laws import Coulomb
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
 from blockmech.model.graph import Graph
 from blockmech.model.structure import LinkRef
+from blockmech.testing.chance import Chance, Drawn, Seeded
 from blockmech.testing.placers import PLACERS, SIZES, Placed, place_group, random_shape
 from blockmech.values import Link, Marker, Place, Vector
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
-T = TypeVar("T")
+__all__ = [
+    "EVERY",
+    "KINDS",
+    "Case",
+    "Options",
+    "Seeded",
+    "mechanisms",
+    "random_mechanism",
+]
+
 AXES: tuple[Literal["ground", "link"], ...] = ("ground", "link")
 KINDS = ("dyad.rrr", "dyad.rrp", "dyad.rpr", "dyad.prp", "dyad.rpp")
 EVERY = (*KINDS, "driven.rrr", "group.general")
-
-
-class Chance(Protocol):
-    """Where random choices come from: hypothesis draws or a seeded generator."""
-
-    def uniform(self, low: float, high: float) -> float:
-        """A number between two bounds."""
-
-    def integer(self, low: int, high: int) -> int:
-        """A whole number between two bounds, both included."""
-
-    def pick(self, choices: Sequence[T]) -> T:
-        """One of several things."""
-
-
-class Seeded:
-    """Choices from a seed; the same seed gives the same mechanism."""
-
-    def __init__(self, seed: int) -> None:
-        self._random = random.Random(seed)
-
-    def uniform(self, low: float, high: float) -> float:
-        """A number between two bounds."""
-        return self._random.uniform(low, high)
-
-    def integer(self, low: int, high: int) -> int:
-        """A whole number between two bounds."""
-        return self._random.randint(low, high)
-
-    def pick(self, choices: Sequence[T]) -> T:
-        """One of several things."""
-        return self._random.choice(choices)
 
 
 @dataclass(frozen=True)
@@ -133,22 +110,6 @@ def random_mechanism(chance: Chance, options: Options | None = None) -> Case:
 def mechanisms(options: Options | None = None) -> SearchStrategy[Case]:
     """Hypothesis strategy of random valid mechanisms."""
     from hypothesis import strategies as st
-
-    class Drawn:
-        def __init__(self, draw: Callable[..., Any]) -> None:
-            self._draw = draw
-
-        def uniform(self, low: float, high: float) -> float:
-            # Round numbers: they shrink well and print short.
-            steps = 10_000
-            return low + (high - low) * float(self._draw(st.integers(0, steps))) / steps
-
-        def integer(self, low: int, high: int) -> int:
-            return int(self._draw(st.integers(low, high)))
-
-        def pick(self, choices: Sequence[T]) -> T:
-            found: T = self._draw(st.sampled_from(choices))
-            return found
 
     @st.composite  # type: ignore[untyped-decorator]  # hypothesis is not installed for users
     def cases(draw: Callable[..., Any]) -> Case:

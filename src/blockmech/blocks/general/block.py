@@ -24,17 +24,19 @@ from blockmech.blocks.contract import (
     BuiltIn,
     Joint,
     Kernels,
-    Mistake,
-    bad_name,
     inner_joint,
     outer_joint,
+)
+from blockmech.blocks.general.equations import PairPlan
+from blockmech.blocks.general.kernels import kernels_of
+from blockmech.blocks.mistakes import (
+    Mistake,
+    bad_name,
     refuse,
     unknown_name,
     wrong_friction,
     wrong_links,
 )
-from blockmech.blocks.general.equations import PairPlan
-from blockmech.blocks.general.kernels import kernels_of
 from blockmech.friction.laws import Coulomb
 from blockmech.values import (
     Angle,

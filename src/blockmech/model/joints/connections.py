@@ -2,7 +2,7 @@
 
 A pin of m links is m - 1 pairs: of its first link with each other one. Which links the pairs
 of a pin join is free as long as it has no friction, so pins are seated on the link that is
-placed first (`assur.reseat`); the motion is the same, and forces are sums.
+placed first (`pins.reseat`); the motion is the same, and forces are sums.
 """
 
 from __future__ import annotations
@@ -17,13 +17,11 @@ from typing import Literal, TypeAlias
 import networkx as nx
 
 from blockmech.friction.laws import Coulomb
-from blockmech.model.assur import reseat
+from blockmech.model import pins
 from blockmech.model.joints.contents import FRAME, GuideGiven
 from blockmech.model.joints.linkage import Linkage
+from blockmech.model.pins import Side, reseat
 from blockmech.model.rigidity import Pair
-
-SAME = 1e-9
-"""[-] of the size, or rad: places and directions on one link that are nearer are one."""
 
 MOST_ON_PIN = 100  # pairs of a pin that is seated elsewhere; larger ones stay as they are
 
@@ -125,45 +123,13 @@ def _span(numbers: Iterable[float]) -> float:
 
 
 def axes(pairs: Connections, size: float) -> dict[str, str]:
-    """Pair -> the axis that it has in common with others for good, "" for one of its own.
-
-    R pairs whose places on a common link coincide turn about one point; P pairs whose
-    guides on a common link are parallel slide in one direction.
-    """
-    graph: nx.Graph[tuple[str, ...]] = nx.Graph()
-    on_links: dict[tuple[str, str], list[tuple[str, complex]]] = defaultdict(list)
-    for c in pairs.values():
-        graph.add_node((c.name,))
-        for link in c.links:
-            value = c.on(link) if c.kind == "R" else _normal_of(c.guide(link)) * size
-            on_links[link, c.kind].append((c.name, value))
-    for members in on_links.values():
-        for a, b in _near(members, SAME * size):
-            graph.add_edge((a,), (b,))
-    found = dict.fromkeys(pairs, "")
-    for part in nx.connected_components(graph):
-        if len(part) > 1:
-            axis = min(name for (name,) in part)
-            found.update({name: axis for (name,) in part})
-    return found
-
-
-def _normal_of(direction: complex) -> complex:
-    """The same number for a direction and its opposite."""
-    return direction * direction
-
-
-def _near(members: list[tuple[str, complex]], tolerance: float) -> Iterable[tuple[str, str]]:
-    """Names whose values are nearer than the tolerance, each with the first of its place."""
-    cells: dict[tuple[int, int], list[tuple[str, complex]]] = defaultdict(list)
-    for name, z in members:
-        x, y = math.floor(z.real / tolerance), math.floor(z.imag / tolerance)
-        around = [cells.get((x + i, y + j), ()) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-        near = [other for cell in around for other, w in cell if abs(z - w) <= tolerance]
-        for other in near:
-            yield other, name
-        if not near:
-            cells[x, y].append((name, z))
+    """Pair -> the axis that it has in common with others for good; see `pins.axes`."""
+    sides = (
+        Side(c.name, link, c.kind, c.on(link) if c.kind == "R" else c.guide(link))
+        for c in pairs.values()
+        for link in c.links
+    )
+    return pins.axes(sides, size)
 
 
 def structural(pairs: Connections, axis: Mapping[str, str]) -> list[Pair]:
@@ -192,11 +158,11 @@ class Seated:
 
 def seated(pairs: Connections, axis: Mapping[str, str], drivers: Collection[str]) -> Seated:
     """Seat every frictionless pin of three links and more on the link that is placed first."""
-    pins: dict[str, list[Connection]] = defaultdict(list)
+    on_axis: dict[str, list[Connection]] = defaultdict(list)
     for c in pairs.values():
         if c.kind == "R" and axis[c.name]:
-            pins[axis[c.name]].append(c)
-    free = {name: pin for name, pin in pins.items() if _is_smooth(pin)}
+            on_axis[axis[c.name]].append(c)
+    free = {name: pin for name, pin in on_axis.items() if _is_smooth(pin)}
     if not free:
         return Seated(pairs, {})
     links = {link for c in pairs.values() for link in c.links} - {FRAME}

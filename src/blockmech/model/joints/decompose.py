@@ -19,7 +19,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.errors import GraphError, Problem
-from blockmech.model.assur import Formation, Unit, formation
+from blockmech.model.assur import Unit
+from blockmech.model.formation import Formation, formation
 from blockmech.model.joints.closing import Closing, Poses, given_poses
 from blockmech.model.joints.connections import (
     Connections,

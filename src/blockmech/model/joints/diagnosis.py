@@ -1,6 +1,6 @@
 """Why links and joints make no mechanism, in the trade's words.
 
-Counting and generic rank (`assur.diagnose`) tell what holds for almost all lengths. Whether
+Counting and generic rank (`determinacy.diagnose`) tell what holds for almost all lengths. Whether
 the given lengths are special, as in a parallelogram with three equal cranks, is told by the
 rank of the velocity conditions in the pose of the document (`special`): links that are
 over-constrained, and move all the same.
@@ -10,26 +10,19 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING
 
 from blockmech.errors import Problem, listed
-from blockmech.model.assur import Unit, formation
+from blockmech.model.assur import Unit
+from blockmech.model.determinacy import Finding, diagnose
+from blockmech.model.elimination import MOST_WORK, TooTangledError
+from blockmech.model.formation import formation
 from blockmech.model.joints.closing import CLOSED, Closing, Poses
 from blockmech.model.joints.connections import Connections, structural
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.matrix import LEAST_SQUARES
 from blockmech.model.joints.special import Layout, Special, special_geometry
 from blockmech.model.problems import path_text
-from blockmech.model.rigidity import (
-    MOST_WORK,
-    Finding,
-    TooTangledError,
-    diagnose,
-    rigidity,
-)
-
-if TYPE_CHECKING:
-    pass
+from blockmech.model.rigidity import rigidity
 
 CODES: Mapping[str, str] = {
     "unconnected-links": "links that no joint joins to the rest",

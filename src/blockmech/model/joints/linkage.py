@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.errors import GraphError, Problem, close_match, listed
 from blockmech.loads.contract import Element
+from blockmech.model.attributes import KnownAttributes
 from blockmech.model.joints.contents import (
     LOADS,
     GuideGiven,
@@ -20,7 +21,7 @@ from blockmech.model.joints.contents import (
     load_model,
 )
 from blockmech.model.laws_of_motion import LawOfMotion
-from blockmech.model.scene import Initial, Stops
+from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
 from blockmech.values import NAME_RULE, Strictly, Vector, is_name, shown
 
@@ -33,7 +34,7 @@ Given = Any
 """Numbers, pairs and arrays as `Graph` takes them."""
 
 
-class Linkage:
+class Linkage(KnownAttributes):
     """Links, joints, drivers and loads, in frames of the user's own.
 
     >>> import blockmech as bm
@@ -50,20 +51,43 @@ class Linkage:
     <Linkage crank_rocker: 3 moving links, 4 pairs, 1 driver; I(crank) -> II RRR(rocker, rod)>
     """
 
+    name: str
+    title: str
+    links: dict[str, LinkGiven]
+    joints: dict[str, JointGiven]
+    drivers: dict[str, Any]
+    loads: dict[str, Any]
+    initial: dict[str, Initial]
+    stops: dict[str, Stops]
+    extras: dict[str, Any]  # view, expect, source, notes: kept with the file
+    file: str  # where the document was read from, for messages
+    _gravity: Vector
+
     def __init__(
         self, name: str = "mechanism", *, title: str = "", gravity: complex | Sequence[float] = 0j
     ) -> None:
         self.name = name
         self.title = title
-        self.gravity = Vector.parse(tuple(gravity) if isinstance(gravity, Sequence) else gravity)
-        self.links: dict[str, LinkGiven] = {}
-        self.joints: dict[str, JointGiven] = {}
-        self.drivers: dict[str, Any] = {}
-        self.loads: dict[str, Any] = {}
-        self.initial: dict[str, Initial] = {}
-        self.stops: dict[str, Stops] = {}
-        self.extras: dict[str, Any] = {}  # view, expect, source, notes: kept with the file
-        self.file = ""  # where the document was read from, for messages
+        self.gravity = gravity
+        self.links = {}
+        self.joints = {}
+        self.drivers = {}
+        self.loads = {}
+        self.initial = {}
+        self.stops = {}
+        self.extras = {}
+        self.file = ""
+
+    @property
+    def gravity(self) -> Vector:
+        """Gravity [m/s2]."""
+        return self._gravity
+
+    @gravity.setter
+    def gravity(self, gravity: complex | Sequence[float] | Vector) -> None:
+        """Set gravity [m/s2], (x, y) or x + iy. Raises `GraphError` for what is no vector."""
+        made = Scene(gravity=gravity)  # type: ignore[arg-type]
+        self.__dict__["_gravity"] = made.gravity
 
     # -- building ---------------------------------------------------------
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blockmech.model.assur import formation
+from blockmech.model.formation import formation
 from blockmech.model.joints.closing import Closing, Floats, Poses
 from blockmech.model.joints.connections import Connections, structural
 from blockmech.model.joints.contents import FRAME

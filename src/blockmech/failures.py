@@ -1,0 +1,119 @@
+"""Why samples have no answer, as the error that a result with gaps becomes.
+
+The first gap is told: which group fails and where the drivers are there, whether it cannot
+close, stands at a dead centre or locks itself, and on which arcs it would close.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from blockmech.errors import (
+    AssemblyError,
+    FrictionError,
+    Problem,
+    SampleError,
+    SampleFailure,
+    SingularError,
+)
+from blockmech.model.coordinates import to_document, to_graph
+from blockmech.passes.following import followed, last_good, path_of
+from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+    from blockmech.result import Result
+
+MOST_GROUPS = 8  # whose limits take a few milliseconds
+
+
+def failure_of(result: Result) -> SampleError:
+    """The error of a result that has gaps, about the first of them."""
+    quality, mechanism = result.quality, result.mechanism
+    first = quality.gaps[0]
+    block = quality.blame[first]
+    same = [i for i in quality.gaps if quality.blame[i] == block]
+    drivers = {name: float(q[first]) for name, q in result.drivers.items()}
+    margin = float(quality.margin[block][first]) if block in quality.margin else float("nan")
+    place = ", ".join(
+        f"{name} = {q:.9g} {result.unit_of_driver(name)}" for name, q in drivers.items()
+    )
+    failing = mechanism.said(block) if block else "mechanism"
+    error, code, found = _what(result, first, block, margin, drivers)
+    count = f"{len(same)} of {result.n} samples" if len(same) > 1 else "one sample"
+    return error(
+        Problem(
+            code,
+            f"{failing} at {place} (sample {first} of {result.n})",
+            f"{found}; {count} affected",
+            _arcs(result, first) if block and error is not FrictionError else "",
+            'choose other samples, or pass on_gap="mark" to keep the rest',
+        ),
+        SampleFailure(block, same, drivers, margin),
+    )
+
+
+def _what(
+    result: Result, first: int, block: str, margin: float, drivers: Mapping[str, float]
+) -> tuple[type[SampleError], str, str]:
+    """Error, code and words for what fails at a sample."""
+    quality = result.quality
+    status = quality.status[first]
+    if status == "not-converged":
+        by = "successive approximations"
+        by = by if result.settings["friction"] == "successive" else "continuation"
+        return FrictionError, status, f"{by} did not converge"
+    if status != NO_ASSEMBLY:
+        limit = next(
+            (f.value for f in quality.flags if f.sample == first and f.where == block), None
+        )
+        reach = f" (solvable up to {limit:.4g} times the friction)" if limit else ""
+        return FrictionError, status, f"the friction equations have no solution{reach}"
+    if (first, CHANGE_POINT, block) in {(f.sample, f.code, f.where) for f in quality.flags}:
+        lost = "its two modes meet there, rates and reactions are limits of 0/0"
+        return SingularError, CHANGE_POINT, lost
+    if margin == 0:
+        lost = "rates and reactions do not exist there"
+        if result.mechanism.structure.blocks[block].kind == "PRP":
+            lost = "its guides are parallel, so no pose, rate or reaction exists there"
+        return SingularError, "dead-centre", lost
+    if not block:
+        return SingularError, "undefined", "a wanted value is not defined there"
+    why = "its outer joints coincide" if np.isnan(margin) else f"margin {margin:.4g}"
+    far = _came_as_far(result.mechanism, block, drivers) if margin < 0 else ""
+    return AssemblyError, status, f"the group cannot close, {why}{far}"
+
+
+def _came_as_far(mechanism: Mechanism, block: str, drivers: Mapping[str, float]) -> str:
+    """Where the way from home of a group without closed form ends, in words."""
+    if not mechanism.structure.blocks[block].own_form:
+        return ""
+    path = path_of(mechanism.structure, block)
+    known = {where.driver: (name, where) for name, where in mechanism.driver_names.items()}
+    said = [known[driver] for driver in path.drivers]
+    q = [to_graph(where, drivers[mechanism.of_driver(name, "q")]) for name, where in said]
+    places = []
+    for (name, where), x in zip(said, last_good(path, np.array(q)), strict=True):
+        unit = mechanism.driver_joint(name).coordinate_unit
+        places.append(f"{name} = {to_document(where, x):.9g} {unit}")
+    return f"; followed from its home it comes as far as {', '.join(places)}"
+
+
+def _arcs(result: Result, sample: int) -> str:
+    """Where the groups of this run close, in words, if that is found in an instant.
+
+    Of several drivers each is moved by itself, the others held as in the sample.
+    """
+    mechanism = result.mechanism
+    groups, drivers = frozenset(result.quality.margin), mechanism.drivers
+    if len(groups) > MOST_GROUPS:
+        return ""
+    if len(drivers) == 1:
+        return mechanism.feasible(groups)
+    if followed(mechanism.structure):
+        return ""  # each sample of an arc would be followed from home by itself
+    held = {d: float(q[sample]) for d, q in zip(drivers, result.drivers.values(), strict=True)}
+    return mechanism.feasible(groups, held)

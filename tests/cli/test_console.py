@@ -1,0 +1,106 @@
+"""Consoles without Unicode: what blockmech says by itself, old code pages can show.
+
+Windows gives a program whose output goes through a pipe the code page of the country, and
+`print` fails there for a letter that it lacks. Names are the user's own; see
+`test_main.test_old_consoles_get_a_question_mark_for_letters_they_lack`.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from blockmech.cli import terminal
+from blockmech.cli.app import command
+
+PAGES = ("cp1252", "cp850")  # of windows and of consoles in Western countries
+COMMANDS = sorted(command().commands)
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+JOINTS = "joints/watt_sixbar"
+
+DONE = {
+    "a table": ["run", "FILE", "--samples", "5"],
+    "a table in degrees": ["run", "FILE", "--samples", "5", "--deg"],
+    "what a request costs": ["run", "FILE", "--explain"],
+    "what a mechanism is": ["check", "FILE"],
+    "links and joints": ["decompose", JOINTS],
+    "arcs": ["limits", "FILE"],
+    "assembly modes": ["modes", "FILE"],
+    "extremes": ["extremes", "FILE", "dyad.transmission_angle"],
+    "checks": ["verify", "FILE"],
+    "a trade": ["trade", "FILE", "--budget", "1s"],
+    "a free motion": ["simulate", "watt_sixbar", "--until", "time=0.1"],
+    "expected numbers": ["test", "watt_sixbar"],
+    "the gallery": ["new"],
+    "all blocks": ["blocks"],
+    "the schema": ["schema"],
+}
+NO_ANSWER = {
+    "a mechanism with a gap": ["run", "SHORT"],
+}
+WRONG = {
+    "an unknown output": ["run", "FILE", "--want", "crank.drve"],
+    "an unknown option": ["run", "FILE", "--drve"],
+    "no file": ["run", "no.json"],
+    "no name of a file to draw": ["draw", "FILE"],
+}
+CALLS = DONE | NO_ANSWER | WRONG
+CODES = dict.fromkeys(DONE, 0) | dict.fromkeys(NO_ANSWER, 1) | dict.fromkeys(WRONG, 2)
+
+
+def test_every_command_is_called_here():
+    assert {words[0] for words in CALLS.values()} == set(COMMANDS)
+
+
+@pytest.fixture
+def show(call, ruiz, short):
+    """Call the command line, and encode what it says as an old console would."""
+
+    def showing(*words):
+        files = {"FILE": str(ruiz), "SHORT": str(short)}
+        gallery = {name: str(GRAPHS / f"{name}.json") for name in ("watt_sixbar", JOINTS)}
+        said = call(*((files | gallery).get(word, word) for word in words))
+        for page in PAGES:
+            (said.out + said.err).encode(page)
+        return said
+
+    return showing
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_is_for_every_console(show, name):
+    said = show(name, "--help")
+    assert (said.code, said.err) == (0, "")
+    assert f"Usage: blockmech {name}" in said.out
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_answers_are_for_every_console(show, name):
+    said = show(*CALLS[name])
+    assert (said.code, bool(said.out)) == (CODES[name], name not in WRONG)
+
+
+class Terminal(io.TextIOWrapper):
+    """A terminal of an old code page that refuses what it cannot show."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_progress_bar_is_drawn_on_an_old_console(monkeypatch, page):
+    raw = io.BytesIO()
+    monkeypatch.setattr(sys, "stderr", Terminal(raw, encoding=page, errors="strict"))
+    monkeypatch.setattr(terminal, "PATIENCE", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+    with terminal.progress_bar("simulating") as told:
+        begun = time.monotonic()
+        while b"half way" not in raw.getvalue() and time.monotonic() - begun < 60:
+            told("half way", 1.0, 2.0)
+            time.sleep(0.02)
+    sys.stderr.flush()
+    assert b"simulating: half way" in raw.getvalue()

@@ -1,0 +1,113 @@
+"""What is set on a graph, a linkage, a scene or a mechanism has its effect, or is refused."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import GraphError
+
+G = -9.81
+
+
+def heavy_crank():
+    g = bm.Graph("pendulum")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("crank", bm.Crank(length=2.0, links={"crank": bm.Link(mass=3.0, cm=(1.0, 0.0))}))
+    g.connect("frame.A", "crank.A")
+    return g
+
+
+def heavy_link():
+    m = bm.Linkage("pendulum")
+    m.add_link("crank", pose=(0.0, 0.0, 0.0), mass=3.0, cm=(1.0, 0.0))
+    m.add_joint("A", "R", ["frame", "crank"], at=[(0.0, 0.0), (0.0, 0.0)])
+    m.add_driver("motor", "A")
+    return m
+
+
+@pytest.mark.parametrize("gravity", [(0.0, G), [0, G], complex(0.0, G), np.array([0.0, G])])
+@pytest.mark.parametrize(
+    ("make", "output"), [(heavy_crank, "crank.drive"), (heavy_link, "driver.motor.drive")]
+)
+def test_gravity_can_be_set_afterwards(make, output, gravity):
+    m = make()
+    m.gravity = gravity
+    assert m.gravity.z == complex(0.0, G)
+    (tau,) = m.run(at=[0.0], want=[output], rates=0.0)[output]
+    assert math.isclose(tau, -3.0 * G * 1.0, rel_tol=1e-15)  # m g x, carried by the drive
+
+
+def test_setting_gravity_keeps_the_rest_of_the_scene():
+    g = heavy_crank()
+    g.drive("crank", bm.ConstantRate(rate=1.0))
+    g.start("crank", q=1.0)
+    g.gravity = (0.0, G)
+    assert (list(g.scene.drive), list(g.scene.initial)) == (["crank"], ["crank"])
+
+
+REFUSED = {
+    "gravty": (
+        '[unknown-attribute] {cls}.gravty: there is no attribute "gravty" to set. '
+        'attributes: {known}. did you mean "gravity"?'
+    ),
+    "check": ("[unknown-attribute] {cls}.check: check() is called, not set. attributes: {known}."),
+    "_plans": (
+        '[unknown-attribute] {cls}._plans: there is no attribute "_plans" to set. '
+        "attributes: {known}."
+    ),
+}
+KNOWN = {
+    bm.Graph: "blocks, extras, file, gravity, name, scene, title, wires",
+    bm.Linkage: "drivers, extras, file, gravity, initial, joints, links, loads, name, stops, title",
+}
+
+
+@pytest.mark.parametrize("cls", KNOWN)
+@pytest.mark.parametrize("name", REFUSED)
+def test_an_attribute_that_is_none_is_refused_with_those_that_are(cls, name):
+    made = cls()
+    with pytest.raises(GraphError) as caught:
+        setattr(made, name, 0.0)
+    assert str(caught.value) == REFUSED[name].format(cls=cls.__name__, known=KNOWN[cls])
+    assert name not in vars(made)
+
+
+def test_what_follows_from_the_rest_is_not_set():
+    with pytest.raises(GraphError, match="driven follows from the rest, and is not set"):
+        bm.Linkage().driven = {}
+
+
+@pytest.mark.parametrize("cls", KNOWN)
+def test_gravity_that_is_no_vector_is_refused_at_once(cls):
+    made = cls()
+    with pytest.raises(GraphError, match="gravity must be a vector"):
+        made.gravity = -9.81
+    assert made.gravity.z == 0
+
+
+def test_what_is_no_scene_is_refused_and_a_scene_does_not_change():
+    g = heavy_crank()
+    with pytest.raises(GraphError, match=r"Graph\.scene: dict is no scene. on a graph set gravity"):
+        g.scene = {"gravity": [0.0, G]}
+    with pytest.raises(GraphError, match=r"Scene\.gravity: .* on a graph set gravity, and call"):
+        g.scene.gravity = (0.0, G)
+
+
+@pytest.mark.parametrize("name", ["gravity", "scene", "name", "anything"])
+def test_a_compiled_mechanism_does_not_change(name):
+    mech = heavy_crank().compile()
+    with pytest.raises(GraphError) as caught:
+        setattr(mech, name, 0.0)
+    assert str(caught.value) == (
+        f"[frozen] Mechanism.{name}: a compiled mechanism does not change. "
+        "set it on the graph or linkage, and compile that again."
+    )
+
+
+def test_a_graph_is_the_same_after_pickling():
+    g = heavy_crank()
+    g.gravity = (0.0, G)
+    assert pickle.loads(pickle.dumps(g)).to_json() == g.to_json()
