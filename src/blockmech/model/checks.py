@@ -6,8 +6,7 @@ one pass, so that a user sees everything at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from graphlib import CycleError, TopologicalSorter
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from blockmech.blocks.contract import Block, Moving
@@ -22,6 +21,8 @@ from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.values import Marker
 
 if TYPE_CHECKING:
+    import networkx as nx
+
     from blockmech.model.graph import Graph
 
 Markers: TypeAlias = dict[str, tuple[str, Any]]
@@ -48,13 +49,11 @@ def all_problems(graph: Graph) -> list[Problem]:
 
 def remarks(graph: Graph) -> list[Problem]:
     """Unused and unreachable things of a graph: not wrong, but perhaps forgotten."""
-    found = []
+    import networkx as nx
+
+    dag, found = block_dag(graph), []
     frames = [n for n, b in graph.blocks.items() if isinstance(b, Frame)]
-    fed: dict[str, list[str]] = {}
-    for name, sources in feeders(graph).items():
-        for source in sources:
-            fed.setdefault(source, []).append(name)
-    reached = _reached(frames, fed)
+    reached = set(frames).union(*(nx.descendants(dag, n) for n in frames))
     for name, block in graph.blocks.items():
         if isinstance(block, Moving) and name not in reached:
             found.append(
@@ -298,10 +297,12 @@ def _driver_problems(graph: Graph) -> Iterable[Problem]:
 
 def _branch_problems(graph: Graph) -> Iterable[Problem]:
     """Branches that follow a motion of several drivers, or of another one than home says."""
+    import networkx as nx
+
     following = {n: b for n, b in graph.blocks.items() if isinstance(b, TwoModes) and b.follows}
-    fed_by = feeders(graph) if following else {}
+    dag = block_dag(graph) if following else None
     for name, block in following.items():
-        above = _reached(fed_by[name], fed_by)
+        above = nx.ancestors(dag, name)
         moving = {n: b for n, b in graph.blocks.items() if n in above and isinstance(b, Moving)}
         drivers = [b.driver_name(n, j.name) for n, b in moving.items() for j in b.driven]
         said = list(block.home.drivers)  # type: ignore[attr-defined]
@@ -326,22 +327,13 @@ def _group_problems(graph: Graph) -> Iterable[Problem]:
 
 
 def _cycles(graph: Graph) -> Iterable[Problem]:
-    fed_by = feeders(graph)
-    try:
-        TopologicalSorter(fed_by).prepare()
-    except CycleError:
-        yield from _diagnosed(graph, fed_by)
-
-
-def _diagnosed(graph: Graph, fed_by: Mapping[str, Iterable[str]]) -> Iterable[Problem]:
-    import networkx as nx  # only a wrong graph pays for it
-
-    from blockmech.model import cycles
+    import networkx as nx
 
     links = 0
-    dag = nx.DiGraph((source, name) for name, sources in fed_by.items() for source in sources)
-    for component in nx.strongly_connected_components(dag):
+    for component in nx.strongly_connected_components(block_dag(graph)):
         if len(component) > 1:
+            from blockmech.model import cycles  # only a wrong graph pays for it
+
             blocks = sorted(component)
             known = [b for name in blocks if isinstance(b := graph.blocks[name], Block)]
             links += sum(len(block.link_names) for block in known)
@@ -349,27 +341,15 @@ def _diagnosed(graph: Graph, fed_by: Mapping[str, Iterable[str]]) -> Iterable[Pr
             yield cycles.diagnose_cycle(graph, blocks) if few else cycles.cycle(blocks)
 
 
-def feeders(graph: Graph) -> dict[str, list[str]]:
-    """Blocks with links, each with the blocks that feed it."""
-    found: dict[str, list[str]] = {
-        name: [] for name, block in graph.blocks.items() if not isinstance(block, Element)
-    }
+def block_dag(graph: Graph) -> nx.DiGraph:
+    """Blocks with links, and an edge from each block to those that it feeds."""
+    import networkx as nx
+
+    dag = nx.DiGraph()
+    dag.add_nodes_from(n for n, b in graph.blocks.items() if not isinstance(b, Element))
     for wire in graph.wires:
         source, target = wire.source.split(".")[0], wire.target.split(".")[0]
         fixed = isinstance(graph.blocks.get(target), Frame)  # nothing can feed it
-        known = source in found and target in found
-        if known and source != target and not fixed and source not in found[target]:
-            found[target].append(source)
-    return found
-
-
-def _reached(starts: Iterable[str], edges: Mapping[str, Iterable[str]]) -> set[str]:
-    """All that edges lead to from some blocks, these included."""
-    found = set(starts)
-    waiting = list(found)
-    while waiting:
-        for name in edges.get(waiting.pop(), ()):
-            if name not in found:
-                found.add(name)
-                waiting.append(name)
-    return found
+        if source in dag and target in dag and source != target and not fixed:
+            dag.add_edge(source, target)
+    return dag

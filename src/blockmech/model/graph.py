@@ -165,7 +165,7 @@ class Graph(KnownAttributes):
             raise GraphError(problems)
         known = {n: b for n, b in self.blocks.items() if isinstance(b, Block)}
         frame = next(n for n, b in known.items() if isinstance(b, Frame))
-        order = formation_order(known, checks.feeders(self))
+        order = formation_order(known, checks.block_dag(self))
         feeds: dict[JointRef, MarkerRef] = {}
         holds: dict[JointRef, MarkerRef] = {}
         markers: dict[str, Any] = {}  # a frame may have thousands

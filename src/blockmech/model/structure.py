@@ -6,16 +6,17 @@ mobility 3n - 2p.
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from graphlib import TopologicalSorter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from blockmech.blocks.contract import Block, BuiltIn, Joint, Moving
 from blockmech.loads.contract import Element
 from blockmech.values import Link, Marker
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 class LinkRef(NamedTuple):
@@ -249,15 +250,9 @@ class Structure:
         return f"{head}({name}: {','.join(map(str, own))})"
 
 
-def formation_order(blocks: Mapping[str, Block], feeders: Mapping[str, Iterable[str]]) -> list[str]:
-    """Moving blocks in topological order, ties by name; each waits for its feeders."""
-    sorter = TopologicalSorter(feeders)
-    sorter.prepare()
-    order, ready = [], sorted(sorter.get_ready())
-    while ready:
-        name = heapq.heappop(ready)
-        order.append(name)
-        sorter.done(name)
-        for free in sorter.get_ready():
-            heapq.heappush(ready, free)
+def formation_order(blocks: Mapping[str, Block], dag: nx.DiGraph) -> list[str]:
+    """Moving blocks in topological order, ties by name."""
+    import networkx as nx
+
+    order = nx.lexicographical_topological_sort(dag, key=str)
     return [n for n in order if isinstance(blocks[n], Moving)]
