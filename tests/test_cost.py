@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.cost import CostModel, Counted, price, shares
+from blockmech.cost import CostModel, price, shares
+from blockmech.cost.counting import Counted, Tally
+from blockmech.cost.weights import solving, spreading
 from tests.wiring import chain, ruiz, watt
+
+GRAPHS = Path(__file__).parents[1] / "graphs"
 
 
 def test_arrays_count_what_is_done_to_them() -> None:
-    Counted.tally = {}
+    Counted.tally = Tally()
     x = np.arange(3.0).view(Counted)
     y = np.sqrt(x * 2.0 + 1.0)
     np.where(y > 1.0, y, x)
-    assert Counted.tally == {"multiply": 1, "add": 1, "sqrt": 1, "greater": 1, "where": 1}
+    done = {"multiply": 1, "add": 1, "sqrt": 1, "greater": 1, "where": 1}
+    assert Counted.tally.operations == done
 
 
 def test_what_is_not_wanted_costs_nothing() -> None:
@@ -94,12 +101,12 @@ def test_friction_that_is_left_out_costs_nothing(want: str) -> None:
 
 
 def test_looking_up_a_table_is_counted() -> None:
-    Counted.tally = {}
+    Counted.tally = Tally()
     knots = np.arange(5.0).view(Counted)
     x = np.linspace(0.0, 3.9, 7).view(Counted)
     x - knots[np.searchsorted(knots, x, side="right") - 1]
-    assert Counted.tally["searchsorted"] == 1
-    assert Counted.tally["take"] == 1
+    assert Counted.tally.operations["searchsorted"] == 1
+    assert Counted.tally.operations["take"] == 1
 
 
 def test_a_request_that_needs_no_kernel_still_costs_its_samples() -> None:
@@ -115,3 +122,28 @@ def test_the_same_operations_are_dearer_in_a_program_that_keeps_more_arrays() ->
     costs = [model.cost(mech.plan(f"{name}.C.p")) for name in groups]
     early, late = costs[3] - costs[2], costs[29] - costs[28]  # one more group of the same kind
     assert early < late < 2 * early
+
+
+def test_a_general_group_costs_its_matrices_and_its_following() -> None:
+    mech = bm.Graph.load(GRAPHS / "stephenson_3_triad.json").compile()
+    places = price(mech, mech.plan("*.p"))
+    # Four links: its margin takes singular values of a 12 x 12 matrix, following as many again.
+    assert places > 2 * spreading(12)
+    whole = price(mech, mech.plan("*"))
+    assert whole > places + 2 * solving(12)  # rates and reactions
+
+
+def test_following_is_timed_once() -> None:
+    mech = bm.Graph.load(GRAPHS / "stephenson_3_triad.json").compile()
+    model = CostModel(mech)
+    assert model.cost(mech.plan("*.p")) == model.cost(mech.plan("*.p"))
+    (path,) = model._paths.values()
+    kept = path._time
+    model.cost(mech.plan("*"))
+    assert path._time == kept > 0
+
+
+def test_samples_whose_friction_nothing_certifies_are_dear() -> None:
+    mech = ruiz(radius=3.75).compile()  # many crank angles lock
+    smooth = price(mech, mech.plan("*.reaction", friction="none"))
+    assert price(mech, mech.plan("*.reaction")) > 1000 * smooth

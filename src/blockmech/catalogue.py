@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import gc
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
@@ -65,7 +66,8 @@ class Catalogue(Mapping[str, Output]):
             if pattern in self._outputs:
                 found[pattern] = None
                 continue
-            names = [n for n in self._outputs if fnmatch.fnmatchcase(n, pattern)]
+            fits = re.compile(fnmatch.translate(pattern)).match
+            names = [n for n in self._outputs if fits(n)]
             if not names:
                 problems.append(
                     Problem(

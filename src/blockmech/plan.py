@@ -25,6 +25,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
+MOST_KEPT = 32  # programs whose code is kept
 NO_LETTER = re.compile(r"\W", re.ASCII)
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
@@ -85,8 +86,14 @@ class Program:
 
     @cached_property
     def code(self) -> CodeType:
-        """The source compiled, once for all engines."""
-        return compile(self.source, "<plan>", "exec")
+        """The source compiled, once for all engines and all mechanisms of one structure."""
+        return _compiled(self.source)
+
+
+@functools.lru_cache(maxsize=MOST_KEPT)
+def _compiled(source: str) -> CodeType:
+    """A program's code: numbers are parameters, so designs of one structure share it."""
+    return compile(source, "<plan>", "exec")
 
 
 class Schedule:

@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from blockmech import cost
+from blockmech.cost import weights as cost
 from blockmech.engines.numpy import CHUNK
 
 LIVE = cost.LIVE  # arrays in use
 CALLS = 160  # of an operation in a row
 REPEATS = 12
+FEW, MANY = 20, 123  # columns in memory that is used again, and in new memory
+ORDERS, STACK = (6, 12, 21), 512  # of matrices, and how many of them
 
 LINE = [np.linspace(0.1, 2.0, CHUNK) + i for i in range(LIVE)]
 MASKS = [x > x.mean() for x in LINE]  # as conditions are: true in a row, then false
@@ -77,13 +79,29 @@ def column(columns: int) -> float:
     return 1e9 * best / columns / whole
 
 
+def matrices(run: Callable[[Any], Any], order: int) -> float:
+    """Processor time [ns] of something done with each matrix of a stack."""
+    stack = np.random.default_rng(0).normal(size=(STACK, order, order))
+    best = np.inf
+    for _ in range(REPEATS):
+        start = time.process_time()
+        run(stack)
+        best = min(best, time.process_time() - start)
+    return 1e9 * best / STACK
+
+
 def rows() -> list[tuple[str, float, float]]:
     """What, weight of the model [ns], weight measured here [ns]."""
     with np.errstate(all="ignore"):
         found = [(name, cost.WEIGHTS.get(name, cost.ONE), weight(name)) for name in OPERATIONS]
-    few = cost.REUSED // (8 * cost.BATCH)
-    found.append((f"a column of {few // 2}", cost.COLUMN, column(few // 2)))
-    found.append((f"a column of {3 * few}", cost.COLUMN + cost.FRESH, column(3 * few)))
+    for columns, model in ((FEW, cost.COLUMN), (MANY, cost.COLUMN + cost.FRESH)):
+        found.append((f"a column of {columns}", model, column(columns)))
+    for order in ORDERS:
+        ones = np.ones((STACK, order, 1))
+        solved = matrices(lambda a, b=ones: np.linalg.solve(a, b), order)
+        found.append((f"{order} equations, solved", cost.solving(order), solved))
+        values = matrices(lambda a: np.linalg.svd(a, compute_uv=False), order)
+        found.append((f"{order} singular values", cost.spreading(order), values))
     return found
 
 

@@ -13,17 +13,22 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 LAPACK = (np.float32, np.float64)
+TOGETHER = 128  # samples that stay in cache while their matrices are eliminated
 
 
 def matrix(rows: Any, dtype: Any) -> Array:
     """Rows of numbers or batches (...) as one array (..., N, N)."""
-    shape = np.broadcast_shapes(*(np.shape(x) for row in rows for x in row))
-    filled = np.zeros((*shape, len(rows), len(rows)), dtype)
-    for i, row in enumerate(rows):
-        for j, x in enumerate(row):
-            if not isinstance(x, float) or x != 0.0:
-                filled[..., i, j] = x
-    return filled
+    filled = [
+        (i, j, x)
+        for i, row in enumerate(rows)
+        for j, x in enumerate(row)
+        if not isinstance(x, float) or x != 0.0
+    ]
+    shape = np.broadcast_shapes(*{np.shape(x) for _, _, x in filled})
+    found = np.zeros((*shape, len(rows), len(rows)), dtype)
+    for i, j, x in filled:
+        found[..., i, j] = x
+    return found
 
 
 def solve(a: Array, right: Any) -> tuple[Array, ...]:
@@ -63,21 +68,34 @@ def _one_by_one(a: Array, b: Array) -> Array:
 
 
 def _eliminated(a: Array, b: Array) -> Array:
-    """Gaussian elimination with partial pivoting, all samples side by side."""
+    """Gaussian elimination with partial pivoting, samples side by side, some at a time."""
     n = b.shape[-1]
-    whole = np.concatenate([a, b[..., None]], axis=-1)
+    matrices, right = a.reshape((-1, n, n)), b.reshape((-1, n))
+    found = np.empty_like(right)
+    for first in range(0, len(right), TOGETHER):
+        part = slice(first, first + TOGETHER)
+        whole = np.concatenate([matrices[part], right[part, :, None]], axis=-1)
+        found[part] = _reduced(np.ascontiguousarray(np.moveaxis(whole, 0, -1))).T
+    return found.reshape(b.shape)
+
+
+def _reduced(whole: Array) -> Array:
+    """Solutions (N, n) of matrices with their right sides (N, N + 1, n), which are lost."""
+    n = len(whole)
     for k in range(n):
-        pivot = np.argmax(np.abs(whole[..., k:, k]), axis=-1) + k
-        rows = np.broadcast_to(np.arange(n), whole.shape[:-1]).copy()
-        np.put_along_axis(rows, pivot[..., None], k, -1)
-        rows[..., k] = pivot
-        whole = np.take_along_axis(whole, rows[..., None], axis=-2)
-        factor = whole[..., k + 1 :, k] / whole[..., k, k, None]
-        whole[..., k + 1 :, k:] -= factor[..., None] * whole[..., k, None, k:]
-    x = np.empty_like(b)
+        pivot = np.argmax(np.abs(whole[k:, k]), axis=0) + k
+        swapped = np.flatnonzero(pivot != k)
+        if len(swapped):
+            rows = pivot[swapped]
+            upper = whole[k][:, swapped]
+            whole[k][:, swapped] = whole[rows, :, swapped].T
+            whole[rows, :, swapped] = upper.T
+        factor = whole[k + 1 :, k] / whole[k, k]
+        whole[k + 1 :, k + 1 :] -= factor[:, None] * whole[k, k + 1 :]
+    x = np.empty_like(whole[:, n])
     for k in reversed(range(n)):
-        known = np.sum(whole[..., k, k + 1 : n] * x[..., k + 1 :], axis=-1)
-        x[..., k] = (whole[..., k, n] - known) / whole[..., k, k]
+        known = np.sum(whole[k, k + 1 : n] * x[k + 1 :], axis=0)
+        x[k] = (whole[k, n] - known) / whole[k, k]
     return x
 
 

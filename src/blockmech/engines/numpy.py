@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
+from blockmech.engines.memory import keep_freed_memory, room
+from blockmech.engines.releasing import releasing
 from blockmech.plan import Program
 from blockmech.plane import REST_SHARE
 
@@ -215,15 +217,16 @@ class NumpyEngine:
     name = "numpy"
 
     def __init__(self, program: Program, precision: str = "complex128") -> None:
+        keep_freed_memory()
         self.program = program
         self.precision = precision
         self.dtype = PRECISIONS[precision]
-        constants = {
+        self.constants = {
             "ZERO": self._cast(0j),
             "ONE": self._cast(1 + 0j),
             "REST": max(REST_SHARE, ROUNDING_AT_REST * float(np.finfo(self.dtype).eps)),
         }
-        self._program = bind(program, primitives(self.dtype), constants)
+        self._program = bind(releasing(program), primitives(self.dtype), self.constants)
         self.parameters = tuple(self._cast(v) for v in program.parameters.values())
 
     def _cast(self, value: Any) -> Any:
@@ -261,20 +264,17 @@ class NumpyEngine:
 
 
 def _rooms(values: tuple[Any, ...], n: int) -> tuple[Any, ...]:
-    """Room for n samples of each value.
-
-    All columns lie in one block: NumPy asks for large pages then, and first writing to
-    memory, which took longer than computing what is written, becomes several times faster.
-    """
+    """Room for n samples of each value; all columns lie in one block."""
     parts = [x for v in values for x in ((v.real, v.imag) if isinstance(v, Planar) else (v,))]
     kinds = [x.dtype for x in parts if np.ndim(x)]
-    free = {kind: iter(np.empty((kinds.count(kind), n), kind)) for kind in set(kinds)}
+    free = {kind: iter(room((kinds.count(kind), n), kind)) for kind in set(kinds)}
 
-    def room(x: Any) -> Any:
+    def column(x: Any) -> Any:
         return next(free[x.dtype]) if np.ndim(x) else np.broadcast_to(x, (n,))
 
     return tuple(
-        Planar(room(v.real), room(v.imag)) if isinstance(v, Planar) else room(v) for v in values
+        Planar(column(v.real), column(v.imag)) if isinstance(v, Planar) else column(v)
+        for v in values
     )
 
 
