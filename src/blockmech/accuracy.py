@@ -178,8 +178,9 @@ def look(
     Where double precision will not do for the accuracy, the wider one is measured as well.
     """
     from blockmech.judge.trade.errors import comparable, yardstick
+    from blockmech.judge.trade.thinned import thinned
 
-    few = _some(taken)
+    few, _ = thinned(taken, PROBE)
     plan = mechanism.plan(want, static=static)
     plain = mechanism.plan(want, friction="none", static=static)
     rubs = any(name.startswith("friction/") for name in plan.layout)
@@ -321,16 +322,6 @@ def _missed(result: Result, setting: Setting, probe: Probe) -> float:
     how = {k: result.settings[k] for k in ("friction", "iterations", "static")}
     few = _result(result.mechanism, result.plan, probe.few, setting.precision, how)
     return probe.stick.error(few)
-
-
-def _some(taken: Samples) -> Samples:
-    """Some of the samples, ends included."""
-    if taken.n <= PROBE:
-        return taken
-    index = np.unique(np.linspace(0, taken.n - 1, PROBE).round().astype(int))
-    inputs = {k: np.ascontiguousarray(np.asarray(v)[index]) for k, v in taken.inputs.items()}
-    times = None if taken.times is None else taken.times[index]
-    return Samples(len(index), inputs, times, taken.clock)
 
 
 def _run(

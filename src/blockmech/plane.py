@@ -153,9 +153,11 @@ def solve_transposed(a: Any, right: Any) -> tuple[Real, ...]:
 
 
 def spread(a: Any) -> Real:
-    """Ratio of the smallest to the largest singular value."""
+    """Ratio of the smallest to the largest singular value; NaN of a matrix with a NaN in it."""
     import numpy as np
 
+    if not np.isfinite(a).all():  # no reason to compute the sample again on arrays
+        return NAN
     values = np.linalg.svd(a, compute_uv=False)
     return float(values[-1] / values[0])
 

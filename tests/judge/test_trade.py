@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +13,11 @@ import pytest
 
 import blockmech as bm
 from blockmech.judge.trade import Point, Reference, Skipped, Trade, front, order, trade
-from blockmech.judge.trade.timing import Clock, timed
 from blockmech.judge.trade.turned import turned_run
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 from blockmech.samples import make_samples
-from tests.wiring import chain, ruiz, watt
+from tests.wiring import ruiz, watt
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -110,48 +109,12 @@ def test_refining_a_method_does_not_make_it_worse(method: str) -> None:
     assert errors == sorted(errors, reverse=True)
 
 
-# -- budget ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("graph", ["slider_crank", "parallelogram_chain"])
-def test_a_trade_keeps_to_its_budget_and_names_what_it_left_out(graph: str) -> None:
-    budget = 15.0
-    start = time.perf_counter()
-    found = trade(mechanism(graph), budget=budget)
-    assert time.perf_counter() - start < budget + SLACK
-    assert found.points
-    said = {p.label for p in found.points} | {s.label for s in found.skipped}
-    assert {"numpy, complex64", "numpy, complex128", "scalar, complex128"} <= said
-
-
-def test_a_budget_that_is_too_small_skips_and_says_so() -> None:
-    found = trade(chain(14).compile(), budget=0.02, samples=2001)
-    assert found.skipped
-    assert all("budget" in s.why for s in found.skipped)
-
-
-def test_a_budget_that_ends_during_the_repeats_claims_no_time() -> None:
-    clock = Clock.started(0.02)
-    assert timed(lambda: time.sleep(0.008), clock) is None
-    assert clock.spent < 0.02 + 2 * 0.008 + SLACK
+# -- the choice ------------------------------------------------------------------------------
 
 
 def test_without_a_target_the_usual_one_is_named_where_nothing_reaches_it() -> None:
     said = by_hand(point("rk4", 1e-3, 10, 1e-6)).recommendation
     assert said.startswith("no setting here gives an error of 1e-9; the closest is rk4")
-
-
-def test_an_interrupt_keeps_what_was_measured() -> None:
-    def impatient(what: str, number: int, count: int) -> None:
-        if number == 3:
-            raise KeyboardInterrupt
-
-    found = trade(ruiz().compile(), samples=51, say=impatient)
-    assert len(found.points) == 3
-    assert {s.why for s in found.skipped} == {"interrupted"}
-
-
-# -- the choice ------------------------------------------------------------------------------
 
 
 def point(method: str, seconds: float, evaluations: int, error: float) -> Point:
@@ -331,6 +294,24 @@ def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
     assert "Pareto front" in said
     floor = friction().reference.floor
     assert all(a.get_ylim()[0] < floor for a in figure.axes)
+
+
+@pytest.mark.parametrize("found", [friction, motion])
+def test_labels_of_the_picture_do_not_overlap_and_stay_inside(found) -> None:
+    from blockmech.draw.trade import trade_figure
+
+    figure = trade_figure(found())
+    renderer = figure.canvas.get_renderer()
+    whole = figure.bbox
+    for axes in figure.axes:
+        labels = [t.get_window_extent(renderer) for t in axes.texts]
+        assert labels
+        assert not any(a.overlaps(b) for a, b in combinations(labels, 2))
+        ticks = [t.get_window_extent(renderer) for t in axes.get_xticklabels()]
+        assert len(ticks) >= 2
+        assert not any(a.overlaps(b) for a, b in combinations(ticks, 2))
+        for box in (*labels, *ticks):
+            assert whole.x0 <= box.x0 <= box.x1 <= whole.x1
 
 
 def test_the_picture_is_written(tmp_path: Path) -> None:

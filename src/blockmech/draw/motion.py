@@ -98,11 +98,7 @@ def _as_complex(value: Any) -> Any:
 
 def marker_place(structure: Structure, ref: MarkerRef) -> complex:
     """Place [m] of a marker in the frame of its link."""
-    marker: Any = structure.marker(ref)
-    if hasattr(marker, "at"):
-        return complex(marker.at.z)
-    along = getattr(structure.block(ref.block), marker.along) if marker.along else 0.0
-    return complex(along or 0.0)
+    return structure.block(ref.block).place_of(structure.marker(ref))
 
 
 def moves(mechanism: Mechanism, at: Any = None, **samples: Any) -> Motion:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -29,7 +30,13 @@ LABEL = 6.0  # [pt] size of the settings' labels
 MARKS = "osD^vPX*<>hp"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 RING = 3.4  # [pt] size of a point
+GAP = 4.0  # [pt] between labels of ticks
 COSTS = (("seconds", "time of one run [s]"), ("evaluations", "kernel evaluations [–]"))
+
+
+Spot = tuple[float, float]
+Stroke = tuple[Spot, Spot]
+"""A straight line of the panel from one spot to another, in points."""
 
 
 class Box(NamedTuple):
@@ -39,6 +46,22 @@ class Box(NamedTuple):
     y: float
     width: float
     height: float
+
+    def crossed(self, stroke: Stroke) -> bool:
+        """Whether a line passes through the rectangle (Liang & Barsky)."""
+        (x0, y0), (x1, y1) = stroke
+        first, last = 0.0, 1.0
+        for start, way, low, size in (
+            (x0, x1 - x0, self.x, self.width),
+            (y0, y1 - y0, self.y, self.height),
+        ):
+            if way == 0:
+                if not low < start < low + size:
+                    return False
+                continue
+            a, b = sorted(((low - start) / way, (low + size - start) / way))
+            first, last = max(first, a), min(last, b)
+        return first < last
 
     def meets(self, other: Box) -> bool:
         """Whether two rectangles overlap."""
@@ -92,12 +115,15 @@ def trade_figure(trade: Trade) -> Any:
 
 def _caption(trade: Trade) -> list[str]:
     r = trade.reference
+    head = f"{shown_name(trade.mechanism, 40)}, {trade.question}."
+    if not trade.points:
+        return [f"{head} Nothing was measured: {'; '.join(trade.notes)}."]
     unseen = " On the hatching: no difference seen." if any(p.below for p in trade.points) else ""
     return [
-        f"{shown_name(trade.mechanism, 40)}, {trade.question}. Error: {trade.measure}, against "
+        f"{head} Error: {trade.measure}, against "
         f"{r.method}, checked by {r.check}, which leaves {r.floor:.0e} open (hatched).{unseen} "
         "Time: median, bars from the fastest to the slowest of at least 5 warm runs. "
-        f"Evaluations: {trade.counted}. Broad grey line: Pareto front."
+        f"Evaluations: {trade.counted}. Broad grey line: Pareto front. {meaning(trade.points)}"
     ]
 
 
@@ -109,10 +135,12 @@ def _panel(
     axes: Any, trade: Trade, series: dict[str, list[Point]], cost: str, inside: float
 ) -> None:
     points = [p for row in series.values() for p in row]
+    if not points:
+        axes.set_xticks([])
+        axes.set_yticks([])
+        return
     axes.set_xscale("log")
     axes.set_yscale("log")
-    if not points:
-        return
     floor = trade.reference.floor
     xs = [getattr(p, cost) for p in points]
     if cost == "seconds":
@@ -142,24 +170,71 @@ def _panel(
         )  # fmt: skip
         if dashes:
             line.set_dashes(dashes)
-    _label(axes, points, front, cost, inside)
-    _ticks(axes.xaxis, axes.get_xlim(), 7)
+    at = _placing(axes, inside)
+    strokes = _strokes(series, cost, at)
+    strokes.append((at(axes.get_xlim()[0], floor), at(axes.get_xlim()[1], floor)))
+    _label(axes, points, front, cost, strokes, at, inside)
+    _ticks(axes.xaxis, axes.get_xlim(), 7, inside)
     _ticks(axes.yaxis, axes.get_ylim(), 8)
     axes.grid(True, color=ink.PALE, lw=0.3)
     axes.set_axisbelow(True)
 
 
-def _ticks(axis: Any, limits: tuple[float, float], most: int) -> None:
-    """Ticks at decades, as few as fit; over a short range at 1, 2 and 5 of each."""
+def _placing(axes: Any, inside: float) -> Callable[[float, float], Spot]:
+    """From cost and error to a spot of the panel."""
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+
+    def at(cost: float, error: float) -> Spot:
+        fx = math.log(cost / x0) / math.log(x1 / x0)
+        fy = math.log(error / y0) / math.log(y1 / y0)
+        return fx * inside, fy * PANEL
+
+    return at
+
+
+def _strokes(
+    series: dict[str, list[Point]], cost: str, at: Callable[[float, float], Spot]
+) -> list[Stroke]:
+    """What labels should not hide: the curves, and the bars of the times."""
+    found = []
+    for row in series.values():
+        spots = [at(getattr(p, cost), p.error) for p in row]
+        found += list(pairwise(spots))
+        if cost == "seconds":
+            found += [(at(p.low, p.error), at(p.high, p.error)) for p in row]
+    return found
+
+
+def _ticks(axis: Any, limits: tuple[float, float], most: int, wide: float = math.inf) -> None:
+    """Ticks at decades, as few as fit; over a short range at more digits of each.
+
+    Along an axis that is so wide [pt], labels keep apart and do not leave the picture.
+    """
     low, high = (math.log10(x) for x in limits)
     decades = range(math.ceil(low), math.floor(high) + 1)
     each = 1 + len(decades) // (most + 1)
     ticks = [10.0**k for k in decades if k % each == 0]
-    if len(ticks) < 3:
-        every = [d * 10.0**k for k in range(math.floor(low), math.ceil(high)) for d in (1, 2, 5)]
+    for digits in ((1, 2, 5), range(1, 10), [d / 10 for d in range(10, 100)]):
+        if len(ticks) >= 3:
+            break
+        every = [d * 10.0**k for k in range(math.floor(low), math.ceil(high)) for d in digits]
         ticks = [x for x in every if limits[0] <= x <= limits[1]]
+    if math.isfinite(wide):
+        ticks = _apart(ticks, low, high, wide)
     axis.set_ticks(ticks, [power_of_ten(x) for x in ticks])
     axis.set_ticks([], minor=True)
+
+
+def _apart(ticks: list[float], low: float, high: float, wide: float) -> list[float]:
+    """Ticks whose labels stand side by side with room between them."""
+    kept, end = [], -math.inf
+    for x in ticks:
+        half = text_width(power_of_ten(x), ink.SMALL) / 2
+        middle = (math.log10(x) - low) / (high - low) * wide
+        if middle - half >= end and middle + half <= wide + RIGHT:
+            kept.append(x)
+            end = middle + half + GAP
+    return kept
 
 
 def power_of_ten(x: float) -> str:
@@ -168,56 +243,90 @@ def power_of_ten(x: float) -> str:
     >>> power_of_ten(2e-3)
     '2·10⁻³'
     """
-    digit, exponent = f"{x:.0e}".split("e")
+    digit, exponent = f"{x:.1e}".split("e")
+    digit = digit.removesuffix(".0")
     raised = "10" + str(int(exponent)).translate(SUPERSCRIPT)
     return raised if digit == "1" else f"{digit}·{raised}"
 
 
 def _label(
-    axes: Any, points: list[Point], front: Sequence[Point], cost: str, inside: float
+    axes: Any,
+    points: list[Point],
+    front: Sequence[Point],
+    cost: str,
+    strokes: list[Stroke],
+    at: Callable[[float, float], Spot],
+    inside: float,
 ) -> None:
-    """Write settings beside their points, front first, where there is room."""
-    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    """Write settings beside their points, front first, where there is room.
 
-    def place(p: Point) -> tuple[float, float]:
-        fx = math.log(getattr(p, cost) / x0) / math.log(x1 / x0)
-        fy = math.log(p.error / y0) / math.log(y1 / y0)
-        return fx * inside, fy * PANEL
-
-    taken = [Box(x - 2, y - 2, 4, 4) for x, y in map(place, points)]
+    A spot that hides no line is better than one that does.
+    """
+    spots_of = {id(p): at(getattr(p, cost), p.error) for p in points}
+    taken = [Box(x - RING / 2, y - RING / 2, RING, RING) for x, y in spots_of.values()]
     first = set(map(id, front))
     said: list[tuple[str, float, float]] = []
     for p in sorted(points, key=lambda p: id(p) not in first):
         text = short(p)
-        x, y = place(p)
+        x, y = spots_of[id(p)]
         again = any(p.method == m and math.hypot(x - u, y - v) < RING for m, u, v in said)
         if not text or again:
             continue
-        w, h = text_width(text, LABEL), LABEL
-        spots = (
-            Box(x + 4, y - h / 2, w, h), Box(x - w - 4, y - h / 2, w, h),
-            Box(x - w / 2, y + 4, w, h), Box(x - w / 2, y - h - 4, w, h),
-            Box(x + 3, y + 3, w, h), Box(x + 3, y - h - 3, w, h),
-            Box(x - w - 3, y + 3, w, h), Box(x - w - 3, y - h - 3, w, h),
+        free = [
+            box
+            for box in _around(x, y, text_width(text, LABEL))
+            if 0 <= box.x <= inside - box.width
+            and 0 <= box.y <= PANEL - box.height
+            and not any(box.meets(other) for other in taken)
+        ]
+        if not free:
+            continue
+        spot = min(free, key=lambda box: sum(map(box.crossed, strokes)))
+        taken.append(spot)
+        said.append((p.method, x, y))
+        axes.text(
+            spot.x / inside, (spot.y + LABEL / 2) / PANEL, text, fontsize=LABEL,
+            color=ink.INK, transform=axes.transAxes, va="center_baseline", zorder=4,
+            bbox={"facecolor": ink.PAPER, "alpha": 0.85, "lw": 0, "pad": 0.2},
         )  # fmt: skip
-        for spot in spots:
-            fits = 0 <= spot.x <= inside - w and 0 <= spot.y <= PANEL - h
-            if fits and not any(spot.meets(box) for box in taken):
-                taken.append(spot)
-                said.append((p.method, x, y))
-                axes.text(
-                    spot.x / inside, (spot.y + h / 2) / PANEL, text, fontsize=LABEL,
-                    color=ink.INK, transform=axes.transAxes, va="center_baseline", zorder=4,
-                    bbox={"facecolor": ink.PAPER, "alpha": 0.75, "lw": 0, "pad": 0.4},
-                )  # fmt: skip
-                break
+
+
+def _around(x: float, y: float, w: float) -> list[Box]:
+    """Rooms for a label so wide [pt] around a point, the usual ones first."""
+    h = LABEL
+    return [
+        Box(x + 4, y - h / 2, w, h), Box(x - w - 4, y - h / 2, w, h),
+        Box(x + 3, y + 3, w, h), Box(x + 3, y - h - 3, w, h),
+        Box(x - w - 3, y + 3, w, h), Box(x - w - 3, y - h - 3, w, h),
+        Box(x - w / 2, y + 4, w, h), Box(x - w / 2, y - h - 4, w, h),
+    ]  # fmt: skip
 
 
 def short(p: Point) -> str:
     """A setting in as few letters as tell it from its neighbours."""
-    words = p.setting.removesuffix(" samples").replace("complex", "c")
+    words = p.setting.removesuffix(" samples").replace("complex", "c").replace("clong", "long ")
     words = words.removeprefix("accuracy ").removeprefix("step ")
-    return f"n = {words.removesuffix(' iterations')}" if words.endswith("iterations") else words
+    if words.endswith(" iterations"):
+        return f"n = {words.removesuffix(' iterations')}"
+    number, _, unit = words.partition(" ")
+    if "." in number or "e" in number:
+        try:
+            return f"{power_of_ten(float(number))} {unit}".rstrip()
+        except ValueError:
+            return words
+    return words
+
+
+def meaning(points: Sequence[Point]) -> str:
+    """What the labels are."""
+    settings = {p.setting for p in points}
+    if any(s.startswith("accuracy") for s in settings):
+        return "Labels: accuracy asked for, or step."
+    words = ["Labels: precision (c64: complex64)"]
+    words += ["samples of a batch"] * any(s.endswith("samples") for s in settings)
+    words += ["n iterations"] * any(s.endswith("iterations") for s in settings)
+    words += ["change of the last one"] * any(s.endswith(" N") for s in settings)
+    return f"{', '.join(words)}."
 
 
 def _legend_rows(series: dict[str, list[Point]], inside: float) -> list[list[int]]:

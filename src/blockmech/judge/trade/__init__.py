@@ -38,7 +38,9 @@ def trade(
     question : "run" for a sweep (with friction, where the mechanism has it), "simulate"
     want : outputs that matter; by default all of them for a sweep, and the motion of the
         drivers for a simulation
-    budget : time [s] for the whole; settings that do not fit it are skipped and named
+    budget : time [s] for the whole; settings that do not fit it are skipped and named, and
+        where it does not hold the finest reference, or all samples, a coarser one or fewer
+        of them are taken, and the notes say so
     target : error that is wanted [- or rad]
     within : longest time of one run that is wanted [s]
     static : a sweep without inertia
@@ -73,7 +75,7 @@ def trade(
     if question == "run":
         from blockmech.judge.trade.sweep import trade_sweep
 
-        found = trade_sweep(mechanism, names or ("*",), clock, request, static, told)
+        found = trade_sweep(mechanism, names or ("*",), clock, dict(request), static, told)
     else:
         from blockmech.judge.trade.moving import trade_motion
 

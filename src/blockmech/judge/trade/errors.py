@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,24 +32,30 @@ class Yardstick:
     scale : output -> its unit of error: 1 for angles, else the largest magnitude
     good : (n,) samples that are compared
     left_out : outputs without a sure value
+    index : (n,) their numbers in the runs that are compared, where those have more
     """
 
     values: Mapping[str, Array]
     scale: Mapping[str, float]
     good: NDArray[np.bool_]
     left_out: tuple[str, ...] = ()
+    index: NDArray[np.intp] | None = None
 
     def each(self, result: Any) -> dict[str, Array]:
         """Relative errors (n,) of every compared output; infinite where it has no answer."""
         return {
-            name: _off(_read(result, name), values, _turns(result, name)) / self.scale[name]
+            name: _off(self.picked(_read(result, name)), values, _turns(result, name))
+            / self.scale[name]
             for name, values in self.values.items()
         }
 
+    def picked(self, values: Array) -> Array:
+        """Of the values of a run those at the samples that the yardstick has."""
+        return values if self.index is None else values[self.index]
+
     def without(self, names: tuple[str, ...]) -> Yardstick:
         """The same for fewer outputs."""
-        kept = {n: v for n, v in self.values.items() if n not in names}
-        return Yardstick(kept, self.scale, self.good, self.left_out)
+        return replace(self, values={n: v for n, v in self.values.items() if n not in names})
 
     def error(self, result: Any) -> float:
         """The largest relative error over the compared outputs and samples."""

@@ -1,35 +1,37 @@
 """The trade of a simulation: every method that applies, over its settings.
 
 The methods are those of `blockmech.dynamics`; the reference is the finest of them and
-is checked by one of another kind.
+is checked by one of another kind (`blockmech.judge.trade.agreed`).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.errors import RequestError
-from blockmech.judge.trade.errors import Yardstick, yardstick
-from blockmech.judge.trade.points import Point, Reference, Skipped, Trade
-from blockmech.judge.trade.timing import FEWEST, RAN_OUT, Clock, once, timed
+from blockmech.judge.trade.agreed import (
+    IMPLICIT,
+    LEAST,
+    UNSURE,
+    Agreed,
+    Question,
+    agreed,
+    distance,
+    motion_of,
+)
+from blockmech.judge.trade.measure import RUNS, Candidate, Said, measured
+from blockmech.judge.trade.points import NOTHING, Skipped, Trade
+from blockmech.judge.trade.timing import Clock, once
 from blockmech.result import Result
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.motion import Motion
     from blockmech.mechanism import Mechanism
-
-Said = Callable[[str, int, int], None]
 
 MOTION = ("*.q", "*.rate")
 TIMES = 21  # at which runs are compared, where none are named
-FINEST = (("energy", 1e-15), ("spectral", 1e-14), ("dop853", 1e-13))  # references, best first
-CHECKS = {"energy": ("dop853", 1e-13), "spectral": ("dop853", 1e-13), "dop853": ("radau", 1e-11)}
-CHEAPER = ("lsoda", 1e-12)  # check where that one would not fit the budget, or does not apply
-CHECK_COSTS, SHARE = 5.0, 0.3  # of a check, in times of the reference; of the budget it may take
 ADAPTIVE = {
     "energy": (1e-3, 1e-6, 1e-9, 1e-12),
     "spectral": (1e-3, 1e-6, 1e-9, 1e-12),
@@ -38,41 +40,77 @@ ADAPTIVE = {
     "radau": (1e-3, 1e-6),
 }
 PARTS = {"rk4": (100, 200, 400, 800), "euler_q": (100, 1000, 10_000)}  # steps of a run
-DEARER = 3.0  # the next finer setting of a method against the last one
-IMPLICIT = 10.0  # radau's coarsest setting against that of dop853; measured 8 to 14
+STAGES = {"rk4": 4, "euler_q": 1}  # evaluations of a step
+GROWTH = {"energy": 2.0, "spectral": 2.0, "lsoda": 2.0, "dop853": 3.0, "radau": 5.0}
+"""Evaluations at the next finer setting of a method against those at the last one."""
+BATCHED = ("energy", "spectral", "euler_q")  # methods that evaluate many poses at once
+COUNTED = "samples of the reduced inertia and load, in batches or single"
+MEASURE = (
+    "largest error of any output at any of these times, relative to the output's largest "
+    "magnitude (angles in rad)"
+)
 
 
-class Candidate(NamedTuple):
-    """One setting: how it is named and how it is run."""
+@dataclass
+class Moving:
+    """A question with its reference, and what its runs were seen to cost.
 
-    method: str
-    setting: str
-    options: Mapping[str, Any]
+    Attributes
+    ----------
+    rates : method -> seconds a kernel evaluation
+    counts : method -> evaluations of its last run, and that run's number of steps
+    """
 
-    @property
-    def label(self) -> str:
-        """Method and setting in words."""
-        return f"{self.method}, {self.setting}"
+    found: Agreed
+    rates: dict[str, float]
+    counts: dict[str, tuple[float, int]] = field(default_factory=dict)
 
+    def expected(self, candidate: Candidate) -> float:
+        """See `Bench`."""
+        return self._rate(candidate.method) * self._count(candidate)
 
-class Question(NamedTuple):
-    """A simulation that is asked for: until when, what is wanted, from where."""
+    def _rate(self, method: str) -> float:
+        """Seconds a kernel evaluation, by this method or one of its kind."""
+        if method in self.rates:
+            return self.rates[method]
+        kin = [r for m, r in self.rates.items() if (m in BATCHED) == (method in BATCHED)]
+        return min(kin, default=min(self.rates.values()))
 
-    mechanism: Mechanism
-    request: Mapping[str, Any]
-    want: tuple[str, ...]
+    def _count(self, candidate: Candidate) -> float:
+        """Kernel evaluations of a run before it is made; 0 where nothing is known."""
+        method, steps = candidate.method, candidate.steps
+        if method in self.counts:
+            last, before = self.counts[method]
+            return last * (steps / before if steps else GROWTH[method])
+        if steps:
+            return STAGES[method] * steps
+        if method == "radau" and "dop853" in self.counts:
+            return IMPLICIT * self.counts["dop853"][0]
+        return 0.0
 
-    def run(self, **options: Any) -> Result:
-        """The simulation with some settings, through the public call.
+    def run(self, candidate: Candidate, limit: float | None = None) -> Result:
+        """See `Bench`."""
+        return self.found.question.run(limit, **candidate.options)
 
-        Raises `KeyboardInterrupt` where it was interrupted: half a run cannot be compared.
-        """
-        given = dict(self.request)
-        until = given.pop("until", None)
-        result = self.mechanism.simulate(until, want=self.want, **given, **options)
-        if _motion(result).end == "interrupted":
-            raise KeyboardInterrupt
-        return result
+    def seen(self, candidate: Candidate, seconds: float, result: Result | None) -> None:
+        """See `Bench`."""
+        count = self._stopped(candidate.method, seconds)
+        if result is not None:
+            count = max(1, motion_of(result).cost.evaluations)
+            self.rates[candidate.method] = seconds / count
+        self.counts[candidate.method] = count, candidate.steps
+
+    def _stopped(self, method: str, seconds: float) -> float:
+        """Evaluations of a run that was stopped after some time [s], at least."""
+        return seconds / self._rate(method)
+
+    def evaluations(self, result: Result) -> int:
+        """See `Bench`."""
+        return motion_of(result).cost.evaluations
+
+    def error(self, result: Result) -> float:
+        """See `Bench`."""
+        return distance(self.found.stick, result, self.found.best)
 
 
 def trade_motion(
@@ -90,141 +128,90 @@ def trade_motion(
         notes = ("joint friction is left out of the motion",)
     question = Question(mechanism, given, want or MOTION)
     say("reference", 0, 0)
-    (best, method), seconds = once(lambda: _finest(question))
-    if _motion(best).status == "failed":
-        raise RequestError(_no_motion(best))
-    if given.get("times") is None:
-        times = np.linspace(_motion(best).t_start, _motion(best).t_end, TIMES)
-        question = question._replace(request=given | {"times": times})
-        best = question.run(method=method, accuracy=dict(FINEST)[method])
-    fits = CHECK_COSTS * seconds <= SHARE * clock.left
-    reference, stick, doubts = _reference(question, best, method, fits)
-    candidates = _coarse_first(_candidates(best, len(mechanism.drivers)))
-    points, skipped = _measured(question, candidates, reference, stick, best, clock, say)
-    names = ", ".join(best) if len(best) <= 3 else f"{len(best)} outputs"
-    goal = given.get("until") or f"{_motion(best).end}"
-    return Trade(
-        mechanism.name,
-        f"simulate until {goal}: {names} at {best.n} times",
-        "largest error of any output at any of these times, relative to the output's largest "
-        "magnitude (angles in rad)",
-        "samples of the reduced inertia and load, in batches or single",
-        reference,
-        points,
-        skipped,
-        notes + doubts,
-    )
-
-
-def _motion(result: Result) -> Motion:
-    assert result.motion is not None  # it comes from a simulation
-    return result.motion
-
-
-def _no_motion(best: Result) -> Any:
-    from blockmech.errors import Problem
-
-    remedy = 'say until when, e.g. until="time=2"'
-    return Problem("no-motion", "trade", _motion(best).end, "; ".join(_motion(best).notes), remedy)
-
-
-def _finest(question: Question) -> tuple[Result, str]:
-    """The run by the finest method that applies."""
-    refusals = []
-    for method, accuracy in FINEST:
-        try:
-            return question.run(method=method, accuracy=accuracy), method
-        except RequestError as error:
-            refusals.append(error)
-    raise refusals[-1]
-
-
-def _reference(
-    question: Question, best: Result, method: str, fits: bool
-) -> tuple[Reference, Yardstick, tuple[str, ...]]:
-    """The reference with its check, and doubts where they differ by more than both say.
-
-    ``fits``: whether the better check is expected to fit the budget.
-    """
-    other, accuracy = CHECKS[method] if fits or method != "dop853" else CHEAPER
-    good = np.ones(best.n, dtype=bool)
-    try:
-        check = question.run(method=other, accuracy=accuracy)
-    except RequestError:  # several drivers, or loads that this one cannot follow
-        other, accuracy = CHEAPER
-        check = question.run(method=other, accuracy=accuracy)
-    stick = yardstick(best, best, good)
-    gap = distance(stick, check, best)
-    estimate = float(_motion(best).error)
-    floor = max(gap, estimate, float(np.finfo(float).eps))
-    doubts: tuple[str, ...] = ()
-    if gap > 10 * (estimate + float(_motion(check).error)):
-        doubts = (
-            f"reference and check differ by {gap:.1g}, more than they estimate of themselves "
-            f"({estimate:.1g} and {_motion(check).error:.1g})",
+    single = _single(question)
+    found: Agreed | str
+    if single and LEAST * single > clock.left / RUNS:
+        found = (
+            f"one evaluation takes {single:.2g} s, the coarsest run about {LEAST} of them, and "
+            "it is to be repeated"
         )
-    return (
-        Reference(f"{method} at its finest", f"{other} at {accuracy:g}", floor),
-        stick,
-        doubts,
-    )
+    else:
+        found = agreed(question, TIMES, clock)
+    if isinstance(found, str):
+        return _nothing(question, f"the budget of {clock.budget:g} s is too small: {found}", notes)
+    best = found.best
+    what = f"{', '.join(best) if len(best) <= 3 else f'{len(best)} outputs'} at {best.n} times"
+    asked = f"simulate until {given.get('until') or motion_of(best).end}: {what}"
+    notes += found.notes
+    if found.reference.floor >= UNSURE:
+        notes += ("reference and check have nothing in common, so no error is claimed",)
+        skipped = _unmeasured("there is nothing to measure it against")
+        return Trade(mechanism.name, asked, MEASURE, COUNTED, found.reference, (), skipped, notes)
+    bench = Moving(found, dict(found.rates))
+    candidates = _coarse_first(settings_of(best))
+    points, skipped = measured(bench, candidates, found.reference.floor, clock, say)
+    order = [*ADAPTIVE, *PARTS]
+    points = tuple(sorted(points, key=lambda p: order.index(p.method)))
+    return Trade(mechanism.name, asked, MEASURE, COUNTED, found.reference, points, skipped, notes)
 
 
-def distance(stick: Yardstick, found: Result, best: Result) -> float:
-    """Error of a run: of its outputs at the common times, and of its end.
+def _single(question: Question) -> float:
+    """Time of one kernel evaluation [s]; 0 where the request does not say the start."""
+    from blockmech.dynamics.coordinates import starts_in_graph
+    from blockmech.dynamics.reduced import ReducedSystem
 
-    Where an event ends the run, its time counts, relative to the time of the run.
-    """
-    n = min(found.n, best.n)
-    if n == 0:
-        return math.inf
-    values = {k: v[:n] if len(v) == best.n else v for k, v in stick.values.items()}
-    part = Yardstick(values, stick.scale, stick.good[:n])
-    error = part.error(Cut(found, n))
-    late = abs(_motion(found).t_end - _motion(best).t_end)
-    span = _motion(best).t_end - _motion(best).t_start
-    if _motion(best).end != "time" and span > 0:
-        error = max(error, late / span)
-    return error if n == best.n or _motion(best).end != "time" else math.inf
-
-
-class Cut:
-    """The first samples of a result, for reading."""
-
-    def __init__(self, result: Result, n: int) -> None:
-        self.result, self.n = result, n
-
-    def __getitem__(self, name: str) -> Any:
-        return np.atleast_1d(self.result[name])[: self.n]
-
-    def output(self, name: str) -> Any:
-        """Declaration of an output."""
-        return self.result.output(name)
+    mechanism = question.mechanism
+    starts = {d: (x.q, x.rate) for d, x in mechanism.scene.initial.items()}
+    starts |= dict(question.request.get("start") or {})
+    if set(starts) != set(mechanism.drivers):
+        return 0.0  # which the run will refuse
+    rows = np.array(list(starts_in_graph(mechanism.driver_names, starts).values()), dtype=float)
+    system = mechanism.reduced
+    if isinstance(system, ReducedSystem):
+        q, rate = rows[0].tolist()
+        return min(once(lambda: system.one(q, rate, 0.0))[1] for _ in range(3))
+    return min(once(lambda: system.terms(rows[:, 0], rows[:, 1], 0.0))[1] for _ in range(3))
 
 
-def _candidates(best: Result, drivers: int) -> Iterator[Candidate]:
+def _nothing(question: Question, why: str, notes: tuple[str, ...]) -> Trade:
+    """A trade that the budget does not hold."""
+    until = question.request.get("until")
+    asked = f"simulate until {until}" if until else "simulate"
+    name, skipped = question.mechanism.name, _unmeasured(why)
+    return Trade(name, asked, MEASURE, COUNTED, NOTHING, (), skipped, (*notes, why))
+
+
+def _unmeasured(why: str) -> tuple[Skipped, ...]:
+    return tuple(Skipped(method, why) for method in (*ADAPTIVE, *PARTS))
+
+
+def settings_of(best: Result) -> Iterator[Candidate]:
     """Settings of every method, from coarse to fine."""
+    from blockmech.dynamics.reduced import ReducedSystem
+
+    system = best.mechanism.reduced
     for method, targets in ADAPTIVE.items():
-        if drivers > 1 and method in ("energy", "spectral"):
+        if not isinstance(system, ReducedSystem) and method in ("energy", "spectral"):
             continue
         for accuracy in targets:
             yield Candidate(
                 method, f"accuracy {accuracy:g}", {"method": method, "accuracy": accuracy}
             )
-    if drivers > 1:
+    if not isinstance(system, ReducedSystem):
         return
-    motion = _motion(best)
+    units = {"rk4": "s", "euler_q": "rad" if system.kind == "rotation" else "m"}
+    motion = motion_of(best)
     span = motion.t_end - motion.t_start
     track = motion.at(motion.times(201)).q
     path = float(np.abs(np.diff(track)).sum())
     for method, length in (("rk4", span), ("euler_q", path)):
         for parts in PARTS[method]:
             step = _round(length / parts)
-            unit = "s" if method == "rk4" else "rad"
-            yield Candidate(method, f"step {step:g} {unit}", {"method": method, "step": step})
+            options = {"method": method, "step": step}
+            yield Candidate(method, f"step {step:g} {units[method]}", options, parts)
 
 
-def _coarse_first(candidates: Iterator[Candidate]) -> tuple[Candidate, ...]:
+def _coarse_first(candidates: Iterable[Candidate]) -> tuple[Candidate, ...]:
     """The coarsest setting of every method first, so that a short budget sees all methods."""
     by_method: dict[str, list[Candidate]] = {}
     for c in candidates:
@@ -236,79 +223,3 @@ def _coarse_first(candidates: Iterator[Candidate]) -> tuple[Candidate, ...]:
 def _round(x: float) -> float:
     """A number to two digits."""
     return float(f"{x:.1e}")
-
-
-def _measured(
-    question: Question,
-    candidates: Sequence[Candidate],
-    reference: Reference,
-    stick: Yardstick,
-    best: Result,
-    clock: Clock,
-    say: Said,
-) -> tuple[tuple[Point, ...], tuple[Skipped, ...]]:
-    """Points of the candidates that apply and fit the budget; Ctrl-C keeps what is done."""
-    points: list[Point] = []
-    skipped: list[Skipped] = []
-    refused: dict[str, str] = {}
-    last: dict[str, float] = {}
-    for i, c in enumerate(candidates):
-        if c.method in refused:
-            continue
-        expected = (FEWEST + 1) * _expected(c.method, last)
-        if expected > clock.left or clock.left <= 0:
-            skipped.append(Skipped(c.label, _too_long(expected, clock)))
-            continue
-        try:
-            say(c.label, i, len(candidates))
-            run = _runner(question, c)
-            found, cold = once(run)
-            last[c.method] = cold
-            if FEWEST * cold > clock.left:
-                skipped.append(Skipped(c.label, _too_long(FEWEST * cold, clock)))
-                continue
-            took = timed(run, clock)
-            if took is None:
-                skipped.append(Skipped(c.label, RAN_OUT))
-                continue
-        except RequestError as refusal:
-            refused[c.method] = refusal.problems[0].found
-            skipped.append(Skipped(c.method, f"does not apply: {refused[c.method]}"))
-            continue
-        except KeyboardInterrupt:
-            skipped += [Skipped(r.label, "interrupted") for r in candidates[i:]]
-            break
-        last[c.method] = took.seconds
-        error = distance(stick, found, best)
-        points.append(
-            Point(
-                c.method,
-                c.setting,
-                *took,
-                _motion(found).cost.evaluations,
-                max(error, reference.floor),
-                dict(c.options),
-                error < reference.floor,
-            )
-        )
-    order = list(ADAPTIVE) + list(PARTS)
-    points.sort(key=lambda p: order.index(p.method))
-    return tuple(points), tuple(skipped)
-
-
-def _expected(method: str, last: Mapping[str, float]) -> float:
-    """Time of a run [s] that is expected before it is made; 0 where nothing is known."""
-    if method == "radau" and method not in last:
-        return IMPLICIT * last.get("dop853", 0.0)
-    return DEARER * last.get(method, 0.0)
-
-
-def _runner(question: Question, candidate: Candidate) -> Callable[[], Result]:
-    return lambda: question.run(**candidate.options)
-
-
-def _too_long(seconds: float, clock: Clock) -> str:
-    left = clock.left
-    if left <= 0:
-        return "the budget is spent"
-    return f"would take about {seconds:.2g} s, {left:.2g} s of the budget are left"

@@ -61,12 +61,15 @@ class Reference:
     method : how it was computed
     check : the second method that confirms it
     floor : the larger of its own estimate and the disagreement of the two: no error
-        below it is claimed
+        below it is claimed; infinite where there is none, see `NOTHING`
     """
 
     method: str
     check: str
     floor: float
+
+
+NOTHING = Reference("nothing", "nothing", math.inf)  # where the budget holds no reference
 
 
 @dataclass(frozen=True)

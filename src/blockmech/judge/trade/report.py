@@ -60,7 +60,8 @@ def sentence(trade: Trade) -> str:
 def _nothing(trade: Trade) -> str:
     sure = [p for p in trade.points if math.isfinite(p.error)]
     if not sure:
-        return "no setting was measured: give a larger budget"
+        why = f" ({trade.skipped[0].why})" if trade.skipped else ""
+        return f"no setting was measured{why}: give a larger budget"
     closest = min(sure, key=lambda p: p.error)
     target = USUAL if trade.target is None and trade.within is None else trade.target
     asked = []
@@ -98,9 +99,12 @@ def text(trade: Trade) -> str:
         "* no other setting is both faster and more exact",
         f"time: median of at least 5 warm repeats; evaluations: {trade.counted}",
         f"error: {trade.measure}",
-        f"reference: {reference.method}; checked by {reference.check}, "
-        f"known to {size(reference.floor)} (the floor)",
     ]
+    if math.isfinite(reference.floor):
+        lines.append(
+            f"reference: {reference.method}; checked by {reference.check}, "
+            f"known to {size(reference.floor)} (the floor)"
+        )
     lines += [f"note: {note}" for note in trade.notes]
     reasons: dict[str, list[str]] = {}
     for s in trade.skipped:
@@ -144,7 +148,7 @@ def to_dict(trade: Trade) -> dict[str, Any]:
         "reference": {
             "method": trade.reference.method,
             "check": trade.reference.check,
-            "floor": trade.reference.floor,
+            "floor": _finite(trade.reference.floor),
         },
         "points": [
             {
@@ -155,7 +159,7 @@ def to_dict(trade: Trade) -> dict[str, Any]:
                 "slowest": p.high,
                 "repeats": p.repeats,
                 "evaluations": p.evaluations,
-                "error": p.error if math.isfinite(p.error) else None,
+                "error": _finite(p.error),
                 "at_floor": p.below,
                 "pareto": id(p) in pareto,
                 "pareto_by_evaluations": id(p) in lean,
@@ -172,6 +176,10 @@ def to_dict(trade: Trade) -> dict[str, Any]:
         "spent": trade.spent,
         "machine": machine(),
     }
+
+
+def _finite(x: float) -> float | None:
+    return x if math.isfinite(x) else None
 
 
 def to_csv(trade: Trade, path: str | os.PathLike[str] | None = None) -> str:

@@ -21,11 +21,11 @@ def where_it_stops(sweep: Sweep, stick: Yardstick) -> tuple[str, ...]:
     The error of a sample is the largest over the outputs. The margin of a sample is the
     smallest of its groups.
     """
-    result = sweep.run(precision="complex64", engine="numpy")
+    result = sweep.given(precision="complex64", engine="numpy")
     columns = list(result.quality.margin.values())
     if not columns:
         return ()
-    margin = np.min([np.asarray(c, dtype=float) for c in columns], axis=0)
+    margin = stick.picked(np.min([np.asarray(c, dtype=float) for c in columns], axis=0))
     worst = np.zeros(len(margin))
     for error in stick.each(result).values():
         if len(error) == len(worst):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,6 +12,10 @@ from typing import Any, NamedTuple
 FEWEST, MOST = 5, 25  # warm repeats
 RAN_OUT = "the budget was spent before it had run five times"
 LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little
+
+
+class OutOfTime(Exception):
+    """A run that was stopped, as it would not have ended within its limit."""
 
 
 class Timing(NamedTuple):
@@ -49,6 +54,41 @@ class Clock:
     def left(self) -> float:
         """What is left [s]; negative when the budget is spent."""
         return self.budget - self.spent
+
+    def too_long(self, seconds: float) -> str:
+        """Why something that is expected to take so long [s] is left out."""
+        left = self.left
+        if left <= 0:
+            return "the budget is spent"
+        return f"would take about {seconds:.2g} s, {left:.2g} s of the budget are left"
+
+
+class Guard:
+    """Progress of a simulation that stops it where it would not end by its limit [s].
+
+    A batch is not begun that would last longer than what is left, by what a sample of the
+    quickest batch before took. ``tripped`` tells this stop from one by the user.
+    """
+
+    def __init__(self, limit: float) -> None:
+        self.end = time.perf_counter() + limit
+        self.tripped = False
+        self._samples, self._batch, self._at = 0.0, 0.0, 0.0
+        self._each = math.inf  # [s] a sample
+
+    def __call__(self, what: str, done: float, whole: float | None) -> None:
+        """Raise `KeyboardInterrupt` where the limit would not be kept."""
+        now = time.perf_counter()
+        ahead = 0.0
+        if what == "sampling":  # told before each batch, which is counted already
+            batch = done - self._samples
+            if self._batch > 0:
+                self._each = min(self._each, (now - self._at) / self._batch)
+                ahead = batch * self._each
+            self._samples, self._batch, self._at = done, batch, now
+        if now + ahead > self.end:
+            self.tripped = True
+            raise KeyboardInterrupt
 
 
 def once(run: Callable[[], Any]) -> tuple[Any, float]:
