@@ -1,17 +1,28 @@
-"""End stops: the scene says them, every method knows them, and they end the run by name."""
+"""What ends a run before its time: end stops, dead centres and poses that do not exist.
+
+Stops are said by the scene, every method knows them, and they end the run by name. So do
+the ends of a mechanism: the same name by every method, at the same time within its estimate.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics.methods import move
+from blockmech.dynamics.reduced import Metered
+from blockmech.dynamics.until import Start, Until
+from blockmech.dynamics.watching import stopped_motion
 from blockmech.errors import FormatError, GraphError, RequestError
 from blockmech.model.document import loads
+from tests.dynamics.linkages import FourBar, guided, reduced
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 EXACT = 1e-12  # [rad, s] by quadrature
@@ -103,6 +114,91 @@ def test_between_two_stops_a_swing_that_reaches_neither_is_as_without():
     assert wide.simulate("swings=4").motion.t_end == pytest.approx(
         mechanism("watt_sixbar").simulate("swings=4").motion.t_end, abs=EXACT
     )
+
+
+# -- ends of the mechanism itself --------------------------------------------------------------
+
+ENDS = 8  # random mechanisms of each kind
+LONG = 3.0  # [s] by then every one has come to its end
+BY = [  # method, target, step
+    ("dop853", 1e-3, None),
+    ("dop853", 1e-9, None),
+    ("lsoda", 1e-3, None),
+    ("lsoda", 1e-8, None),
+    ("radau", 1e-5, None),
+    ("rk4", 1e-4, None),
+    ("rk4", None, 0.002),
+    ("euler_q", None, 1e-3),
+]
+
+
+def with_dead_centres(rng):
+    """A four-bar thrown so hard that nothing but a dead centre stops it."""
+    while True:
+        system, q = reduced(FourBar(*rng.uniform(0.5, 1.5, 4).tolist())), float(rng.uniform(-3, 3))
+        around = system.sample(np.linspace(-math.pi, math.pi, 361), frozenset())
+        if system.one(q, 0.0, 0.0)[3] > 0.05 and not (around.margin > 0).all():
+            return system, q, float(rng.choice([-1, 1]) * rng.uniform(12, 20))
+
+
+def with_change_points(rng):
+    """A parallelogram: in line with the frame its margin touches zero and comes back."""
+    crank, base = rng.uniform(0.5, 1.5, 2).tolist()
+    system = reduced(FourBar(crank, base, crank, base))
+    return system, float(rng.uniform(0.3, 2.8)), float(rng.choice([-1, 1]) * rng.uniform(12, 20))
+
+
+def with_a_wall(rng):
+    """A sliding body behind some place of which there is no pose, without a dead centre."""
+    place, push = float(rng.uniform(0.5, 2.0)), float(rng.uniform(0.5, 3.0))
+    free = guided(float(rng.uniform(0.5, 3.0)), lambda q: push - q)
+
+    def sample(q, wanted):
+        found = free.sample(q, wanted)
+        return type(found)(*(None if f is None else np.where(q > place, np.nan, f) for f in found))
+
+    def one(q, qd, t):
+        return free.one(q, qd, t) if q <= place else (math.nan,) * 4
+
+    return replace(free, sample=sample, one=one), 0.1, float(rng.uniform(3, 6))
+
+
+def between_stops(rng):
+    """A four-bar between two end stops that are nearer than any dead centre."""
+    while True:
+        system, q, rate = with_dead_centres(rng)
+        low, high = q - float(rng.uniform(0.05, 0.5)), q + float(rng.uniform(0.05, 0.5))
+        if (system.sample(np.linspace(low, high, 99), frozenset()).margin > 0.01).all():
+            return replace(system, stops=(low, high)), q, rate
+
+
+KINDS = {
+    with_dead_centres: "dead centre",
+    with_change_points: "dead centre",
+    with_a_wall: "impossible pose",
+    between_stops: "end stop",
+}
+
+
+@pytest.mark.parametrize("seed", range(ENDS))
+@pytest.mark.parametrize(("kind", "name"), KINDS.items(), ids=[k.__name__ for k in KINDS])
+def test_every_method_names_the_same_end_at_the_same_time(kind, name, seed):
+    system, q, rate = kind(np.random.default_rng((20261121, seed)))
+
+    def by(method, accuracy, step=None):
+        until = Until("time", LONG)
+        motion = move(Metered(system), Start(q, rate), until, method, accuracy, step)
+        return stopped_motion(motion, system.stops)  # as `simulate` does
+
+    truth = by("energy", 1e-12)
+    assert (truth.status, truth.end) == ("ended", name)
+    assert truth.time_error < 1e-8
+    for method in BY:
+        motion = by(*method)
+        assert (motion.status, motion.end) == ("ended", name), method
+        assert abs(motion.t_end - truth.t_end) <= motion.time_error + truth.time_error, method
+        early = 0.9 * min(motion.t_end, truth.t_end)  # what was computed is kept
+        assert abs(motion.at(early).q - truth.at(early).q) <= motion.error + truth.error, method
 
 
 # -- what is refused ------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -19,11 +19,10 @@ from blockmech.cli.output import (
     Separator,
     Times,
     Want,
+    check_ways,
     names_of,
-    one_of,
     option,
-    refused,
-    spare,
+    spelled,
     switch,
     written,
 )
@@ -35,7 +34,9 @@ from blockmech.result import Result
 
 Until = Annotated[
     str | None,
-    option("standstill, swings=3, turns=3, time=2, angle=6.28 or steady.", "GOAL"),
+    option(
+        "standstill, swings=3, turns=3, time=2, angle=6.28 or steady (what it settles to).", "GOAL"
+    ),
 ]
 Friction = Annotated[str | None, option("none leaves joint friction out.", "none")]
 Method = Annotated[
@@ -74,10 +75,7 @@ def simulate(
     motion ended before some wanted time, or that none could be computed. Ctrl-C ends the
     run: what was computed until then is shown or written, and the exit code is 130.
     """
-    one_of(json=json, out=out is not None, csv=csv is not None, plot=plot is not None)
-    spare(file, csv, plot)
-    if json and deg:
-        raise refused("--deg", "JSON results are in SI units", "leave it out")
+    check_ways(file, json, out, csv, plot, deg)
     mechanism = compiled(file)
     names = names_of(want) or (EVERYTHING if out is not None else DRIVERS)
     if explain:
@@ -96,8 +94,7 @@ def simulate(
             progress=told,
         )
         gaps = gap_lines(result, deg)
-    cells = {"tab": "\t"}.get(separator, separator)
-    spelling: dict[str, Any] = {"separator": cells, "decimal": decimal, "degrees": deg}
+    spelling = spelled(separator, decimal, deg)
     lines = motion_lines(result, deg)
     if json or csv == "-":
         pour(json_chunks(result) if json else csv_chunks(result, **spelling))

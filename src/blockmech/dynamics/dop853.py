@@ -12,13 +12,14 @@ Source: [HNW] Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.dips import Dips, cut_at
 from blockmech.dynamics.legs import TOO_MANY, Ask, Hit, Leg, TooMany, directions, scales
 from blockmech.dynamics.motion import INTERRUPTED
 from blockmech.dynamics.surfaces import Surface, crosses
@@ -91,6 +92,7 @@ def integrate(ask: Ask) -> Leg:
     turned, failed = 0.0, False
     grow = GROW
     halted = ""
+    dips = None if ask.equation.margin is None else Dips(ask.equation, t, ask.y)
     try:
         while t < end:
             if h <= 4 * math.ulp(t) + 1e-300:
@@ -113,8 +115,11 @@ def integrate(ask: Ask) -> Leg:
                 y1 = np.array([q1, v1, w1])
                 after = [s.value(here, y1) for s in ask.surfaces]
                 crossed = [i for i, d in enumerate(counts) if crosses(values[i], after[i], d)]
-                if crossed:
-                    found = _hits(ask, new, [(ask.surfaces[i], values[i]) for i in crossed])
+                found = _hits(ask, new, [(ask.surfaces[i], values[i]) for i in crossed])
+                if dips is not None:
+                    dead = dips.within(here, y1, _between(rhs, steps[-2:]))
+                    hits, found = cut_at(dead, ask, hits, found)
+                if found:
                     last = next((k for k, hit in enumerate(found) if hit.surface.terminal), None)
                     if last is not None:
                         hits += found[: last + 1]
@@ -141,7 +146,8 @@ def integrate(ask: Ask) -> Leg:
         rhs = ask.equation.rhs  # not counted
         steps = [s for s in steps if s.t + s.h <= t + 4 * math.ulp(t)]
     y1 = np.array([q, v, work])
-    return Leg(ask.t, t, y1, _dense(rhs, steps, y1), tuple(hits), failed, turned, halted)
+    marks = np.array([s.t for s in steps])
+    return Leg(ask.t, t, y1, _dense(rhs, steps, y1), tuple(hits), failed, turned, marks, halted)
 
 
 def _short(
@@ -273,10 +279,13 @@ def _dense(rhs: Any, steps: list[Step], last: Floats) -> Any:
         which = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(steps) - 1)
         for m, (i, t) in enumerate(zip(which.tolist(), times.tolist(), strict=True)):
             step = steps[i]
-            if i not in known:
-                known[i] = _interpolant(rhs, step)
             x = (t - step.t) / step.h
             begin = (step.q, step.v, step.work)
+            if x == 0.0:
+                out[:, m] = begin
+                continue
+            if i not in known:
+                known[i] = _interpolant(rhs, step)
             for row in range(3):
                 out[row, m] = begin[row] + _at(known[i][row], x)
         return out
@@ -284,8 +293,16 @@ def _dense(rhs: Any, steps: list[Step], last: Floats) -> Any:
     return dense
 
 
+def _between(rhs: Any, steps: list[Step]) -> Callable[[float], Floats]:
+    """The state at a time within the last steps."""
+    dense = _dense(rhs, steps, np.empty(0))
+    return lambda t: np.asarray(dense(np.array([t]))[:, 0])
+
+
 def _hits(ask: Ask, step: Step, crossed: list[tuple[Surface, float]]) -> list[Hit]:
     """Where within a step surfaces are met, by bisection and secants on the dense output."""
+    if not crossed:
+        return []
     coefficients = _interpolant(ask.rhs, step)
     begin = (step.q, step.v, step.work)
 

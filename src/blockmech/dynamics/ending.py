@@ -187,7 +187,7 @@ def _events(track: Conservative, t_end: float, end: str) -> tuple[Event, ...]:
         at_high = (track.heading > 0) == (n % 2 == 1)
         x = first.high.x if at_high else first.low.x
         found.append(Event("standstill", t, float(view.q(np.array(x))), 0.0))
-    if end in ("end stop", "dead centre", NO_INERTIA):
+    if end in ("end stop", "dead centre", "impossible pose", NO_INERTIA):
         state = track.state(np.array([t_end]))
         found.append(Event(end, t_end, float(state.q[0]), float(state.qd[0])))
     return tuple(found)

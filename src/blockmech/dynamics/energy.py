@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.conservative import Conservative
+from blockmech.dynamics.dips import DEAD, IMPOSSIBLE
 from blockmech.dynamics.ending import NO_INERTIA, Course, ended
 from blockmech.dynamics.line import Line, turn_starts
 from blockmech.dynamics.massless import NoInertia
@@ -29,6 +30,7 @@ from blockmech.dynamics.reach import NOWHERE, Horizon, Reach, gap, look_ahead
 from blockmech.dynamics.reduced import TURN, Metered
 from blockmech.dynamics.rest import nothing, resting, trouble
 from blockmech.dynamics.stretch import Stretch, converged
+from blockmech.dynamics.surfaces import DEAD_CENTRE
 from blockmech.dynamics.until import Asked
 
 SURVEY = (1e-15, 1e-6)  # finest and coarsest relative error of a survey's series
@@ -83,11 +85,17 @@ def _energy(meter: Metered, asked: Asked, gaps: int, empty: list[float]) -> Moti
 
 
 def _named(course: Course, empty: list[float]) -> Course:
-    """An end stop that was put where the driver has no inertia gets its own name."""
+    """An end gets its own name where the driver has no inertia, or where the margin is none.
+
+    A stop was put at the one; at the other no pose is ahead, though it is no dead centre.
+    """
     first, view = course.track.line.first, course.track.line.view
     end = first.low if course.track.turns_high else first.high
     near = 1e-9 * max(1.0, abs(view.origin), first.high.x - first.low.x)
     q = view.origin + view.sign * end.x
+    if course.fate == DEAD and view.meter.pose(q).margin > DEAD_CENTRE:
+        regime = IMPOSSIBLE if course.regime == DEAD else course.regime
+        return replace(course, fate=IMPOSSIBLE, regime=regime)
     if course.fate != "end stop" or not any(abs(q - x) <= near for x in empty):
         return course
     regime = NO_INERTIA if course.regime == "end stop" else course.regime

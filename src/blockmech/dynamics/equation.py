@@ -20,7 +20,14 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.reduced import TURN, Metered, MeteredSystems, One, Terms
+from blockmech.dynamics.reduced import (
+    TURN,
+    Metered,
+    MeteredSystems,
+    One,
+    ReducedSystem,
+    Terms,
+)
 from blockmech.dynamics.table import Table, tabulated
 
 RightSide: TypeAlias = Callable[[float, Any], Any]
@@ -70,8 +77,10 @@ def from_kernels(meter: Metered, q0: float, qd0: float, t0: float) -> Equation:
         return last[2]
 
     def rhs(t: float, y: Any) -> tuple[float, float, float]:
+        nonlocal last
         q, qd = float(y[0]), float(y[1])
-        J, tau, dJ, margin = one(q, qd, t)
+        J, tau, dJ, margin = found = one(q, qd, t)
+        last = q, qd, found  # margin and inertia of a state do not depend on the time
         if not (margin > 0 and J > 0):
             return math.nan, math.nan, math.nan
         return qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd
@@ -173,15 +182,21 @@ def one_driver(
     ``span`` [s] is the length of the run where it is known: the error of the table's
     effort adds up along the way.
     """
-    system = meter.system
-    low, high = system.bounds
-    unbounded = math.isinf(low) and math.isinf(high)
-    if system.period is not None and unbounded and not system.knots and splits(meter, q0, qd0, t0):
+    if may_be_tabulated(meter.system) and splits(meter, q0, qd0, t0):
         way = max(1.0, span * typical_speed(meter.one(q0, qd0, t0), qd0))
         table = tabulated(meter, max(accuracy / way / 100, 1e-13))
         if table is not None:
             return from_table(meter, table, qd0)
     return from_kernels(meter, q0, qd0, t0)
+
+
+def may_be_tabulated(system: ReducedSystem) -> bool:
+    """Whether a table could serve: of a period that repeats, of parts that are known."""
+    free = all(map(math.isinf, system.bounds)) and not system.knots
+    depends = system.depends_on
+    told = depends <= {"q"} or system.rate_load_one is not None
+    told |= system.damped and "time" not in depends
+    return system.period is not None and free and told
 
 
 def several_drivers(meter: MeteredSystems, q0: Floats, qd0: Floats, t0: float) -> Equation:

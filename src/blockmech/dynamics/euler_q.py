@@ -8,7 +8,9 @@ Grid q_i = q0 + sg i D. With J and tau on the grid and J one point ahead,
 
 and the last step ends exactly where w^2 reaches zero at constant xi. First order in
 energy, in the end angle and in time, whatever is done within a step, because dJ/dq is a
-forward difference. After a standstill it starts again there, the other way.
+forward difference. After a standstill it starts again there, the other way. Where w^2 falls
+below zero though the loads alone would leave energy, J grows without bound: a dead centre is
+ahead, and the march ends with its name.
 
 Source: [D14] Durango et al. 2014.
 """
@@ -16,17 +18,21 @@ Source: [D14] Durango et al. 2014.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.dips import DEAD, NEAR, named_gap, touches_zero
 from blockmech.dynamics.motion import INTERRUPTED, State, Status
 from blockmech.dynamics.reduced import TURN, Metered, feasible
 from blockmech.dynamics.until import Start, Until
 
 BLOCKS = (512, 8192)  # grid points sampled at once: at first, at most
 MOST_STEPS = 5_000_000
+LOOK = 3  # steps: J doubles within one where a dead centre is no farther than two
 
 
 class Grid(NamedTuple):
@@ -131,12 +137,18 @@ def _swing(
         sample = meter.sample(grid)
         good = feasible(sample)
         J, tau = sample.J.tolist(), sample.tau.tolist()
+        touching = _touching(meter, grid, sample.margin)
+        good[1:-1] &= ~touching
         count = block if good.all() else max(int(np.argmin(good)) - 1, 0)
         for i in range(count):
             xi = (tau[i] - w2 / 2 * (J[i + 1] - J[i]) / d) / J[i]
             new = w2 + 2 * xi * d
             if new <= 0:
                 length = -w2 / (2 * xi) if xi else 0.0
+                if J[i] * w2 / 2 + tau[i] * d > 0:  # no load stops it, but J that grows
+                    name = _ahead(meter, q, d)
+                    if name:
+                        return done(name, "ended")
                 if w2 <= 0:
                     return done("standstill", "reached")
                 times.append(t + 2 * abs(length) / math.sqrt(w2))
@@ -158,9 +170,41 @@ def _swing(
                 if (before[1] - target) * (q - target) <= 0 and before[1] != target:
                     return _landed(done(goal.name, "reached"), *before, xi, target)
         if not good.all():
-            return done("impossible pose", "ended")
+            first = int(np.argmin(good))
+            if 0 < first <= touching.size and touching[first - 1]:
+                return done(DEAD, "ended")
+            return done(named_gap(_margin(meter), q, float(grid[first])), "ended")
         first, block = first + block, min(2 * block, BLOCKS[1])
     return done(f"more than {MOST_STEPS} steps", "failed")
+
+
+def _margin(meter: Metered) -> Callable[[float], float]:
+    """The margin of a coordinate, NaN where the mechanism does not close."""
+
+    def margin(q: float) -> float:
+        one = meter.pose(q)
+        closes = one.margin > 0 and one.J > 0 and math.isfinite(one.J) and math.isfinite(one.tau)
+        return one.margin if closes else math.nan
+
+    return margin
+
+
+def _touching(meter: Metered, grid: Floats, margin: Floats) -> NDArray[np.bool_]:
+    """Inner grid points (n - 2,) beside which the margin goes to zero and comes back."""
+    lowest = (margin[1:-1] < NEAR) & (margin[1:-1] <= margin[:-2]) & (margin[1:-1] <= margin[2:])
+    for i in np.flatnonzero(lowest).tolist():
+        low, high = sorted((float(grid[i]), float(grid[i + 2])))
+        lowest[i] = touches_zero(_margin(meter), low, high)
+    return np.asarray(lowest)
+
+
+def _ahead(meter: Metered, q: float, d: float) -> str:
+    """What ends the motion within the next steps, if anything does."""
+    margin = _margin(meter)
+    for i in range(1, LOOK + 1):
+        if not margin(q + i * d) > 0:
+            return named_gap(margin, q + (i - 1) * d, q + i * d)
+    return ""
 
 
 def _cut(swing: _Swing, t: float, q: float, w: float, xi: float, goal: _Goal) -> _Swing:

@@ -16,6 +16,7 @@ import numpy as np
 
 from blockmech.dynamics import dop853, wrapped
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.dips import DEAD, IMPOSSIBLE
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.legs import TOO_MANY, Ask, Hit, Leg, TooMany
 from blockmech.dynamics.motion import INTERRUPTED, Event, State
@@ -37,6 +38,8 @@ MOST_EVALUATIONS = 400_000
 MOST_WITHOUT_TIME = 100_000  # where the goal may never be met
 MOST_LEGS = 100_000
 FOREVER = 1e9  # [s] for goals without a time
+NEAR_DEAD = 1e-3  # margin below which a solver that gives up is at a dead centre
+AHEAD = 1e-9  # [rad or m], or relative: how far ahead of where it gives up there is no pose
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,11 @@ class Run:
     evaluations: int
     balance: float = 0.0
 
+    @property
+    def longest(self) -> float:
+        """Longest step [s]."""
+        return max(float(np.diff([*leg.marks, leg.t1]).max(initial=0.0)) for leg in self.legs)
+
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
         k = self.drivers
@@ -118,10 +126,20 @@ class Run:
         return State(y[:k].T, y[k : 2 * k].T)
 
 
-def run(task: Task, method: Method, tolerance: float, most: int | None = None) -> Run:
-    """Integrate at one tolerance until the goal or whatever ends the motion before."""
+def run(
+    task: Task,
+    method: Method,
+    tolerance: float,
+    most: int | None = None,
+    longest: float = math.inf,
+) -> Run:
+    """Integrate at one tolerance until the goal or whatever ends the motion before.
+
+    Steps are not longer than ``longest`` [s].
+    """
     count, given_up = 0, False
     right = task.equation.rhs
+    longest = min(longest, _longest(task))
     if most is None:
         most = MOST_EVALUATIONS if task.until.goal == "time" else MOST_WITHOUT_TIME
 
@@ -148,7 +166,7 @@ def run(task: Task, method: Method, tolerance: float, most: int | None = None) -
             break
         station = next(s for s in stations if s > t)
         surfaces = task.surfaces(float(y[0]))
-        ask = Ask(task.equation, rhs, t, y, station, surfaces, tolerance, _longest(task))
+        ask = Ask(task.equation, rhs, t, y, station, surfaces, tolerance, longest)
         try:
             leg = _leg(ask, method)
         except KeyboardInterrupt:  # what is done so far is kept
@@ -161,8 +179,12 @@ def run(task: Task, method: Method, tolerance: float, most: int | None = None) -
         turned = max(turned, leg.turned)
         events += _events(task, leg)
         before, t, y = y, leg.t1, leg.y1.copy()
+        if leg.failed and method == "lsoda" and task.equation.drivers == 1:
+            method = "dop853"  # which comes as near as one can to where there is no pose
+            continue
         if leg.failed:
-            status, end = "failed", _failure(task, y)
+            end = _failure(task, t, y)
+            status = "ended" if end in (DEAD, IMPOSSIBLE) else "failed"
             break
         if leg.halted:
             status, end = "ended" if leg.halted == INTERRUPTED else "failed", leg.halted
@@ -239,14 +261,18 @@ def _standing(t: float, y: Floats) -> Leg:
     def dense(times: Floats) -> Floats:
         return np.repeat(y[:, None], times.size, axis=1)
 
-    return Leg(t, t, y, dense, (), False, 0.0)
+    return Leg(t, t, y, dense, (), False, 0.0, np.empty(0))
 
 
-def _failure(task: Task, y: Floats) -> str:
-    """Why a solver gave up: a dead centre near by, or its own trouble."""
-    margin = task.equation.margin
-    if margin is not None and not margin(y) > 1e-3:
-        return "dead centre"
+def _failure(task: Task, t: float, y: Floats) -> str:
+    """Why a solver gave up: there is no pose ahead, or its own trouble."""
+    margin, k = task.equation.margin, task.equation.drivers
+    if margin is not None and not margin(y) > NEAR_DEAD:
+        return DEAD
+    ahead = y.copy()
+    ahead[:k] += AHEAD * np.where(np.abs(y[:k]) > 1, np.abs(y[:k]), 1.0) * np.sign(y[k : 2 * k])
+    if not np.isfinite(task.equation.rhs(t, ahead)).all():
+        return IMPOSSIBLE
     return "the solver's step became too small"
 
 

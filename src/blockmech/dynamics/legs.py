@@ -49,6 +49,7 @@ class Leg(NamedTuple):
     hits : in order; a terminal one is the last
     failed : whether the integrator gave up at the end
     turned : [J] largest work on the way
+    marks : (n,) [s] times at which steps begin
     halted : why it stopped before its end with all that was done: `INTERRUPTED` by the
         user, or `TOO_MANY` evaluations; else ""
     """
@@ -60,6 +61,7 @@ class Leg(NamedTuple):
     hits: tuple[Hit, ...]
     failed: bool
     turned: float
+    marks: Floats
     halted: str = ""
 
 

@@ -203,7 +203,7 @@ def as_quadrature(panels: list[Panel]) -> Quadrature:
         missed=np.zeros((2, len(panels))),
         length=np.array([p.patch.length for p in panels]),
         limits=(panels[0].patch.root, False),
-        possible=np.ones(J.shape, dtype=bool),
+        margin=np.ones(J.shape),
     )
     return Quadrature(
         mesh=mesh,

@@ -8,6 +8,7 @@ integrand of the time; the run ends on this side of it, by name.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -57,28 +58,39 @@ def no_inertia_between(meter: Metered, low: float, high: float) -> float | None:
 def first_zero(view: View, x: Floats, J: Floats) -> float | None:
     """The first place where J goes to zero, if it does, from samples J (n,) at places x (n,)."""
     limit = SUSPECT * float(J.max())
-    least = (J[1:-1] < limit) & (J[1:-1] <= J[:-2]) & (J[1:-1] <= J[2:])
+    nothing = NOTHING / SUSPECT * limit
+    pose = view.meter.pose
+
+    def inertia(at: float) -> float:
+        return pose(view.origin + view.sign * at).J
+
+    found = first_touch(x, J, inertia, limit)
+    return next((at for at, left in found if left <= nothing), None)
+
+
+def first_touch(
+    x: Floats, values: Floats, value: Callable[[float], float], limit: float
+) -> Iterator[tuple[float, float]]:
+    """Places where a value that is never negative touches zero, or nearly; and what is left.
+
+    From its samples (n,) at places x (n,), beside those that are lowest and below a limit.
+    """
+    least = (values[1:-1] < limit) & (values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])
     for i in (np.flatnonzero(least) + 1).tolist():
-        found = _zero(view, float(x[i - 1]), float(x[i + 1]), NOTHING / SUSPECT * limit)
-        if found is not None:
-            return found
-    return None
+        yield _touch(value, float(x[i - 1]), float(x[i + 1]))
 
 
-def _zero(view: View, low: float, high: float, nothing: float) -> float | None:
-    """Where J goes to zero between two places, if it does: its root is a straight line there."""
-
-    def root(x: float) -> float:
-        return math.sqrt(max(view.meter.pose(view.origin + view.sign * x).J, 0.0))
-
+def _touch(value: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
+    """Where a value touches zero between two places, and what is left; its root goes straight."""
+    best, least = (low + high) / 2, math.inf
     for _ in range(STEPS):
-        a, b = root(low), root(high)
+        a, b = (math.sqrt(max(value(at), 0.0)) for at in (low, high))
         middle = (low * b + high * a) / (a + b) if a + b > 0 else (low + high) / 2
-        left = root(middle) ** 2
-        if left <= nothing:
-            return middle
-        if left >= 0.1 * max(a, b) ** 2 or not low < middle < high:
-            return None
+        left = max(value(middle), 0.0)
+        if left < least:
+            best, least = middle, left
+        if left == 0 or left >= 0.1 * max(a, b) ** 2 or not low < middle < high:
+            break
         half = (high - low) / 2 * NARROWER
         low, high = middle - half, middle + half
-    return None
+    return best, least

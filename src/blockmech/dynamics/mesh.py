@@ -27,6 +27,7 @@ from blockmech.dynamics.reduced import Metered, feasible
 NODES = 64  # a panel
 RESOLVED = 1e-14  # what a series misses, relative, that is rounding
 SLIP = 1e-12  # of a panel: how far beyond its end a part of it may seem to reach
+SEEN = 1.0  # margin of panels that are read: that of the whole has been looked at
 STRONG = 0.03  # share of a panel's largest effort below which its series is not read
 
 
@@ -58,7 +59,7 @@ class Mesh(NamedTuple):
     missed : (2, p) what their series miss in an integral over the panel, see `remainder`
     length : (p,) length in v
     limits : whether the low end, the high end is a dead centre of the driver
-    possible : (p, n) whether the mechanism closes there
+    margin : (p, n) [-] 0 where the mechanism does not close
     """
 
     edges: Floats
@@ -66,7 +67,12 @@ class Mesh(NamedTuple):
     missed: Floats
     length: Floats
     limits: tuple[bool, bool]
-    possible: NDArray[np.bool_]
+    margin: Floats
+
+    @property
+    def possible(self) -> NDArray[np.bool_]:
+        """(p, n) whether the mechanism closes there."""
+        return np.asarray(self.margin > 0)
 
     @property
     def panels(self) -> int:
@@ -107,23 +113,23 @@ def sampled(
     if limits[1]:
         length[-1] = np.sqrt(length[-1])
     if known is None:
-        both, possible = _samples(view, edges[:-1], edges[1:], limits)
-        return Mesh(edges, both, remainder(both, rule(NODES)), length, limits, possible)
+        both, margin = _samples(view, edges[:-1], edges[1:], limits)
+        return Mesh(edges, both, remainder(both, rule(NODES)), length, limits, margin)
     there = {key: i for i, key in enumerate(_keys(known.edges, known.limits))}
     found = [there.get(key, -1) for key in _keys(edges, limits)]
     # new ones are overwritten
     both, missed = known.both.take(found, 1, mode="wrap"), known.missed.take(found, 1, mode="wrap")
-    possible = known.possible.take(found, 0, mode="wrap")
+    margin = known.margin.take(found, 0, mode="wrap")
     new = [i for i, old in enumerate(found) if old < 0]
     if new:
         for i, samples in _read(known, edges, new):
-            both[:, i], missed[:, i], possible[i] = samples, 0.0, True
+            both[:, i], missed[:, i], margin[i] = samples, 0.0, SEEN
             new.remove(i)
     if new:
         here = (limits[0] and new[0] == 0, limits[1] and new[-1] == p - 1)
-        both[:, new], possible[new] = _samples(view, edges[:-1][new], edges[1:][new], here)
+        both[:, new], margin[new] = _samples(view, edges[:-1][new], edges[1:][new], here)
         missed[:, new] = remainder(both[:, new], rule(NODES))
-    return Mesh(edges, both, missed, length, limits, possible)
+    return Mesh(edges, both, missed, length, limits, margin)
 
 
 def mirrored(mesh: Mesh, about: float) -> Mesh:
@@ -134,7 +140,7 @@ def mirrored(mesh: Mesh, about: float) -> Mesh:
         missed=mesh.missed[:, ::-1],
         length=mesh.length[::-1],
         limits=mesh.limits[::-1],
-        possible=mesh.possible[::-1, ::-1],
+        margin=mesh.margin[::-1, ::-1],
     )
 
 
@@ -146,7 +152,7 @@ def joined(low: Mesh, high: Mesh) -> Mesh:
         missed=np.concatenate([low.missed, high.missed], axis=1),
         length=np.concatenate([low.length, high.length]),
         limits=(low.limits[0], high.limits[1]),
-        possible=np.concatenate([low.possible, high.possible]),
+        margin=np.concatenate([low.margin, high.margin]),
     )
 
 
@@ -221,7 +227,7 @@ def places(low: Floats, high: Floats, limits: tuple[bool, bool], n: int = NODES)
 
 def _samples(
     view: View, low: Floats, high: Floats, limits: tuple[bool, bool]
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Floats]:
     r = rule(NODES)
     sample = view.meter.sample(view.q(places(low, high, limits)))
     both = np.array([sample.J, view.sign * sample.tau])
@@ -230,7 +236,7 @@ def _samples(
             slope = 2 * np.sqrt(high[row] - low[row]) * share
             both[0, row] *= slope**2
             both[1, row] *= slope
-    return both, feasible(sample)
+    return both, np.where(feasible(sample), sample.margin, 0.0)
 
 
 def _keys(edges: Floats, limits: tuple[bool, bool]) -> list[tuple[float, float, bool]]:

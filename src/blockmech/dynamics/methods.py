@@ -4,7 +4,9 @@
 |-------------------------|-------------------------------------------------------------|
 | q only                  | ``energy``                                                  |
 | q and q'                | ``spectral``; ``dop853`` where the driver stops on the way   |
-| time, or several drivers | ``dop853``; ``lsoda`` for loose targets that nothing interrupts |
+| time, or several drivers | ``dop853``; ``lsoda`` for loose targets where the table may serve |
+
+The steady state is a search of its own (`steady`).
 """
 
 from __future__ import annotations
@@ -17,12 +19,14 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from blockmech.dynamics.energy import energy
+from blockmech.dynamics.equation import may_be_tabulated
 from blockmech.dynamics.integrate import Method
 from blockmech.dynamics.legs import TOO_MANY
 from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.progress import once
 from blockmech.dynamics.reduced import Metered, MeteredSystems, ReducedSystem, ReducedSystems
-from blockmech.dynamics.spectral import spectral, steady_motion
+from blockmech.dynamics.spectral import spectral
+from blockmech.dynamics.steady import conserved, steady_motion, steady_motions
 from blockmech.dynamics.stepwise import by_euler_q, by_rk4, in_time, several_in_time
 from blockmech.dynamics.until import Asked, Progress, Start, Until, Watch
 from blockmech.dynamics.watching import watched_motion
@@ -92,8 +96,8 @@ _NOWHERE = Start(math.nan)
 
 def _several(systems: ReducedSystems, start: tuple[Any, ...], asked: Asked, method: str) -> Motion:
     goal = asked.until.goal
-    if goal not in ("time", "event"):
-        raise _refused("until", goal, "it needs one driver", ("time", "event"))
+    if goal not in ("time", "event", "steady"):
+        raise _refused("until", goal, "it needs one driver", ("time", "event", "steady"))
     chosen = "dop853" if method == "auto" else method
     if chosen not in get_args(Method):
         raise _refused("method", method, "it needs one driver", ("auto", *get_args(Method)))
@@ -101,6 +105,8 @@ def _several(systems: ReducedSystems, start: tuple[Any, ...], asked: Asked, meth
     t0 = float(start[2]) if len(start) > 2 else 0.0
     why = "several drivers" if method == "auto" else "asked for"
     asked = replace(asked, start=Start(math.nan, math.nan, t0), why=why)
+    if goal == "steady":
+        return steady_motions(MeteredSystems(systems), q0, qd0, asked, method)
     return several_in_time(MeteredSystems(systems), q0, qd0, asked, chosen)  # type: ignore[arg-type]
 
 
@@ -123,9 +129,8 @@ def _checked(
     if method in ("energy", "euler_q") and not depends <= {"q"}:
         found = listed(sorted(depends - {"q"}))
         raise _refused("method", method, f"the loads depend on {found} as well", ("auto",))
-    if (method == "spectral" or until.goal == "steady") and "time" in depends:
-        name = method if method == "spectral" else "steady"
-        raise _refused("method", name, "the loads depend on time", ("dop853", "lsoda", "radau"))
+    if method == "spectral" and "time" in depends:
+        raise _refused("method", method, "the loads depend on time", ("dop853", "lsoda", "radau"))
     if until.goal == "event" and not any(w.terminal for w in watches):
         raise _refused("until", "event", "no event is given that ends the run", ())
     if method in ("rk4", "euler_q") and (until.goal in ("event", "steady") or watches):
@@ -145,15 +150,16 @@ def _automatic(meter: Metered, asked: Asked) -> Motion:
         why = "all loads depend on the driver's coordinate alone"
         system = meter.system
         motion = energy(meter, replace(asked, why=why))
-        if goal == "steady" or not _endless_way(motion):
+        if goal == "steady":
+            return watched_motion(conserved(motion), asked.watches)
+        if not _endless_way(motion):
             return watched_motion(motion, asked.watches)
         meter.system = system  # what was found on the way is the method's own
         return in_time(meter, replace(asked, why=f"by energy {ENDLESS_WAY}"), "dop853")
     if goal == "steady":
-        found = steady_motion(meter, replace(asked, why="a periodic motion is asked for"))
-        if isinstance(found, str):
-            raise _refused("until", "steady", found, ())
-        return found
+        follow = listed(sorted(depends - {"q"}))
+        found = steady_motion(meter, replace(asked, why=f"the loads depend on {follow}"))
+        return watched_motion(found, asked.watches)
     why = "a user's event ends the run" if goal == "event" else "the loads depend on time"
     if "time" not in depends and goal != "event":
         why = "the loads depend on the rate, and the driver does not stop"
@@ -163,6 +169,7 @@ def _automatic(meter: Metered, asked: Asked) -> Motion:
         why = f"the loads depend on the rate; {marched}"
     accuracy = asked.accuracy
     loose = accuracy is not None and accuracy >= LOOSE and goal == "time" and not asked.watches
+    loose = loose and may_be_tabulated(meter.system)  # of kernels it may take more than DOP853
     motion = in_time(meter, replace(asked, why=why), "lsoda" if loose else "dop853")
     if motion.end == TOO_MANY and goal == "time" and not loose:
         return in_time(meter, replace(asked, why=f"{why}; it is stiff"), "radau")
@@ -180,9 +187,11 @@ def _by_name(meter: Metered, asked: Asked, method: MethodName, step: float | Non
         if goal == "event":
             return "it looks for events after the run, so it needs another end"
         motion = energy(meter, asked)
+        if goal == "steady":
+            motion = conserved(motion)
         return ENDLESS_WAY if _endless_way(motion) else watched_motion(motion, asked.watches)
     if goal == "steady":
-        return steady_motion(meter, asked)
+        return watched_motion(steady_motion(meter, asked, method), asked.watches)
     if method == "spectral":
         found = spectral(meter, asked)
         return found if isinstance(found, str) else watched_motion(found, asked.watches)

@@ -9,8 +9,8 @@ import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats, rule
 from blockmech.dynamics.mesh import View, places
-from blockmech.dynamics.reach import panel_edges
 from blockmech.dynamics.reduced import feasible
+from blockmech.dynamics.survey import panel_edges
 
 SHORTEST = 2.0**-24  # of a turn
 SAME = 1e-9  # of a turn: edges nearer than that are one

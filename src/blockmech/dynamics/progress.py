@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from time import perf_counter
 from typing import Any
 
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.reduced import TURN
 from blockmech.dynamics.until import Asked, Progress
 
-EVERY = 128  # right-hand sides between two reports
+EVERY = 128  # right-hand sides between two reports, at most
+WHILE = 0.05  # [s] after which there is one anyway
 NEARLY = 0.9  # share of the way after which a place at its beginning is a new run
 
 
@@ -40,12 +42,13 @@ def reporting(equation: Equation, asked: Asked, method: str) -> Equation:
     if progress is None:
         return equation
     far, whole = _distance(asked)
-    count, repeats, farthest = 0, 1, 0.0
+    count, repeats, farthest, told = 0, 1, 0.0, perf_counter()
 
     def rhs(t: float, y: Any) -> Any:
-        nonlocal count, repeats, farthest
+        nonlocal count, repeats, farthest, told
         count += 1
-        if count % EVERY == 0:
+        if count % EVERY == 0 or perf_counter() - told > WHILE:
+            told = perf_counter()
             done = float(far(t, y))
             if done < farthest / 2 and farthest > NEARLY * (whole or farthest):
                 repeats, farthest = repeats + 1, 0.0

@@ -29,6 +29,7 @@ from blockmech.dynamics.mesh import Mesh
 EPS = float(np.finfo(np.float64).eps)
 MOST_PANELS = 1024
 ROUNDING = EPS  # of a work, relative to the work turned over
+AVERAGED = 0.1  # what rounding of the coordinates of a panel's samples makes, of that of one
 
 
 class Anchor(NamedTuple):
@@ -57,7 +58,7 @@ class Quadrature(NamedTuple):
     lost : (p,) [J] error of the work over each panel from the end of its series
     rounded : (p,) [J] error of the work over each panel from rounding
     lost_time, rounded_time : [s] what those do to the time
-    fastest : [rad/s or m/s] largest speed at the nodes, in the panels' coordinates
+    fastest : [rad/s or m/s] largest speed of the driver at the nodes
     """
 
     mesh: Mesh
@@ -84,8 +85,12 @@ class Quadrature(NamedTuple):
         return float(self.clock[-1])
 
 
-def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
-    """Energy, then time, on every panel."""
+def quadrature(mesh: Mesh, anchors: list[Anchor], origin: float = 0.0) -> Quadrature:
+    """Energy, then time, on every panel.
+
+    ``origin`` [rad or m] is the driver coordinate at x = 0: samples are taken at rounded
+    coordinates.
+    """
     r = rule(mesh.nodes)
     L, edges = mesh.length, mesh.edges
     half = L / 2
@@ -106,6 +111,7 @@ def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
     sums[0] = half * (mesh.tau @ r.total)
     lost = half * mesh.missed[1]
     rounded = (ROUNDING * half) * (np.abs(tau) @ r.total)
+    rounded += (AVERAGED * EPS * (abs(origin) + np.abs(edges[1:]))) * np.ptp(tau, axis=1)
     np.add(lost, rounded, out=sums[1])
     spread = np.array([_outward(sums, a.edge) for a in anchors])  # (anchors, 2, p + 1)
     anchored = np.array([a.K for a in anchors])
@@ -151,8 +157,19 @@ def quadrature(mesh: Mesh, anchors: list[Anchor]) -> Quadrature:
         rounded=rounded,
         lost_time=doubted * missed,
         rounded_time=doubted * (1 - missed),
-        fastest=largest_speed(J, K),
+        fastest=_fastest(mesh, mirrored, J, K),
     )
+
+
+def _fastest(mesh: Mesh, mirrored: NDArray[np.bool_], J: Floats, K: Floats) -> float:
+    """Largest speed of the driver: beside a dead centre samples are those for v, not for x."""
+    if any(mesh.limits):
+        r, J = rule(mesh.nodes), J.copy()
+        for at_limit, row, share in ((mesh.limits[0], 0, r.low), (mesh.limits[1], -1, r.high)):
+            if at_limit:
+                slope = 2 * mesh.length[row] * share
+                J[row] /= (slope[::-1] if mirrored[row] else slope) ** 2
+    return largest_speed(J, K)
 
 
 def largest_speed(J: Floats, K: Floats) -> float:

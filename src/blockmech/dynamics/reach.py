@@ -13,28 +13,19 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.dynamics.chebyshev import Floats, remainder, rule
-from blockmech.dynamics.massless import refuse_no_inertia_inside
-from blockmech.dynamics.mesh import RESOLVED, Mesh, View, cut, places, sampled
-from blockmech.dynamics.quadrature import EPS, MOST_PANELS, ROUNDING
-from blockmech.dynamics.standstills import (
-    Dip,
-    Energies,
-    energies,
-    first_panel_too_long,
-    first_stop,
-    first_zero,
-    standstill,
-)
+from blockmech.dynamics.chebyshev import Floats, rule
+from blockmech.dynamics.massless import SUSPECT, first_touch, refuse_no_inertia_inside
+from blockmech.dynamics.mesh import Mesh, View, places, sampled
+from blockmech.dynamics.standstills import Dip, Energies, energies, first_zero
+from blockmech.dynamics.surfaces import DEAD_CENTRE
+from blockmech.dynamics.survey import panel_edges, resolved
 
 PANELS = 4  # a turn, to begin with
 WINDOWS = 60  # spans looked at where the scene is not periodic (they double along a guide)
-LEVELS = 40  # of bisection
-HALVED = 1.6  # power to which cutting a panel in two raises the end of its series
 SURELY = 1.01  # times the time wanted: a motion that goes on for longer is beyond it
-NOISE = 1e-9  # end of a series, relative, that is noise if cutting does not help
+POLE = 1e6  # inertia beside a dead centre, relative to that of its panel, that has no bound
+NEAREST = 24  # halvings of the way to a place at infinity
 
 Kind = Literal["standstill", "end stop", "dead centre", "endless", "open"]
 
@@ -99,7 +90,7 @@ def look_ahead(
         empty = sampled(view, np.array([0.0, 1e-9 * view.meter.system.span]))
         return Reach(name, 0.0, empty, empty.edges)
     if period is not None and bound > period and math.isinf(bound):
-        reach = _one_period(view, K0, tolerance, period, image)
+        reach = _one_period(view, K0, tolerance, horizon, period, image)
     else:
         reach = _windows(view, K0, tolerance, horizon, bound, name)
     return _within(reach, K0, horizon.time)
@@ -116,15 +107,16 @@ def _bound(view: View) -> tuple[float, Kind]:
 
 
 def _one_period(
-    view: View, K0: float, tolerance: float, period: float, image: Mesh | None
+    view: View, K0: float, tolerance: float, horizon: Horizon, period: float, image: Mesh | None
 ) -> Reach:
     mesh = image or sampled(view, panel_edges(view, 0.0, period, PANELS))
-    if not mesh.possible.all():
-        return _up_to_gap(view, K0, tolerance, mesh)
+    x = _first_dead_centre(view, mesh)
+    if x is not None:
+        return _up_to(view, K0, tolerance, horizon, x)
     refuse_no_inertia_inside(view, mesh)
-    mesh, edges, first, slow, known = _resolved(view, mesh, K0, tolerance)
+    mesh, edges, first, slow, known = resolved(view, mesh, K0, tolerance)
     if not mesh.possible.all():
-        return _up_to_gap(view, K0, tolerance, mesh)
+        return _up_to(view, K0, tolerance, horizon, gap(view, mesh))
     nearly = _slowest(slow, known)
     gain = float(known.edges[-1] - K0)
     if view.meter.system.lossless or abs(gain) <= 4 * float(known.lost[-1] + known.rounding[-1]):
@@ -163,12 +155,13 @@ def _windows(
         edges = added if mesh is None else np.concatenate([mesh.edges, added[1:]])
         limits = (False, last and name == "dead centre")
         mesh = sampled(view, edges, mesh, limits)
-        if not mesh.possible.all():
-            return _up_to_gap(view, K0, tolerance, mesh)
+        x = _first_dead_centre(view, mesh)
+        if x is not None:
+            return _up_to(view, K0, tolerance, horizon, x)
         refuse_no_inertia_inside(view, mesh)
-        mesh, wanted, first, slow, known = _resolved(view, mesh, K0, tolerance)
+        mesh, wanted, first, slow, known = resolved(view, mesh, K0, tolerance)
         if not mesh.possible.all():
-            return _up_to_gap(view, K0, tolerance, mesh)
+            return _up_to(view, K0, tolerance, horizon, gap(view, mesh))
         nearly = _slowest(slow, known)
         if first is not None:
             return Reach("standstill", first, mesh, wanted, 0, 0.0, *nearly)
@@ -208,103 +201,6 @@ def _durations(mesh: Mesh, known: Energies) -> Floats:
     return np.asarray(mesh.length / 2 * (F @ rule(mesh.nodes).total))
 
 
-def panel_edges(view: View, low: float, high: float, panels: int) -> Floats:
-    """Edges of equal panels, cut at the knots of the loads as well."""
-    edges = low + (high - low) / panels * np.arange(panels + 1.0)
-    edges[-1] = high
-    system = view.meter.system
-    if not system.knots:
-        return edges
-    knots = view.sign * (np.array(system.knots) - view.origin)
-    if system.period is not None:
-        turns = np.arange(math.floor(low / system.period) - 1, high / system.period + 1)
-        first = np.mod(knots, system.period)
-        knots = (first[:, None] + turns * system.period).ravel()
-    tiny = 1e-12 * (high - low)
-    knots = knots[(knots > low + tiny) & (knots < high - tiny)]
-    merged = np.sort(np.concatenate([edges, knots]))
-    keep = np.concatenate([[True], np.diff(merged) > 1e-9 * (high - low)])
-    # a knot wins over an equal division beside it
-    for i in np.flatnonzero(~keep):
-        if merged[i] in knots and i > 1:
-            keep[i], keep[i - 1] = True, False
-    return np.asarray(merged[keep])
-
-
-def _resolved(
-    view: View, mesh: Mesh, K0: float, tolerance: float
-) -> tuple[Mesh, Floats, float | None, list[Dip], Energies]:
-    """Refine panels until the first standstill and every dip before it are decided.
-
-    Returns the mesh, edges that the time will need besides, the standstill, dips, energies.
-    """
-    before = math.inf
-    for level in range(LEVELS):
-        known = energies(mesh, K0)
-        near = first_panel_too_long(mesh, known)
-        if near:
-            mesh = sampled(view, np.sort(np.append(mesh.edges, near)), mesh, mesh.limits)
-            continue
-        stop, dips = first_stop(mesh, known)
-        last = mesh.panels if stop is None else stop.panel + 1
-        rounding = float(known.rounding[last])
-        wanted = tolerance * rounding / ROUNDING
-        for dip in dips:
-            if known.rounding[dip.panel + 1] < known.lost[dip.panel + 1]:
-                wanted = min(wanted, 0.1 * abs(dip.K))
-        wanted = max(wanted, rounding)
-        error = float(known.lost[last])
-        pieces = _pieces(mesh, known, last, wanted, tolerance)
-        noise = level > 2 and 0.5 * before < error < NOISE * rounding / ROUNDING
-        if pieces is None or error <= wanted or noise or mesh.panels > MOST_PANELS:
-            break
-        before = error
-        if np.diff(mesh.edges)[pieces > 1].min() < 16 * EPS * (abs(view.origin) + mesh.edges[-1]):
-            break
-        mesh = sampled(view, cut(mesh.edges, pieces), mesh, mesh.limits)
-        if not mesh.possible.all():
-            break
-    x = None if stop is None else standstill(mesh, known, stop)
-    dips = [dip for dip in dips if x is None or dip.x < x or dip.K <= 0]
-    if pieces is None or pieces.size != mesh.panels:
-        return mesh, mesh.edges, x, dips, known
-    return mesh, cut(mesh.edges, pieces), x, dips, known
-
-
-def _pieces(
-    mesh: Mesh, known: Energies, last: int, wanted: float, tolerance: float
-) -> NDArray[np.intp] | None:
-    """Into how many pieces each panel should be cut: 1, 2 or 4; None if none should.
-
-    Before the panel ``last``, the series of the effort must have ended, and that of the
-    time's integrand sqrt(J/K) as well, so that no more samples are needed for the time.
-    Cutting a panel in two raises the relative end of a series to the power 1.6, as a rule.
-    """
-    r = rule(mesh.nodes)
-    flat = max(tolerance, RESOLVED)
-    F = np.sqrt(mesh.J[:last] / known.nodes[:last])
-    if known.edges[0] == 0 and not mesh.limits[0]:
-        F[0] *= r.root
-    bent = (remainder(F, r) / F.max(axis=1)).tolist()
-    # where the motion stops on a panel, that series is none; J must do
-    if not all(map(math.isfinite, bent)):
-        instead = float(mesh.missed[0, last - 1] / mesh.J[last - 1].max())
-        bent = [b if math.isfinite(b) else instead for b in bent]
-    good = float(known.lost[last]) <= wanted
-    if good and max(bent) <= flat:
-        return None
-    share = wanted / (2 * last)
-    errors = known.tails[:last].tolist()
-    largest = (mesh.length[:last] / 2 * np.abs(mesh.tau[:last]).max(axis=1)).tolist()
-    pieces = np.ones(mesh.panels, dtype=np.intp)
-    for i, (bend, error, most) in enumerate(zip(bent, errors, largest, strict=True)):
-        if bend > flat or (error > share and not good):
-            size = most + 1e-300
-            still = (error / size) ** HALVED * size > share or bend**HALVED > flat
-            pieces[i] = 4 if still else 2
-    return pieces if np.any(pieces > 1) else None
-
-
 def _slowest(dips: list[Dip], known: Energies) -> tuple[float, float, float]:
     if not dips:
         return math.inf, math.nan, 0.0
@@ -313,23 +209,69 @@ def _slowest(dips: list[Dip], known: Energies) -> tuple[float, float, float]:
     return dip.K, dip.x, float(error)
 
 
-def _up_to_gap(view: View, K0: float, tolerance: float, mesh: Mesh) -> Reach:
-    """The driver meets a dead centre: find it, then look up to there only."""
-    x = gap(view, mesh)
+def _first_dead_centre(view: View, mesh: Mesh) -> float | None:
+    """Where the first samples say that the mechanism does not close, or touches a dead centre.
+
+    Cost: none where the margin does not come near zero, else some 40 single poses.
+    """
+    closes = gap(view, mesh) if not mesh.possible.all() else math.inf
+    x = places(mesh.edges[:-1], mesh.edges[1:], mesh.limits, mesh.nodes).ravel()
+    pose = view.meter.pose
+
+    def margin(at: float) -> float:
+        return pose(view.origin + view.sign * at).margin
+
+    touched = [
+        at
+        for at, left in first_touch(
+            x, np.where(mesh.possible, mesh.margin, SUSPECT).ravel(), margin, SUSPECT
+        )
+        if left <= DEAD_CENTRE and at > 0
+    ]
+    first = min([closes, *touched])
+    return first if math.isfinite(first) else None
+
+
+def _up_to(view: View, K0: float, tolerance: float, horizon: Horizon, x: float) -> Reach:
+    """The driver meets a dead centre at x: look up to there only."""
     width = x / PANELS
     edges = panel_edges(view, 0.0, x, PANELS) if width > 0 else np.array([0.0, x])
     bounded = sampled(view, edges, None, (False, True))
     if not bounded.possible.all():
         inner = gap(view, bounded)
         if inner < x * (1 - 1e-9) and inner > 0:
-            return _up_to_gap(view, K0, tolerance, bounded)
+            return _up_to(view, K0, tolerance, horizon, inner)
         return Reach("dead centre", x, bounded, bounded.edges)
+    if float(bounded.J[-1, -1]) > POLE * float(np.median(bounded.J[-1])):
+        return _towards_pole(view, K0, tolerance, horizon, x)
     refuse_no_inertia_inside(view, bounded)
-    bounded, wanted, first, slow, known = _resolved(view, bounded, K0, tolerance)
+    bounded, wanted, first, slow, known = resolved(view, bounded, K0, tolerance)
     nearly = _slowest(slow, known)
     if first is not None:
         return Reach("standstill", first, bounded, wanted, 0, 0.0, *nearly)
     return Reach("dead centre", x, bounded, wanted, 0, 0.0, *nearly)
+
+
+def _towards_pole(view: View, K0: float, tolerance: float, horizon: Horizon, x: float) -> Reach:
+    """Up to near a place where a link is at infinity: each panel half of the way that is left.
+
+    No motion comes there in any time, so the search ends with the horizon.
+    """
+    edges, mesh = np.array([0.0]), None
+    while edges.size <= NEAREST:
+        left = x - float(edges[-1])
+        more = x - left / 2.0 ** np.arange(1, PANELS + 1)
+        edges = np.concatenate([edges, more])
+        mesh = sampled(view, edges if mesh is None else np.union1d(mesh.edges, edges), mesh)
+        mesh, wanted, first, slow, known = resolved(view, mesh, K0, tolerance)
+        nearly = _slowest(slow, known)
+        end = float(edges[-1])
+        if first is not None:
+            return Reach("standstill", first, mesh, wanted, 0, 0.0, *nearly)
+        if end > horizon.distance or _duration(mesh, known) > horizon.time:
+            break
+    assert mesh is not None
+    return Reach("open", end, mesh, wanted)
 
 
 def gap(view: View, mesh: Mesh) -> float:

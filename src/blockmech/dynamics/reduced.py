@@ -33,6 +33,7 @@ from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.until import Progress
 
 TURN = 2 * math.pi
+SOME = 8  # single poses between two reports of a search
 
 Kind: TypeAlias = Literal["rotation", "translation"]
 Depends: TypeAlias = frozenset[str]  # of {"q", "rate", "time"}
@@ -93,6 +94,7 @@ class ReducedSystem:
     rate_load_kernels : whether ``rate_load`` needs a kernel evaluation per sample
     knots : driver coordinates [rad or m] at which a load has a kink (one period)
     time_knots : times [s] at which a load has a kink
+    time_period : [s] after which all loads of the time repeat; 0 where that is not known
     span : a length over which J and tau change, for drivers without a period
     lossless : whether all loads have a potential with that period: no net work in a period
     load_size : q -> sum of the magnitudes of the contributions to tau there
@@ -111,6 +113,7 @@ class ReducedSystem:
     rate_load_kernels: bool = False
     knots: tuple[float, ...] = ()
     time_knots: tuple[float, ...] = ()
+    time_period: float = 0.0
     span: float = 1.0
     load_size: Callable[[float], float] | None = None
     pose: OneFunction | None = None
@@ -127,14 +130,17 @@ class ReducedSystem:
 class ReducedSystems:
     """Several drivers.
 
-    ``terms`` is (q (k,), q' (k,), t) -> Terms. ``potential`` (q (k,)) -> V [J], where all
-    loads have one, lets a run report its energy balance.
+    ``terms`` is (q (k,), q' (k,), t) -> Terms. ``time_period`` [s] is that of the loads of
+    the time, ``periods`` [rad] those of the place by driver; 0 where there is none or it is
+    not known.
     """
 
     drivers: int
     terms: Callable[[Floats, Floats, float], Terms]
     depends_on: Depends = POSITION
     time_knots: tuple[float, ...] = ()
+    time_period: float = 0.0
+    periods: tuple[float, ...] = ()
 
 
 class Cost(NamedTuple):
@@ -184,6 +190,8 @@ class Metered:
     def pose(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
         """One state without dJ, counted: no acceleration is computed for it."""
         self.singles += 1
+        if self.progress is not None and self.singles % SOME == 0:  # a search may be long
+            self.progress("searching", float(self.singles), None)
         return One(*(self.system.pose or self.system.one)(q, qd, t))
 
     def rate_load(self, q: Floats, qd: Floats, t: float = 0.0) -> Floats | float:

@@ -4,10 +4,13 @@ The finer run of the last two is the answer, and their difference at twenty comm
 and at those asked for tells its error. Usually a fiftieth of it would do, but now and then
 the coarser run is good by luck, or steps are so long that the error is larger between the
 times compared. Over thousands of runs from random starts the error was at most 4.6 times
-the first difference, 3.9 times a later one, and 1.6 times at tolerances below 1e-9; the
-estimate is 6, 4 and 2 times the difference, or a fiftieth of the one before if that is more.
-Where the differences fall no longer it is 6 times again: what is left is rounding, and near
-a separatrix that which both runs share was seen to grow to 4 times their difference.
+the first difference, 3.9 times a later one, and 1.6 times at tolerances below 1e-9 (4.2
+times by LSODA, whose steps are as long as it dares); the estimate is 6, 4 and 2 (LSODA: 6)
+times the difference, or a fiftieth of the one before if that is more. Where the differences
+fall no longer it is 6 times again. Two runs of the same steps would tell nothing, so each
+takes shorter ones than the one before. What both share, the rounding and the table's error,
+grows near a separatrix and from beside an unstable equilibrium: that is followed along the
+run (`disturbance`) and added.
 
 Where evaluations are counted (kernels), the tolerances are always the same ones, from the
 coarsest on, so a looser target never costs more; on the table, where they are cheap, they
@@ -17,13 +20,14 @@ begin near the target.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.disturbance import grown
 from blockmech.dynamics.integrate import Method, Run, Task, run
 from blockmech.dynamics.legs import FINEST, TOO_MANY
 from blockmech.dynamics.motion import INTERRUPTED
@@ -32,11 +36,14 @@ from blockmech.dynamics.replay import replayed, uninterrupted
 RATIO = 1 / 50
 COARSEST = 1e-3
 COMPARED = 20  # common times
-GAIN = {"dop853": 1 / 50, "radau": 1 / 10, "lsoda": 1e-3}  # tolerance for a target, roughly
+GAIN = {"dop853": 1 / 50, "radau": 1 / 10, "lsoda": 4e-4}  # tolerance for a target, roughly
 NEAR = 7  # root of the ratio
 LOOSE = 1e-9  # tolerance from which on steps are so long that times between them matter
-FIRST, LATER, TIGHT = 6.0, 4.0, 2.0  # times the difference: the error that is stated
+FIRST, LATER = 6.0, 4.0  # times the difference: the error that is stated
+TIGHT = {"dop853": 2.0, "radau": 2.0, "lsoda": 6.0}  # the same at tolerances below that
+ROUGH = {"dop853": 1.0, "radau": 1.0, "lsoda": 8.0}  # rounding: LSODA differences its past
 FALLS = 1 / 50  # of the difference before, which is the error two runs ago
+SHORTER = 0.7  # longest step, of that before: from runs of the same steps nothing is learnt
 KINKED = 4.0  # times that: landing on kinks is not better at finer tolerances
 
 
@@ -48,6 +55,7 @@ class Refined(NamedTuple):
     time_error: float  # of the end, where an event ended the run [s]
     tolerance: float
     reached: bool
+    rounding: float = 0.0  # share of the error that no finer tolerance would remove
 
 
 def tolerances(method: Method, accuracy: float, counted: bool) -> Iterator[float]:
@@ -64,14 +72,11 @@ def tolerances(method: Method, accuracy: float, counted: bool) -> Iterator[float
 def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refined:
     """Runs at finer and finer tolerances until the estimate meets the target."""
     counted = task.equation.source == "kernels"
-    once: Callable[[float], Run] = lambda tolerance: run(task, method, tolerance)  # noqa: E731
-    if method == "lsoda" and uninterrupted(task):
-        once = lambda tolerance: replayed(task, tolerance)  # noqa: E731
     before: Run | None = None
     best = None
     apart: list[tuple[float, float, float]] = []
     for tolerance in tolerances(method, accuracy, counted):
-        now = once(tolerance)
+        now = _once(task, method, tolerance, before)
         if now.end == INTERRUPTED:
             return _interrupted(best, before, now, tolerance)
         if now.end == TOO_MANY and before is None:  # a finer run would not come as far
@@ -79,17 +84,46 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
         if before is not None:
             apart.append(_difference(before, now, times))
             differences, delays, ways = zip(*apart, strict=True)
-            error, time_error = (_stated(row, task, tolerance) for row in (differences, delays))
+            error, time_error = (
+                _stated(row, task, method, tolerance) for row in (differences, delays)
+            )
             # a relative error of the effort acts on the whole way
             error += task.equation.table_error * max(1.0, ways[-1])
-            best = Refined(now, error, time_error, tolerance, error <= accuracy)
-            if best.reached or now.end == TOO_MANY:
-                return best
+            best = Refined(now, error, time_error, tolerance, False)
+            if error <= accuracy or now.end == TOO_MANY or tolerance == FINEST:
+                best = _with_rounding(task, method, best, accuracy)
+                if best.reached or now.end == TOO_MANY or best.rounding > accuracy:
+                    return best
         before = now
     if best is None:
         assert before is not None
         best = Refined(before, math.inf, math.inf, FINEST, False)
     return best
+
+
+def _once(task: Task, method: Method, tolerance: float, before: Run | None) -> Run:
+    """A run at one tolerance, in shorter steps than the one before."""
+    if method == "lsoda":
+        return replayed(task, tolerance) if uninterrupted(task) else run(task, method, tolerance)
+    longest = math.inf if before is None else SHORTER * before.longest or math.inf
+    return run(task, method, tolerance, longest=longest)
+
+
+def _with_rounding(task: Task, method: Method, best: Refined, accuracy: float) -> Refined:
+    """The run with what rounding does to it."""
+    try:
+        more = grown(task, best.run)
+    except KeyboardInterrupt:
+        run = replace(best.run, status="ended", end=INTERRUPTED)
+        return best._replace(run=run, rounding=math.inf)
+    place, time = (ROUGH[method] * x for x in more)
+    error = best.error + place
+    return best._replace(
+        error=error,
+        time_error=best.time_error + time,
+        reached=error <= accuracy,
+        rounding=place,
+    )
 
 
 def _interrupted(best: Refined | None, before: Run | None, now: Run, tolerance: float) -> Refined:
@@ -101,10 +135,10 @@ def _interrupted(best: Refined | None, before: Run | None, now: Run, tolerance: 
     return kept._replace(run=run, reached=False)
 
 
-def _stated(apart: Sequence[float], task: Task, tolerance: float) -> float:
+def _stated(apart: Sequence[float], task: Task, method: Method, tolerance: float) -> float:
     """Error of the last run, at a tolerance, from the differences between runs."""
     before = apart[-2] if len(apart) > 1 and math.isfinite(apart[-2]) else 0.0
-    times = TIGHT if tolerance < LOOSE else FIRST if len(apart) == 1 else LATER
+    times = TIGHT[method] if tolerance < LOOSE else FIRST if len(apart) == 1 else LATER
     if before and apart[-1] > before / NEAR:
         times = FIRST
     return (KINKED if _kinked(task) else 1.0) * max(times * apart[-1], FALLS * before)

@@ -30,6 +30,8 @@ from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import INTERRUPTED, Motion, Still
 from blockmech.dynamics.reduced import Cost, Metered, ReducedSystem, ReducedSystems
 from blockmech.dynamics.reduction import refuse_friction
+from blockmech.dynamics.split import period_of
+from blockmech.dynamics.steady.forcing import forcing_period
 from blockmech.dynamics.stops import as_watches, held_at_start, named, stops_of
 from blockmech.dynamics.until import Progress, Start, Until, Watch
 from blockmech.dynamics.watching import stopped_motion
@@ -69,7 +71,8 @@ def simulate(
     Parameters
     ----------
     until : "standstill" (default), "swings=3", "turns=3", "time=2", "angle=6.28",
-        "steady" or "event"; with ``times`` and without ``until`` the last of them
+        "steady" or "event"; with ``times`` and without ``until`` the last of them.
+        "steady=<s>" names the period of loads that follow the time by a function
     method : "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
     accuracy : target [rad or m] of the driver coordinate at all times
     step : of the fixed-step methods: time [s] for rk4, driver coordinate for euler_q
@@ -171,8 +174,7 @@ def _moved_in_graph(
     """The same in the coordinates of the graph."""
     reduced = mechanism.reduced
     if "time" in reduced.depends_on:
-        latest = goal.value if goal.goal == "time" else LATEST
-        reduced = replace(reduced, time_knots=time_knots_of(mechanism.structure, latest))
+        reduced = _timed(mechanism, reduced, goal)
     held = held_at_start(reduced, starts, bounds)
     if held is not None:
         return held
@@ -181,7 +183,27 @@ def _moved_in_graph(
             return _one_moved(reduced, starts, goal, how, bounds)
         return _several_moved(reduced, mechanism.drivers, starts, goal, how, bounds)
     except KeyboardInterrupt:  # before there was anything but the start
-        return _stopped_at_once(starts)
+        found = _stopped_at_once(starts)
+        if goal.goal != "steady":
+            return found
+        return replace(found, notes=("interrupted before a steady state was found",))
+
+
+def _timed(
+    mechanism: Mechanism, reduced: ReducedSystem | ReducedSystems, goal: Until
+) -> ReducedSystem | ReducedSystems:
+    """With kinks of the loads in time and, for a steady state, the periods of the loads."""
+    structure = mechanism.structure
+    latest = goal.value if goal.goal == "time" else LATEST
+    if goal.goal == "steady":
+        latest = forcing_period(structure, goal.forcing)
+        reduced = replace(reduced, time_period=latest)
+        if isinstance(reduced, ReducedSystems):
+            rotary = [structure.driver_joint(d).rotary for d in mechanism.drivers]
+            each = zip(mechanism.drivers, rotary, strict=True)
+            periods = tuple(period_of(structure, d, turns) or 0.0 for d, turns in each)
+            reduced = replace(reduced, periods=periods)
+    return replace(reduced, time_knots=time_knots_of(structure, latest))
 
 
 def _one_moved(
@@ -190,9 +212,6 @@ def _one_moved(
     ((driver, (q, rate)),) = starts.items()
     if driver not in stops:
         return move(Metered(reduced), Start(q, rate), goal, *how)
-    if goal.goal == "steady" and not reduced.depends_on <= {"q"}:
-        found = f"{driver} has end stops, so no turn repeats for ever"
-        raise _error("until", found, 'leave the stops out, or ask for "time=<s>"')
     reduced = replace(reduced, stops=stops[driver])
     return stopped_motion(move(Metered(reduced), Start(q, rate), goal, *how), stops[driver])
 

@@ -1,8 +1,7 @@
 """Method ``spectral``: speed-dependent loads without steps in time.
 
 The energy equation is marched over panels of the driver's path (`march`), the time is a
-quadrature afterwards, and the periodic steady state is a collocation on one turn
-(`steady`). It serves scenes without explicit time whose driver does not stop on the way;
+quadrature afterwards. It serves scenes without explicit time whose driver does not stop on the way;
 where it does, the method says so and leaves the run to an integrator. It does not pass
 standstills on purpose: there the effort on the way back is another function of K than on
 the way out, so a march would have to stop and turn at an unknown place, and then an
@@ -17,10 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.conservative import Conservative
 from blockmech.dynamics.dense import place, when
 from blockmech.dynamics.equation import splits
-from blockmech.dynamics.line import Line
 from blockmech.dynamics.march import March, Panel, as_quadrature, errors, march
 from blockmech.dynamics.massless import first_zero
 from blockmech.dynamics.mesh import View
@@ -29,7 +26,6 @@ from blockmech.dynamics.patches import Path
 from blockmech.dynamics.quadrature import EPS, Quadrature
 from blockmech.dynamics.reduced import TURN, Metered
 from blockmech.dynamics.rest import trouble
-from blockmech.dynamics.steady import Steady, steady
 from blockmech.dynamics.until import Asked
 
 NODES, CHECK_NODES = 32, 48
@@ -119,7 +115,12 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
             check, status = March([], "limit"), "ended"
         if check.reason == "done":
             other = as_quadrature(check.panels)
-            error, quad = max(error, SAFETY * _apart(view, quad, other)), other
+            own = SAFETY * errors(check.panels)[0] * other.fastest
+            apart = SAFETY * _apart(view, quad, other)
+            if own <= error:
+                error, quad = max(error, apart), other
+            else:  # its panels are longer, and their difference may be its own error
+                error = max(error, apart - own)
     if goal == "time":
         t_end = start.t + min(value, quad.total)
     else:
@@ -173,72 +174,3 @@ def _trouble(run: March, view: View) -> str:
     if run.reason == "gap":
         return f"the mechanism comes to an end of its range after q = {q:.6g}"
     return "the run is too long for it"
-
-
-def steady_motion(meter: Metered, asked: Asked) -> Motion | str:
-    """The periodic motion in the direction of the start, or why none was found.
-
-    Several may exist: the one whose mean speed is nearest the start's is taken (the
-    fastest for a start from rest), the others are named in the notes.
-    """
-    start = asked.start
-    with np.errstate(all="ignore"):
-        one = meter.one(start.q, start.rate, start.t)
-        if trouble(one):
-            return f"{trouble(one)} at the start"
-        if not splits(meter, start.q, start.rate, start.t, batch=True):
-            return MIXED
-        view = View(meter, start.q, math.copysign(1.0, start.rate or one.tau or 1.0))
-        found = steady(view, asked.accuracy or FINEST)
-        if not found:
-            return "no periodic rotation was found in this direction"
-        return _periodic(meter, view, asked, found)
-
-
-def _nearest(found: list[Steady], rate: float) -> Steady:
-    if rate == 0:
-        return min(found, key=lambda s: s.turn.total)
-    return min(found, key=lambda s: abs(s.turn.period / s.turn.total - rate))
-
-
-def _periodic(meter: Metered, view: View, asked: Asked, found: list[Steady]) -> Motion:
-    start, chosen = asked.start, _nearest(found, abs(asked.start.rate))
-    turn = chosen.turn
-    track = Conservative(Line(view, turn, period=turn.period), 0.0, 1, start.t)
-    state = track.state(np.array([start.t]))
-    mean = turn.period / turn.total
-    stable = chosen.multiplier < 1
-    notes = [f"found by {chosen.how}, started from the constant speed {chosen.start:.6g}"]
-    notes += [
-        f"another periodic motion: period {s.turn.total:.9g} s, multiplier {s.multiplier:.6g}"
-        for s in found
-        if s is not chosen
-    ]
-    if not stable:
-        notes.append("this motion is unstable: its multiplier is not below 1")
-    speeds = 1 / turn.slowness
-    error = turn.error * turn.fastest
-    return Motion(
-        method="spectral",
-        why=asked.why,
-        regime="steady state" if stable else "unstable periodic motion",
-        status="reached",
-        end="steady",
-        t_start=start.t,
-        t_end=start.t + turn.total,
-        q_end=start.q + view.sign * turn.period,
-        qd_end=float(state.qd[0]),
-        track=track,
-        events=(),
-        error=error,
-        time_error=turn.error,
-        accuracy=asked.accuracy,
-        cost=meter.cost,
-        notes=tuple(notes),
-        facts={
-            "period": turn.total,
-            "multiplier": chosen.multiplier,
-            "mean_speed": mean,
-            "fluctuation": float((speeds.max() - speeds.min()) / mean),
-        },
-    )

@@ -158,7 +158,7 @@ def _dips(mesh: Mesh, known: Energies, panels: int) -> list[Dip]:
     n, r = mesh.nodes, rule(mesh.nodes)
     K = np.empty(panels * n + 2)
     K[0], K[1:-1], K[-1] = known.edges[0], known.nodes[:panels].ravel(), known.edges[panels]
-    slow = (K > 0) & (K / K.max() < SLOW)
+    slow = SLOW * K.max() > K  # none at all as well: an end whose energy is but rounding
     beside = slow[1:] | slow[:-1]
     if not beside.any():
         return []
@@ -167,7 +167,7 @@ def _dips(mesh: Mesh, known: Energies, panels: int) -> list[Dip]:
     tau[1:-1] = mesh.tau[:panels].ravel()
     found = []
     for i in (beside & (tau[:-1] < 0) & (tau[1:] >= 0)).nonzero()[0].tolist():
-        if not (K[i] > 0 and K[i + 1] > 0):
+        if not K[i] > 0:
             continue
         p, j = divmod(i - 1, n) if i else (0, -1)  # between nodes j and j + 1 of panel p
         low = float(r.phi[j]) if j >= 0 else 0.0

@@ -10,25 +10,36 @@ import numpy as np
 
 from blockmech.dynamics import euler_q, rk4
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.equation import from_kernels, one_driver, several_drivers, typical_speed
+from blockmech.dynamics.dips import IMPOSSIBLE
+from blockmech.dynamics.equation import (
+    Equation,
+    from_kernels,
+    one_driver,
+    several_drivers,
+    typical_speed,
+)
 from blockmech.dynamics.integrate import Method, Task
 from blockmech.dynamics.massless import no_inertia_between
 from blockmech.dynamics.motion import INTERRUPTED, Event, Motion
 from blockmech.dynamics.progress import reporting
 from blockmech.dynamics.quadrature import EPS
-from blockmech.dynamics.reduced import TURN, Cost, Metered, MeteredSystems
+from blockmech.dynamics.reduced import TURN, Cost, Metered, MeteredSystems, One
 from blockmech.dynamics.refine import refined
 from blockmech.dynamics.rest import nothing, resting, trouble
 from blockmech.dynamics.surfaces import DEAD_CENTRE
 from blockmech.dynamics.until import Asked
 
 FINEST = 1e-9  # target if none is given [rad or m]
-COMPARED = 100  # times
+COMPARED = (np.arange(1, 100) * (math.sqrt(5) - 1) / 2) % 1.0  # shares of the time: no step's ends
 RK4_STEPS = 200  # to begin with, where neither step nor target is given
-RK4_GAIN = 7.0  # of the fifteen that order 4 promises for half the step
-RK4_LEAST = 0.2  # gain believed where steps are too long for any order
+ORDER_4 = (10.0, 25.0, 3.0, 1.5)  # fall of differences: as it should be; some; hardly any
+RK4_GAIN = 4.0  # of the fifteen that order 4 promises for half the step
+RK4_LEAST = 0.2  # gain believed where the order hardly shows
+NOISE = 1e-9  # differences relative to the coordinate that may be rounding
 EULER_GAIN = 0.25  # of the one that order 1 promises: from rest the order is less at first
+EULER_LEAST = 0.2  # gain below which steps are too long for any order
 FEW = 8  # steps
+BEYOND = 1 / 64  # of the way: how far beyond it a place without inertia is looked for
 HALVINGS = 14
 TABLE = 0.1  # share of an error from which on the table is to blame
 NEARLY = 1.5  # what the time left to an end is at most, relative to what the end state tells
@@ -41,9 +52,9 @@ Stepped: TypeAlias = rk4.Fixed | euler_q.Grid
 def in_time(meter: Metered, asked: Asked, method: Method) -> Motion:
     """One driver, integrated in time."""
     start, system = asked.start, meter.system
-    reason = trouble(meter.one(start.q, start.rate, start.t))
-    if reason:
-        return nothing(meter, asked, method, reason)
+    here = meter.one(start.q, start.rate, start.t)
+    if trouble(here):
+        return nothing(meter, asked, method, trouble(here))
     span = asked.until.value if asked.until.goal == "time" else 0.0
     equation = one_driver(meter, start.q, start.rate, start.t, asked.accuracy or FINEST, span)
     y0 = np.array([start.q, start.rate, 0.0])
@@ -53,19 +64,30 @@ def in_time(meter: Metered, asked: Asked, method: Method) -> Motion:
     if start.rate == 0 and "time" not in system.depends_on and equation.rhs(start.t, y0)[1] == 0:
         return resting(meter, asked, method)
     motion = _assembled(replace(task, equation=reporting(equation, asked, method)), asked, method)
-    way = max(1.0, span * typical_speed(meter.one(start.q, start.rate, start.t), start.rate))
-    if not motion.reached and equation.table_error * way > TABLE * motion.error:
-        # the table itself is what is not good enough
+    if not motion.reached and _table_is_to_blame(here, asked, equation, motion):
         equation = from_kernels(meter, start.q, start.rate, start.t)
         again = replace(task, equation=reporting(equation, asked, method))
         motion = _assembled(again, asked, method)
-    if motion.end in ("dead centre", "no inertia"):  # named, but the run ends before it
+    return _up_to_its_end(meter, motion)
+
+
+def _up_to_its_end(meter: Metered, motion: Motion) -> Motion:
+    """The motion with what is left to an end that is named, but not reached."""
+    if motion.end in ("dead centre", "no inertia"):
         near = _dead_centre_time if motion.end == "dead centre" else _no_inertia_time
         at = near(meter, motion)
         facts = {**motion.facts, f"{motion.end.replace(' ', '_')}_time": at}
         left = NEARLY * abs(at - motion.t_end)
         motion = replace(motion, facts=facts, time_error=motion.time_error + left)
     return replace(motion, cost=meter.cost)
+
+
+def _table_is_to_blame(here: One, asked: Asked, equation: Equation, motion: Motion) -> bool:
+    """Whether the target is missed because of the table."""
+    start, until = asked.start, asked.until
+    span = until.value if until.goal == "time" else 0.0
+    way = max(1.0, span * typical_speed(here, start.rate))
+    return equation.table_error * way > TABLE * motion.error
 
 
 def several_in_time(
@@ -116,6 +138,7 @@ def _assembled(task: Task, asked: Asked, method: Method) -> Motion:
         facts={
             "energy_balance": run.balance,
             "tolerance": best.tolerance,
+            "rounding": best.rounding,
             "right_hand_sides": float(run.evaluations),
         },
     )
@@ -125,9 +148,12 @@ def _dead_centre_time(meter: Metered, motion: Motion) -> float:
     """When the margin would be zero: it goes with the square of the time left [s]."""
     q, qd = float(motion.q_end), float(motion.qd_end)
     h = 1e-3 * DEAD_CENTRE
-    slope = (meter.one(q).margin - meter.one(q - math.copysign(h, qd)).margin) / h
+    margin = meter.one(q).margin
+    slope = (margin - meter.one(q - math.copysign(h, qd)).margin) / h
     rate = abs(slope * qd)
-    return motion.t_end + 2 * DEAD_CENTRE / rate if rate > 0 else math.nan
+    if not math.isfinite(margin) or abs(margin) <= abs(slope) * h:  # it is there
+        return motion.t_end
+    return motion.t_end + 2 * margin / rate if rate > 0 else math.nan
 
 
 def _no_inertia_time(meter: Metered, motion: Motion) -> float:
@@ -148,8 +174,8 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
     scale = until.value if until.goal == "time" else TURN / equation.speed
     h = step or scale / RK4_STEPS
     runs = []
-    for size in (4 * h, 2 * h):
-        runs.append(rk4.stepped(equation, start, until, size))
+    for parts, size in ((1, 4 * h), (2, 2 * h)):
+        runs.append(rk4.stepped(equation, start, until, size, parts, meter.system.stops))
         if runs[-1].end == INTERRUPTED:
             return _fixed(runs[-1], meter, asked, "rk4", UNKNOWN, size, ())
     coarse = runs[-1]
@@ -158,29 +184,45 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
         return _fixed(_cut(coarse, empty), meter, asked, "rk4", UNKNOWN, 2 * h, ())
     before = _apart(*runs)
     for _ in range(HALVINGS):
-        fine = rk4.stepped(equation, start, until, h)
+        parts *= 2
+        fine = rk4.stepped(equation, start, until, h, parts, meter.system.stops)
         apart = _apart(coarse, fine)
-        smooth = fine.status != "failed"  # else no order shows in the last steps
-        error, time_error = (
-            _of_order_4(a if smooth else 0.0, b) for a, b in zip(before, apart, strict=True)
-        )
-        if step or accuracy is None or error <= accuracy or fine.end == INTERRUPTED:
+        noise = NOISE * max(1.0, float(np.abs(fine.q).max()))
+        if fine.status == "reached" or fine.end == rk4.END_STOP:
+            error, time_error = (
+                _of_order_4(a, b, noise) for a, b in zip(before, apart, strict=True)
+            )
+        else:  # no order shows in the last steps
+            error, time_error = (x / RK4_LEAST for x in apart)
+        few = fine.q.size <= FEW and fine.end != INTERRUPTED
+        if few:  # steps as long as the whole motion tell nothing
+            error = time_error = math.inf
+        enough = accuracy is None and not few
+        if step or enough or error <= (accuracy or 0.0) or fine.end == INTERRUPTED:
             break
         coarse, before, h = fine, apart, h / 2
     error += EPS / 2 * fine.q.size * float(np.abs(fine.q).max())  # each step's sum is rounded
-    return _fixed(fine, meter, asked, "rk4", (error, time_error), h, ())
+    y = float(fine.t[-1]), float(fine.q[-1]), float(fine.qd[-1])
+    events = (Event(fine.end, *y),) if fine.status == "ended" else ()
+    motion = _fixed(fine, meter, asked, "rk4", (error, time_error), h, events)
+    return _up_to_its_end(meter, motion)
 
 
-def _of_order_4(before: float, apart: float) -> float:
+def _of_order_4(before: float, apart: float, noise: float) -> float:
     """Error of the finest of three runs, each with half the step, from their differences.
 
-    They fall to a sixteenth where the steps are short enough for the order to show; where
-    they do not, as much less is believed.
+    They fall to a sixteenth where the steps are short enough for the order to show. Where
+    they fall otherwise less is believed, and nothing where they do not fall at all, if they
+    are more than ``noise``.
     """
     if not (math.isfinite(apart) and apart > 0):
         return apart
-    gain = before / apart / 2 - 1 if math.isfinite(before) else 0.0
-    return apart / min(max(gain, RK4_LEAST), RK4_GAIN)
+    fall = before / apart if math.isfinite(before) else 0.0
+    if ORDER_4[0] <= fall <= ORDER_4[1]:
+        return apart / RK4_GAIN
+    if fall >= ORDER_4[2]:
+        return apart
+    return apart / RK4_LEAST if fall >= ORDER_4[3] or apart <= noise else math.inf
 
 
 def by_euler_q(meter: Metered, asked: Asked, step: float | None) -> Motion:
@@ -190,25 +232,50 @@ def by_euler_q(meter: Metered, asked: Asked, step: float | None) -> Motion:
     if reason:
         return nothing(meter, asked, "euler_q", reason)
     h = step or EULER_STEP
-    coarse = euler_q.stepped(meter, start, until, 2 * h)
-    if coarse.end == INTERRUPTED:
-        return _fixed(coarse, meter, asked, "euler_q", UNKNOWN, 2 * h, ())
-    empty = _no_inertia(meter, coarse)
+    runs = []
+    for size in (4 * h, 2 * h):
+        runs.append(euler_q.stepped(meter, start, until, size))
+        if runs[-1].end == INTERRUPTED:
+            return _fixed(runs[-1], meter, asked, "euler_q", UNKNOWN, size, ())
+    empty = _no_inertia(meter, runs[-1])
     if empty is not None:
-        return _fixed(_cut(coarse, empty), meter, asked, "euler_q", UNKNOWN, 2 * h, ())
+        return _fixed(_cut(runs[-1], empty), meter, asked, "euler_q", UNKNOWN, 2 * h, ())
     fine = euler_q.stepped(meter, start, until, h)
-    error, time_error = (x / EULER_GAIN for x in _apart(coarse, fine))
-    if fine.q.size <= FEW:  # the first steps of both runs are alike, so nothing is known
-        error = max(error, float(np.abs(fine.q - start.q).max()))
+    before, apart = _apart(*runs), _apart(runs[-1], fine)
+    error, time_error = (_of_order_1(a, b) for a, b in zip(before, apart, strict=True))
+    if fine.q.size <= FEW:  # the first steps of all runs are alike, so nothing is known
+        error = math.inf
+    if fine.end == IMPOSSIBLE and fine.qd[-1]:  # it ends up to two steps before that
+        time_error += 2 * h / abs(float(fine.qd[-1]))
     events = tuple(Event("standstill", float(fine.t[i]), float(fine.q[i]), 0.0) for i in fine.stops)
-    return _fixed(fine, meter, asked, "euler_q", (error, time_error), h, events)
+    motion = _fixed(fine, meter, asked, "euler_q", (error, time_error), h, events)
+    return _up_to_its_end(meter, motion)
+
+
+def _of_order_1(before: float, apart: float) -> float:
+    """Error of the finest of three runs, each with half the step, from their differences.
+
+    Half the step halves them where the steps are short enough for the order to show. Where
+    they hardly fall, as near a separatrix, there is no telling where they would end.
+    """
+    if not (math.isfinite(apart) and apart > 0 and math.isfinite(before)):
+        return apart
+    gain = before / apart - 1
+    return apart / min(gain, 1.0) / EULER_GAIN if gain > EULER_LEAST else math.inf
 
 
 def _no_inertia(meter: Metered, run: Stepped) -> float | None:
     """A place without inertia that fixed steps would step over."""
     around = run.q[0] + np.array([-1.0, 1.0]) * (meter.system.period or math.inf)
-    good = run.q[np.isfinite(run.q)].clip(*around)
-    return no_inertia_between(meter, float(good.min()), float(good.max()))
+    good = run.q[np.isfinite(run.q)]
+    step, ends = float(np.abs(np.diff(good)).max(initial=0.0)), (float(good.min()), good.max())
+    beyond = max(step, BEYOND * float(np.ptp(good)))  # seen from both sides
+    low, high = np.array([ends[0] - beyond, ends[1] + beyond]).clip(*around)
+    found = no_inertia_between(meter, float(low), float(high))
+    if found is None or ends[0] <= found <= ends[1]:
+        return found
+    # it may stop a step before it
+    return found if abs(found - float(good[-1])) <= 2 * step else None
 
 
 def _cut(run: Stepped, q: float) -> Stepped:
@@ -224,7 +291,7 @@ def _apart(coarse: Stepped, fine: Stepped) -> tuple[float, float]:
     end = min(coarse.t[-1], fine.t[-1])
     if coarse.end != fine.end and fine.end != INTERRUPTED:
         return UNKNOWN
-    t = np.linspace(fine.t[0], end, COMPARED + 1)
+    t = fine.t[0] + (end - fine.t[0]) * COMPARED
     difference = float(np.abs(coarse.state(t).q - fine.state(t).q).max())
     if fine.end == INTERRUPTED:
         return difference, 0.0

@@ -142,7 +142,7 @@ def _edges_between(edges: Floats, low: End, high: End, inside: Known | None) -> 
 def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -> Stretch:
     """The quadrature on a mesh, its errors, and where the standstills should be instead."""
     anchors = _anchors(mesh, low, high, inside)
-    quad = quadrature(mesh, anchors)
+    quad = quadrature(mesh, anchors, view.origin)
     T = quad.total
     if not math.isfinite(T):
         possible = bool(mesh.possible.all())
@@ -162,6 +162,9 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
     rounding = quad.rounded_time + 2 * EPS * T
     ends, end_error = [low, high], 0.0
     for side, end in enumerate(ends):
+        if end.reflects and not end.free:
+            # its place is exact; the samples beside it are taken at rounded coordinates
+            rounding += EPS / 2 * (abs(view.origin) + abs(end.x)) * _at_end(quad, side)[1]
         if not end.free or len(anchors) < 2:
             continue
         near, far = (anchors[0], anchors[1]) if side == 0 else (anchors[-1], anchors[-2])
@@ -231,7 +234,9 @@ def _unresolved(
     for i in np.flatnonzero(bad).tolist():
         a, b = float(edges[i]), float(edges[i + 1])
         here = float(tail[i])
-        if here < 8 * EPS or (here < 1e-9 and here > 0.3 * tails.get((a, b), np.inf)):
+        noisy = here < 1e-9 or (quad.mesh.limits[0] and i == 0)
+        noisy |= quad.mesh.limits[1] and i == L.size - 1
+        if here < 8 * EPS or (noisy and here > 0.3 * tails.get((a, b), np.inf)):
             bad[i] = False
         tails[(a, (a + b) / 2)] = tails[((a + b) / 2, b)] = here
     return np.asarray(bad)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from blockmech.errors import Problem, RequestError, close_match, listed
@@ -48,7 +48,10 @@ class Until:
 
     ``standstill``; ``swings`` (that many standstills after the start); ``turns`` of the
     driver; ``time`` [s] after the start; ``angle``: the driver coordinate reaches it
-    [rad or m]; ``steady``: the periodic motion; ``event``: the first terminal event.
+    [rad or m]; ``steady``: what the motion settles to, a periodic motion or rest;
+    ``event``: the first terminal event.
+
+    forcing : [s] period of loads of the time whose law does not tell it, of ``steady`` only
 
     >>> Until.parse("swings=3")
     Until(goal='swings', value=3.0)
@@ -56,17 +59,23 @@ class Until:
 
     goal: Goal
     value: float = 1.0
+    forcing: float = field(default=0.0, repr=False)
 
     @classmethod
     def parse(cls, text: str) -> Until:
-        """Read ``standstill``, ``steady``, ``event`` or ``<goal>=<number>``."""
+        """Read ``standstill``, ``steady``, ``event`` or ``<goal>=<number>``.
+
+        ``steady=<s>`` names the period of the loads.
+        """
         name, _, number = text.partition("=")
-        valued = name in ("swings", "turns", "time", "angle")
         try:
             value = float(number) if number else 1.0
         except ValueError:
             value = math.nan
-        if name not in get_args(Goal) or valued is not bool(number) or not math.isfinite(value):
+        forced = name == "steady" and bool(number)
+        valued = name in ("swings", "turns", "time", "angle") or forced
+        wrong = not math.isfinite(value) or (forced and value <= 0)
+        if name not in get_args(Goal) or valued is not bool(number) or wrong:
             raise RequestError(
                 Problem(
                     "until",
@@ -76,6 +85,8 @@ class Until:
                     close_match(name, get_args(Goal)),
                 )
             )
+        if forced:
+            return cls("steady", forcing=value)
         return cls(name, value)  # type: ignore[arg-type]
 
 
@@ -105,5 +116,6 @@ _SPELLINGS = (
     "time=<s>",
     "angle=<rad or m>",
     "steady",
+    "steady=<s>, the period of the loads",
     "event",
 )

@@ -6,15 +6,17 @@ of them at once. Two crossings between neighbouring samples are not seen.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.motion import Event, Motion
+from blockmech.dynamics.quadrature import EPS
 from blockmech.dynamics.until import Watch
 
-BLIND = ("spectral", "rk4", "euler_q")  # methods that run on beyond an end stop
+BLIND = ("spectral", "euler_q")  # methods that run on beyond an end stop
 SAMPLES_A_PASSAGE = 64
 LEAST, MOST = 257, 200_001
 HALVINGS = 60
@@ -57,12 +59,11 @@ def stopped_motion(motion: Motion, stops: tuple[float, float]) -> Motion:
     i = int(out[0])
     stop = stops[0] if q[i] < stops[0] else stops[1]
     side = 1.0 if stop == stops[1] else -1.0
-    low, high = float(t[max(i - 1, 0)]), float(t[i])
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        beyond = side * (float(motion.track.state(np.array([middle])).q[0]) - stop) > 0
-        low, high = (low, middle) if beyond else (middle, high)
+    low = _first_beyond(motion, t, q, stop, side, 0.0)
     met = Event("end stop", low, stop, float(motion.track.state(np.array([low])).qd[0]))
+    spread = abs(stop) * EPS + motion.error
+    early = _first_beyond(motion, t, q, stop, side, -spread)
+    late = _first_beyond(motion, t, q, stop, side, spread)
     return replace(
         motion,
         events=(*(e for e in motion.events if e.t <= low), met),
@@ -71,7 +72,24 @@ def stopped_motion(motion: Motion, stops: tuple[float, float]) -> Motion:
         qd_end=met.qd,
         status="ended",
         end=met.kind,
+        time_error=max(low - early, late - low) + EPS * low,
     )
+
+
+def _first_beyond(
+    motion: Motion, t: Floats, q: Floats, stop: float, side: float, more: float
+) -> float:
+    """First time [s] at which the motion is by ``more`` beyond a stop, inf if it never is."""
+    found = np.flatnonzero(side * (q - stop) > more)
+    if not found.size:
+        return math.inf
+    i = int(found[0])
+    low, high = float(t[max(i - 1, 0)]), float(t[i])
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        beyond = side * (float(motion.track.state(np.array([middle])).q[0]) - stop) > more
+        low, high = (low, middle) if beyond else (middle, high)
+    return low
 
 
 def _crossings(motion: Motion, watch: Watch) -> list[Event]:

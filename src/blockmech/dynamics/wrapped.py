@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.dynamics.dips import Dead, Dips, cut_at
 from blockmech.dynamics.legs import (
     FINEST,
     TOO_MANY,
@@ -30,16 +31,36 @@ NAMES = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
 
 
 class _Held:
-    """Why the run has to stop, once it has."""
+    """What the steps of a run have met: why it has to stop, or a dead centre."""
 
     halted = ""
+    dead: Dead | None = None
+
+    def __init__(self, ask: Ask) -> None:
+        equation = ask.equation
+        self.dips = None if equation.margin is None else Dips(equation, ask.t, ask.y)
+        self.pieces: list[Any] = []  # dense output of the last two steps
+
+    def after(self, solver: Any) -> None:
+        """Look at a step just made; end the run where it met a dead centre."""
+        if self.dips is None:
+            return
+        self.pieces = [*self.pieces[-1:], solver.dense_output()]
+        self.dead = self.dips.within(float(solver.t), solver.y, self.state)
+        if self.dead is not None:
+            solver.status = "finished"
+
+    def state(self, t: float) -> Any:
+        """The state at a time within the last two steps."""
+        late = len(self.pieces) < 2 or t >= self.pieces[-1].t_min
+        return self.pieces[-1 if late else 0](t)
 
 
 def integrate(ask: Ask, method: str) -> Leg:
     """One leg by `scipy.integrate.solve_ivp`. Raises what interrupts its first step."""
     from scipy.integrate import solve_ivp
 
-    held = _Held()
+    held = _Held(ask)
     rtol, atol = scales(ask.equation, ask.y, ask.tolerance)
     more: dict[str, Any] = {"rtol": rtol}
     if method == "radau":  # it takes one relative tolerance only
@@ -67,14 +88,20 @@ def integrate(ask: Ask, method: str) -> Leg:
         for t, y in zip(times, states, strict=True)
         if t - ask.t > tiny
     ]
+    hits.sort(key=lambda hit: (hit.t, hit.surface.terminal))
+    t1, y1, dead = float(solution.t[-1]), solution.y[:, -1].copy(), held.dead
+    if dead is not None and dead.t < t1:
+        hits, last = cut_at(dead, ask, hits, [])
+        hits, t1, y1 = hits + last, dead.t, np.array(dead.y)
     return Leg(
         t0=ask.t,
-        t1=float(solution.t[-1]),
-        y1=solution.y[:, -1].copy(),
+        t1=t1,
+        y1=y1,
         dense=solution.sol,
-        hits=tuple(sorted(hits, key=lambda hit: (hit.t, hit.surface.terminal))),
+        hits=tuple(hits),
         failed=solution.status == -1 and not held.halted,
         turned=float(np.abs(solution.y[-1]).max()),
+        marks=solution.t[:-1],
         halted=held.halted,
     )
 
@@ -115,11 +142,16 @@ def _patient(name: str) -> Any:
         def step(self) -> Any:
             if not self.held.halted:
                 try:
-                    return super().step()
+                    message = super().step()
+                    if np.isfinite(self.y).all():  # LSODA takes a step to no pose for one
+                        self.held.after(self)
+                        return message
                 except KeyboardInterrupt:
                     self.held.halted = INTERRUPTED
                 except TooMany:
                     self.held.halted = TOO_MANY
+                except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+                    pass  # of numbers that are none: there is no pose ahead
             self.status = "failed"
             return self.held.halted
 

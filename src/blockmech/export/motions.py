@@ -14,7 +14,16 @@ if TYPE_CHECKING:
 
 LINES = 8  # events shown
 DIGITS = 12
-UNITS = {"swing_time": " s", "period": " s", "gain_per_turn": " J", "frequency": " rad/s"}
+UNITS = {
+    "swing_time": " s",
+    "period": " s",
+    "gain_per_turn": " J",
+    "frequency": " rad/s",
+    "decay_rate": " 1/s",
+    "rate": " 1/s",
+    "multiplier_angle": " rad",
+    "multiplier_2_angle": " rad",
+}
 
 
 def motion_lines(result: Result, degrees: bool = False) -> list[str]:

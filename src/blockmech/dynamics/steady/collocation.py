@@ -1,4 +1,4 @@
-r"""The periodic steady state of a machine with speed-dependent loads.
+r"""Steady rotations of a machine with speed-dependent loads, by collocation.
 
 Fourier collocation on one turn: with D the differentiation matrix of n equidistant
 nodes,
@@ -10,8 +10,7 @@ An error of the energy is multiplied every turn by
 
     exp( integral over the turn of (dT/dw) / (J w) dx ),
 
-the multiplier: below 1 the motion is stable. Where the collocation fails, the return
-map K -> K one turn later is solved by secants, each map one march.
+the multiplier: below 1 the motion is stable.
 """
 
 from __future__ import annotations
@@ -24,18 +23,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.dense import place, when
-from blockmech.dynamics.march import as_quadrature, effort, effort_slope, march
+from blockmech.dynamics.march import effort, effort_slope
 from blockmech.dynamics.mesh import View
 from blockmech.dynamics.passage import End, Place
-from blockmech.dynamics.patches import Patch, Path
+from blockmech.dynamics.patches import Patch
 from blockmech.dynamics.quadrature import EPS
 from blockmech.dynamics.reduced import feasible
 
 SIZES = (33, 65, 129, 257, 513)
 NEWTON_STEPS = 20
+STEP = 1e-3  # relative step of the speed for the slopes that make the multiplier
 SPEEDS = np.geomspace(1e-3, 1e4, 141)  # [rad/s or m/s] searched for the start
-MAPS = 30  # turns of the return map
 
 
 @dataclass(frozen=True)
@@ -91,16 +89,15 @@ class Turn:
         return np.asarray(c[0].real + 2 * (np.exp(1j * np.outer(x, k * angle)) @ c[1:]).real)
 
 
-class Steady(NamedTuple):
-    """A periodic motion found."""
+class Rotation(NamedTuple):
+    """A periodic rotation found."""
 
     turn: Turn
     multiplier: float
-    how: str  # "collocation" or "return map"
     start: float  # constant speed it was started from [rad/s or m/s]
 
 
-def steady(view: View, accuracy: float) -> list[Steady]:
+def rotations(view: View, accuracy: float) -> list[Rotation]:
     """All periodic motions along growing x that the starts lead to, fastest last."""
     period = view.meter.system.period
     if period is None:
@@ -108,9 +105,9 @@ def steady(view: View, accuracy: float) -> list[Steady]:
     patch = _nodes(view, period, SIZES[0])
     if not patch.possible:
         return []
-    found: list[Steady] = []
+    found: list[Rotation] = []
     for speed in _balanced(view, patch):
-        motion = _collocated(view, period, speed, patch, accuracy) or _returned(view, period, speed)
+        motion = _collocated(view, period, speed, patch, accuracy)
         if motion and all(abs(motion.turn.total / f.turn.total - 1) > 1e-6 for f in found):
             found.append(motion)
     return found
@@ -157,7 +154,7 @@ def _balanced(view: View, patch: Patch) -> list[float]:
 
 def _collocated(
     view: View, period: float, speed: float, patch: Patch, accuracy: float
-) -> Steady | None:
+) -> Rotation | None:
     """Newton on n nodes, n growing until the series of 1/w has ended."""
     K = patch.J * speed**2 / 2
     for n in SIZES:
@@ -171,7 +168,7 @@ def _collocated(
             if n == SIZES[0]:
                 continue
             return None
-        K, gain = solved
+        K = solved
         slowness = np.sqrt(patch.J / (2 * K))
         size = np.abs(np.fft.rfft(slowness)) / n
         tail = float(size[-max(2, size.size // 8) :].max())
@@ -179,11 +176,11 @@ def _collocated(
             End(0.0), End(period), period, slowness, period * (2 * tail + 4 * EPS * size[0])
         )
         if turn.error * turn.fastest <= accuracy or tail <= 1e-15 * size[0]:
-            return Steady(turn, math.exp(period * float(gain.mean())), "collocation", speed)
+            return Rotation(turn, _multiplier(view, period, patch, K), speed)
     return None
 
 
-def _newton(view: View, period: float, patch: Patch, K: Floats) -> tuple[Floats, Floats] | None:
+def _newton(view: View, period: float, patch: Patch, K: Floats) -> Floats | None:
     D = _derivative(patch.x.size) * (2 * math.pi / period)
     for _ in range(NEWTON_STEPS):
         w = np.sqrt(2 * K / patch.J)
@@ -196,8 +193,19 @@ def _newton(view: View, period: float, patch: Patch, K: Floats) -> tuple[Floats,
         size = float(np.abs(new - K).max() / new.max())
         K = new
         if size < 1e-9:  # the next step, which is not made, would be its square
-            return K, gain
+            return K
     return None
+
+
+def _multiplier(view: View, period: float, patch: Patch, K: Floats) -> float:
+    """What a turn leaves of a disturbance; slopes of the effort by fourth order."""
+    w = np.sqrt(2 * K / patch.J)
+    near, far = (
+        effort(view, patch, 0.0, w * (1 + h)) - effort(view, patch, 0.0, w * (1 - h))
+        for h in (STEP, 2 * STEP)
+    )
+    slope = (8 * near - far) / (12 * STEP * w)
+    return math.exp(period * float((slope / (patch.J * w)).mean()))
 
 
 @cache
@@ -214,37 +222,3 @@ def _derivative(n: int) -> Floats:
 def _resampled(f: Floats, n: int) -> Floats:
     """Samples of the trigonometric interpolant on more nodes."""
     return np.asarray(np.fft.irfft(np.fft.rfft(f), n) * (n / f.size))
-
-
-def _returned(view: View, period: float, speed: float) -> Steady | None:
-    """Fixed point of the return map by secants, each map a march of one turn."""
-    path = Path(view, 32, 4)
-
-    def after(K: float) -> float:
-        run = march(path, K, 0.0, 1e-13, lambda x, _: x >= period * (1 - 1e-9))
-        return run.panels[-1].K_end if run.reason == "done" else math.nan
-
-    J0 = view.meter.one(view.origin).J
-    K = J0 * speed**2 / 2
-    new = after(K)
-    for _ in range(MAPS):
-        if not math.isfinite(new):
-            return None
-        other = after(new)
-        slope = (other - new) / (new - K) if new != K else 0.0
-        K, new = new, other
-        if slope < 1 and math.isfinite(slope):
-            K = K + (new - K) / (1 - slope)
-            new = after(K)
-        if abs(new - K) <= 1e-13 * K:
-            break
-    else:
-        return None
-    n = SIZES[-2]
-    run = march(path, K, 0.0, 1e-13, lambda x, _: x >= period * (1 - 1e-9))
-    x = np.arange(n, dtype=np.float64) * np.float64(period / n)
-    quad = as_quadrature(run.panels)
-    rate = place(quad, when(quad, x)).rate
-    multiplier = math.prod(p.fading for p in run.panels)
-    turn = Turn(End(0.0), End(period), period, 1 / rate, 1e-10 * quad.total)
-    return Steady(turn, multiplier, "return map", speed)

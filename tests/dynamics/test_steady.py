@@ -1,0 +1,350 @@
+"""Steady states under loads of the time, those that do not exist, and what holds for all."""
+
+from __future__ import annotations
+
+import cmath
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from blockmech.dynamics.methods import move
+from blockmech.dynamics.until import Start
+from blockmech.errors import RequestError
+from blockmech.model.document import loads
+from tests.dynamics.linkages import fourbar, guided
+from tests.dynamics.scenes import (
+    LOWEST,
+    WEIGHT,
+    J,
+    K,
+    M,
+    at_rest,
+    motor,
+    of_rate,
+    refused,
+    rod,
+    slide,
+    wave,
+)
+from tests.dynamics.test_integrators import double_pendulum
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+TURN = 2 * math.pi
+LONG = 1e-9  # agreement with a long integration, which is no better itself
+MULTIPLIER = 1e-9  # of multipliers known in closed form
+OBSERVED = 1e-6  # of one that is observed: the square of the disturbance shows
+JUDGE = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+
+
+# -- loads of the time ------------------------------------------------------------------------
+
+F, T = 10.0, 0.7  # of the force on the slide: [N], [s]
+
+
+@pytest.mark.parametrize("c", [0.05, 3.0, 30.0, 300.0])
+def test_forced_oscillator_has_the_amplitude_phase_and_multipliers_of_the_textbook(c):
+    times = np.linspace(0.0, T, 9)
+    r = slide(M, K, c, wave(T, F)).simulate("steady", start=at_rest(0.0, "slider"), times=times)
+    motion, w = r.motion, TURN / T
+    response = F / (K - M * w**2 + 1j * c * w)
+    wanted = (response * np.exp(1j * w * times)).real
+    assert np.abs(r["slider.q"] - wanted).max() <= min(motion.error, LONG * abs(response))
+    roots = [(-c + sign * cmath.sqrt(c * c - 4 * M * K)) / (2 * M) for sign in (1, -1)]
+    multipliers = [cmath.exp(root * T) for root in roots]
+    facts = motion.facts
+    assert (motion.method, facts["period"]) == ("stroboscopic map", T)
+    assert facts["multiplier"] == pytest.approx(abs(multipliers[0]), abs=MULTIPLIER)
+    assert facts["multiplier_2"] == pytest.approx(abs(multipliers[1]), abs=MULTIPLIER)
+    if multipliers[0].imag:
+        found = facts["multiplier_angle"]
+        assert math.cos(found) == pytest.approx(math.cos(cmath.phase(multipliers[0])), abs=1e-9)
+
+
+def test_without_damping_the_forced_oscillator_is_neutral_and_at_resonance_there_is_none():
+    start = at_rest(0.0, "slider")
+    motion = slide(M, K, 0.0, wave(T, F)).simulate("steady", start=start).motion
+    assert motion.q_end == pytest.approx(F / (K - M * (TURN / T) ** 2), abs=motion.error)
+    assert motion.facts["multiplier"] == pytest.approx(1.0, abs=MULTIPLIER)
+    assert motion.regime == "neutral periodic motion"
+    natural = TURN / math.sqrt(K / M)
+    assert "no periodic motion was found" in refused(
+        slide(M, K, 0.0, wave(natural, F)), start=start
+    )
+
+
+def test_loads_of_several_periods_repeat_after_their_common_multiple():
+    r = slide(M, K, 3.0, wave(0.6, F)).simulate("steady", start=at_rest(0.0, "slider"))
+    assert r.motion.facts["period"] == 0.6
+    both = rod(wave(0.6, 2.0), wave(0.9, 2.0), of_rate(-1.0))
+    motion = both.simulate("steady", start=at_rest(1.0)).motion
+    assert motion.facts["period"] == pytest.approx(1.8, rel=1e-15)
+    assert motion.regime == "steady state"
+
+
+def judged(moment, state, span, knots=()):
+    """State of the rod after a while, by SciPy from the formula of its moments."""
+
+    def slope(t, y):
+        return [y[1], (moment(y[0], y[1], t) - WEIGHT * math.cos(y[0])) / J]
+
+    t = 0.0
+    for station in [k for k in sorted(knots) if 0 < k < span] + [span]:
+        state = solve_ivp(slope, (t, station), state, **JUDGE).y[:, -1]
+        t = station
+    return state
+
+
+def test_a_forced_pendulum_settles_to_it_at_the_rate_of_its_multipliers():
+    period, c = 1.3, 1.5
+
+    def moment(q, rate, t):
+        return 2.0 * math.cos(TURN * t / period) - c * rate
+
+    scene = rod(wave(period, 2.0), of_rate(-c))
+    motion = scene.simulate("steady", start=at_rest(1.0), accuracy=1e-10).motion
+    x = np.array([motion.at(0.0).q, motion.at(0.0).qd]).ravel()
+    assert motion.reached
+    long = np.array([1.0, 0.0])
+    for _ in range(30):
+        long = judged(moment, long, period)
+    assert np.abs(long - x).max() <= LONG
+    h = 1e-4
+    columns = [
+        (judged(moment, x + h * e, period) - judged(moment, x - h * e, period)) / (2 * h)
+        for e in np.eye(2)
+    ]
+    observed = sorted(np.abs(np.linalg.eigvals(np.column_stack(columns))), reverse=True)
+    found = [motion.facts["multiplier"], motion.facts["multiplier_2"]]
+    assert np.abs(np.abs(found) - observed).max() <= OBSERVED
+
+
+@cache
+def pump(**law):
+    data = json.loads((GRAPHS / "pump.json").read_text("utf-8"))
+    if law:
+        data["blocks"]["motor"]["law"] = law
+    return loads(json.dumps(data)).compile()
+
+
+def test_a_crank_under_a_table_of_the_time_equals_the_long_run_through_its_kinks():
+    rows = {"arguments": (0.0, 0.05, 0.12), "values": (1.0, 9.0, -5.0), "interpolation": "linear"}
+    scene = pump(kind="table", of="time", period=0.2, **rows)
+    motion = scene.simulate("steady").motion
+    long = scene.simulate("time=16", accuracy=1e-10).motion  # 0.69 a period: 1e-13 is left
+    at = np.array([0.0, 0.03, 0.11])
+    steady, later = motion.at(at), long.at(15.8 + at)
+    turns = np.round((later.q - steady.q) / TURN)
+    assert np.ptp(turns) == 0
+    assert np.abs(later.q - turns * TURN - steady.q).max() <= LONG + long.error
+    assert motion.regime == "steady state"
+
+
+NATURAL = math.sqrt(WEIGHT / J)  # [rad/s]
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "periods", "turns"), [(1.07, 2, 0), (1.35, 1, 1), (1.45, 2, 2)]
+)
+def test_the_driven_pendulum_doubles_its_period_as_in_the_literature(amplitude, periods, turns):
+    # Baker & Gollub, Chaotic Dynamics, 1996, section 3.3: damping 1/2, frequency 2/3
+    loads_ = wave(TURN / (NATURAL * 2 / 3), amplitude * WEIGHT), of_rate(-J * NATURAL / 2)
+    motion = rod(*loads_).simulate("steady", start=at_rest(LOWEST + 0.2)).motion
+    assert motion.facts["periods_of_the_loads"] == periods
+    assert motion.regime == "steady state"
+    advanced = (motion.q_end - motion.at(0.0).q) / TURN
+    assert abs(advanced) == pytest.approx(turns, abs=LONG)
+
+
+def test_other_steady_states_are_named_in_the_notes():
+    motion = (
+        pump(
+            kind="table",
+            of="time",
+            period=0.2,
+            arguments=(0.0, 0.05, 0.12),
+            values=(1.0, 9.0, -5.0),
+            interpolation="linear",
+        )
+        .simulate("steady")
+        .motion
+    )
+    assert any(note.startswith("another steady state") for note in motion.notes)
+
+
+def test_several_drivers_under_loads_of_the_time():
+    plain, period = double_pendulum(), 3.0
+
+    def terms(q, qd, t):
+        drag = np.array([qd[0] - 0.3 * qd[1], 0.6 * qd[1] - 0.3 * qd[0]])
+        push = np.array([0.6 * math.cos(TURN * t / period), 0.0])
+        found = plain.terms(q, qd, t)
+        return found._replace(Q=found.Q - drag + push)
+
+    every = frozenset({"q", "rate", "time"})
+    scene = replace(plain, terms=terms, depends_on=every, time_period=period)
+    motion = move(scene, ([1.0, -0.5], [0.3, 0.0]), "steady")
+    many = math.ceil(math.log(1e-11) / math.log(motion.facts["multiplier"]))
+    long = move(scene, ([1.0, -0.5], [0.3, 0.0]), f"time={many * period}", accuracy=1e-9)
+    assert np.abs(long.q_end - motion.q_end).max() <= LONG + long.error + motion.error
+    assert sum(name.startswith("multiplier") and "angle" not in name for name in motion.facts) == 4
+
+
+# -- what there is none of --------------------------------------------------------------------
+
+
+def test_loads_without_a_common_period_are_named():
+    said = refused(rod(wave(1.3, 2.0), wave(math.sqrt(2), 2.0)), start=at_rest(1.0))
+    assert "load0 and load1" in said
+    assert "no common multiple" in said
+
+
+def test_a_load_that_never_repeats_is_named():
+    law = {"kind": "polynomial", "of": "time", "coefficients": [0.0, 1.0]}
+    assert "load0 follows the time and does not repeat" in refused(rod(law), start=at_rest(1.0))
+
+
+def push(time):
+    return F * math.cos(TURN * time / T)
+
+
+def test_a_function_of_the_time_needs_its_period_and_then_is_as_good_as_data():
+    scene, start = slide(M, K, 3.0, push), at_rest(0.0, "slider")
+    assert 'give the period of the loads: "steady=<s>"' in refused(scene, start=start)
+    found = scene.simulate(f"steady={T}", start=start).motion
+    wanted = slide(M, K, 3.0, wave(T, F)).simulate("steady", start=start).motion
+    assert abs(found.q_end - wanted.q_end) <= found.error + wanted.error
+    with pytest.raises(RequestError, match="not the same again after"):
+        scene.simulate("steady=0.6", start=start)
+
+
+@pytest.mark.parametrize(
+    ("scene", "request_", "part"),
+    [
+        (lambda: rod(of_rate(0.3)), {"start": at_rest(-1.0)}, "speed that grows without bound"),
+        (lambda: slide(2.0, 0.0, 0.0, lambda rate: 5.0 - rate), {"start": at_rest(0.0, "slider")},
+         "a way without end"),
+        (lambda: pump(), {"stops": {"crank": (-1e9, 100.0)}}, "an end stop after 1.73"),
+        (lambda: rod(of_rate(-0.5)), {"start": at_rest(1.0), "stops": {"crank": (-1.0, 2.0)}},
+         "an end stop"),
+        (lambda: rod(of_rate(-0.5)), {"start": at_rest(1.0), "method": "spectral"}, "no periodic"),
+    ],
+)  # fmt: skip
+def test_where_none_can_be_one_message_says_why(scene, request_, part):
+    assert part in refused(scene(), **request_)
+
+
+def test_swings_that_grow_for_ever_are_no_steady_state():
+    spring = guided(M, lambda q: -K * q, depends_on=frozenset({"q", "rate"}))
+    feeding = replace(
+        spring,
+        one=lambda q, qd, t: (M, -K * q + qd, 0.0, 1.0),
+        rate_load=lambda q, qd, t: qd,
+        rate_load_one=lambda q, qd, t: qd,
+    )
+    with pytest.raises(RequestError, match="swings that grow without bound"):
+        move(feeding, Start(0.1), "steady")
+
+
+def test_a_rocking_linkage_with_a_damper_ends_in_its_dead_centre():
+    plain = fourbar()
+
+    def one(q, qd, t):
+        inertia, tau, slope, margin = plain.one(q, qd, t)
+        return inertia, tau - 0.1 * qd, slope, margin
+
+    damped = replace(
+        plain,
+        one=one,
+        depends_on=frozenset({"q", "rate"}),
+        rate_load=lambda q, qd, t: -0.1 * qd,
+        rate_load_one=lambda q, qd, t: -0.1 * qd,
+    )
+    with pytest.raises(RequestError, match="dead centre"):
+        move(damped, Start(1.0), "steady")
+
+
+# -- of all -----------------------------------------------------------------------------------
+
+
+def random_scene(rng):
+    """A scene that has a steady state, and a start: damped, some forced, some driven."""
+    drag = of_rate(-float(rng.uniform(0.3, 3.0)))
+    if rng.random() < 0.3:
+        law = of_rate(float(rng.uniform(0.3, 2.0)), 0.0, -float(rng.uniform(0.2, 2.0)))
+        scene = slide(float(rng.uniform(1, 3)), float(rng.uniform(20, 80)), 0.0, law)
+        return scene, "slider", (float(rng.uniform(-1, 1)), float(rng.uniform(-3, 3)))
+    if rng.random() < 0.3:
+        scene = rod(motor(float(rng.uniform(2, 9)), float(rng.uniform(6, 20))), drag)
+    else:
+        cosines = rng.normal(size=2).tolist()
+        mean = float(rng.normal())
+        scene = rod(wave(float(rng.uniform(0.4, 2.0)), *cosines, mean=mean), drag)
+    return scene, "crank", (float(rng.uniform(-3, 3)), float(rng.uniform(-8, 8)))
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_a_steady_state_returns_to_itself_within_its_estimate(seed):
+    rng = np.random.default_rng(seed)
+    scene, driver, start = random_scene(rng)
+    motion = scene.simulate("steady", start={driver: start}).motion
+    begin = motion.at(0.0)
+    state = {driver: (float(begin.q), float(begin.qd))}
+    if motion.regime == "rest":
+        later = scene.simulate("time=1", start=state, method="dop853", accuracy=1e-11).motion
+        slowest = abs(motion.facts["decay_rate"])
+        assert abs(later.q_end - motion.q_end) <= later.error + motion.error
+        assert slowest > 0
+        return
+    period = motion.facts["period"]
+    assert motion.regime == "steady state"
+    again = scene.simulate(f"time={period!r}", start=state, method="dop853", accuracy=1e-12).motion
+    assert abs(again.q_end - motion.q_end) <= 2 * motion.error + again.error
+    between = np.linspace(0, period, 23)
+    assert np.abs(again.at(between).q - motion.at(between).q).max() <= motion.error + again.error
+    assert motion.error <= 1e-8
+
+
+def test_a_steady_motion_repeats_for_ever():
+    scene = rod(wave(1.3, 2.0), of_rate(-1.5))
+    times = [0.2, 0.2 + 1.3, 0.2 + 100 * 1.3]
+    r = scene.simulate("steady", start=at_rest(1.0), times=times)
+    assert r.n == 3
+    assert np.ptp(r["crank.q"]) <= r.motion.error
+
+
+def test_a_target_that_is_missed_is_said_to_be_missed():
+    motion = rod(wave(1.3, 2.0), of_rate(-1.5)).simulate(
+        "steady", start=at_rest(1.0), accuracy=1e-16
+    )
+    assert not motion.motion.reached
+    assert any("accuracy not reached" in note for note in motion.motion.notes)
+
+
+def test_a_search_that_is_stopped_says_so_and_a_long_one_tells_how_far_it_is():
+    told = []
+
+    def stop(what, done, whole):
+        told.append(what)
+        if len(told) > 5:
+            raise KeyboardInterrupt
+
+    r = rod(wave(1.3, 2.0), of_rate(-1.5)).simulate("steady", start=at_rest(1.0), progress=stop)
+    assert r.motion.end == "interrupted"
+    assert r.motion.notes == ("interrupted before a steady state was found",)
+    assert "stroboscopic map" in told
+
+
+def test_user_events_happen_on_a_steady_motion():
+    from blockmech.dynamics.until import Watch
+
+    level = Watch("level", lambda t, q, qd: math.cos(q - LOWEST) - math.cos(0.1), terminal=False)
+    motion = rod(wave(1.3, 2.0), of_rate(-1.5)).simulate(
+        "steady", start=at_rest(1.0), watch=[level]
+    )
+    assert {event.kind for event in motion.motion.events} == {"level"}

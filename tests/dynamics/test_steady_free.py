@@ -1,0 +1,282 @@
+"""Steady states without loads of the time, against closed forms and long integrations."""
+
+from __future__ import annotations
+
+import cmath
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from blockmech.dynamics.march import march
+from blockmech.dynamics.mesh import View
+from blockmech.dynamics.methods import move
+from blockmech.dynamics.patches import Path as Panels
+from blockmech.dynamics.reduced import Metered
+from blockmech.dynamics.until import Start
+from blockmech.errors import RequestError
+from blockmech.model.document import loads
+from tests.dynamics.linkages import fourbar, motored, pendulum
+from tests.dynamics.scenes import (
+    LOWEST,
+    WEIGHT,
+    J,
+    K,
+    M,
+    at_rest,
+    motor,
+    of_rate,
+    refused,
+    rod,
+    slide,
+)
+from tests.dynamics.test_integrators import double_pendulum
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+TURN = 2 * math.pi
+LONG = 1e-9  # agreement with a long integration, which is no better itself
+MULTIPLIER = 1e-9  # of multipliers known in closed form
+OBSERVED = 1e-6  # of one that is observed: the square of the disturbance shows
+JUDGE = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+
+
+# -- loads of place and rate ------------------------------------------------------------------
+
+
+def steady(**more):
+    return move(motored(), Start(0.5), "steady", accuracy=1e-10, **more)
+
+
+def test_steady_rotation_equals_the_long_run():
+    motion = steady()
+    meter = Metered(motored())
+    path = Panels(View(meter, 0.5, 1.0), 32, 4)
+    with np.errstate(all="ignore"):
+        long = march(path, 0.0, 60.0, 1e-13, lambda x, _: x >= 60 * TURN - 1e-6)
+    inertia = meter.one(0.5).J
+    assert motion.qd_end == pytest.approx(math.sqrt(2 * long.panels[-1].K_end / inertia), rel=1e-11)
+    assert motion.q_end == 0.5 + TURN
+    assert (motion.method, motion.regime) == ("collocation", "steady state")
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853"])
+def test_multiplier_is_the_observed_decay(method):
+    meter = Metered(motored())
+    path = Panels(View(meter, 0.5, 1.0), 32, 4)
+    energy = meter.one(0.5).J * steady().qd_end ** 2 / 2
+    disturbance = 1e-6
+    with np.errstate(all="ignore"):
+        disturbed = march(
+            path, energy * (1 + disturbance), 0.0, 1e-14, lambda x, _: x >= TURN - 1e-9
+        )
+    decay = (disturbed.panels[-1].K_end / energy - 1) / disturbance
+    assert steady(method=method).facts["multiplier"] == pytest.approx(decay, abs=OBSERVED)
+
+
+@pytest.mark.parametrize(("method", "closeness"), [("dop853", 1e-8), ("lsoda", OBSERVED)])
+def test_the_return_map_finds_what_the_collocation_finds(method, closeness):
+    one, other = steady(), steady(method=method)
+    assert other.method == "return map"
+    assert abs(other.q_end - one.q_end) <= other.error
+    assert abs(other.facts["period"] - one.facts["period"]) <= one.time_error + other.time_error
+    assert other.facts["multiplier"] == pytest.approx(one.facts["multiplier"], rel=closeness)
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853"])
+def test_a_square_drag_has_a_multiplier_in_closed_form(method):
+    # d(moment)/d(rate) = -rate/10, so the integral over a turn is -2 pi/10, whatever the motion
+    scene = rod(lambda rate: 8.0 - rate * abs(rate) / 20)
+    motion = scene.simulate("steady", method=method, start=at_rest(0.0)).motion
+    assert motion.facts["multiplier"] == pytest.approx(math.exp(-TURN / 10 / J), abs=MULTIPLIER)
+
+
+def test_a_rotation_repeats_for_ever():
+    motion = steady()
+    later = motion.track.state(np.array([0.1, 0.1 + motion.t_end, 0.1 + 1000 * motion.t_end]))
+    assert np.abs(np.diff(later.q) / TURN - [1, 999]).max() <= 1e-9
+    assert np.ptp(later.qd) <= 1e-8
+
+
+def test_van_der_pol_swings_are_those_of_an_independent_integration():
+    law = of_rate(1.0, 0.0, -1.0)
+    r = slide(M, K, 0.0, law).simulate("steady", start=at_rest(0.1, "slider"))
+    motion = r.motion
+
+    def slope(t, y):
+        return [y[1], (y[1] - y[1] ** 3 - K * y[0]) / M]
+
+    def stands(t, y):
+        return y[1]
+
+    stands.direction = 1  # it turns back from the left
+    long = solve_ivp(slope, (0, 60), [0.1, 0.0], events=stands, **JUDGE)
+    times, places = long.t_events[0], long.y_events[0][:, 0]
+    assert motion.facts["period"] == pytest.approx(times[-1] - times[-2], abs=LONG)
+    assert np.ptp(motion.at(motion.times(401)).q) / 2 == pytest.approx(-places[-1], rel=1e-4)
+    # disturbances fade by the integral of d(force)/d(rate)/m over a period
+    orbit = solve_ivp(
+        lambda t, y: [*slope(t, y[:2]), (1 - 3 * y[1] ** 2) / M],
+        (0, motion.facts["period"]),
+        [places[-1], 0.0, 0.0],
+        **JUDGE,
+    )
+    assert motion.facts["multiplier"] == pytest.approx(math.exp(orbit.y[2, -1]), abs=1e-8)
+
+
+@pytest.mark.parametrize("q", [0.1, 0.8, 0.0])
+def test_the_same_swings_are_found_from_inside_outside_and_the_unstable_rest(q):
+    scene = slide(M, K, 0.0, of_rate(1.0, 0.0, -1.0))
+    motions = [scene.simulate("steady", start=at_rest(x, "slider")).motion for x in (0.4, q)]
+    one, other = (np.abs(m.at(m.times(2001)).qd).max() for m in motions)
+    assert one == pytest.approx(other, rel=1e-5)  # of samples of a largest value
+    periods = [m.facts["period"] for m in motions]
+    assert abs(periods[0] - periods[1]) <= sum(m.time_error for m in motions)
+
+
+def test_of_two_steady_states_the_start_decides_and_the_other_is_named():
+    scene = rod(motor(3.0, 12.0))
+    slow = scene.simulate("steady", start=at_rest(-1.0)).motion
+    fast = scene.simulate("steady", start={"crank": (-1.0, 9.0)}).motion
+    assert (slow.method, fast.method) == ("equilibrium", "collocation")
+    assert any("+1 turns" in note for note in slow.notes)
+    assert any("at rest" in note for note in fast.notes)
+    for start in (at_rest(-1.0), {"crank": (-1.0, 9.0)}):
+        long = scene.simulate("time=40", start=start).motion
+        settled = slow if start == at_rest(-1.0) else fast
+        assert settled.at(0.0).qd == pytest.approx(
+            0.0 if settled is slow else settled.facts["mean_speed"], rel=0.2, abs=1e-9
+        )
+        assert (abs(long.qd_end) > 1) is (settled is fast)
+
+
+def test_a_stable_swing_beside_a_stable_rest():
+    scene = slide(M, K, 0.0, of_rate(-1.0, 0.0, 0.4, 0.0, -0.03))
+    small, large = (scene.simulate("steady", start=at_rest(q, "slider")).motion for q in (0.2, 0.8))
+    assert (small.method, large.method) == ("equilibrium", "return map")
+    assert any("at rest at q" in note for note in large.notes)
+
+
+# -- rest -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("c", [0.5, 20.0])
+@pytest.mark.parametrize("start", [(1.0, 0.0), (0.0, 4.0)])
+def test_a_damped_pendulum_comes_to_rest_where_it_hangs(c, start):
+    motion = rod(of_rate(-c)).simulate("steady", start={"crank": start}).motion
+    assert (motion.method, motion.regime) == ("equilibrium", "rest")
+    away = math.remainder(motion.q_end - LOWEST, TURN)
+    assert abs(away) <= motion.error <= 1e-13
+    root = (-c + cmath.sqrt(c * c - 4 * J * WEIGHT)) / (2 * J)
+    assert motion.facts["decay_rate"] == pytest.approx(-root.real, rel=1e-9)
+    assert motion.facts.get("frequency", 0.0) == pytest.approx(root.imag, rel=1e-9)
+
+
+def test_a_linkage_without_drive_comes_to_rest():
+    motion = move(motored(stall=0.0), Start(0.5, 3.0), "steady")
+    assert motion.method == "equilibrium"
+    assert abs(Metered(motored(stall=0.0)).one(motion.q_end).tau) <= 1e-12
+    long = move(motored(stall=0.0), Start(0.5, 3.0), "time=150", accuracy=1e-10)
+    away = math.remainder(long.q_end - motion.q_end, TURN)
+    # what is left of the swings after so long
+    assert abs(away) <= 10 * math.exp(-motion.facts["decay_rate"] * 150) + long.error
+
+
+def test_a_wheel_in_oil_stops_where_its_momentum_is_used_up():
+    drag, rate = 0.5, 3.0
+    motion = (
+        rod(of_rate(-drag), gravity=0.0).simulate("steady", start={"crank": (0.0, rate)}).motion
+    )
+    assert abs(motion.q_end - J * rate / drag) <= motion.error <= 1e-12
+    assert "indifferent" in motion.notes[0]
+
+
+def test_a_start_on_the_top_is_unstable_and_left():
+    motion = rod(of_rate(-0.5)).simulate("steady", start=at_rest(-LOWEST)).motion
+    assert math.cos(motion.q_end - LOWEST) == pytest.approx(1.0, abs=1e-12)
+    assert any("unstable equilibrium" in note for note in motion.notes)
+
+
+def test_several_drivers_come_to_rest():
+    plain = double_pendulum()
+
+    def terms(q, qd, t):
+        found = plain.terms(q, qd, t)
+        return found._replace(Q=found.Q - 0.5 * np.asarray(qd))
+
+    scene = replace(plain, terms=terms, depends_on=frozenset({"q", "rate"}))
+    motion = move(scene, ([1.0, -0.5], [0.3, 0.0]), "steady")
+    assert motion.method == "equilibrium"
+    assert np.abs(motion.q_end).max() <= motion.error + 1e-15
+    # M s^2 + C s + K with M = [2 1; 1 1], C = 1/2, K = diag(2, 1)
+    A = np.block(
+        [
+            [np.zeros((2, 2)), np.eye(2)],
+            [
+                -np.linalg.solve([[2.0, 1.0], [1.0, 1.0]], np.diag([2.0, 1.0])),
+                -0.5 * np.linalg.inv([[2.0, 1.0], [1.0, 1.0]]),
+            ],
+        ]
+    )
+    assert motion.facts["decay_rate"] == pytest.approx(-np.linalg.eigvals(A).real.max(), rel=1e-9)
+
+
+def held_five_bar():
+    """The five-bar of the gallery with springs and heavy dampers at both cranks."""
+    data = json.loads((GRAPHS / "fivebar_falling.json").read_text("utf-8"))
+    pivot = "frame." + next(iter(data["blocks"]["frame"]["markers"]))
+    for crank, angle in (("left", 1.2), ("right", 2.2)):
+        data["blocks"][f"{crank}_drag"] = {"type": "load.motor", "law": of_rate(-60.0)}
+        spring = {"type": "load.torsion_spring", "stiffness": 80.0, "rest_angle": angle}
+        data["blocks"][f"{crank}_spring"] = spring
+        for load in ("drag", "spring"):
+            data["wires"].append({"from": pivot, "to": f"{crank}_{load}.a"})
+            data["wires"].append({"from": f"{crank}.crank", "to": f"{crank}_{load}.b"})
+    return loads(json.dumps(data)).compile()
+
+
+def test_two_cranks_come_to_rest_unless_a_stop_is_in_the_way():
+    scene = held_five_bar()
+    motion = scene.simulate("steady").motion
+    rest = {name: (float(q), 0.0) for name, q in zip(("left", "right"), motion.q_end, strict=True)}
+    later = scene.simulate("time=0.5", start=rest, accuracy=1e-10).motion
+    assert motion.method == "equilibrium"
+    assert np.abs(later.q_end - motion.q_end).max() <= 1e-12
+    clear, shut = {"left": (1.1, 1.3)}, {"left": (1.19, 1.3)}
+    assert scene.simulate("steady", stops=clear).motion.method == "equilibrium"
+    assert "the end stop of left after 0.29" in refused(scene, stops=shut)
+
+
+# -- no losses --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("start", "regime"), [((1.0, 0.0), "libration"), ((0.0, 3.0), "rotation")])
+def test_conservative_scenes_are_periodic_as_they_are(start, regime):
+    motion = move(pendulum(), Start(*start), "steady")
+    assert (motion.method, motion.regime, motion.end) == ("energy", regime, "steady")
+    assert motion.facts["multiplier"] == 1.0
+    assert "neither grow nor fade" in motion.notes[-1]
+    assert motion.t_end == motion.facts["period"]
+
+
+@pytest.mark.parametrize(
+    ("system", "start", "part"),
+    [
+        (pendulum(0.5), Start(1.0, 3.0), "net work of 3.14159265 J"),
+        (fourbar(), Start(1.0, 0.0), "dead centre"),
+        (fourbar(stops=(0.2, 1.2)), Start(1.0, 0.0), "end stop"),
+    ],
+)
+def test_what_cannot_repeat_says_why(system, start, part):
+    with pytest.raises(RequestError, match=part):
+        move(system, start, "steady")
+
+
+def test_several_drivers_without_losses_do_not_repeat_in_general():
+    with pytest.raises(RequestError, match="no load dissipates"):
+        move(double_pendulum(), ([1.0, -0.5], [0.3, 0.0]), "steady")
+    at_ease = move(double_pendulum(), ([0.0, 0.0], [0.0, 0.0]), "steady")
+    assert (at_ease.method, at_ease.end) == ("equilibrium", "steady")
