@@ -266,7 +266,8 @@ def _braking(
     c0 = float(line.when(np.array([ahead.turn * period]))[0])
     line = _extended(line, c0, planned)
     regime = "secular braking" if ahead.turn else "turning back"
-    return Course(regime, Conservative(line, c0, -1), "", doubts, {"gain_per_turn": gain})
+    facts = _repeating(ahead.gain, period)
+    return Course(regime, Conservative(line, c0, -1), "", doubts, facts)
 
 
 def _endless(
@@ -280,11 +281,17 @@ def _endless(
         high = End(period, K0)
         turn = converged(view, ahead.mesh, ahead.edges, low, high, None, planned.allowed)
         line = Line(view, turn, period)
-        facts = {"period": turn.total}
+        facts = {"period": turn.total, "mean_speed": period / turn.total}
         return Course("rotation", Conservative(line, 0.0, 1), "", doubts, facts)
     first = converged(view, ahead.mesh, ahead.edges, low, End(period), None, planned.allowed)
     line = _extended(_secular(view, first, gain, period, planned, 1.0), 0.0, planned)
-    return Course("secular", Conservative(line, 0.0, 1), "", doubts, {"gain_per_turn": gain})
+    facts = _repeating(gain, period)
+    return Course("secular", Conservative(line, 0.0, 1), "", doubts, facts)
+
+
+def _repeating(gain: float, period: float) -> dict[str, float]:
+    """The loads' work [J] along the motion, and the coordinate [rad] after which they repeat."""
+    return {"work_per_period": gain, "period_of_loads": period}
 
 
 def _secular(

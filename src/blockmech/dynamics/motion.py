@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
@@ -13,6 +14,8 @@ from blockmech.dynamics.reduced import Cost
 
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
 
+LOOKS = 361  # samples among which the largest and smallest speed are looked for
+CLOSER, ZOOMS = 33, 4  # samples around each of them, and how often so
 INTERRUPTED = "interrupted"  # the end of a run that the user stopped; what was done is kept
 
 
@@ -62,7 +65,7 @@ class Motion:
     reached : whether ``error`` is within the target
     cost : kernel evaluations
     notes : what a reader must know: doubts, targets missed, limits
-    facts : further numbers by name (period, net work of a turn, multiplier ...)
+    facts : further numbers by name (period, work of a period, multiplier ...)
     """
 
     method: str
@@ -99,6 +102,40 @@ class Motion:
         mask = inside if state.q.ndim == 1 else inside[:, None]
         shape = times.shape + state.q.shape[1:]
         return State(*(np.where(mask, x, np.nan).reshape(shape) for x in state))
+
+    def fluctuation(self, start: float, end: float) -> float:
+        """How uneven the speed is between two times [s]: (w_max - w_min) / w_mean [-].
+
+        The coefficient of fluctuation, by which flywheels are sized; of one driver. Infinite
+        where the driver does not advance.
+        """
+        t = np.linspace(start, end, LOOKS)
+        q, qd = self.track.state(t)
+        advance = abs(float(q[-1] - q[0]))
+        if advance == 0:
+            return math.inf
+        span = self._highest(t, qd, 1) + self._highest(t, qd, -1)
+        return span * (end - start) / advance
+
+    def figures(self) -> dict[str, float]:
+        """`facts`, and of a rotation that repeats the fluctuation of its speed."""
+        found = dict(self.facts)
+        if "mean_speed" in found and np.ndim(self.q_end) == 0:
+            end = self.t_start + found["period"]
+            found["fluctuation"] = self.fluctuation(self.t_start, end)
+        return found
+
+    def _highest(self, t: Floats, qd: Floats, sign: int) -> float:
+        """The largest ``sign * qd``, by looking closer and closer."""
+        found = -math.inf
+        for i in np.argsort(sign * qd)[-2:].tolist():  # both ends of a period may be the largest
+            near = t
+            for _ in range(ZOOMS):
+                near = np.linspace(near[max(i - 1, 0)], near[min(i + 1, near.size - 1)], CLOSER)
+                w = sign * self.track.state(near).qd
+                i = int(np.argmax(w))
+                found = max(found, float(w[i]))
+        return found
 
     def times(self, count: int) -> Floats:
         """That many times, equally spaced over the run [s]."""

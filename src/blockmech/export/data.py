@@ -139,7 +139,7 @@ def _motion(result: Result, motion: Motion) -> dict[str, Any]:
         "reached": motion.reached,
         "evaluations": motion.cost.evaluations,
         "notes": list(motion.notes),
-        "facts": {name: _finite(x) for name, x in motion.facts.items()},
+        "facts": {name: _finite(x) for name, x in motion.figures().items()},
     }
     return {"events": events, "motion": about}
 

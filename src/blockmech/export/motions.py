@@ -17,7 +17,9 @@ DIGITS = 12
 UNITS = {
     "swing_time": " s",
     "period": " s",
-    "gain_per_turn": " J",
+    "work_per_period": " J",
+    "period_of_loads": " rad",
+    "mean_speed": " {unit}/s",
     "frequency": " rad/s",
     "decay_rate": " 1/s",
     "rate": " 1/s",
@@ -45,8 +47,9 @@ def motion_lines(result: Result, degrees: bool = False) -> list[str]:
         unit = units[0] if len(set(units)) == 1 else "rad or m"
         clock = f", {motion.time_error:.1e} s at the end" if motion.time_error > 0 else ""
         lines.append(f"estimated error {motion.error:.1e} {unit}{clock}")
-    for name, x in motion.facts.items():
-        lines.append(f"{name.replace('_', ' ')} {_number(x)}{UNITS.get(name, '')}")
+    for name, x in motion.figures().items():
+        unit = UNITS.get(name, "").format(unit=units[0])
+        lines.append(f"{name.replace('_', ' ')} {_number(x)}{unit}")
     return [*lines, *(f"note: {text}" for text in motion.notes)]
 
 

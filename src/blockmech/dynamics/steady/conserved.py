@@ -25,11 +25,11 @@ def conserved(motion: Motion) -> Motion:
     if motion.status == "reached":
         facts = {**motion.facts, "multiplier": 1.0}
         return replace(motion, facts=facts, notes=(*motion.notes, FAMILY))
-    gain = motion.facts.get("gain_per_turn")
-    if gain is not None:
+    work = motion.facts.get("work_per_period")
+    if work is not None:
         raise no_steady(
-            f"{motion.regime}: over a turn the loads do a net work of {gain:.9g} J, whatever the "
-            "speed, so that changes from turn to turn",
+            f"{motion.regime}: over {motion.facts['period_of_loads']:.9g} rad the loads do a work "
+            f"of {work:.9g} J, whatever the speed, so that changes from turn to turn",
             'add a damper or a motor curve, or ask for "time=<s>"',
         )
     raise no_steady(

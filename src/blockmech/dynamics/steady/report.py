@@ -76,12 +76,10 @@ def of_rotation(found: Steadily, asked: Asked, notes: Sequence[str]) -> Motion:
     """One turn of a rotation found by collocation."""
     view, rotation = found
     turn, start = rotation.turn, asked.start
-    mean, speeds = turn.period / turn.total, 1 / turn.slowness
     facts = {
         "period": turn.total,
         "multiplier": rotation.multiplier,
-        "mean_speed": mean,
-        "fluctuation": float((speeds.max() - speeds.min()) / mean),
+        "mean_speed": turn.period / turn.total,
     }
     told = f"found from the constant speed {view.sign * rotation.start:.6g}"
     track = Conservative(Line(view, turn, period=turn.period), 0.0, 1, start.t)
