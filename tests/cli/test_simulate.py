@@ -131,4 +131,4 @@ def test_a_steady_state_tells_its_period_its_stability_and_how_it_was_found(call
     path.write_text(json.dumps(data), encoding="utf-8")
     refused = call("simulate", path, "--until", "steady")
     assert (refused.code, refused.out) == (2, "")
-    assert "over a turn the loads do a net work of" in refused.err
+    assert "rad the loads do a work of 18.8495559 J" in refused.err
