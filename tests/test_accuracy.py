@@ -13,7 +13,8 @@ import blockmech as bm
 from blockmech.judge.trade.turned import turned_run
 from blockmech.mechanism import Mechanism
 from blockmech.samples import make_samples
-from tests.wiring import ruiz, watt
+from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
+from tests.wiring import ruiz, watt, wire
 
 GRAPHS = Path(__file__).parents[1] / "graphs"
 NAMES = sorted(p.stem for p in GRAPHS.glob("*.json"))
@@ -21,6 +22,8 @@ TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 SAMPLES = 501
 WANT = ("*.drive", "*.omega", "*.alpha", "*.reaction", "*.J_red")
 ANGLE = 0.7  # by which the reference is turned
+DOUBLE = float(np.finfo(np.float64).eps)
+LONG = bool(np.finfo(np.longdouble).eps < DOUBLE)
 NOISE = 1e-9  # outputs this much smaller than others of their unit are zero up to rounding
 
 
@@ -103,6 +106,21 @@ def test_single_precision_is_taken_for_long_sweeps_without_friction_only() -> No
     assert short.accuracy.precision == "complex128"
 
 
+@pytest.mark.skipif(not LONG, reason="no number here is wider than double")
+def test_rounding_is_estimated_with_the_friction_that_amplifies_it() -> None:
+    case = random_mechanism(Seeded(111), Options(kinds=KINDS, groups=(1, 4)))
+    mech = case.graph.compile()
+    home = {name: np.ravel(x)[0] for name, x in case.request["at"].items()}
+    request = {**case.request, "at": {d: q + np.linspace(-0.3, 0.3, 3001) for d, q in home.items()}}
+    run = mech.run(**request, want="*", accuracy=1e-6)
+    exact = mech.run(**request, want="*", precision="clongdouble", engine="numpy")
+    assert run.accuracy is not None
+    assert max(float(c.max()) for c in run.quality.contraction.values()) > 0.8
+    name = "mechanism.shaking_moment"
+    error = np.abs(run[name] - exact[name]).max() / np.abs(exact[name]).max()
+    assert 2 * DOUBLE < error <= run.accuracy.estimate <= 1e-6
+
+
 def test_what_cannot_be_reached_is_said() -> None:
     run = ruiz().compile().run(samples=73, accuracy=1e-25)
     assert run.accuracy is not None
@@ -136,3 +154,17 @@ def test_an_accuracy_and_a_setting_that_it_chooses_exclude_each_other(setting) -
 def test_an_accuracy_is_a_positive_number(accuracy: float) -> None:
     with pytest.raises(bm.RequestError, match="must be > 0"):
         ruiz().compile().run(at=1.0, accuracy=accuracy)
+
+
+def test_a_looser_accuracy_of_a_simulation_is_met_wherever_a_tighter_one_is() -> None:
+    graph = watt()
+    graph.add("motor", bm.Motor(law={"kind": "fourier", "of": "time", "period": 0.7, "sines": [9]}))
+    wire(graph, "frame.frame motor.a", "crank.crank motor.b")
+    mech, start = graph.compile(), {"crank": (0.3, 6.0)}
+    runs = [mech.simulate("time=2", start=start, accuracy=a) for a in (1e-3, 1e-6, 1e-9)]
+    motions = [run.motion for run in runs if run.motion is not None]
+    assert [m.reached for m in motions] == [True] * 3
+    # LSODA cannot tell its rounding better than to some 1e-5 here.
+    rough = mech.simulate("time=2", start=start, accuracy=1e-6, method="lsoda").motion
+    assert rough is not None
+    assert not rough.reached

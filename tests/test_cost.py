@@ -115,6 +115,12 @@ def test_a_request_that_needs_no_kernel_still_costs_its_samples() -> None:
     assert 0 < nothing < price(mech, mech.plan("crank.crank.angle"))
 
 
+def test_every_driver_makes_a_sample_dearer() -> None:
+    one, two = ruiz().compile(), bm.Graph.load(GRAPHS / "fivebar_falling.json").compile()
+    still = "frame.frame.v"  # needs no kernel
+    assert 1.3 < price(two, two.plan(still)) / price(one, one.plan(still)) < 2
+
+
 def test_the_same_operations_are_dearer_in_a_program_that_keeps_more_arrays() -> None:
     mech = chain(30).compile()
     model = CostModel(mech)

@@ -176,6 +176,8 @@ def look(
     """Probe a request at some of its samples.
 
     Where double precision will not do for the accuracy, the wider one is measured as well.
+    The equations of friction amplify rounding, by no more than 1 / (1 - P): what double
+    precision loses is measured with friction, where a wider number is at hand to tell.
     """
     from blockmech.judge.trade.errors import comparable, yardstick
     from blockmech.judge.trade.thinned import thinned
@@ -199,9 +201,17 @@ def look(
         found = _lost_in_wide(mechanism, few, wide, none | {"want": plain.want}, good, left_out)
         rounding["clongdouble"] = max(rounding["clongdouble"], found)
     stick = yardstick(best, best, good).without(left_out)
+    share, contraction = stick.error(smooth) if rubs else 0.0, max(P, default=0.0)
+    if rubs and LONG < DOUBLE:
+        exact = _result(mechanism, plan, few, "clongdouble", full)
+        lost = yardstick(exact, best, good).without(left_out).error(best)
+        for name, eps in (("complex128", DOUBLE), ("clongdouble", LONG)):
+            rounding[name] = max(rounding[name], lost * eps / DOUBLE)
+    elif rubs:
+        rounding["complex128"] *= 1 + share / max(1 - contraction, DOUBLE)
     return Probe(
-        stick.error(smooth) if rubs else 0.0,
-        max(P, default=0.0),
+        share,
+        contraction,
         min(margins, default=1.0),
         rounding,
         rubs,

@@ -54,6 +54,10 @@ def test_requests_are_compared(capsys) -> None:
         (["--json", "--plot", "x.png"], "only one of them"),
         (["--want", "*.p", "--want", "*.v", "--plot", "x.png"], "give --want once"),
         (["--want", "crank.nothing"], "no output has that name"),
+        (["--want", "crank.q", "--want", "nosuch"], "no output has that name"),
+        (["--plot", "x.xyz"], "cannot be written"),
+        (["--until", "time=2"], "ask the question simulate"),
+        (["--question", "simulate", "--samples", "5"], "ask the question run"),
     ],
 )
 def test_a_wrong_call_is_told_in_a_sentence(words: list[str], said: str, capsys) -> None:

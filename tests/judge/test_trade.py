@@ -138,6 +138,51 @@ def test_evaluations_decide_before_the_stopwatch_does() -> None:
     assert by_hand(noisy, lucky, close).best(1e-6) == close
 
 
+def spread(method: str, low: float, seconds: float, high: float, count: int, error: float) -> Point:
+    return Point(method, "", seconds, low, high, 5, count, error)
+
+
+def test_where_spreads_of_times_overlap_the_fewest_evaluations_win() -> None:
+    three = spread("3 iterations", 0.9, 1.2, 1.4, 100, 1e-7)
+    six = spread("6 iterations", 0.8, 1.0, 1.1, 130, 1e-9)
+    assert by_hand(six, three).best(1e-6) == three
+    late = spread("3 iterations", 1.15, 1.2, 1.4, 100, 1e-7)
+    assert by_hand(six, late).best(1e-6) == six
+
+
+def test_one_slow_run_of_the_fastest_makes_nothing_else_as_fast() -> None:
+    fast = spread("arrays", 0.9, 1.0, 500.0, 100, 1e-15)
+    slow = spread("one by one", 90.0, 100.0, 120.0, 100, 1e-16)
+    assert by_hand(fast, slow).best(1e-6) == fast
+
+
+def test_of_equal_evaluations_and_times_the_more_exact_wins() -> None:
+    single = spread("complex64", 0.9, 1.0, 1.3, 100, 1e-7)
+    double = spread("complex128", 1.0, 1.1, 1.3, 100, 1e-15)
+    assert by_hand(single, double).best(1e-6) == double
+    wide = spread("clongdouble", 1.4, 1.5, 1.6, 100, 1e-18)
+    double = spread("complex128", 1.0, 1.1, 1.5, 100, 1e-15)
+    assert by_hand(double, wide).best(1e-6) == double
+
+
+@pytest.mark.parametrize("target", [1e-4, 1e-6, 1e-8])
+def test_no_more_iterations_are_recommended_than_the_target_needs(target: float) -> None:
+    best = friction().best(target)
+    assert best is not None
+    suffice = [p for p in of(friction(), "successive") if p.error <= target]
+    fewest = min(p.evaluations for p in suffice)
+    # In single precision a run may be quicker for all its iterations.
+    assert best.evaluations <= fewest or best.options.get("precision") == "complex64"
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(2e-6, "less than a digit"), (1e-5, "1 digit"), (1e-3, "3 digits")]
+)
+def test_the_price_of_speed_is_told_in_digits(error: float, said: str) -> None:
+    found = by_hand(point("energy", 4e-4, 200, 1e-6), point("rk4", 4e-5, 100, error), target=1e-6)
+    assert f"costs {said} (rk4)" in found.recommendation
+
+
 def test_the_sentence_names_error_time_setting_and_the_price_of_speed() -> None:
     found = by_hand(point("energy", 4e-4, 200, 1e-6), point("rk4", 4e-5, 100, 1e-3), target=1e-5)
     said = found.recommendation
@@ -332,7 +377,29 @@ def test_an_unknown_question_names_the_known_ones() -> None:
         trade(ruiz().compile(), "simulation")  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 @pytest.mark.parametrize("name", ["budget", "target", "within"])
-def test_a_limit_must_be_positive(name: str) -> None:
+def test_a_limit_must_be_positive(name: str, value: float) -> None:
     with pytest.raises(bm.RequestError, match=f"{name}: must be > 0"):
-        trade(ruiz().compile(), **{name: 0.0})
+        trade(ruiz().compile(), **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("question", "given", "said"),
+    [
+        ("run", {"until": "time=2"}, "until: .* ask the question simulate"),
+        ("simulate", {"samples": 5}, "samples: .* ask the question run"),
+        ("simulate", {"static": True}, "static: .* ask the question run"),
+        ("run", {"sample": 5}, 'sample: .* did you mean "samples"'),
+        ("simulate", {"method": "rk4"}, "method: .* leave it out"),
+    ],
+)
+def test_what_a_question_does_not_take_is_refused_by_name(question, given, said: str) -> None:
+    with pytest.raises(bm.RequestError, match=said):
+        trade(ruiz().compile(), question, **given)
+
+
+def test_several_mistakes_are_told_at_once() -> None:
+    with pytest.raises(bm.RequestError) as refused:
+        trade(ruiz().compile(), "simulate", budget=-1.0, samples=5, at=1.0)
+    assert [p.where for p in refused.value.problems] == ["budget", "samples", "at"]

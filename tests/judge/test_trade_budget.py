@@ -6,6 +6,7 @@ import json
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,17 +15,20 @@ import blockmech as bm
 from blockmech.draw.trade import trade_figure
 from blockmech.judge.trade import trade
 from blockmech.judge.trade.agreed import Agreed, Question, agreed
-from blockmech.judge.trade.errors import yardstick
+from blockmech.judge.trade.errors import Yardstick, yardstick
+from blockmech.judge.trade.measure import Candidate
 from blockmech.judge.trade.moving import settings_of
+from blockmech.judge.trade.sweep import Request, Sweep
 from blockmech.judge.trade.thinned import thinned
 from blockmech.judge.trade.timing import Clock, Guard, timed
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
-from blockmech.samples import make_samples
-from tests.wiring import chain, ruiz
+from blockmech.samples import Samples, make_samples
+from tests.wiring import chain, ruiz, watt, wire
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 PLENTY = 90.0  # [s] budget that no setting misses, even on a machine that does much else
+FINE, OTHER = ("energy", 1e-14), ("dop853", 1e-13)  # what reference and check are asked for
 SLACK = 5.0  # [s] what cannot be stopped: compiling, and one batch
 
 
@@ -112,21 +116,70 @@ def test_a_reference_that_was_stopped_is_named_and_its_floor_is_higher() -> None
 
 
 def test_of_two_runs_the_surer_one_is_the_reference() -> None:
-    # Behind a change point the error of `energy` has no tight bound.
     request = {"until": "time=0.2", "start": {"crank": (0.4, 3.0)}}
-    question = Question(mechanism("parallelogram_chain"), request, ("crank.q",))
-    found = agreed(question, 21, Clock.started(PLENTY))
+    mech = mechanism("parallelogram_chain")  # its way leads through change points
+    runs = [mech.simulate(**request, method=m, accuracy=a) for m, a in (FINE, OTHER)]
+    errors = {run.motion.method: run.motion.error for run in runs if run.motion is not None}
+    surer, other = sorted(errors, key=lambda method: errors[method])
+    found = agreed(Question(mech, request, ("crank.q",)), 21, Clock.started(PLENTY))
     assert isinstance(found, Agreed)
+    assert found.reference.method.startswith(surer)
+    assert found.reference.check.startswith(other)
+    assert errors[surer] <= found.reference.floor < 1e-9
+
+
+def test_a_check_that_does_not_end_leaves_time_for_a_cheaper_one() -> None:
+    # Of loads that depend on time, radau takes longer than all of its share.
+    graph = watt()
+    graph.add("motor", bm.Motor(law={"kind": "fourier", "of": "time", "period": 0.7, "sines": [9]}))
+    wire(graph, "frame.frame motor.a", "crank.crank motor.b")
+    question = Question(
+        graph.compile(), {"until": "time=2", "start": {"crank": (0.3, 6.0)}}, ("*.q",)
+    )
+    found = agreed(question, 21, Clock.started(15.0))
+    assert isinstance(found, Agreed), found
     assert found.reference.method.startswith("dop853")
-    assert found.reference.check.startswith("energy")
-    assert found.reference.floor < 1e-9
+    assert "radau" in found.reference.check or "lsoda" in found.reference.check
+
+
+class Stalling(Request):
+    """A request whose second run is held up by something else on the machine."""
+
+    runs = 0
+
+    def at(self, samples: Samples, **options: Any) -> Any:
+        """A run, or a long pause for one."""
+        Stalling.runs += 1
+        if Stalling.runs == 2:
+            time.sleep(0.5)
+
+
+def test_a_stall_while_few_samples_are_timed_is_not_taken_for_the_whole() -> None:
+    mech = ruiz().compile()
+    samples = make_samples(mech, mech.scene, samples=3601)
+    request = Stalling(mech, ("*",), False)
+    times = {("numpy", "complex128"): 1e-6}
+    sweep = Sweep(request, samples, yardstick_of_nothing(), times, 0.0)
+    assert sweep.expected(Candidate("scalar", "complex128", {"engine": "scalar"})) < 0.5
+
+
+def yardstick_of_nothing() -> Yardstick:
+    return Yardstick({}, {}, np.zeros(0, dtype=bool))
 
 
 def test_of_more_samples_than_the_budget_holds_some_are_compared() -> None:
     found = trade(mechanism("scissor_lift"), budget=4.0, samples=3601)
     assert any("of the 3601 samples" in note for note in found.notes)
+    assert found.recommendation.endswith("of the 3601 samples only")
     assert found.reference.floor < 1e-9
     assert found.points
+
+
+def test_samples_that_nobody_asked_for_are_as_many_as_all_settings_hold() -> None:
+    found = trade(mechanism("stephenson_3_triad"), budget=12.0)
+    assert {"numpy", "friction none", "friction single", "successive"} <= set(found.series())
+    assert not found.judged  # all samples that are run are compared
+    assert "only" not in found.recommendation
 
 
 def test_what_is_compared_at_some_samples_is_what_all_of_them_have_there() -> None:

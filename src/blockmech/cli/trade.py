@@ -89,6 +89,13 @@ def trade(
     }
     if len(wants) > 1 and (out is not None or plot is not None):
         raise _bad("--want", "pictures and files are of one request", "give --want once")
+    # What is wrong is said before anything is measured.
+    if plot is not None:
+        from blockmech.draw.trade import refuse_other_suffixes
+
+        refuse_other_suffixes(plot)
+    for names in wants:
+        mechanism.outputs.match(names or ())
     found = []
     with _progress() as told:
         for names in wants:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.cost.counting import Counted, Tally, counting, counting_primitives
-from blockmech.cost.weights import BATCH, COLUMN, CROWD, FEWEST, FRESH, LIVE, SAMPLES
+from blockmech.cost.weights import BATCH, COLUMN, CROWD, DRIVER, FEWEST, FRESH, LIVE, SAMPLES
 from blockmech.engines.binding import bind_functions
-from blockmech.engines.memory import MOST
+from blockmech.engines.memory import most_kept
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.engines.releasing import releasing
 from blockmech.errors import RequestError
@@ -54,9 +54,10 @@ class CostModel:
         if not known or not all(text in self._columns for text in program.outputs):
             self._run(plan)
         columns = sum(self._columns[text] for text in program.outputs)
-        fresh = 8 * BATCH * columns > MOST
+        fresh = 8 * BATCH * columns > most_kept()
         handed = columns * (COLUMN + FRESH * fresh)
-        return SAMPLES + sum(self._times(program)) + handed
+        made = SAMPLES + DRIVER * (len(self.mechanism.drivers) - 1)
+        return made + sum(self._times(program)) + handed
 
     def _times(self, program: Program) -> Iterator[float]:
         """[ns] a line, by the arrays that are in use beside it."""

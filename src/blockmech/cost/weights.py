@@ -22,6 +22,7 @@ FEWEST = 8  # arrays below which they all are
 COLUMN = 0.6  # [ns] an element of a column of the result, copied out of its chunk
 FRESH = 0.7  # [ns] more for an element of a result too large to be kept: its pages are new
 SAMPLES = 5.5  # [ns] a sample itself, measured where no kernel is called: its coordinates
+DRIVER = 2.6  # [ns] more for each further driver
 ENTRY = 1.6  # [ns] an entry of a matrix a sample, put in its place
 SOLVE = 8.6  # [ns] N^2 of them solve N equations: a stack of small matrices
 SPREAD, SPREAD_POWER = 217.0, 1.5  # [ns] times N to that power: singular values of N x N

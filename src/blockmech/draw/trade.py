@@ -75,13 +75,17 @@ class Box(NamedTuple):
 
 def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:
     """Write the picture of a trade; the suffix says the format (png, svg, pdf)."""
-    from blockmech.draw import STILL, _suffix
-
-    suffix = _suffix(path, STILL, "a plot")
-    data = rendered(trade_figure(trade), suffix)
+    data = rendered(trade_figure(trade), refuse_other_suffixes(path))
     with writing(path) as stream:
         stream.write(data)
     return Path(path)
+
+
+def refuse_other_suffixes(path: str | os.PathLike[str]) -> str:
+    """The suffix of a picture's file; raises `RequestError` for one that is no picture's."""
+    from blockmech.draw import STILL, _suffix
+
+    return _suffix(path, STILL, "a plot")
 
 
 def trade_figure(trade: Trade) -> Any:

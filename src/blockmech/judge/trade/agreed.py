@@ -220,10 +220,12 @@ def _whole(motion: Motion, question: Question) -> bool:
 def _checked(question: Question, first: Tried, limit: float) -> Tried | None:
     """The run that checks the first one, by another method."""
     other = CHECKS[first.method]
-    dear = other[0] == "radau" and IMPLICIT * first.seconds > limit
+    dear = other[0] == "radau" and IMPLICIT * first.seconds > limit / 2
     for method, accuracy in (CHEAPER,) if dear else (other, CHEAPER):
+        # What the first one does not end in, half of the time, would else be lost for both.
+        own = limit if (method, accuracy) == CHEAPER else limit / 2
         try:
-            tried = _tried(question, method, accuracy, limit)
+            tried = _tried(question, method, accuracy, own)
         except RequestError:  # several drivers, or loads that this one cannot follow
             continue
         if tried.whole:

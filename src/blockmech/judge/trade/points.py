@@ -11,6 +11,7 @@ from typing import Any
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 NEARLY = 1.5  # counts of evaluations within this factor are left to the stopwatch
+ALIKE = 1.25  # quickest runs within this factor are as quick
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ class Trade:
     notes : what a reader must know
     target, within : the wanted error, and the longest time of a run [s], or None
     spent : time that the whole took [s]
+    judged : where errors are known, if not at all samples: "at 9 of the 361 samples"
     """
 
     mechanism: str
@@ -101,6 +103,7 @@ class Trade:
     target: float | None = None
     within: float | None = None
     spent: float = 0.0
+    judged: str = ""
 
     @property
     def pareto(self) -> tuple[Point, ...]:
@@ -116,7 +119,9 @@ class Trade:
         """The setting to take for a target error, a time limit [s], or both; None without any.
 
         Within the target the fewest evaluations count, and among those within a factor
-        1.5 of them the time. Without a target, 1e-9 is taken, or, if a time limit is
+        1.5 of them the time, as far as it tells them apart: of those whose spreads overlap
+        that of the fastest, the fewest evaluations again, then the smaller error if its
+        quickest run is as quick. Without a target, 1e-9 is taken, or, if a time limit is
         given, the most exact setting; those within a factor 10 of it count as equal.
         """
         fit = [p for p in self.points if math.isfinite(p.error)]
@@ -128,7 +133,12 @@ class Trade:
         fit = [p for p in fit if p.error <= target]
         fewest = min((p.evaluations for p in fit), default=0)
         few = [p for p in fit if p.evaluations <= NEARLY * fewest]
-        return min(few, key=lambda p: p.seconds, default=None)
+        quickest = min((p.low for p in few), default=0.0)
+        return min(
+            _as_fast(few),
+            key=lambda p: (p.evaluations, p.low > ALIKE * quickest, p.error),
+            default=None,
+        )
 
     @property
     def recommended(self) -> Point | None:
@@ -175,6 +185,19 @@ class Trade:
 
     def __str__(self) -> str:
         return self.text()
+
+
+def _as_fast(points: Sequence[Point]) -> list[Point]:
+    """The fastest point, and those that the stopwatch cannot tell from it.
+
+    One slow run of the fastest does not make everything as fast as it: what never took
+    less than 1.5 times its median is slower.
+    """
+    fastest = min(points, key=lambda p: p.seconds, default=None)
+    if fastest is None:
+        return []
+    bound = min(fastest.high, NEARLY * fastest.seconds)
+    return [p for p in points if p.low <= bound]
 
 
 def front(points: Iterable[Point], cost: str) -> tuple[Point, ...]:

@@ -39,7 +39,12 @@ def size(error: float) -> str:
 
 
 def sentence(trade: Trade) -> str:
-    """The recommendation, and what a faster setting would cost."""
+    """The recommendation, what a faster setting would cost, and where errors are known."""
+    where = f"; errors are known {trade.judged} only" if trade.judged and trade.points else ""
+    return _choice(trade) + where
+
+
+def _choice(trade: Trade) -> str:
     best = trade.recommended
     if best is None:
         return _nothing(trade)
@@ -53,8 +58,9 @@ def sentence(trade: Trade) -> str:
         return f"{head}; nothing here is twice as fast"
     other = min(faster, key=lambda p: (round(math.log10(p.error / best.error)), p.seconds))
     times = best.seconds / other.seconds
-    digits = math.log10(other.error / best.error)
-    return f"{head}; {times:.1f} times faster costs {digits:.0f} digits ({other.label})"
+    digits = round(math.log10(other.error / best.error))
+    price = f"{digits} digit{'s' * (digits > 1)}" if digits else "less than a digit"
+    return f"{head}; {times:.1f} times faster costs {price} ({other.label})"
 
 
 def _nothing(trade: Trade) -> str:

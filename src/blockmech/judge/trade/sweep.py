@@ -27,10 +27,12 @@ if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
 
 SAMPLES, FEW, FEWEST_SINGLE = 3601, 9, 5
+TRIES = 3  # the quickest counts: of so few samples one stall would be most of the time
 MORE = 8  # times as many samples in the next trial
 SHARE = 0.05  # of the budget for one run of the reference
 CHECK_SHARE = 0.3  # of the budget for its check
 RUNS_SHARE = 0.2  # of the budget for the runs in double precision, else fewer samples are run
+ALL_SHARE = 0.5  # of the budget for all runs in double precision, where samples are not asked for
 CHUNKS = (512, 2048, 32768)  # beside the engine's own
 TOLERANCES = (1.0, 1e-3, 1e-6, 1e-9)  # [N]
 MOST_ITERATIONS = 6
@@ -80,6 +82,11 @@ class Sweep:
     times: dict[tuple[str, str], float]
     judging: float
 
+    @property
+    def known(self) -> int:
+        """Number of samples at which errors are known."""
+        return len(self.stick.good)
+
     def given(self, **options: Any) -> Result:
         """The sweep with some settings."""
         return self.request.at(self.samples, **options)
@@ -101,7 +108,8 @@ class Sweep:
         """Seconds a sample of the scalar engine."""
         few, _ = thinned(self.samples, FEWEST_SINGLE)
         self.request.at(few, engine="scalar")
-        return once(lambda: self.request.at(few, engine="scalar"))[1] / few.n
+        times = [once(lambda: self.request.at(few, engine="scalar"))[1] for _ in range(TRIES)]
+        return min(times) / few.n
 
     def seen(self, candidate: Candidate, seconds: float, result: Result | None) -> None:
         """See `Bench`."""
@@ -150,11 +158,15 @@ def trade_sweep(
         skipped = tuple(Skipped(c.label, pilot) for c in _candidates(samples.n, rubbing))
         return Trade(mechanism.name, "run", MEASURE, COUNTED, NOTHING, (), skipped, (pilot,))
     most = max(FEW, int(SHARE * clock.left / pilot.long))
+    if free:
+        most = min(most, _holding_all(request, samples, rubbing, clock))
     if free and most < samples.n:
         samples = make_samples(mechanism, mechanism.scene, **given | {"samples": most})
     if pilot.whole:  # such an output belongs to all samples
         most = samples.n
+    asked = samples.n
     sweep, reference, notes = _referred(request, samples, most, pilot, rubbing, clock)
+    known = sweep.known
     candidates = tuple(_candidates(sweep.samples.n, rubbing))
     points, skipped = measured(sweep, candidates, reference.floor, clock, say)
     if pilot.cold + sweep.expected(candidates[0]) < clock.left:
@@ -169,6 +181,7 @@ def trade_sweep(
         points,
         skipped,
         notes,
+        judged="" if known == asked else f"at {known} of the {asked} samples",
     )
 
 
@@ -214,6 +227,22 @@ def _each(
         count *= MORE
 
 
+def _holding_all(request: Request, samples: Samples, rubbing: bool, clock: Clock) -> int:
+    """Number of samples of which the budget holds runs with every setting."""
+    settings = len(tuple(_candidates(samples.n, rubbing)))
+    limit = ALL_SHARE * clock.left / (RUNS * settings)
+    held = count = FEW
+    request.at(thinned(samples, FEW)[0], engine="numpy")  # the first one compiles
+    while True:
+        few, _ = thinned(samples, count)
+        _, seconds = once(lambda: read(request.at(few, engine="numpy")))  # noqa: B023
+        if seconds > limit:
+            return max(held, int(count * limit / seconds))
+        if count >= samples.n:
+            return samples.n
+        held, count = count, MORE * count
+
+
 def read(result: Result) -> Result:
     """The same, all its outputs made."""
     for name in result:
@@ -230,9 +259,14 @@ def _candidates(n: int, rubbing: bool) -> Iterator[Candidate]:
         if chunk < n:
             options = {"engine": "numpy", "chunk": chunk}
             yield Candidate("batch size", f"{chunk} samples", options)
+    if rubbing:
+        yield from _frictions()
+    # Dear where there are many samples: last, so that it takes no time from others.
     yield Candidate("scalar", "complex128", {"engine": "scalar"})
-    if not rubbing:
-        return
+
+
+def _frictions() -> Iterator[Candidate]:
+    options: dict[str, Any]
     for method in ("none", "single"):
         options = {"engine": "numpy", "friction": method}
         yield Candidate(f"friction {method}", "", options)
