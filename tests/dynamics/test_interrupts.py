@@ -190,4 +190,4 @@ sys.exit(main({words!r}))
     assert run.returncode == 130
     assert "ended: interrupted, after" in said
     assert "201 samples" in said
-    assert warned.splitlines() == ["interrupted, nothing further is written"]
+    assert warned.splitlines() == ["interrupted"]

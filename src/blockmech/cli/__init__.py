@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("not enough memory: ask for fewer samples or fewer outputs", file=sys.stderr)
         return WRONG
     except KeyboardInterrupt:
-        print("interrupted, nothing further is written", file=sys.stderr)
+        print("interrupted", file=sys.stderr)
         return INTERRUPTED
     except Exception:
         traceback.print_exc()

@@ -23,9 +23,8 @@ UNITS = {
     "frequency": " rad/s",
     "decay_rate": " 1/s",
     "rate": " 1/s",
-    "multiplier_angle": " rad",
-    "multiplier_2_angle": " rad",
 }
+ANGLE = "_angle"  # what the names of angles end with
 
 
 def motion_lines(result: Result, degrees: bool = False) -> list[str]:
@@ -48,7 +47,8 @@ def motion_lines(result: Result, degrees: bool = False) -> list[str]:
         clock = f", {motion.time_error:.1e} s at the end" if motion.time_error > 0 else ""
         lines.append(f"estimated error {motion.error:.1e} {unit}{clock}")
     for name, x in motion.figures().items():
-        unit = UNITS.get(name, "").format(unit=units[0])
+        known = " rad" if name.endswith(ANGLE) else UNITS.get(name, "")
+        unit = known.format(unit=units[0])
         lines.append(f"{name.replace('_', ' ')} {_number(x)}{unit}")
     return [*lines, *(f"note: {text}" for text in motion.notes)]
 
