@@ -25,12 +25,14 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics import replay
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.reduced import Metered
 from blockmech.dynamics.until import Start, Until
 from blockmech.errors import RequestError
 from blockmech.model.document import loads
 from tests.dynamics import linkages
+from tests.dynamics.scenes import motor, rod
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 
@@ -327,3 +329,144 @@ def test_the_way_to_a_link_at_infinity_is_looked_at_no_farther_than_asked():
 def test_the_check_of_a_march_is_no_answer_if_its_own_panels_are_longer():
     run = Run(0.8847623623915073, -10.650329852634357, 1.9710918790515062)
     sweep("ruiz_fourbar ", run, "spectral", TARGETS)
+
+
+# A chain of parallelograms is a pendulum: J q'' = -A cos q, J = 0.76875 kg m2, A = 36.7875 N m.
+# Here q(0) = 1.047, q'(0) = 4.327; by Taylor series of order 24 in extended precision.
+CHAIN = {
+    0.05: 1.2370200347826649768,
+    0.1: 1.3875712627962598765,
+    0.15: 1.516146033376071472,
+    0.2: 1.6381292853035146455,
+}
+
+
+@pytest.mark.parametrize("target", [1e-14, 1e-12, 1e-9])
+def test_the_rounding_of_a_coordinate_is_in_the_estimate(target):
+    """It was 5.3e-15 where the error is 5.5e-15."""
+    found = moved("parallelogram_chain", Run(1.047, 4.327, 0.2), "energy", target)
+    error = np.abs(found.at(np.array(list(CHAIN))).q - np.array(list(CHAIN.values()))).max()
+    assert error <= found.error
+
+
+@pytest.mark.parametrize(
+    ("q", "rate", "span"), [(0.08165621220174851, 7.374616441766303, 1.508991091676002)]
+)
+def test_differences_as_large_as_the_way_show_no_order(q, rate, span):
+    """Steps of rk4 so long that it is off by half a radian; the differences fell by 20."""
+    system, start, until = linkages.watt(), Start(q, rate), Until("time", span)
+    exact = move(Metered(system), start, until, "energy", 1e-12)
+    assert agree(move(Metered(system), start, until, "rk4"), exact)
+
+
+@pytest.mark.parametrize("q", [1.4933370530151056, 1.4933372146125636])
+def test_rounding_that_grows_beside_an_unstable_equilibrium_counts_for_rk4(q):
+    """Three runs with other steps agreed to 1e-14; what they shared had grown to 1e-12."""
+    system, start, until = linkages.watt(), Start(q, 0.0), Until("time", 1.0515)
+    exact = move(Metered(system), start, until, "dop853", 1e-12)
+    found = move(Metered(system), start, until, "rk4")
+    assert agree(found, exact)
+    assert found.error > 1e-13
+
+
+def test_energy_tells_the_error_up_to_the_time_asked_and_auto_goes_on_in_time():
+    """A start so near an equilibrium that the energy's rounding decides when it leaves."""
+    system, start = linkages.watt(), Start(1.49333, 0.0)
+    errors, costs = [], []
+    for span in (0.5, 3.0, 5.0):
+        found = move(Metered(system), start, Until("time", span), "energy", 1e-12)
+        errors.append(found.error)
+    assert errors == sorted(errors)
+    assert errors[0] < errors[-1] / 100
+    for target in TARGETS[:3]:
+        until = Until("time", 3.0)
+        found = move(Metered(system), start, until, "auto", target)
+        assert found.reached
+        assert agree(found, move(Metered(system), start, until, "dop853", 1e-12))
+        costs.append(found.cost.evaluations)
+    assert costs == sorted(costs)
+    assert found.method == "dop853"
+    assert "by energy rounding leaves" in found.why
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_stiff_run_has_an_error_that_is_a_number():
+    """What decays within a step seemed to grow, and overflowed to no number."""
+    data = json.loads((GRAPHS / "fivebar_falling.json").read_text("utf-8"))
+    del data["expect"]
+    damper = {"kind": "polynomial", "of": "rate", "coefficients": [0.0, -100.0]}
+    for frame, driver in (("A", "left"), ("E", "right")):
+        data["blocks"][f"{driver}_damper"] = {"type": "load.motor", "law": damper}
+        ((link, _),) = data["blocks"][driver]["links"].items()
+        data["wires"] += [
+            {"from": f"frame.{frame}", "to": f"{driver}_damper.a"},
+            {"from": f"{driver}.{link}", "to": f"{driver}_damper.b"},
+        ]
+    start = {"left": (1.2, 0.0), "right": (2.2, 0.0)}
+    mech = loads(json.dumps(data)).compile()
+    found, other = (
+        mech.simulate("time=33", method=method, accuracy=1e-6, start=start).motion
+        for method in ("dop853", "radau")
+    )
+    assert found.error < 1e-5
+    assert agree(found, other)
+
+
+def test_states_that_lsoda_did_not_come_to_are_not_handed_out(monkeypatch):
+    """It leaves them as the memory was; then the run is made step by step."""
+    system, start, until = linkages.watt(), Start(1.0, 0.0), Until("time", 3.0)
+    exact = move(Metered(system), start, until, "energy", 1e-12)
+    monkeypatch.setattr(replay, "MOST_STEPS", 3)
+    found = move(Metered(system), start, until, "lsoda", 1e-6)
+    assert found.reached
+    assert agree(found, exact)
+
+
+def test_an_unknown_time_of_a_dead_centre_is_unknown_and_not_no_number():
+    run = Run(0.4990985557606928, 0.0, 0.342886892)
+    found = moved("elliptic_trammel", run, "euler_q", None)
+    assert found.end == "dead centre"
+    assert found.time_error == math.inf
+
+
+def test_damping_beside_large_loads_at_rest_is_not_lost():
+    """It was told from the effort at a rate of 1, in which a large moment leaves no digit."""
+    system = rod(motor(1.2345678e14, 0.987654321e8)).reduced
+    start, until = Start(-1.0, 0.0), Until("time", 8e-8)
+    by_poses = move(Metered(system), start, until, "rk4", 1e-11)
+    for method in ("spectral", "dop853"):
+        assert agree(move(Metered(system), start, until, method, 1e-11), by_poses)
+
+
+def test_runs_of_a_step_or_two_are_not_believed_to_agree():
+    """Beside an unstable equilibrium one step and two were wrong by the same 5e-5."""
+    run = Run(0.15006167642591964, 0.0, 0.16557286884728392)
+    exact = moved("slider_crank_offset", run, "dop853", 1e-12)
+    found = moved("slider_crank_offset", run, "radau", 1e-3)
+    assert agree(found, exact)
+    assert found.error > 1e-5
+
+
+def test_where_no_table_serves_auto_does_not_pay_lsodas_evaluations():
+    """At 1e-6 it took 826 poses by LSODA, at 1e-9 702 by DOP853."""
+    data = json.loads((GRAPHS / "stephenson_3_triad.json").read_text("utf-8"))
+    data.pop("expect", None)
+    law = {"kind": "fourier", "of": "time", "period": 0.05, "mean": 1.0, "cosines": [4.0, 2.0]}
+    data["blocks"]["push"] = {"type": "load.motor", "law": law}
+    graph = bm.Graph.load(GRAPHS / "stephenson_3_triad.json").compile()
+    (driver,) = graph.drivers
+    (frame,) = [name for name, block in data["blocks"].items() if block["type"] == "frame"]
+    marker = next(iter(data["blocks"][frame]["markers"]))
+    link = graph.structure.blocks[driver].link_names[0]
+    data["wires"] += [
+        {"from": f"{frame}.{marker}", "to": "push.a"},
+        {"from": f"{driver}.{link}", "to": "push.b"},
+    ]
+    mech, start = loads(json.dumps(data)).compile(), {driver: (-1.657, -12.427)}
+    found = [
+        mech.simulate("time=0.015", accuracy=target, start=start, friction="none").motion
+        for target in TARGETS[:3]
+    ]
+    costs = [motion.cost.evaluations for motion in found]
+    assert costs == sorted(costs)
+    assert {motion.method for motion in found} == {"dop853"}

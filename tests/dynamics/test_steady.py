@@ -348,3 +348,77 @@ def test_user_events_happen_on_a_steady_motion():
         "steady", start=at_rest(1.0), watch=[level]
     )
     assert {event.kind for event in motion.motion.events} == {"level"}
+
+
+# -- drivers on whose coordinate nothing depends ------------------------------------------------
+
+STALL, IDLE, MEAN, SWING, BEAT = 5.0, 20.0, 1.0, 2.0, 0.7  # [N m], [rad/s], [N m], [N m], [s]
+
+
+def test_a_balanced_flywheel_under_a_motor_and_a_pulsating_moment_repeats_its_rate():
+    times = np.linspace(0.0, BEAT, 9)
+    scene = rod(motor(STALL, IDLE), wave(BEAT, SWING, mean=MEAN), gravity=0.0)
+    r = scene.simulate("steady", start={"crank": (0.3, 1.0)}, times=times)
+    c, w = STALL / IDLE, TURN / BEAT
+    pulse = SWING / (c + 1j * J * w)
+    rate = (STALL + MEAN) / c + (pulse * np.exp(1j * w * times)).real
+    way = (STALL + MEAN) / c * times + (pulse * (np.exp(1j * w * times) - 1) / (1j * w)).real
+    assert np.abs(r["crank.rate"] - rate).max() <= LONG * IDLE
+    assert np.abs(r["crank.q"] - 0.3 - way).max() <= r.motion.error < LONG
+    assert r.motion.facts["multiplier"] == pytest.approx(math.exp(-c * BEAT / J), rel=MULTIPLIER)
+    assert "multiplier_2" not in r.motion.facts
+    assert any("nothing depends on the coordinate" in note for note in r.motion.notes)
+
+
+def test_the_motion_of_a_flywheel_from_its_steady_state_is_the_steady_state():
+    scene = rod(motor(STALL, IDLE), wave(BEAT, SWING, mean=MEAN), gravity=0.0)
+    t = 3.3 * BEAT
+    steady = scene.simulate("steady", start=at_rest(0.3), times=[0.0, t]).motion
+    begin = steady.at(0.0)
+    start = {"crank": (float(begin.q), float(begin.qd))}
+    later = scene.simulate(f"time={t!r}", start=start, accuracy=1e-11).motion
+    assert abs(later.q_end - float(steady.at(t).q)) <= steady.error + later.error
+
+
+def test_a_slide_without_a_spring_is_shaken_about_the_place_where_it_starts():
+    r = slide(M, 0.0, 3.0, wave(T, F)).simulate("steady", start=at_rest(0.2, "slider"))
+    swing = F / (-M * (TURN / T) ** 2 + 3.0j * TURN / T)
+    wanted = 0.2 + ((np.exp(1j * TURN / T * r.time) - 1) * swing).real
+    assert np.abs(r["slider.q"] - wanted).max() <= r.motion.error < LONG
+    assert "mean_speed" not in r.motion.facts
+
+
+def test_a_flywheel_that_nothing_brakes_repeats_from_every_start_if_the_moment_has_no_mean():
+    motion = (
+        rod(wave(BEAT, SWING), gravity=0.0).simulate("steady", start={"crank": (0, 4.0)}).motion
+    )
+    assert motion.facts["multiplier"] == 1.0
+    assert abs(motion.q_end - 4.0 * BEAT) <= motion.error
+    scene = rod(wave(BEAT, SWING, mean=MEAN), gravity=0.0)
+    said = refused(scene, start=at_rest(0.0))
+    assert f"change the rate by {MEAN * BEAT / J:.6g}" in said
+
+
+def test_a_cyclic_driver_that_goes_on_comes_to_its_end_stop():
+    scene = slide(M, 0.0, 3.0, wave(T, F, mean=0.05))
+    said = refused(scene, start=at_rest(0.0, "slider"), stops={"slider": (-5.0, 50.0)})
+    assert "advances by" in said
+    assert "end stop" in said
+    near = refused(scene, start=at_rest(0.0, "slider"), stops={"slider": (-5.0, 0.06)})
+    assert "the motion from the start ends in an end stop" in near
+
+
+def test_an_unbalanced_flywheel_is_not_cyclic():
+    scene = rod(of_rate(-1.0), wave(BEAT, SWING))
+    motion = scene.simulate("steady", start=at_rest(LOWEST)).motion
+    assert "multiplier_2" in motion.facts
+
+
+def test_what_depends_on_the_coordinate_alone_attracts_nothing_whatever_the_integrator():
+    for method in ("dop853", "lsoda", "radau", "spectral"):
+        assert "every motion is its own" in refused(rod(), start=at_rest(0.0), method=method)
+
+
+def test_a_period_that_no_load_needs_is_said_not_to_be_used():
+    r = rod(of_rate(-1.0)).simulate("steady=0.5", start=at_rest(0.0))
+    assert any("0.5 s is not used" in note for note in r.motion.notes)

@@ -265,7 +265,7 @@ def test_conservative_scenes_are_periodic_as_they_are(start, regime):
 @pytest.mark.parametrize(
     ("system", "start", "part"),
     [
-        (pendulum(0.5), Start(1.0, 3.0), "net work of 3.14159265 J"),
+        (pendulum(0.5), Start(1.0, 3.0), "do a work of 3.14159265 J"),
         (fourbar(), Start(1.0, 0.0), "dead centre"),
         (fourbar(stops=(0.2, 1.2)), Start(1.0, 0.0), "end stop"),
     ],

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics import rk4
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.reduced import Metered
 from blockmech.dynamics.until import Start, Until
@@ -199,6 +200,23 @@ def test_every_method_names_the_same_end_at_the_same_time(kind, name, seed):
         assert abs(motion.t_end - truth.t_end) <= motion.time_error + truth.time_error, method
         early = 0.9 * min(motion.t_end, truth.t_end)  # what was computed is kept
         assert abs(motion.at(early).q - truth.at(early).q) <= motion.error + truth.error, method
+
+
+def test_the_halvings_of_rk4_come_to_an_end():
+    """Poses that fail here and there: no step is possible that is much longer than the gaps."""
+    free = guided(1.0, lambda q: 1.0 + 0 * q)
+    gap, every = 1e-7, 1e-5  # [m]
+
+    def one(q, qd, t):
+        return (math.nan,) * 4 if q > 0.05 and q % every < gap else free.one(q, qd, t)
+
+    meter = Metered(replace(free, one=one))
+    found = move(meter, Start(0.0, 1.0), Until("time", 1.0), "rk4", step=0.01)
+    walks, parts, stages = 3, 4, 8  # each with parts of up to 4, and what is looked at
+    whole = int(1 / 0.01)  # [-] steps that are not shortened, at most
+    most = walks * stages * (whole + parts * (rk4.SHORT + rk4.SHORTER))
+    assert found.cost.evaluations <= most
+    assert not found.error <= 1e-3
 
 
 # -- what is refused ------------------------------------------------------------------------

@@ -22,7 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integrate import Run, Task
+from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.integrate import Run
 from blockmech.dynamics.quadrature import EPS
 
 MOST, LEAST = 64, 4  # intervals
@@ -30,7 +31,8 @@ SHARE = 8  # right-hand sides of the run for each interval: a judgement is cheap
 STEP = 1e-7  # relative to the state: of the difference quotients
 SURELY = 4.0  # standard deviations that are called an error
 SERIES = 6  # terms of the exponential, once halved
-HALVINGS = 4
+SMALL = 1 / 16  # norm of what its series is summed of
+HALVINGS = 4, 1000  # at least, at most: beyond it the exponential is 0 or infinite
 
 
 class Grown(NamedTuple):
@@ -44,26 +46,34 @@ class Grown(NamedTuple):
     time: float
 
 
-def grown(task: Task, run: Run) -> Grown:
+def grown(equation: Equation, run: Run) -> Grown:
     """Errors that rounding, and the table's error, have made along a run.
 
     Cost: 2k + 1 right-hand sides an interval, fewer than half of what the run took.
     """
-    k = run.drivers
     t, steps = _stations(run)
     if t.size < 2:
         return Grown(0.0, 0.0)
+    with np.errstate(all="ignore"):  # what grows without bound is infinite
+        found = _followed(equation, run, t, steps)
+    return Grown(*(x if x >= 0 else math.inf for x in found))
+
+
+def _followed(equation: Equation, run: Run, t: Floats, steps: Floats) -> Grown:
+    k = run.drivers
     q, qd = (x.reshape(t.size, k) for x in run.state(t))
-    slopes, accelerations = _linear(task, t, q, qd)
+    slopes, accelerations = _linear(equation, t, q, qd)
     dt = np.diff(t)
     middle = (slopes[:-1] + slopes[1:]) / 2
     flow = _exponential(np.nan_to_num(middle, posinf=0.0, neginf=0.0) * dt[:, None, None])
-    noise = _noise(task, q, qd, accelerations, dt, steps)
+    noise = _noise(equation, q, qd, accelerations, dt, steps)
     P, most = np.zeros((2 * k, 2 * k)), np.zeros(2 * k)
     for Phi, D in zip(flow, noise, strict=True):
         P = Phi @ P @ Phi.T
         P.flat[:: 2 * k + 1] += D
         most = np.maximum(most, P.diagonal())
+    if not np.isfinite(P).all():
+        return Grown(math.inf, math.inf)
     place = SURELY * math.sqrt(float(most[:k].max()))
     if run.end == "time":
         return Grown(place, 0.0)
@@ -91,13 +101,13 @@ def _stations(run: Run) -> tuple[Floats, Floats]:
     return t[chosen], np.diff(chosen).astype(np.float64)
 
 
-def _linear(task: Task, t: Floats, q: Floats, qd: Floats) -> tuple[Floats, Floats]:
+def _linear(equation: Equation, t: Floats, q: Floats, qd: Floats) -> tuple[Floats, Floats]:
     """A (m, 2k, 2k) and q'' (m, k) along a run.
 
     Coordinates are moved back against the motion: ahead there may be no pose.
     """
     m, k = q.shape
-    rhs, w = task.equation.rhs, task.equation.speed
+    rhs, w = equation.rhs, equation.speed
     A, qdd = np.zeros((m, 2 * k, 2 * k)), np.empty((m, k))
     A[:, :k, k:] = np.eye(k)
     y = np.zeros((m, 2 * k + 1))
@@ -111,15 +121,19 @@ def _linear(task: Task, t: Floats, q: Floats, qd: Floats) -> tuple[Floats, Float
         for j in range(2 * k):
             moved = state.copy()
             moved[j] += steps[i, j]
-            A[i, k:, j] = np.subtract(rhs(time, moved)[k : 2 * k], base) / (moved[j] - state[j])
+            step = float(moved[j]) - float(state[j])
+            there = rhs(time, moved)[k : 2 * k]
+            A[i, k:, j] = [(b - a) / step for a, b in zip(base, there, strict=True)]
     return A, qdd
 
 
-def _noise(task: Task, q: Floats, qd: Floats, qdd: Floats, dt: Floats, steps: Floats) -> Floats:
+def _noise(
+    equation: Equation, q: Floats, qd: Floats, qdd: Floats, dt: Floats, steps: Floats
+) -> Floats:
     """Variances (m, 2k) of what disturbs coordinates and rates in each interval."""
     k = q.shape[1]
-    rough = EPS + task.equation.table_error
-    usual = np.maximum(np.nanmax(np.abs(qdd), axis=0), task.equation.speed**2)
+    rough = EPS + equation.table_error
+    usual = np.maximum(np.nanmax(np.abs(qdd), axis=0), equation.speed**2)
     found = np.empty((dt.size, 2 * k))
     found[:, :k] = (EPS * np.maximum(np.abs(q[:-1]), np.abs(q[1:]))) ** 2 * steps[:, None]
     rounded = (EPS * np.abs(qd).max(axis=0)) ** 2 * steps[:, None]
@@ -128,12 +142,20 @@ def _noise(task: Task, q: Floats, qd: Floats, qdd: Floats, dt: Floats, steps: Fl
 
 
 def _exponential(X: Floats) -> Floats:
-    """exp of matrices (m, n, n), by its series at a sixteenth and four squarings."""
-    X = X / 2**HALVINGS
+    """exp of matrices (m, n, n), by the series of a small part and squarings.
+
+    The parts are small for the stiffest of them too: what decays fast must not seem to grow.
+    """
+    size = float(np.abs(X).sum(axis=2).max(initial=0.0))
+    least, most = HALVINGS
+    halvings = least if size <= 2**least * SMALL else math.ceil(math.log2(size / SMALL))
+    if halvings > most:
+        return np.full_like(X, math.inf)
+    X = X / 2**halvings
     total = term = np.broadcast_to(np.eye(X.shape[-1]), X.shape)
     for n in range(1, SERIES + 1):
         term = term @ X / n
         total = total + term
-    for _ in range(HALVINGS):
+    for _ in range(halvings):
         total = total @ total
     return np.asarray(total)

@@ -17,6 +17,8 @@ from blockmech.dynamics.until import Asked, Start, Until
 
 MOST_EVENTS = 10_000
 NO_INERTIA = "no inertia"
+PLACED = 8  # roundings of a coordinate: on its panel, from the panel's edge, from the start
+PLENTY = 1e-12  # [rad or m] error that is looked at more closely, where no target is given
 UNDECIDED = 1e-3  # error of the time, relative to a passage, that is no longer a small one
 
 
@@ -53,7 +55,10 @@ def ended(meter: Metered, asked: Asked, course: Course) -> Motion:
     seconds, angle = _errors(track, t_end - start.t)
     if course.fate == NO_INERTIA:
         angle += _unseen(track, t_end)
-    error = seconds * _fastest(track, t_end) + angle + 4 * EPS * abs(q_end)
+    error = seconds * _fastest(track, t_end) + angle
+    if error > (accuracy or PLENTY) and course.fate != NO_INERTIA:
+        error = min(error, _on_the_way(track, t_end - start.t))
+    error += PLACED * EPS * max(abs(start.q), abs(q_end), _farthest(track))
     notes = course.doubts
     if seconds > UNDECIDED * track.line.first.total and not notes:
         notes += (
@@ -84,6 +89,31 @@ def ended(meter: Metered, asked: Asked, course: Course) -> Motion:
         notes=notes,
         facts=course.facts,
     )
+
+
+def _on_the_way(track: Conservative, elapsed: float) -> float:
+    """Error of the coordinate on a way that is less than the passage and back [rad or m].
+
+    What lies ahead of where the run ends does not matter to it.
+    """
+    first, c0 = track.line.first, track.c0
+    T, hand = first.total, c0 + track.heading * elapsed
+    rounded = EPS * (elapsed + abs(track.t0)) * first.fastest
+    if not isinstance(first, Stretch) or hand < 0:
+        return math.inf
+    if hand <= T:
+        return first.missed(min(c0, hand), max(c0, hand), 1)[0] + rounded
+    if track.turns_high and hand <= 2 * T:
+        return first.missed(min(c0, 2 * T - hand), T, 2)[0] + rounded
+    return math.inf
+
+
+def _farthest(track: Conservative) -> float:
+    """Largest coordinate of a way that does not go on for ever: its rounding is the largest."""
+    if track.line.period:
+        return 0.0
+    view, first = track.line.view, track.line.first
+    return abs(view.origin) + max(abs(first.low.x), abs(first.high.x))
 
 
 def _unseen(track: Conservative, t_end: float) -> float:

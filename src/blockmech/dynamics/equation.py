@@ -158,8 +158,9 @@ def splits(meter: Metered, q0: float, qd0: float, t0: float, batch: bool = False
     if rest is None and ("time" in system.depends_on or not system.damped):
         return False
     wanted = frozenset({"damping"}) if system.damped else frozenset()
+    usual = qd0 or typical_speed(meter.one(q0, qd0, t0), qd0)
     for i in range(1, PROBES + 1):
-        q, qd, t = q0 + 0.7 * i, (qd0 or 1.0) * (1.0 + 0.37 * i), t0 + 0.23 * i
+        q, qd, t = q0 + 0.7 * i, usual * (1.0 + 0.37 * i), t0 + 0.23 * i
         whole = meter.one(q, qd, t).tau
         sample = meter.sample(np.array([q]), wanted)
         found = float(sample.tau[0])

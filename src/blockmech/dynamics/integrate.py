@@ -108,6 +108,11 @@ class Run:
     balance: float = 0.0
 
     @property
+    def steps(self) -> int:
+        """Number of steps, roughly: of LSODA without its wrapper that of outputs."""
+        return sum(leg.marks.size for leg in self.legs)
+
+    @property
     def longest(self) -> float:
         """Longest step [s]."""
         return max(float(np.diff([*leg.marks, leg.t1]).max(initial=0.0)) for leg in self.legs)

@@ -22,7 +22,7 @@ import numpy as np
 from blockmech.dynamics.chebyshev import Floats, remainder, rule
 from blockmech.dynamics.mesh import Mesh, View
 from blockmech.dynamics.patches import Patch, Path
-from blockmech.dynamics.quadrature import EPS, ROUNDING, Quadrature, largest_speed
+from blockmech.dynamics.quadrature import AVERAGED, EPS, ROUNDING, TIMED, Quadrature, largest_speed
 
 NEWTON_STEPS = 12
 SPEED_STEP = 1e-6  # relative step of a difference quotient in the speed
@@ -179,13 +179,22 @@ def _resolved(panel: Panel, tolerance: float) -> bool:
     return in_time and panel.lost <= (tolerance + 4 * EPS) * float(panel.K.max())
 
 
-def errors(panels: list[Panel]) -> tuple[float, float]:
-    """Error of the time over a march [s], and of the energy at its end [J]."""
+def errors(panels: list[Panel], origin: float) -> tuple[float, float]:
+    """Error of the time over a march [s], and of the energy at its end [J].
+
+    ``origin`` [rad or m] is the driver coordinate at x = 0: samples are taken at rounded
+    coordinates, and the energy is rounded as it is carried from panel to panel.
+    """
     seconds, joules = 0.0, 0.0
     for panel in panels:
+        q = abs(origin) + panel.patch.high + panel.shift
+        rounded = EPS * float(panel.K.max()) + AVERAGED * EPS * q * float(np.ptp(panel.tau))
         within = joules * max(1.0, panel.fading) + panel.lost
-        seconds += panel.truncation + panel.slowing * within + 2 * EPS * panel.duration
-        joules = joules * panel.fading + panel.lost
+        # from a standstill on the energy is rounded relative to what it is
+        slowing = panel.duration / panel.K_end if panel.patch.root else panel.slowing
+        seconds += panel.truncation + panel.slowing * within + slowing * rounded
+        seconds += TIMED * EPS * panel.duration
+        joules = joules * panel.fading + panel.lost + rounded
     return seconds, joules
 
 
@@ -222,5 +231,7 @@ def as_quadrature(panels: list[Panel]) -> Quadrature:
         rounded=none,
         lost_time=0.0,
         rounded_time=0.0,
+        doubted=none,
+        owned=np.zeros(len(panels), dtype=np.intp),
         fastest=largest_speed(J, K),
     )

@@ -24,7 +24,13 @@ from blockmech.dynamics.integrate import Method
 from blockmech.dynamics.legs import TOO_MANY
 from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.progress import once
-from blockmech.dynamics.reduced import Metered, MeteredSystems, ReducedSystem, ReducedSystems
+from blockmech.dynamics.reduced import (
+    TURN,
+    Metered,
+    MeteredSystems,
+    ReducedSystem,
+    ReducedSystems,
+)
 from blockmech.dynamics.spectral import spectral
 from blockmech.dynamics.steady import conserved, steady_motion, steady_motions
 from blockmech.dynamics.stepwise import by_euler_q, by_rk4, in_time, several_in_time
@@ -36,6 +42,7 @@ MethodName: TypeAlias = Literal[
     "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
 ]
 ENDLESS_WAY = "the time to the end of the driver's range does not converge"
+INTEGRATED = 1e-12  # [rad or m] what an integrator leaves of the error, over a radian or metre
 LOOSE = 1e-6  # target from which on LSODA is the cheaper one
 
 
@@ -152,10 +159,13 @@ def _automatic(meter: Metered, asked: Asked) -> Motion:
         motion = energy(meter, replace(asked, why=why))
         if goal == "steady":
             return watched_motion(conserved(motion), asked.watches)
-        if not _endless_way(motion):
-            return watched_motion(motion, asked.watches)
-        meter.system = system  # what was found on the way is the method's own
-        return in_time(meter, replace(asked, why=f"by energy {ENDLESS_WAY}"), "dop853")
+        if _endless_way(motion):
+            meter.system = system  # what was found on the way is the method's own
+            return in_time(meter, replace(asked, why=f"by energy {ENDLESS_WAY}"), "dop853")
+        if _may_be_better_in_time(motion):
+            meter.system = system
+            motion = _better_in_time(meter, asked, motion)
+        return watched_motion(motion, asked.watches)
     if goal == "steady":
         follow = listed(sorted(depends - {"q"}))
         found = steady_motion(meter, replace(asked, why=f"the loads depend on {follow}"))
@@ -169,11 +179,35 @@ def _automatic(meter: Metered, asked: Asked) -> Motion:
         why = f"the loads depend on the rate; {marched}"
     accuracy = asked.accuracy
     loose = accuracy is not None and accuracy >= LOOSE and goal == "time" and not asked.watches
-    loose = loose and may_be_tabulated(meter.system)  # of kernels it may take more than DOP853
-    motion = in_time(meter, replace(asked, why=why), "lsoda" if loose else "dop853")
+    loose = loose and may_be_tabulated(meter.system)
+    # by kernels LSODA may take more of them, and its rounding may miss the target
+    chosen: Method = "lsoda" if loose else "dop853"
+    motion = in_time(meter, replace(asked, why=why), chosen, instead="dop853")
     if motion.end == TOO_MANY and goal == "time" and not loose:
         return in_time(meter, replace(asked, why=f"{why}; it is stiff"), "radau")
     return motion
+
+
+def _may_be_better_in_time(motion: Motion) -> bool:
+    """Whether the energy method misses the target by more than an integrator does.
+
+    It sums the energy from far away, so its rounding tells where the motion nearly stops;
+    an integrator does not come to an end as near. Whether it is tried depends on the error
+    that is left, not on the target: a looser one must not cost more.
+    """
+    way = abs(float(motion.q_end) - float(motion.at(motion.t_start).q))
+    swings = sum(event.kind == "standstill" for event in motion.events)
+    floor = INTEGRATED * max(1.0, way, TURN * swings)
+    return not motion.reached and motion.status == "reached" and motion.error > floor
+
+
+def _better_in_time(meter: Metered, asked: Asked, motion: Motion) -> Motion:
+    """The same motion by DOP853, if its error is smaller."""
+    why = f"by energy rounding leaves {motion.error:.1e}"
+    other = in_time(meter, replace(asked, why=why), "dop853", INTEGRATED)
+    if other.end == motion.end and other.error < motion.error:
+        return other
+    return replace(motion, cost=other.cost)
 
 
 def _endless_way(motion: Motion) -> bool:

@@ -28,7 +28,8 @@ from blockmech.dynamics.mesh import Mesh
 
 EPS = float(np.finfo(np.float64).eps)
 MOST_PANELS = 1024
-ROUNDING = EPS  # of a work, relative to the work turned over
+ROUNDING = 2 * EPS  # of a work, relative to the work turned over: kernels, and sums
+TIMED = 8  # roundings of dt = sqrt(J / 2K) dx: those of J and tau by the kernels, root, sums
 AVERAGED = 0.1  # what rounding of the coordinates of a panel's samples makes, of that of one
 
 
@@ -58,6 +59,8 @@ class Quadrature(NamedTuple):
     lost : (p,) [J] error of the work over each panel from the end of its series
     rounded : (p,) [J] error of the work over each panel from rounding
     lost_time, rounded_time : [s] what those do to the time
+    doubted : (p,) [s] the same of both, on each panel
+    owned : (p,) edge from whose anchor the energy of each panel is summed
     fastest : [rad/s or m/s] largest speed of the driver at the nodes
     """
 
@@ -77,12 +80,20 @@ class Quadrature(NamedTuple):
     rounded: Floats
     lost_time: float
     rounded_time: float
+    doubted: Floats
+    owned: NDArray[np.intp]
     fastest: float
 
     @property
     def total(self) -> float:
         """Time to cross all panels [s]."""
         return float(self.clock[-1])
+
+    def speeds(self) -> Floats:
+        """Largest speed of the driver on each panel [rad/s or m/s]; everywhere beside a limit."""
+        if any(self.mesh.limits):
+            return np.full(self.mesh.panels, self.fastest)
+        return np.asarray(np.sqrt(2 * (self.K / self.J).max(axis=1)))
 
 
 def quadrature(mesh: Mesh, anchors: list[Anchor], origin: float = 0.0) -> Quadrature:
@@ -138,7 +149,8 @@ def quadrature(mesh: Mesh, anchors: list[Anchor], origin: float = 0.0) -> Quadra
         slowing[i] = duration[i] / K[i, -1]
 
     doubt = ROUNDING * K_owned + np.abs(spread[owner, 1, begin + 1 - 2 * mirrored])
-    doubted = float(slowing @ doubt)
+    each = slowing * doubt
+    doubted = float(np.add.reduce(each))
     missed = float(np.add.reduce(lost) / (np.add.reduce(sums[1]) + 1e-300))
     return Quadrature(
         mesh=mesh,
@@ -157,6 +169,8 @@ def quadrature(mesh: Mesh, anchors: list[Anchor], origin: float = 0.0) -> Quadra
         rounded=rounded,
         lost_time=doubted * missed,
         rounded_time=doubted * (1 - missed),
+        doubted=each,
+        owned=owned,
         fastest=_fastest(mesh, mirrored, J, K),
     )
 

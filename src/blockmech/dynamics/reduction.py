@@ -29,6 +29,7 @@ from blockmech.plan import Plan
 
 Array = NDArray[np.float64]
 STATE = ("q_0", "qd_0", "t")
+FAST = 2.0**16  # rate [rad/s or m/s] at which damping is told from loads at rest: of straight lines
 
 
 def frictional_joints(structure: Structure) -> tuple[str, ...]:
@@ -140,6 +141,7 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
     J, tau, dJ = f"{driver}.J_red", f"{driver}.tau_red", f"{driver}.dJ_red"
     plain, slope = _Values(mechanism, (J, tau)), _Values(mechanism, (J, tau, dJ))
     damped = "rate" in depends and (own is not None or not crooked)
+    probe = FAST if own is None else 1.0
 
     def effort(q: Array, qd: Array, t: float) -> Array:
         given = {"q_0": q, "qd_0": qd, "t": np.full(q.shape, t)}
@@ -152,9 +154,9 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
         at = values.place
         damping = None
         if "damping" in wanted:
-            damping = found[at[tau]] - effort(q, rest + 1.0, 0.0)
+            damping = (found[at[tau]] - effort(q, rest + probe, 0.0)) / probe
             if own is not None:
-                damping = damping + own.one(1.0, 0.0)
+                damping = damping + own.one(probe, 0.0)
         return Sample(
             found[at[J]],
             found[at[tau]],

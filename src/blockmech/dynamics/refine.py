@@ -36,6 +36,7 @@ from blockmech.dynamics.replay import replayed, uninterrupted
 RATIO = 1 / 50
 COARSEST = 1e-3
 COMPARED = 20  # common times
+FEW = 4  # steps
 GAIN = {"dop853": 1 / 50, "radau": 1 / 10, "lsoda": 4e-4}  # tolerance for a target, roughly
 NEAR = 7  # root of the ratio
 LOOSE = 1e-9  # tolerance from which on steps are so long that times between them matter
@@ -90,7 +91,8 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
             # a relative error of the effort acts on the whole way
             error += task.equation.table_error * max(1.0, ways[-1])
             best = Refined(now, error, time_error, tolerance, False)
-            if error <= accuracy or now.end == TOO_MANY or tolerance == FINEST:
+            told = now.steps >= FEW  # two runs of a step or two may be wrong alike
+            if (told and error <= accuracy) or now.end == TOO_MANY or tolerance == FINEST:
                 best = _with_rounding(task, method, best, accuracy)
                 if best.reached or now.end == TOO_MANY or best.rounding > accuracy:
                     return best
@@ -104,7 +106,8 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
 def _once(task: Task, method: Method, tolerance: float, before: Run | None) -> Run:
     """A run at one tolerance, in shorter steps than the one before."""
     if method == "lsoda":
-        return replayed(task, tolerance) if uninterrupted(task) else run(task, method, tolerance)
+        found = replayed(task, tolerance) if uninterrupted(task) else None
+        return found or run(task, method, tolerance)
     longest = math.inf if before is None else SHORTER * before.longest or math.inf
     return run(task, method, tolerance, longest=longest)
 
@@ -112,7 +115,7 @@ def _once(task: Task, method: Method, tolerance: float, before: Run | None) -> R
 def _with_rounding(task: Task, method: Method, best: Refined, accuracy: float) -> Refined:
     """The run with what rounding does to it."""
     try:
-        more = grown(task, best.run)
+        more = grown(task.equation, best.run)
     except KeyboardInterrupt:
         run = replace(best.run, status="ended", end=INTERRUPTED)
         return best._replace(run=run, rounding=math.inf)
@@ -163,4 +166,6 @@ def _difference(coarse: Run, fine: Run, times: Floats) -> tuple[float, float, fl
     k = fine.drivers
     if coarse.t_end != fine.t_end:
         difference = max(difference, float(np.abs(coarse.y_end[:k] - fine.y_end[:k]).max()))
+    if not (math.isfinite(difference) and math.isfinite(way)):
+        return math.inf, math.inf, 0.0
     return difference, abs(coarse.t_end - fine.t_end), way

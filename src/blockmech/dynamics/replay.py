@@ -3,7 +3,9 @@
 `scipy.integrate.odeint` stays in compiled code between evaluations, so a step costs
 little more than its right-hand sides. It keeps no dense output; times asked for later
 are reached by running again, which gives the same numbers because the steps do not
-depend on the outputs.
+depend on the outputs: the first one is given, LSODA would fit it to the first output.
+Where it gives up, the states it did not come to are no numbers, and the run is left to the
+wrapped one.
 """
 
 from __future__ import annotations
@@ -16,11 +18,12 @@ import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.integrate import Ending, Run, Task, balance
-from blockmech.dynamics.legs import Leg, scales
+from blockmech.dynamics.legs import FINEST, Leg, scales
 from blockmech.dynamics.motion import INTERRUPTED, Event
 
 GRID = 65  # outputs among which standstills are looked for
 MOST_STEPS = 100_000  # between two outputs
+FIRST = 0.5  # step at first, of that at which its square is the tolerance
 POLISH = 6  # Newton steps for a standstill
 
 
@@ -33,8 +36,8 @@ def uninterrupted(task: Task) -> bool:
     return not (system.knots or stopped or task.equation.margin is not None)
 
 
-def replayed(task: Task, tolerance: float) -> Run:
-    """One LSODA run to the time asked for."""
+def replayed(task: Task, tolerance: float) -> Run | None:
+    """One LSODA run to the time asked for, or None where LSODA gives up."""
     count, latest = 0, task.t0
     right = task.equation.rhs
 
@@ -48,11 +51,9 @@ def replayed(task: Task, tolerance: float) -> Run:
         place = np.searchsorted(grid, times).clip(max=grid.size - 1)
         if np.array_equal(grid[place], times):
             return np.asarray(known[place].T)
-        order = np.argsort(times)
-        y = _solved(task, rhs, task.y0, np.append(task.t0, times[order]), tolerance)
-        back = np.empty_like(order)
-        back[order] = np.arange(order.size)
-        return np.asarray(y[1:][back].T)
+        outputs = np.union1d(grid, times)  # between them it may take so many steps only
+        y = _solved(task, rhs, task.y0, outputs, tolerance)
+        return np.asarray(y[np.searchsorted(outputs, times)].T)
 
     grid = np.linspace(task.t0, task.t_max, GRID)
     ended: tuple[Ending, str] = ("reached", "time")
@@ -65,32 +66,44 @@ def replayed(task: Task, tolerance: float) -> Run:
         y = _solved(task, right, task.y0, grid, tolerance)
     evaluations = count
     known, end = y, y[-1]
-    good = bool(np.isfinite(end).all())
+    if not np.isfinite(y).all():
+        return None
     return Run(
         drivers=1,
-        legs=(Leg(task.t0, float(grid[-1]), end, dense, (), not good, 0.0, grid[:-1]),),
-        events=tuple(_standstills(task, rhs, grid, y, tolerance)) if good else (),
-        status=ended[0] if good else "failed",
-        end=ended[1] if good else "impossible pose",
+        legs=(Leg(task.t0, float(grid[-1]), end, dense, (), False, 0.0, grid[:-1]),),
+        events=tuple(_standstills(task, rhs, grid, y, tolerance)),
+        status=ended[0],
+        end=ended[1],
         t_end=float(grid[-1]),
         y_end=end,
         evaluations=evaluations,
-        balance=balance(task, end, float(np.abs(y[:, -1]).max())) if good else np.nan,
+        balance=balance(task, end, float(np.abs(y[:, -1]).max())),
     )
 
 
 def _solved(task: Task, rhs: Any, y0: Floats, times: Floats, tolerance: float) -> Floats:
-    """States (m, n) at growing times, the first of which is that of y0."""
+    """States (m, n) at growing times, the first of which is that of y0.
+
+    NaN where LSODA gave up: it leaves what it did not come to as the memory was.
+    """
     from scipy.integrate import odeint
 
     rtol, atol = scales(task.equation, task.y0, tolerance)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the states are looked at instead
         found, info = odeint(
-            rhs, y0, times, rtol=rtol, atol=atol, tfirst=True, mxstep=MOST_STEPS, full_output=True
+            rhs,
+            y0,
+            times,
+            rtol=rtol,
+            atol=atol,
+            tfirst=True,
+            h0=FIRST * math.sqrt(max(tolerance, FINEST)) / task.equation.speed,
+            mxstep=MOST_STEPS,
+            full_output=True,
         )
     if info["message"] != "Integration successful.":
-        found[-1] = np.nan
+        found[1:] = np.nan
     return np.asarray(found)
 
 

@@ -29,6 +29,8 @@ END_STOP = "end stop"
 NEARLY = 2 * DEAD_CENTRE  # margin of a state that is at a dead centre
 SAME = 1e-9  # of a step: times that are one
 SHORTER = 40  # halvings of a step on the way to where there is no pose
+SHORT = 1000  # steps that are shorter because of it, within one whole step
+STUCK = "the step became too small"
 PROBES = 32  # coordinates ahead of where no step can be made
 
 Y = tuple[float, float, float]
@@ -139,13 +141,21 @@ class _Walk:
         return t, y[0], y[1], float(self.rhs(t, y)[1])
 
     def walked(self, rows: list[Row]) -> tuple[str, str]:
-        """Add a row (t, q, q', q'') for each step; what the walk ended with."""
+        """Add a row (t, q, q', q'') for each step; what the walk ended with.
+
+        It comes to an end: between two whole steps there are no more than `SHORT` short ones
+        and `SHORTER` halvings, each step makes rows, and those are counted.
+        """
         longest = self.h  # step that is possible here
+        short = 0
         while len(rows) <= MOST_STEPS:
             target = self.t0 + (self.n + 1) * self.h
             late = target > self.t_end * (1 + 1e-15)
             target = self.t_end if late else target
             shortened = longest < self.h
+            short += shortened
+            if short > SHORT or (shortened and self.t + longest == self.t):
+                return STUCK, "failed"
             x = self.h if not (late or shortened) else min(longest, target - self.t)
             new = _step(self.rhs, self.t, self.y, x)
             last = target if x >= (target - self.t) * (1 - SAME) else self.t + x
@@ -162,7 +172,7 @@ class _Walk:
             if self.t >= self.t_end:
                 return "time", "reached"
             if self.t >= target:
-                self.n, longest = self.n + 1, self.h
+                self.n, longest, short = self.n + 1, self.h, 0
         return f"more than {MOST_STEPS} steps", "failed"
 
     def sound(self, x: float, new: Vector, shortened: bool) -> bool:

@@ -26,17 +26,27 @@ from blockmech.dynamics.coordinates import (
     watch_in_graph,
 )
 from blockmech.dynamics.knots import time_knots_of
+from blockmech.dynamics.legs import TOO_MANY
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import INTERRUPTED, Motion, Still
 from blockmech.dynamics.reduced import Cost, Metered, ReducedSystem, ReducedSystems
 from blockmech.dynamics.reduction import refuse_friction
+from blockmech.dynamics.request import (
+    STOPS,
+    goal_of,
+    pairs_of,
+    size_of,
+    starts_of,
+    times_of,
+    watches_of,
+)
 from blockmech.dynamics.split import period_of
 from blockmech.dynamics.steady.forcing import forcing_period
 from blockmech.dynamics.stops import as_watches, held_at_start, named, stops_of
 from blockmech.dynamics.until import Progress, Start, Until, Watch
 from blockmech.dynamics.watching import stopped_motion
 from blockmech.engines.numpy import Planar
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import Problem, RequestError
 from blockmech.result import Result
 from blockmech.samples import Samples
 
@@ -46,6 +56,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Starts = Mapping[str, tuple[float, float]]
 OUTPUTS = 201  # output times where none are named
+DEAD_CENTRE = "dead centre"
+SINGULAR = 1e-10  # margin of a dead centre itself, but for rounding
 PART = 1 << 16  # outputs computed between two places where an interruption keeps what is done
 LATEST = 1e3  # [s] up to which kinks in time are listed for a run without an end in time
 SETTINGS = {"friction": "none", "tolerance": None, "iterations": None, "static": False}
@@ -70,7 +82,7 @@ def simulate(
 
     Parameters
     ----------
-    until : "standstill" (default), "swings=3", "turns=3", "time=2", "angle=6.28",
+    until : "standstill" (default), "swings=3", "turns=3", "time=2", "angle=360deg",
         "steady" or "event"; with ``times`` and without ``until`` the last of them.
         "steady=<s>" names the period of loads that follow the time by a function
     method : "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
@@ -93,20 +105,22 @@ def simulate(
     Raises
     ------
     RequestError where the scene has no start or one beyond an end stop, no inertia, joint
-    friction that is not waived, or the method does not apply
+    friction that is not waived, the method does not apply, or a number cannot be
     """
     if friction != "none":
         if friction is not None:
             raise _error("friction", f'"{friction}" is not computed in motion', 'only "none"')
         refuse_friction(mechanism.frictional_joints)
-    wanted = _column(times)
-    goal = _goal(until, wanted)
-    starts = _starts(mechanism, start)
+    wanted = times_of(times)
+    goal = goal_of(until, wanted)
+    starts = starts_of(mechanism, start)
     shown: Any = () if wanted is None else wanted
     if wanted is None and goal.goal == "time":
         shown = np.linspace(0.0, goal.value, OUTPUTS)  # what will be asked for
-    how = _How(method, accuracy, step, tuple(watch), shown, progress)
-    motion = _moved(mechanism, starts, goal, how, stops)
+    target, size = size_of("accuracy", accuracy), size_of("step", step)
+    how = _How(method, target, size, watches_of(watch, goal), shown, progress)
+    motion = _moved(mechanism, starts, goal, how, pairs_of("stops", stops, STOPS))
+    motion = replace(motion, notes=(*motion.notes, *_remarks(mechanism, motion, goal)))
     if wanted is None:
         wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
     inside = (wanted >= motion.t_start) & (wanted <= motion.t_end)
@@ -118,27 +132,15 @@ def simulate(
     return result_along(mechanism, motion, wanted, want)
 
 
-def _goal(until: str | Until | None, times: Array | None) -> Until:
-    if until is None:
-        return Until("time", float(times.max())) if times is not None else Until("standstill")
-    return Until.parse(until) if isinstance(until, str) else until
-
-
-def _starts(mechanism: Mechanism, start: Starts | None) -> Starts:
-    given = {d: (x.q, x.rate) for d, x in mechanism.scene.initial.items()} | dict(start or {})
-    missing = [d for d in mechanism.drivers if d not in given]
-    unknown = [d for d in given if d not in mechanism.drivers]
-    if missing or unknown:
-        raise RequestError(
-            Problem(
-                "no-start",
-                mechanism.scene.address("initial"),
-                f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}",
-                f"drivers: {listed(mechanism.drivers)}",
-                'give it "initial": {"<driver>": {"q": ..., "rate": ...}}',
-            )
-        )
-    return {d: given[d] for d in mechanism.drivers}
+def _remarks(mechanism: Mechanism, motion: Motion, goal: Until) -> list[str]:
+    """What else a reader must know of how a run ended."""
+    said = []
+    if motion.end == TOO_MANY and goal.goal not in ("time", "steady"):
+        met = f"{goal.goal} was not reached in {motion.t_end - motion.t_start:.6g} s"
+        said.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
+    if goal.forcing and "time" not in mechanism.inner.reduced.depends_on:
+        said.append(f"no load follows the time: the period {goal.forcing:.9g} s is not used")
+    return said
 
 
 class _How(NamedTuple):
@@ -256,10 +258,16 @@ def _stopped_at_once(starts: Starts) -> Motion:
 
 
 class Along(Mapping[str, Any]):
-    """Inputs of a program along a motion; accelerations are found when they are asked for."""
+    """Inputs of a program along a motion; accelerations are found when they are asked for.
 
-    def __init__(self, mechanism: Mechanism, motion: Motion, t: Array) -> None:
+    ``unknown``: samples at which the rates of the drivers say nothing about other links.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, motion: Motion, t: Array, unknown: Any = slice(0)
+    ) -> None:
         q, qd = motion.at(t)
+        qd[unknown] = np.nan
         self._mechanism, self._t = mechanism, t
         self._given: dict[str, Any] = {}
         many = q.ndim > 1
@@ -329,7 +337,31 @@ def result_along(
         motion = replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
     samples = Samples(done, Along(mechanism, motion, t[:done]), t[:done])
     whole = parts[0] if len(parts) == 1 else tuple(map(_joined, zip(*parts, strict=True)))
-    return Result(mechanism, plan, samples, whole, engine, SETTINGS, motion)
+    result = Result(mechanism, plan, samples, whole, engine, SETTINGS, motion)
+    return _without_limits(result, whole) if motion.end == DEAD_CENTRE else result
+
+
+def _without_limits(result: Result, whole: tuple[Any, ...]) -> Result:
+    """The same without rates and forces in a dead centre itself, where the motion ends.
+
+    There the rate of the driver, mostly zero, does not say how fast the others go.
+    """
+    mechanism, motion, t = result.mechanism, result.motion, result.time
+    assert motion is not None
+    assert t is not None
+    margins = [np.broadcast_to(m, t.shape) for m in result.quality.margin.values()]
+    if not margins:
+        return result
+    there = (t == motion.t_end) & (np.min(margins, axis=0) < SINGULAR)
+    if not there.any():
+        return result
+    samples = Samples(result.n, Along(mechanism, motion, t, there), t)
+    values, engine = mechanism.evaluate(result.plan, samples)
+    rates = [mechanism.of_driver(d, "rate") for d in mechanism.drivers]
+    known = {i for name in rates for i in result.plan.layout.get(name, ())}
+    kept = tuple(whole[i] if i in known else x for i, x in enumerate(values))
+    given = Samples(result.n, Along(mechanism, motion, t), t)
+    return Result(mechanism, result.plan, given, kept, engine, SETTINGS, motion)
 
 
 def _joined(pieces: tuple[Any, ...]) -> Any:
@@ -338,19 +370,6 @@ def _joined(pieces: tuple[Any, ...]) -> Any:
         real, imag = ([getattr(z, part) for z in pieces] for part in ("real", "imag"))
         return Planar(np.concatenate(real), np.concatenate(imag))
     return np.concatenate([np.atleast_1d(x) for x in pieces])
-
-
-def _column(times: Any) -> Array | None:
-    if times is None:
-        return None
-    try:
-        column = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise _error("times", "not a row of numbers", "give times like 0:2:201") from None
-    if column.ndim != 1 or not len(column) or not np.isfinite(column).all() or column.min() < 0:
-        found = "not a row of finite times from 0 s on"
-        raise _error("times", found, "give times like 0:2:201")
-    return column
 
 
 def _error(where: str, found: str, remedy: str) -> RequestError:

@@ -101,7 +101,7 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
         if empty is not None:
             return f"the driver has no inertia at q = {empty:.6g}"
         quad = as_quadrature(run.panels)
-        error = SAFETY * errors(run.panels)[0] * quad.fastest
+        error = SAFETY * errors(run.panels, start.q)[0] * quad.fastest
         if best is None or error < best[0]:
             best = (error, quad, tolerance)
         if error <= target or status == "ended":
@@ -115,7 +115,7 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
             check, status = March([], "limit"), "ended"
         if check.reason == "done":
             other = as_quadrature(check.panels)
-            own = SAFETY * errors(check.panels)[0] * other.fastest
+            own = SAFETY * errors(check.panels, start.q)[0] * other.fastest
             apart = SAFETY * _apart(view, quad, other)
             if own <= error:
                 error, quad = max(error, apart), other
@@ -127,7 +127,8 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
         t_end = start.t + float(when(quad, np.array([min(far, quad.mesh.edges[-1])]))[0])
     track = Marched(view, quad, start.t)
     q_end, qd_end = (float(x[0]) for x in track.state(np.array([t_end])))
-    error += 4 * EPS * abs(q_end)
+    error += 4 * EPS * max(abs(start.q), abs(q_end))
+    error += EPS * (abs(start.t) + t_end) * quad.fastest  # of a time that is rounded
     missed = f"accuracy not reached: {error:.1e} instead of {target:.1e}"
     return Motion(
         method="spectral",

@@ -11,6 +11,7 @@ import numpy as np
 from blockmech.dynamics import euler_q, rk4
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.dips import IMPOSSIBLE
+from blockmech.dynamics.disturbance import grown
 from blockmech.dynamics.equation import (
     Equation,
     from_kernels,
@@ -18,7 +19,8 @@ from blockmech.dynamics.equation import (
     several_drivers,
     typical_speed,
 )
-from blockmech.dynamics.integrate import Method, Task
+from blockmech.dynamics.integrate import Ending, Method, Run, Task
+from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.massless import no_inertia_between
 from blockmech.dynamics.motion import INTERRUPTED, Event, Motion
 from blockmech.dynamics.progress import reporting
@@ -35,6 +37,7 @@ RK4_STEPS = 200  # to begin with, where neither step nor target is given
 ORDER_4 = (10.0, 25.0, 3.0, 1.5)  # fall of differences: as it should be; some; hardly any
 RK4_GAIN = 4.0  # of the fifteen that order 4 promises for half the step
 RK4_LEAST = 0.2  # gain believed where the order hardly shows
+RK4_SMALL = 0.1  # share of the way up to which differences are small enough to tell an order
 NOISE = 1e-9  # differences relative to the coordinate that may be rounding
 EULER_GAIN = 0.25  # of the one that order 1 promises: from rest the order is less at first
 EULER_LEAST = 0.2  # gain below which steps are too long for any order
@@ -49,14 +52,28 @@ UNKNOWN = (math.inf, math.inf)  # errors of an interrupted run that nothing else
 Stepped: TypeAlias = rk4.Fixed | euler_q.Grid
 
 
-def in_time(meter: Metered, asked: Asked, method: Method) -> Motion:
-    """One driver, integrated in time."""
+def in_time(
+    meter: Metered,
+    asked: Asked,
+    method: Method,
+    tabulated: float = math.inf,
+    instead: Method | None = None,
+) -> Motion:
+    """One driver, integrated in time.
+
+    ``tabulated`` [rad or m]: the table serves this target even if the one asked for is looser,
+    where its error is known to grow. ``instead``: the method where no table serves, or where
+    on the table the first one misses the target.
+    """
     start, system = asked.start, meter.system
     here = meter.one(start.q, start.rate, start.t)
     if trouble(here):
         return nothing(meter, asked, method, trouble(here))
     span = asked.until.value if asked.until.goal == "time" else 0.0
-    equation = one_driver(meter, start.q, start.rate, start.t, asked.accuracy or FINEST, span)
+    least = min(asked.accuracy or FINEST, tabulated)
+    equation = one_driver(meter, start.q, start.rate, start.t, least, span)
+    if equation.source == "kernels":
+        method = instead or method
     y0 = np.array([start.q, start.rate, 0.0])
     rest = asked.accuracy or FINEST
     knots = system.time_knots
@@ -64,6 +81,12 @@ def in_time(meter: Metered, asked: Asked, method: Method) -> Motion:
     if start.rate == 0 and "time" not in system.depends_on and equation.rhs(start.t, y0)[1] == 0:
         return resting(meter, asked, method)
     motion = _assembled(replace(task, equation=reporting(equation, asked, method)), asked, method)
+    if instead and instead != method and motion.status == "reached" and not motion.reached:
+        more = replace(asked, why=f"{asked.why}; {method} misses the target")
+        method = instead
+        again = replace(task, equation=reporting(equation, asked, method))
+        other = _assembled(again, more, method)
+        motion = other if other.error < motion.error else motion
     if not motion.reached and _table_is_to_blame(here, asked, equation, motion):
         equation = from_kernels(meter, start.q, start.rate, start.t)
         again = replace(task, equation=reporting(equation, asked, method))
@@ -77,7 +100,7 @@ def _up_to_its_end(meter: Metered, motion: Motion) -> Motion:
         near = _dead_centre_time if motion.end == "dead centre" else _no_inertia_time
         at = near(meter, motion)
         facts = {**motion.facts, f"{motion.end.replace(' ', '_')}_time": at}
-        left = NEARLY * abs(at - motion.t_end)
+        left = NEARLY * abs(at - motion.t_end) if math.isfinite(at) else math.inf
         motion = replace(motion, facts=facts, time_error=motion.time_error + left)
     return replace(motion, cost=meter.cost)
 
@@ -176,7 +199,7 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
     runs = []
     for parts, size in ((1, 4 * h), (2, 2 * h)):
         runs.append(rk4.stepped(equation, start, until, size, parts, meter.system.stops))
-        if runs[-1].end == INTERRUPTED:
+        if runs[-1].end == INTERRUPTED or runs[-1].status == "failed":
             return _fixed(runs[-1], meter, asked, "rk4", UNKNOWN, size, ())
     coarse = runs[-1]
     empty = _no_inertia(meter, coarse)
@@ -190,7 +213,8 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
         noise = NOISE * max(1.0, float(np.abs(fine.q).max()))
         if fine.status == "reached" or fine.end == rk4.END_STOP:
             error, time_error = (
-                _of_order_4(a, b, noise) for a, b in zip(before, apart, strict=True)
+                _of_order_4(a, b, noise, whole)
+                for a, b, whole in zip(before, apart, _whole(fine), strict=True)
             )
         else:  # no order shows in the last steps
             error, time_error = (x / RK4_LEAST for x in apart)
@@ -202,25 +226,46 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
             break
         coarse, before, h = fine, apart, h / 2
     error += EPS / 2 * fine.q.size * float(np.abs(fine.q).max())  # each step's sum is rounded
+    if fine.end != INTERRUPTED:
+        more = grown(equation, _as_run(fine))
+        error, time_error = error + more.coordinate, time_error + more.time
     y = float(fine.t[-1]), float(fine.q[-1]), float(fine.qd[-1])
     events = (Event(fine.end, *y),) if fine.status == "ended" else ()
     motion = _fixed(fine, meter, asked, "rk4", (error, time_error), h, events)
     return _up_to_its_end(meter, motion)
 
 
-def _of_order_4(before: float, apart: float, noise: float) -> float:
+def _as_run(fixed: rk4.Fixed) -> Run:
+    """Fixed steps as a run whose disturbances can be followed."""
+    y = np.array([fixed.q[-1], fixed.qd[-1], 0.0])
+    begin, end = float(fixed.t[0]), float(fixed.t[-1])
+
+    def dense(t: Floats) -> Floats:
+        return np.stack([*fixed.state(t), np.zeros_like(t)])
+
+    status: Ending = fixed.status if fixed.status != "rest" else "ended"
+    leg = Leg(begin, end, y, dense, (), False, 0.0, fixed.t[:-1])
+    return Run(1, (leg,), (), status, fixed.end, end, y, 4 * fixed.t.size)
+
+
+def _whole(run: rk4.Fixed) -> tuple[float, float]:
+    """Extent of a run: way between its ends of range [rad or m], and time [s]."""
+    return float(np.ptp(run.q)), float(run.t[-1] - run.t[0])
+
+
+def _of_order_4(before: float, apart: float, noise: float, whole: float) -> float:
     """Error of the finest of three runs, each with half the step, from their differences.
 
     They fall to a sixteenth where the steps are short enough for the order to show. Where
-    they fall otherwise less is believed, and nothing where they do not fall at all, if they
-    are more than ``noise``.
+    they fall otherwise, or are no small part of the ``whole``, less is believed, and nothing
+    where they do not fall at all, if they are more than ``noise``.
     """
     if not (math.isfinite(apart) and apart > 0):
         return apart
     fall = before / apart if math.isfinite(before) else 0.0
-    if ORDER_4[0] <= fall <= ORDER_4[1]:
+    if ORDER_4[0] <= fall <= ORDER_4[1] and before <= RK4_SMALL * whole:
         return apart / RK4_GAIN
-    if fall >= ORDER_4[2]:
+    if fall >= ORDER_4[2] and before <= whole:
         return apart
     return apart / RK4_LEAST if fall >= ORDER_4[3] or apart <= noise else math.inf
 

@@ -21,6 +21,7 @@ from blockmech.dynamics.passage import Allowed, End, Known, Place
 from blockmech.dynamics.quadrature import (
     EPS,
     MOST_PANELS,
+    TIMED,
     Anchor,
     Quadrature,
     delay,
@@ -44,6 +45,7 @@ class Stretch:
     reducible : [s] error of the crossing time that more samples would remove
     rounding : [s] error that the data's and the arithmetic's rounding leave
     end_error : [rad or m] error of the standstills' places
+    end_times : [s] what part of the error of the time the places of the ends make, low and high
     complete : False where an impossible pose was met (the quadrature is then unusable)
     """
 
@@ -54,6 +56,7 @@ class Stretch:
     rounding: float
     end_error: float
     complete: bool = True
+    end_times: tuple[float, float] = (0.0, 0.0)
 
     @property
     def error(self) -> float:
@@ -64,6 +67,29 @@ class Stretch:
     def total(self) -> float:
         """Time from end to end [s]."""
         return self.quad.total
+
+    def missed(self, begin: float, end: float, passes: int) -> tuple[float, float]:
+        """Error of the coordinate between two clock readings [rad or m], and of the time [s].
+
+        Errors of the time add up from panel to panel; what one makes of the place is that
+        at its speed, or at a neighbour's, if that is no farther away than the error is large.
+        A standstill's place counts where the energy is summed from there.
+        """
+        quad, clock = self.quad, self.quad.clock
+        if not math.isfinite(self.error):
+            return math.inf, math.inf
+        p = quad.mesh.panels
+        first = min(max(int(clock.searchsorted(begin, side="right")) - 1, 0), p - 1)
+        last = min(max(int(clock.searchsorted(end, side="left")) - 1, first), p - 1)
+        there = slice(first, last + 1)
+        each = quad.truncation + quad.doubted + TIMED * EPS * quad.duration
+        seconds = passes * float(each[there].sum())
+        moved = 0.0
+        for edge, late in zip((0, p), self.end_times, strict=True):
+            if (quad.owned[there] == edge).any():
+                seconds, moved = seconds + passes * late, self.end_error
+        a, b = clock.searchsorted((clock[first] - seconds, clock[last + 1] + seconds)).tolist()
+        return seconds * float(quad.speeds()[max(a - 1, 0) : b].max()) + moved, seconds
 
     @property
     def fastest(self) -> float:
@@ -159,12 +185,13 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
         truncation = np.where(hidden, np.maximum(truncation, quad.duration), truncation)
         quad = quad._replace(truncation=truncation)
     reducible = float(truncation.sum()) + quad.lost_time
-    rounding = quad.rounded_time + 2 * EPS * T
-    ends, end_error = [low, high], 0.0
+    rounding = quad.rounded_time + TIMED * EPS * T
+    ends, end_error, end_times = [low, high], 0.0, [0.0, 0.0]
     for side, end in enumerate(ends):
         if end.reflects and not end.free:
             # its place is exact; the samples beside it are taken at rounded coordinates
-            rounding += EPS / 2 * (abs(view.origin) + abs(end.x)) * _at_end(quad, side)[1]
+            late = EPS / 2 * (abs(view.origin) + abs(end.x)) * _at_end(quad, side)[1]
+            rounding, end_times[side] = rounding + late, late
         if not end.free or len(anchors) < 2:
             continue
         near, far = (anchors[0], anchors[1]) if side == 0 else (anchors[-1], anchors[-2])
@@ -173,7 +200,7 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
         effort, slowing = _at_end(quad, side)
         if not effort > 0:
             reducible = np.inf
-            continue
+            continue  # and nothing is known
         # energy that is left at the end as summed from the far anchor
         left = -quad.closure[0] if side == 0 else quad.closure[-1]
         step = float(left) / effort if abs(left) > noise else 0.0
@@ -182,8 +209,10 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
         reducible += abs(step) * slowing
         placed = noise / effort + EPS * (abs(view.origin) + abs(end.x))
         rounding += placed * slowing
+        end_times[side] = (placed + abs(step)) * slowing
         end_error = max(end_error, placed + abs(step) + float(quad.lost[between].sum()) / effort)
-    return Stretch(ends[0], ends[1], quad, reducible, rounding, end_error)
+    times = end_times[0], end_times[1]
+    return Stretch(ends[0], ends[1], quad, reducible, rounding, end_error, end_times=times)
 
 
 def _held(step: float, mesh: Mesh, side: int) -> float:

@@ -68,26 +68,48 @@ class Until:
         ``steady=<s>`` names the period of the loads.
         """
         name, _, number = text.partition("=")
+        degrees = name == "angle" and number.rstrip().endswith("deg")
         try:
-            value = float(number) if number else 1.0
+            value = float(number.rstrip().removesuffix("deg" if degrees else "")) if number else 1.0
         except ValueError:
             value = math.nan
         forced = name == "steady" and bool(number)
-        valued = name in ("swings", "turns", "time", "angle") or forced
+        valued = name in VALUED or forced
         wrong = not math.isfinite(value) or (forced and value <= 0)
         if name not in get_args(Goal) or valued is not bool(number) or wrong:
-            raise RequestError(
-                Problem(
-                    "until",
-                    "until",
-                    f'"{text}" says nothing about when to stop',
-                    f"valid: {listed(_SPELLINGS)}",
-                    close_match(name, get_args(Goal)),
-                )
-            )
+            raise _refused(text, close_match(name, get_args(Goal)))
         if forced:
             return cls("steady", forcing=value)
-        return cls(name, value)  # type: ignore[arg-type]
+        return cls(name, math.radians(value) if degrees else value).checked()  # type: ignore[arg-type]
+
+    def checked(self) -> Until:
+        """Itself, if there can be such an end.
+
+        Raises `RequestError` for a time before the start, or a count that is none.
+        """
+        goal, value = self.goal, self.value
+        valid = VALUED.get(goal, "")
+        fits = math.isfinite(value) and {
+            "time": value >= 0,
+            "turns": value > 0,
+            "swings": value >= 1 and value == round(value),
+        }.get(goal, True)
+        if goal not in get_args(Goal) or not fits:
+            raise _refused(f"{goal}={value:g}", f'"{goal}" takes {valid}' if valid else "")
+        return self
+
+
+VALUED = {
+    "swings": "a whole number from 1 on",
+    "turns": "a number above 0",
+    "time": "a number from 0 on",
+    "angle": "a number",
+}
+
+
+def _refused(text: str, remedy: str) -> RequestError:
+    found = f'"{text}" says nothing about when to stop'
+    return RequestError(Problem("until", "until", found, f"valid: {listed(_SPELLINGS)}", remedy))
 
 
 @dataclass(frozen=True)
@@ -114,7 +136,7 @@ _SPELLINGS = (
     "swings=<count>",
     "turns=<count>",
     "time=<s>",
-    "angle=<rad or m>",
+    "angle=<rad or m>, or 60deg",
     "steady",
     "steady=<s>, the period of the loads",
     "event",

@@ -7,11 +7,13 @@ before it are kept.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.dips import Dead, Dips, cut_at
 from blockmech.dynamics.legs import (
     FINEST,
@@ -97,13 +99,18 @@ def integrate(ask: Ask, method: str) -> Leg:
         t0=ask.t,
         t1=t1,
         y1=y1,
-        dense=solution.sol,
+        dense=solution.sol if solution.t.size > 1 else _resting_at(ask.y),
         hits=tuple(hits),
         failed=solution.status == -1 and not held.halted,
         turned=float(np.abs(solution.y[-1]).max()),
         marks=solution.t[:-1],
         halted=held.halted,
     )
+
+
+def _resting_at(y: Floats) -> Callable[[Floats], Floats]:
+    """Dense output of a leg whose first step could not be made."""
+    return lambda t: np.repeat(y[:, None], t.size, axis=1)
 
 
 def _jacobian(ask: Ask) -> Any:
@@ -135,6 +142,8 @@ def _patient(name: str) -> Any:
     solver: Any = getattr(scipy_integrate, name)
 
     class Patient(solver):  # type: ignore[misc]
+        status: str
+
         def __init__(self, *given: Any, held: _Held, **more: Any) -> None:
             self.held = held
             super().__init__(*given, **more)
@@ -142,8 +151,10 @@ def _patient(name: str) -> Any:
         def step(self) -> Any:
             if not self.held.halted:
                 try:
-                    message = super().step()
-                    if np.isfinite(self.y).all():  # LSODA takes a step to no pose for one
+                    with np.errstate(all="ignore"):  # of stages where there is no pose
+                        message = super().step()
+                    made = self.status != "failed"
+                    if made and np.isfinite(self.y).all():  # LSODA takes a step to no pose for one
                         self.held.after(self)
                         return message
                 except KeyboardInterrupt:

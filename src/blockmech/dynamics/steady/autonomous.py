@@ -39,6 +39,7 @@ UNDECLARED = (
     "the driver turns on and on, and a load follows its coordinate without a period, so no turn "
     "is known to repeat"
 )
+GOES_ON = "the driver goes a way without end, so it comes neither to rest nor back to where it was"
 DECLARE = 'give that load\'s law "turns", or let it follow an angle of its own'
 
 
@@ -79,6 +80,8 @@ def settled(meter: Metered, asked: Asked, flow: Flow, method: str) -> Motion:
     except Lost as lost:
         if lost.end == ENDLESS and system.kind == "rotation":
             raise no_steady(UNDECLARED, DECLARE) from None
+        if lost.end == ENDLESS:
+            raise no_steady(GOES_ON) from None
         after = f" after {lost.t:.6g} s" if math.isfinite(lost.t) else ""
         raise no_steady(
             f"the motion from the start ends in {an(lost.end)}{after}, so no turn repeats for ever"

@@ -65,7 +65,7 @@ def of_cycle(cycle: Cycle, asked: Asked, how: str, notes: Sequence[str]) -> Moti
     facts = {"period": cycle.period, **_multipliers(cycle.multipliers)}
     if how != "return map":
         facts["periods_of_the_loads"] = float(cycle.periods)
-    if shift.any():
+    if (np.abs(shift) > cycle.error).any():
         facts["mean_speed"] = float(np.abs(shift).max() / cycle.period)
     notes = (_stability(cycle.largest), *notes)
     motion = _periodic(track, cycle.period, asked, how, facts, notes)

@@ -39,6 +39,11 @@ MORE = 1 / 3  # of them for other steady states, which are only named
 UNWATCHED = "events are not looked for along the steady motion of several drivers"
 END_STOP = "end stop"  # what the events begin with that stand for end stops
 STROBOSCOPE = "stroboscopic map"
+OWN = "all loads depend on the coordinate alone, so every motion is its own, and none attracts"
+CYCLIC = (
+    "nothing depends on the coordinate of a driver: its rate repeats, and the coordinate advances "
+    "by what it advances in a period"
+)
 
 
 def steady_motion(meter: Metered, asked: Asked, method: str = "auto") -> Motion:
@@ -53,6 +58,8 @@ def steady_motion(meter: Metered, asked: Asked, method: str = "auto") -> Motion:
     reason = trouble(meter.one(start.q, start.rate, start.t))
     if reason:
         raise no_steady(f"{reason} at the start", "start elsewhere")
+    if meter.system.depends_on <= {"q"}:
+        raise no_steady(OWN, 'use method "auto" or "energy"')
     with np.errstate(all="ignore"):
         if method == "spectral":
             return collocated(meter, asked)
@@ -80,10 +87,9 @@ def steady_motions(
         k = q0.size
         turns = np.array(k * (0.0,) if flow.ends else systems.periods or k * (0.0,))
         if forced:
-            seen = Stroboscope(
-                flow, _period(flow, x, _period_of(systems, asked)), turns, (turns > 0).tolist(), 1.0
-            )
-            found = _stroboscoped(seen, x, (), asked)
+            T = _period(flow, x, _period_of(systems, asked))
+            seen = Stroboscope(flow, T, turns, (turns > 0).tolist(), 1.0)
+            found = _stroboscoped(seen, x, (), asked, bool(flow.ends))
         else:
             lossless = systems.depends_on <= {"q"}
             found = _rested(flow, x, asked, lossless)
@@ -130,7 +136,7 @@ def _forced(meter: Metered, asked: Asked, flow: Flow) -> Motion:
     turns = np.array([0.0 if stopped else system.period or 0.0])
     T = _period(flow, x, _period_of(system, asked))
     seen = Stroboscope(flow, T, turns, (rotary,), system.span)
-    return _stroboscoped(seen, x, _other_starts(start.q, system, T), asked)
+    return _stroboscoped(seen, x, _other_starts(start.q, system, T), asked, stopped)
 
 
 def _other_starts(q: float, system: ReducedSystem, T: float) -> list[Floats]:
@@ -143,27 +149,44 @@ def _other_starts(q: float, system: ReducedSystem, T: float) -> list[Floats]:
     return [*rest, *fast]
 
 
-def _stroboscoped(seen: Stroboscope, x: Floats, starts: Sequence[Floats], asked: Asked) -> Motion:
+def _advances(seen: Stroboscope, cycle: Cycle, stopped: bool) -> None:
+    """Refuse a motion that goes on and on to where it is stopped."""
+    far = max((abs(float(cycle.shift[i])) for i in seen.cyclic), default=0.0)
+    if stopped and far > 10 * cycle.error:
+        raise no_steady(
+            f"the rate repeats, but the driver advances by {far:.6g} in every {cycle.period:.9g} s "
+            "and comes to an end stop",
+            ELSEWHERE,
+        )
+
+
+def _stroboscoped(
+    seen: Stroboscope, x: Floats, starts: Sequence[Floats], asked: Asked, stopped: bool
+) -> Motion:
     """The periodic motion from a start, else from other starts; the others in notes."""
-    flow, lost, settled = seen.flow, "", None
+    flow, lost, settled, ended = seen.flow, "", None, False
     try:
         settled = seen.found(x)
         if settled is None:
             lost = "the motion from the start was not seen to settle"
-        elif not settled.cycle.stable:
+        elif not settled.cycle.stable and not settled.there:
             lost = "the motion from the start does not settle to it, nor to a stable one found"
         elif not settled.reached:
             lost = "the motion from the start was not seen to come to this one"
     except Lost as found:
-        lost = f"the motion from the start ends by itself ({found.end}) after {found.t:.6g} s"
-        seen.tried.append(lost)
+        lost = _ended(found)
+        ended = True
     except Spent:
         lost = f"the motion from the start was not seen to settle in {flow.most} evaluations"
     flow.most = flow.used + round(MORE * MOST[flow.equation.source])
     known = [settled.cycle] if settled is not None else []
+    starts = () if seen.cyclic else starts
     others = seen.others(starts, known)
     if starts:
         seen.tried.append(f"{len(starts)} other starts")
+    if ended and not others:
+        more = f", and {len(starts)} other starts lead to none" if starts else ""
+        raise no_steady(f"{lost}{more}", ELSEWHERE)
     if settled is None and not others:
         raise no_steady(
             f"no periodic motion was found; it may be chaotic, or have a period of its own beside "
@@ -173,11 +196,20 @@ def _stroboscoped(seen: Stroboscope, x: Floats, starts: Sequence[Floats], asked:
     every = [*known, *others]
     stable = [cycle for cycle in every if cycle.stable]
     chosen: Cycle = every[0] if every[0].stable or not stable else stable[0]
+    _advances(seen, chosen, stopped)
     told = [lost] if lost else ["the motion from the start settles to it"]
+    if settled is not None and settled.there:
+        told = ["the loads follow the time alone: this is the motion from the start"]
+    if seen.cyclic:
+        told.append(CYCLIC)
     if chosen is not every[0] or settled is None:
         told.append("found from another start")
     rest = [cycle_in_words(cycle) for cycle in every if cycle is not chosen]
     return of_cycle(chosen, asked, STROBOSCOPE, (*told, *named_others(rest)))
+
+
+def _ended(lost: Lost) -> str:
+    return f"the motion from the start ends in {an(lost.end)} after {lost.t:.6g} s"
 
 
 # -- several drivers -------------------------------------------------------------------------
@@ -188,9 +220,7 @@ def _rested(flow: Flow, x: Floats, asked: Asked, lossless: bool) -> Motion:
     try:
         rest = resting_place(flow, x, scale, wait=not lossless)
     except Lost as lost:
-        raise no_steady(
-            f"the motion from the start ends in {an(lost.end)} after {lost.t:.6g} s"
-        ) from None
+        raise no_steady(_ended(lost)) from None
     except Spent:
         raise no_steady(
             f"the motion from the start was not at rest after {flow.used} evaluations; with "

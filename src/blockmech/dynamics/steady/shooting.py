@@ -4,7 +4,8 @@ r"""Closing a motion: the state that the flow brings back to itself.
 
 by Newton's method. Under loads of the time T is that of the loads; without them it is one
 more unknown, and the state may not move along its own orbit: it stays at its place, at its
-standstill, or across its rates.
+standstill, or across its rates. A cyclic coordinate, on which nothing depends, stays as it
+is, and its shift is what it comes to (`cyclic`).
 The eigenvalues of M are the multipliers of disturbances in a period; of a motion with
 unknown T one of them, 1, belongs to a shift along the orbit and tells nothing.
 
@@ -41,8 +42,9 @@ class Guess(NamedTuple):
     """Where to begin.
 
     periods : of the loads until it repeats
-    shift : (2k,) by how much the drivers advance
+    shift : (2k,) by how much the drivers advance; of cyclic ones it comes out
     free : whether the period is unknown
+    cyclic : drivers on whose coordinate nothing depends: it stays as it is at the start
     """
 
     x: Floats
@@ -50,6 +52,7 @@ class Guess(NamedTuple):
     periods: int
     shift: Floats
     free: bool
+    cyclic: tuple[int, ...] = ()
 
 
 class Cycle(NamedTuple):
@@ -134,6 +137,7 @@ def _closed(
 
 def _residual(x: Floats, end: Floats, guess: Guess, scale: Floats) -> Floats:
     open_ = (end - guess.shift - x) / scale
+    open_[list(guess.cyclic)] = 0.0
     return np.append(open_, 0.0) if guess.free else open_
 
 
@@ -142,6 +146,8 @@ def _matrix(
 ) -> Floats:
     """Slopes of what must vanish, by the state and, where it is unknown, by log T."""
     open_ = M - np.eye(x.size)
+    for i in guess.cyclic:
+        open_[i] = np.eye(x.size)[i]
     if not guess.free:
         return open_
     begin, final = (_rates(flow, y) * T / scale for y in (x, end))
@@ -186,29 +192,37 @@ def _finished(flow: Flow, guess: Guess, scale: Floats) -> Cycle:
     angle = last.growth * wrong[:n].max() + local[: n // 2].max()
     if guess.free:  # late by as much at the end
         angle += wrong[n] * T * scale[n // 2 : n].max() / scale[: n // 2].max()
+    shift = guess.shift.copy()
+    for i in guess.cyclic:
+        shift[i] = end[i] - x[i]
     return Cycle(
         x=x,
         T=T,
         periods=guess.periods,
-        shift=guess.shift,
+        shift=shift,
         runs=runs,
-        multipliers=_multipliers(last, guess.free),
+        multipliers=_multipliers(last, guess),
         error=float(angle * scale[: n // 2].max()),
         period_error=float(wrong[n] * T) if guess.free else 4 * EPS * T,
     )
 
 
-def _multipliers(last: Variation, free: bool) -> Floats:
-    """Multipliers, the largest first; with one driver from trace and determinant."""
+def _multipliers(last: Variation, guess: Guess) -> Floats:
+    """Multipliers, the largest first; with one driver from trace and determinant.
+
+    A shift of a cyclic coordinate stays as it is, and tells nothing.
+    """
+    free, cyclic = guess.free, list(guess.cyclic)
     if len(last.M) == 2:
-        if free:
+        if free or cyclic:
             return np.array([last.fading])
         half = complex(np.trace(last.M)) / 2
         root = np.sqrt(half**2 - last.fading)
         large = half + root if (half.conjugate() * root).real >= 0 else half - root
         found = np.array([large, last.fading / large if large else 0.0])
         return np.asarray(found.real if not found.imag.any() else found)
-    found = np.linalg.eigvals(last.M)
+    M = np.delete(np.delete(last.M, cyclic, axis=0), cyclic, axis=1)
+    found = np.linalg.eigvals(M)
     if free:
         found = np.delete(found, np.argmin(np.abs(found - 1)))
     return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])

@@ -2,8 +2,9 @@
 
 The stroboscopic map takes a state to that one period of the loads later. Its fixed points,
 or those of two, three or four periods, are the periodic motions; a driver may advance
-whole turns on the way. The map is iterated from a start until it comes near one; Newton's
-method (`shooting`) does the rest.
+whole turns on the way, and one on whose place nothing depends by anything (`cyclic`). The
+map is iterated from a start until it comes near one; Newton's method (`shooting`) does the
+rest.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.steady.cyclic import coasting, cyclic_drivers, free_of_rates
 from blockmech.dynamics.steady.flow import LOOSE, Flow, sampled, size_of, state_at_end
 from blockmech.dynamics.steady.outcome import Lost, Spent
 from blockmech.dynamics.steady.shooting import Cycle, Guess, closed
@@ -29,10 +31,11 @@ SAME = 1e-6  # distance, in scales, of motions that are one
 
 
 class Settled(NamedTuple):
-    """A periodic motion and whether the start was seen to lead to it."""
+    """A periodic motion and whether the start was seen to lead to it, or is on it."""
 
     cycle: Cycle
     reached: bool
+    there: bool = False
 
 
 @dataclass
@@ -43,6 +46,7 @@ class Stroboscope:
     turns : (k,) period of the place [rad or m], 0 where a driver has none
     rotary : whether each driver turns
     span : [rad or m] over which things change
+    cyclic : drivers on whose coordinate nothing depends, found on the way
     tried : what was done, in words
     """
 
@@ -51,6 +55,7 @@ class Stroboscope:
     turns: Floats
     rotary: Sequence[bool]
     span: float
+    cyclic: tuple[int, ...] = ()
     tried: list[str] = field(default_factory=list)
 
     def found(self, x: Floats) -> Settled | None:
@@ -58,10 +63,15 @@ class Stroboscope:
 
         Raises `Lost` where that motion ends by itself.
         """
-        states, scale = self._transient(x, TRANSIENT)
+        states, last = self._transient(x, TRANSIENT)
         self.tried.append(
             f"followed the motion from the start for {TRANSIENT} periods of the loads"
         )
+        scale = self._size(last)
+        seen = np.concatenate([states, last])
+        self.cyclic = tuple(cyclic_drivers(self.flow, seen, self.T, self.turns, self.span))
+        if len(self.cyclic) == self.flow.drivers and free_of_rates(self.flow, x, self.T):
+            return Settled(coasting(self.flow, x, self.T), True, True)
         near = self._near(states, scale)
         if near is None:
             return None
@@ -84,9 +94,10 @@ class Stroboscope:
     def _from(self, start: Floats, found: Sequence[Cycle]) -> Cycle | None:
         """A periodic motion from another start, unless it is found already."""
         try:
-            states, scale = self._transient(start, OTHER)
+            states, last = self._transient(start, OTHER)
         except Lost:
             return None
+        scale = self._size(last)
 
         def known(x: Floats) -> bool:
             return any(self._apart(x, old, scale) <= SAME for old in found)
@@ -96,7 +107,7 @@ class Stroboscope:
     # -- details -----------------------------------------------------------------------------
 
     def _transient(self, x: Floats, periods: int) -> tuple[list[Floats], Floats]:
-        """States once a period, and the size of the motion at last."""
+        """States once a period, and those of the last period (m, 2k)."""
         states, t = [x], 0.0
         for _ in range(periods):
             try:
@@ -105,21 +116,26 @@ class Stroboscope:
                 raise Lost(lost.end, t + lost.t) from None
             states.append(state_at_end(runs[-1]))
             t += self.T
-        last = sampled(runs, self.T, self.flow.t0)
-        return states, size_of(last, self.rotary, self.span)
+        return states, sampled(runs, self.T, self.flow.t0)
+
+    def _size(self, last: Floats) -> Floats:
+        return size_of(last, self.rotary, self.span)
 
     def _shift(self, x: Floats, end: Floats) -> Floats:
-        """Whole turns nearest to what the drivers advanced, (2k,)."""
+        """Whole turns nearest to what the drivers advanced, (2k,); of cyclic ones all of it."""
         k = self.flow.drivers
         away = (end - x)[:k]
         with np.errstate(all="ignore"):
             turns = np.where(self.turns > 0, np.round(away / self.turns), 0.0)
-        return np.concatenate([np.nan_to_num(turns) * self.turns, np.zeros(k)])
+        shift = np.nan_to_num(turns) * self.turns
+        for i in self.cyclic:
+            shift[i] = away[i]
+        return np.concatenate([shift, np.zeros(k)])
 
     def _guess(self, states: list[Floats], count: int) -> Guess:
         x, before = states[-1], states[-1 - count]
         home = x - self._shift(states[0], x)  # without the turns since the start
-        return Guess(home, self.T, count, self._shift(before, x), False)
+        return Guess(home, self.T, count, self._shift(before, x), False, self.cyclic)
 
     def _near(self, states: list[Floats], scale: Floats) -> Cycle | None:
         """The periodic motion near the last state, a stable one by preference."""

@@ -1,0 +1,145 @@
+"""What a simulation may be asked for: one message for each mistake, before anything is computed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.dynamics.until import Until, Watch
+from blockmech.errors import RequestError
+from tests.dynamics.scenes import at_rest, motor, rod
+
+NAN = math.nan
+
+
+def said(scene, *asked, **request):
+    """The one message about a request that cannot be."""
+    with pytest.raises(RequestError) as caught:
+        scene.simulate(*asked, **{"start": at_rest(0.4), **request})
+    (problem,) = caught.value.problems
+    return str(problem)
+
+
+@pytest.mark.parametrize("until", ["time=-1", "swings=0", "swings=2.5", "turns=0", "turns=-2"])
+def test_an_end_that_cannot_be_is_refused_with_what_can(until):
+    text = said(rod(), until)
+    assert f'"{until}"' in text
+    assert "takes a" in text
+
+
+def test_an_end_made_in_python_is_checked_too():
+    assert '"time=-1"' in said(rod(), Until("time", -1.0))
+    assert "3 says nothing" in said(rod(), 3)
+
+
+def test_an_angle_may_be_in_degrees():
+    assert Until.parse("angle=-60deg") == Until("angle", math.radians(-60.0))
+    motion = rod().simulate("angle=-60deg", start=at_rest(0.4)).motion
+    assert motion.q_end == pytest.approx(-math.pi / 3, abs=motion.error)
+
+
+@pytest.mark.parametrize("what", ["step", "accuracy"])
+@pytest.mark.parametrize("given", [0, -1.0, NAN, math.inf, "small"])
+def test_sizes_are_above_zero(what, given):
+    assert f"{what}: {given!r} is not a number above zero" in said(
+        rod(), "time=1", method="rk4", **{what: given}
+    )
+
+
+@pytest.mark.parametrize(
+    "start", [{"crank": (NAN, 0.0)}, {"crank": 0.3}, [0.3], {"crank": (1, 2, 3)}]
+)
+def test_a_start_is_two_finite_numbers_for_each_driver(start):
+    assert "[bad-request] start" in said(rod(), "time=1", start=start)
+
+
+def test_end_stops_are_two_numbers_for_each_driver():
+    assert "[bad-request] stops.crank" in said(rod(), "time=1", stops={"crank": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("surface", "part"),
+    [
+        (lambda t, q, qd: 1 / (q - 0.4), "ZeroDivisionError"),
+        (lambda t, q, qd: "below", "it gave 'below'"),
+        (lambda t, q, qd: NAN, "it gave nan"),
+    ],
+)
+@pytest.mark.parametrize("method", ["auto", "dop853"])
+def test_a_mistake_in_a_users_event_is_told_as_such(surface, part, method):
+    for until in ("event", "time=1"):
+        text = said(rod(), until, method=method, watch=[Watch("level", surface)])
+        assert "[user-function] watch.level" in text
+        assert part in text
+
+
+def test_events_are_events_and_one_must_end_the_run():
+    assert "are not events" in said(rod(), "time=1", watch=[lambda t, q, qd: q])
+    passing = Watch("level", lambda t, q, qd: q, terminal=False)
+    assert "watch=" in said(rod(), "event", watch=passing)
+
+
+def test_a_goal_that_never_comes_is_said_to_be_perhaps_none():
+    motion = rod(motor(9.0, 20.0)).simulate("standstill", start=at_rest(0.0)).motion
+    assert motion.status == "failed"
+    assert any('ask for "time=<s>"' in note for note in motion.notes)
+
+
+# -- the dead centre itself --------------------------------------------------------------------
+
+
+def short_rod():
+    """A slider-crank whose rod is too short for a whole turn."""
+    graph = bm.Graph("short_rod")
+    graph.add("frame", bm.Frame(markers={"O": (0, 0), "G": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
+    crank = bm.Link(mass=1.0, inertia=0.02, cm=(0.0, 0.0))
+    graph.add("crank", bm.Crank(length=0.12, links={"crank": crank}))
+    piston = bm.Link(mass=1.1, inertia=0.01, cm=(0.0, 0.0))
+    graph.add("dyad", bm.RRP(l=0.1, h=0.0, branch=1, links={"j": piston}))
+    for a, b in (("frame.O", "crank.A"), ("crank.B", "dyad.B"), ("frame.G", "dyad.S")):
+        graph.connect(a, b)
+    return graph.compile()
+
+
+def test_in_a_dead_centre_itself_no_rates_or_forces_are_handed_out():
+    want = ["crank.rate", "mechanism.kinetic_energy", "dyad.C.v", "dyad.C.p", "dyad.C.reaction"]
+    r = short_rod().simulate("time=1", start={"crank": (0.2, 20.0)}, want=want)
+    assert r.motion.end == "dead centre"
+    energy = r["mechanism.kinetic_energy"]
+    assert np.isnan(energy[-1])
+    assert np.isnan(r["dyad.C.v"][-1])
+    assert np.isnan(r["dyad.C.reaction"][-1])
+    assert r.quality.gaps == (r.n - 1,)
+    assert abs(r["crank.rate"][-1]) <= 1e-12 * 20.0  # the driver's own motion is known
+    assert np.isfinite(r["dyad.C.p"]).all()
+    assert np.ptp(energy[:-1]) <= 1e-8 * energy[0]
+
+
+def test_the_drivers_own_motion_up_to_a_dead_centre_has_no_gap():
+    r = short_rod().simulate("time=1", start={"crank": (0.2, 20.0)})
+    assert not r.quality.gaps
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853", "lsoda", "radau"])
+def test_a_run_ends_where_a_table_of_its_load_ends(method):
+    end = 0.35  # [m] behind which the law says nothing
+    law = {"kind": "table", "arguments": [-1.0, 0.0, 0.2, end], "values": [9.0, 8.0, 12.0, 3.0]}
+    graph = bm.Graph("slide")
+    graph.add("frame", bm.Frame(markers={"A": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
+    body = bm.Link(mass=2.0, inertia=0.1, cm=(0.0, 0.0))
+    graph.add("slider", bm.SlideDrive(links={"slider": body}))
+    graph.add("push", bm.Thrust(law=law, direction=(1.0, 0.0)))
+    graph.add("damper", bm.Spring(stiffness=0.0, damping=1.5))
+    for a, b in (("frame.A", "slider.S"), ("frame.A", "push.a"), ("slider.S", "push.b"),
+                 ("frame.A", "damper.a"), ("slider.S", "damper.b")):  # fmt: skip
+        graph.connect(a, b)
+    motion = (
+        graph.compile()
+        .simulate("time=2", start={"slider": (0.1, 0.0)}, method=method, accuracy=1e-9)
+        .motion
+    )
+    assert motion.status == "ended"
+    assert motion.q_end == pytest.approx(end, abs=1e-6)
