@@ -5,12 +5,12 @@ and at those asked for tells its error. Usually a fiftieth of it would do, but n
 the coarser run is good by luck, or steps are so long that the error is larger between the
 times compared. Over thousands of runs from random starts the error was at most 4.6 times
 the first difference, 3.9 times a later one, and 1.6 times at tolerances below 1e-9 (4.2
-times by LSODA, whose steps are as long as it dares); the estimate is 6, 4 and 2 (LSODA: 6)
+times by LSODA, once 6.7 times at a loose one); the estimate is 6, 4 and 2 (LSODA: 12, 8, 6)
 times the difference, or a fiftieth of the one before if that is more. Where the differences
-fall no longer it is 6 times again. Two runs of the same steps would tell nothing, so each
-takes shorter ones than the one before. What both share, the rounding and the table's error,
-grows near a separatrix and from beside an unstable equilibrium: that is followed along the
-run (`disturbance`) and added.
+fall no longer it is the first again. Two runs of the same steps, or of a step or two, would
+tell nothing, so each takes shorter ones than the one before, and some. What both share, the
+rounding and the table's error, grows near a separatrix and from beside an unstable
+equilibrium: that is followed along the run (`disturbance`) and added.
 
 Where evaluations are counted (kernels), the tolerances are always the same ones, from the
 coarsest on, so a looser target never costs more; on the table, where they are cheap, they
@@ -36,11 +36,13 @@ from blockmech.dynamics.replay import replayed, uninterrupted
 RATIO = 1 / 50
 COARSEST = 1e-3
 COMPARED = 20  # common times
-FEW = 4  # steps
+FEW = {"dop853": 6, "radau": 10, "lsoda": 10}  # steps
 GAIN = {"dop853": 1 / 50, "radau": 1 / 10, "lsoda": 4e-4}  # tolerance for a target, roughly
 NEAR = 7  # root of the ratio
-LOOSE = 1e-9  # tolerance from which on steps are so long that times between them matter
+# tolerance from which on steps are so long that times between them matter
+LOOSE = {"dop853": 1e-9, "radau": 1e-9, "lsoda": 1e-11}
 FIRST, LATER = 6.0, 4.0  # times the difference: the error that is stated
+DARING = 2.0  # times that for LSODA, whose steps are as long as it dares
 TIGHT = {"dop853": 2.0, "radau": 2.0, "lsoda": 6.0}  # the same at tolerances below that
 ROUGH = {"dop853": 1.0, "radau": 1.0, "lsoda": 8.0}  # rounding: LSODA differences its past
 FALLS = 1 / 50  # of the difference before, which is the error two runs ago
@@ -91,7 +93,7 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
             # a relative error of the effort acts on the whole way
             error += task.equation.table_error * max(1.0, ways[-1])
             best = Refined(now, error, time_error, tolerance, False)
-            told = now.steps >= FEW  # two runs of a step or two may be wrong alike
+            told = now.steps >= FEW[method]  # two runs of a step or two may be wrong alike
             if (told and error <= accuracy) or now.end == TOO_MANY or tolerance == FINEST:
                 best = _with_rounding(task, method, best, accuracy)
                 if best.reached or now.end == TOO_MANY or best.rounding > accuracy:
@@ -141,9 +143,14 @@ def _interrupted(best: Refined | None, before: Run | None, now: Run, tolerance: 
 def _stated(apart: Sequence[float], task: Task, method: Method, tolerance: float) -> float:
     """Error of the last run, at a tolerance, from the differences between runs."""
     before = apart[-2] if len(apart) > 1 and math.isfinite(apart[-2]) else 0.0
-    times = TIGHT[method] if tolerance < LOOSE else FIRST if len(apart) == 1 else LATER
+    usual = DARING if method == "lsoda" else 1.0
+    times = (
+        TIGHT[method]
+        if tolerance < LOOSE[method]
+        else usual * (FIRST if len(apart) == 1 else LATER)
+    )
     if before and apart[-1] > before / NEAR:
-        times = FIRST
+        times = usual * FIRST
     return (KINKED if _kinked(task) else 1.0) * max(times * apart[-1], FALLS * before)
 
 

@@ -218,6 +218,8 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
             )
         else:  # no order shows in the last steps
             error, time_error = (x / RK4_LEAST for x in apart)
+            # beside the end, where no time is compared, a delay is one of the place
+            error = max(error, time_error * float(np.abs(fine.qd[-FEW:]).max()))
         few = fine.q.size <= FEW and fine.end != INTERRUPTED
         if few:  # steps as long as the whole motion tell nothing
             error = time_error = math.inf
@@ -303,9 +305,9 @@ def _of_order_1(before: float, apart: float) -> float:
     Half the step halves them where the steps are short enough for the order to show. Where
     they hardly fall, as near a separatrix, there is no telling where they would end.
     """
-    if not (math.isfinite(apart) and apart > 0 and math.isfinite(before)):
+    if not (math.isfinite(apart) and apart > 0):
         return apart
-    gain = before / apart - 1
+    gain = before / apart - 1 if math.isfinite(before) else 0.0
     return apart / min(gain, 1.0) / EULER_GAIN if gain > EULER_LEAST else math.inf
 
 

@@ -31,6 +31,7 @@ from blockmech.dynamics.quadrature import (
 LEVELS = 40
 COARSE = 1e-6  # relative error of the time above which a series is looked at twice
 LOOSE = 1e-9  # relative error that is no rounding, even beside a dead centre
+FALLING, SLOWLY = 1e-11, 8.0  # relative error that is no rounding yet, and what it may really be
 NOISY = 4.0  # what the error of a series is there, relative to what its end tells
 
 
@@ -180,6 +181,9 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
         noisy[[0, -1]] = np.where([low.limit, high.limit], NOISY, 1.0)
         truncation = truncation * noisy
         quad = quad._replace(truncation=truncation)
+    # where it nearly stops, series fall more and more slowly, and not by their last ratio
+    truncation = np.where(truncation > FALLING * T, SLOWLY * truncation, truncation)
+    quad = quad._replace(truncation=truncation)
     if truncation.max() > COARSE * T:
         hidden = crawls(quad.F, rule(mesh.nodes))
         truncation = np.where(hidden, np.maximum(truncation, quad.duration), truncation)
