@@ -69,6 +69,8 @@ def image(result):
             found[name] = values * rotary
         elif name.endswith(UNSIGNED):
             found[name] = values
+        elif name.endswith(".angle"):  # in (-pi, pi]: half a turn has one name only
+            found[name] = np.where(values == np.pi, values, -values)
         else:
             odd = output.unit in TURNING or name.endswith(".N")
             found[name] = -values if odd else values

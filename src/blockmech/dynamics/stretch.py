@@ -136,7 +136,9 @@ def converged(
             break
         if not stretch.complete or level == LEVELS - 1 or mesh.panels > MOST_PANELS:
             break
-        enough = max(allowed(stretch) - stretch.rounding, stretch.rounding)
+        enough = stretch.rounding
+        if stretch.reducible < np.inf:  # else the series leave undecided whether it passes at all
+            enough = max(allowed(stretch) - enough, enough)
         low, high = stretch.low, stretch.high
         if stretch.reducible <= enough:
             break
