@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import blockmech as bm
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.reduced import ReducedSystem, Sample
 from blockmech.dynamics.until import Start
 from blockmech.errors import RequestError
 from tests.dynamics.linkages import motored
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 
 TURN = 2 * math.pi
 
@@ -83,3 +87,27 @@ def test_loads_of_undeclared_dependence_are_left_to_an_integrator():
     assert "not declared" in motion.why
     exact = move(motored(), Start(0.5), "time=1", "spectral", 1e-9)
     assert abs(motion.q_end - exact.q_end) <= motion.error
+
+
+BESIDE = 1.3752169143159671e-07  # [rad] from where the yoke's crank has no inertia
+
+
+def yoke(method, accuracy, rate):
+    """A yoke on a massless crank, beside its dead centre."""
+    mech = bm.Graph.load(GRAPHS / "scotch_yoke.json").compile()
+    start = {mech.drivers[0]: (BESIDE, rate)}
+    return mech.simulate("time=0.06", method=method, accuracy=accuracy, start=start).motion
+
+
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-7])
+def test_a_place_without_inertia_between_the_start_and_the_first_sample_is_seen(accuracy):
+    with pytest.raises(RequestError, match="no inertia"):
+        yoke("spectral", accuracy, -0.0298)
+    assert yoke("spectral", accuracy, 0.0298).end == "time"  # it lies behind
+
+
+def test_a_looser_target_is_not_dearer_beside_a_place_without_inertia():
+    motions = [yoke("auto", accuracy, -0.0298) for accuracy in (1e-3, 1e-6, 1e-9)]
+    costs = [motion.cost.evaluations for motion in motions]
+    assert costs == sorted(costs)
+    assert all(motion.reached for motion in motions)

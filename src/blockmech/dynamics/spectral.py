@@ -19,7 +19,7 @@ from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.dense import place, when
 from blockmech.dynamics.equation import splits
 from blockmech.dynamics.march import March, Panel, as_quadrature, errors, march
-from blockmech.dynamics.massless import first_zero
+from blockmech.dynamics.massless import SUSPECT, first_zero
 from blockmech.dynamics.mesh import View
 from blockmech.dynamics.motion import INTERRUPTED, Motion, State, Status
 from blockmech.dynamics.patches import Path
@@ -97,7 +97,7 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
                 break
         if run.reason != "done":
             return _trouble(run, view)
-        empty = _no_inertia(run, view)
+        empty = _no_inertia(run, view, one.J)
         if empty is not None:
             return f"the driver has no inertia at q = {empty:.6g}"
         quad = as_quadrature(run.panels)
@@ -151,13 +151,23 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
     )
 
 
-def _no_inertia(run: March, view: View) -> float | None:
-    """A driver coordinate on the way at which there is none, from the samples of the march."""
+def _no_inertia(run: March, view: View, J0: float) -> float | None:
+    """A driver coordinate on the way at which there is none, from the samples of the march.
+
+    ``J0`` is that at the start, which lies before the first sample.
+    """
     panels = [p for p in run.panels if not p.patch.root and p.shift == 0]
     if not panels:
         return None
     x = np.concatenate([p.patch.x for p in panels])
-    found = first_zero(view, x, np.concatenate([p.patch.J for p in panels]))
+    J = np.concatenate([p.patch.J for p in panels])
+    found = None
+    if J0 / J[0] < SUSPECT:
+        behind = view.meter.pose(view.origin - view.sign * x[0]).J
+        at = first_zero(view, np.array([-x[0], 0.0, x[0]]), np.array([behind, J0, J[0]]))
+        found = at if at is not None and at >= 0 else None
+    if found is None:
+        found = first_zero(view, x, J)
     return None if found is None else view.origin + view.sign * found
 
 
