@@ -9,6 +9,12 @@ import pytest
 import blockmech as bm
 from blockmech.errors import RequestError
 
+TURN = 2 * math.pi
+LONG = 1e-9  # agreement with a long integration, which is no better itself
+MULTIPLIER = 1e-9  # of multipliers known in closed form
+OBSERVED = 1e-6  # of one that is observed: the square of the disturbance shows
+JUDGE = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+
 MASS, LENGTH = 1.0, 1.0
 J = MASS * LENGTH**2 / 3  # [kg m2] of the rod about its pivot
 WEIGHT = MASS * 9.81 * LENGTH / 2  # [N m] its moment where it lies level

@@ -19,7 +19,12 @@ from blockmech.errors import RequestError
 from blockmech.model.document import loads
 from tests.dynamics.linkages import fourbar, guided
 from tests.dynamics.scenes import (
+    JUDGE,
+    LONG,
     LOWEST,
+    MULTIPLIER,
+    OBSERVED,
+    TURN,
     WEIGHT,
     J,
     K,
@@ -35,11 +40,6 @@ from tests.dynamics.scenes import (
 from tests.dynamics.test_integrators import double_pendulum
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
-TURN = 2 * math.pi
-LONG = 1e-9  # agreement with a long integration, which is no better itself
-MULTIPLIER = 1e-9  # of multipliers known in closed form
-OBSERVED = 1e-6  # of one that is observed: the square of the disturbance shows
-JUDGE = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
 
 
 # -- loads of the time ------------------------------------------------------------------------

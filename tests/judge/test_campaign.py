@@ -8,6 +8,7 @@ few graphs stand for all in the suite; ``BLOCKMECH_CAMPAIGN=1`` takes every grap
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -150,9 +151,8 @@ def error_of_sweep(name: str, run: bm.result.Result) -> float:
     return worst
 
 
-@pytest.mark.parametrize("name", some(DRIVEN, SOME_DRIVEN))
-def test_a_sweep_as_recommended_is_as_exact_as_the_multibody_solver_demands(name: str) -> None:
-    found, mech = swept(name), outside.mechanism(name)
+def recommended(found: Trade) -> Iterator[tuple[float, Any]]:
+    """Each target with the setting recommended for it, which is nearly the cheapest within it."""
     for target in TARGETS:
         best = found.best(target)
         if best is None:
@@ -160,6 +160,13 @@ def test_a_sweep_as_recommended_is_as_exact_as_the_multibody_solver_demands(name
             continue
         fit = [p.evaluations for p in found.points if p.error <= target]
         assert best.evaluations <= NEARLY * min(fit)
+        yield target, best
+
+
+@pytest.mark.parametrize("name", some(DRIVEN, SOME_DRIVEN))
+def test_a_sweep_as_recommended_is_as_exact_as_the_multibody_solver_demands(name: str) -> None:
+    found, mech = swept(name), outside.mechanism(name)
+    for target, best in recommended(found):
         fresh = mech.run(samples=SAMPLES, on_gap="mark", **best.options)
         assert error_of_sweep(name, fresh) <= target
 
@@ -219,13 +226,7 @@ def waived(name: str) -> dict[str, str]:
 @pytest.mark.parametrize("name", some(outside.MOTIONS, SOME_MOVING))
 def test_a_simulation_as_recommended_is_as_exact_as_another_method_demands(name: str) -> None:
     found, mech, moving = moved(name), outside.mechanism(name), outside.MOTIONS[name]
-    for target in TARGETS:
-        best = found.best(target)
-        if best is None:
-            assert said_no(found, target)
-            continue
-        fit = [p.evaluations for p in found.points if p.error <= target]
-        assert best.evaluations <= NEARLY * min(fit)
+    for target, best in recommended(found):
         asked = moving.request | waived(name) | dict(best.options)
         fresh = mech.simulate(start=outside.start(name), **asked)
         assert outside.error_of_all(name, fresh) <= target + outside.judged(name).doubt

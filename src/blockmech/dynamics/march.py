@@ -15,9 +15,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.dynamics.chebyshev import Floats, remainder, rule
 from blockmech.dynamics.mesh import Mesh, View
@@ -87,9 +88,7 @@ def solved(view: View, patch: Patch, shift: float, K_left: float, guess: Floats)
         change = np.linalg.solve(np.eye(K.size) - half * r.integrate.T * gain, residual)
         if not np.isfinite(change).all():
             return None
-        new = np.where(change < K, K - change, K / 4)
-        size = float(np.abs(new - K).max() / new.max())
-        K = new
+        K, size = corrected(K, change)
         if size < 1e-9:  # the next step, which is not made, would be its square
             break
     else:
@@ -235,3 +234,9 @@ def as_quadrature(panels: list[Panel]) -> Quadrature:
         owned=np.zeros(len(panels), dtype=np.intp),
         fastest=largest_speed(J, K),
     )
+
+
+def corrected(K: Floats, change: NDArray[np.floating[Any]]) -> tuple[Floats, float]:
+    """Kinetic energies less a Newton step, kept positive; and the relative size of the step."""
+    new = np.where(change < K, K - change, K / 4)
+    return new, float(np.abs(new - K).max() / new.max())

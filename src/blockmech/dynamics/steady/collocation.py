@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.march import effort, effort_slope
+from blockmech.dynamics.march import corrected, effort, effort_slope
 from blockmech.dynamics.mesh import View
 from blockmech.dynamics.passage import End, Place
 from blockmech.dynamics.patches import Patch
@@ -189,9 +189,7 @@ def _newton(view: View, period: float, patch: Patch, K: Floats) -> Floats | None
         change = np.linalg.solve(D - np.diag(gain), D @ K - here)
         if not np.isfinite(change).all():
             return None
-        new = np.where(change < K, K - change, K / 4)
-        size = float(np.abs(new - K).max() / new.max())
-        K = new
+        K, size = corrected(K, change)
         if size < 1e-9:  # the next step, which is not made, would be its square
             return K
     return None
