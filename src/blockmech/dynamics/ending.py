@@ -54,7 +54,7 @@ def ended(meter: Metered, asked: Asked, course: Course) -> Motion:
         q_end = met
     seconds, angle = _errors(track, t_end - start.t)
     if course.fate == NO_INERTIA:
-        angle += _unseen(track, t_end)
+        angle += _unseen(track, t_end) + _moved(track, t_end, seconds)
     error = seconds * _fastest(track, t_end) + angle
     if error > (accuracy or PLENTY) and course.fate != NO_INERTIA:
         error = min(error, _on_the_way(track, t_end - start.t))
@@ -129,6 +129,12 @@ def _unseen(track: Conservative, t_end: float) -> float:
     way = share * float(edges[panel + 1] - edges[panel])
     last = float(edges[end]) + (way if track.turns_high else -way)
     return way if t_end >= track.end() - abs(_left(track, last, float(edges[end]))) else 0.0
+
+
+def _moved(track: Conservative, t_end: float, seconds: float) -> float:
+    """Way of the last so many seconds: the most that an error of the time makes [rad or m]."""
+    q = track.state(np.array([t_end - seconds, t_end])).q
+    return abs(float(q[1] - q[0]))
 
 
 def _left(track: Conservative, x: float, end: float) -> float:

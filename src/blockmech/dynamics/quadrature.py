@@ -175,6 +175,24 @@ def quadrature(mesh: Mesh, anchors: list[Anchor], origin: float = 0.0) -> Quadra
     )
 
 
+def slow_begins(quad: Quadrature, anchors: list[Anchor]) -> Floats:
+    """Time that may be lost before each panel's first sample, unseen by its series [s]; (p,).
+
+    A motion that begins slowly, beside an equilibrium or where the driver has next to no
+    inertia, may be fast again at the first node. Its energy at the edge is exact, and tells.
+    """
+    unseen = np.zeros(quad.mesh.panels)
+    r = rule(quad.F.shape[1])
+    begin = r.ends[:, 0]
+    for edge, K in anchors:
+        beside = [i for i in (edge - 1, edge) if 0 <= i < unseen.size and quad.owned[i] == edge]
+        for i in beside if K > 0 else ():
+            J = abs(float(quad.J[i] @ begin)) + TIMED * EPS * float(quad.J[i].max())
+            slower = math.sqrt(J / (2 * K)) - float(quad.F[i] @ begin)
+            unseen[i] = quad.mesh.length[i] * r.low[0] * max(slower, 0.0)
+    return unseen
+
+
 def _fastest(mesh: Mesh, mirrored: NDArray[np.bool_], J: Floats, K: Floats) -> float:
     """Largest speed of the driver: beside a dead centre samples are those for v, not for x."""
     if any(mesh.limits):

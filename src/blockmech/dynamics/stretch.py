@@ -26,6 +26,7 @@ from blockmech.dynamics.quadrature import (
     Quadrature,
     delay,
     quadrature,
+    slow_begins,
 )
 
 LEVELS = 40
@@ -185,6 +186,7 @@ def _judged(view: View, mesh: Mesh, low: End, high: End, inside: Known | None) -
         quad = quad._replace(truncation=truncation)
     # where it nearly stops, series fall more and more slowly, and not by their last ratio
     truncation = np.where(truncation > FALLING * T, SLOWLY * truncation, truncation)
+    truncation = np.maximum(truncation, slow_begins(quad, anchors))
     quad = quad._replace(truncation=truncation)
     if truncation.max() > COARSE * T:
         hidden = crawls(quad.F, rule(mesh.nodes))

@@ -1,0 +1,88 @@
+"""Scotch yoke on a massless crank, moved by a constant force: its motion in closed form.
+
+With J = m r^2 sin^2 q and the effort F r sin q, K = K0 + F r (cos q0 - cos q), and
+
+    dt = sqrt(J / 2K) |dq| = sqrt(m / 2) / F dK / sqrt(K),
+
+so sqrt(K) grows in proportion to time while the force drives, until the crank is in line
+with the slide again (q = -pi): the driver has no inertia there, and runs end by that name.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+MASS, RADIUS, FORCE = 2.0, 0.1, 100.0  # [kg], [m], [N], as in the graph
+TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
+FINDER = (-3.607395343535843e-07, -0.02674149778375093)  # a start that showed it wrong
+STARTS = [
+    FINDER,
+    *((-(10.0**-n), -rate) for n in (1, 2, 4, 6, 8) for rate in (1e-3, 0.03, 1.0, 20.0)),
+]
+
+
+def inertia(q):
+    return MASS * (RADIUS * math.sin(q)) ** 2
+
+
+def root_of_energy(q, rate):
+    return math.sqrt(inertia(q) / 2) * abs(rate)
+
+
+def time_to_the_place(q, rate):
+    """[s] until q = -pi."""
+    first = root_of_energy(q, rate)
+    last = math.sqrt(first**2 + 2 * FORCE * RADIUS * math.cos(q / 2) ** 2)
+    return math.sqrt(2 * MASS) / FORCE * (last - first)
+
+
+def exact(q, rate, t):
+    """Coordinate [rad] at times (m,) [s]; from half angles, exact beside q = 0 and q = -pi."""
+    first = root_of_energy(q, rate)
+    gained = t * FORCE / math.sqrt(2 * MASS)
+    share = gained * (gained + 2 * first) / (2 * FORCE * RADIUS)  # of sin^2(q/2), what is added
+    low = math.sin(q / 2) ** 2 + share
+    high = math.cos(q / 2) ** 2 - share
+    return -2 * np.arctan2(np.sqrt(low), np.sqrt(np.maximum(high, 0.0)))
+
+
+@pytest.fixture(scope="module")
+def yoke():
+    return bm.Graph.load(GRAPHS / "scotch_yoke.json").compile()
+
+
+@pytest.mark.parametrize(("q", "rate"), STARTS)
+def test_runs_that_end_at_a_place_without_inertia_tell_their_errors(yoke, q, rate):
+    end, costs = time_to_the_place(q, rate), []
+    for target in TARGETS:
+        motion = yoke.simulate(
+            f"time={2 * end!r}", method="energy", accuracy=target, start={"crank": (q, rate)}
+        ).motion
+        assert motion.end == "no inertia"
+        assert abs(motion.t_end - end) <= motion.time_error
+        t = np.minimum(np.linspace(0.0, motion.t_end, 65), end)
+        assert np.abs(motion.at(t).q - exact(q, rate, t)).max() <= motion.error
+        costs.append(motion.cost.evaluations)
+    assert costs == sorted(costs)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.9, 0.999, 1 - 1e-6, 1 - 1e-9])
+@pytest.mark.parametrize("method", ["energy", "dop853", "lsoda", "radau"])
+def test_runs_that_stop_before_it_are_honest_too(yoke, method, share):
+    q, rate = -0.02, -1.0
+    span = share * time_to_the_place(q, rate)
+    for target in (1e-3, 1e-9):
+        motion = yoke.simulate(
+            f"time={span!r}", method=method, accuracy=target, start={"crank": (q, rate)}
+        ).motion
+        if motion.end == "no inertia":  # within the error of the time
+            assert span - motion.t_end <= motion.time_error
+        t = np.linspace(0.0, motion.t_end, 65)
+        assert np.abs(motion.at(t).q - exact(q, rate, t)).max() <= motion.error
