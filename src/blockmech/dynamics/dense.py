@@ -22,6 +22,7 @@ from blockmech.dynamics.quadrature import Quadrature
 
 NEWTON_STEPS = 8
 NEXT_IS_EXACT = 1e-8  # relative step of Newton's method after which the next is rounding
+AT_END, FADED = 1e-9, 1e-7  # share of the panel that is left; dt/dv there, of the largest
 CHUNK = 8192  # outputs at once
 
 
@@ -88,9 +89,9 @@ def place_one(quad: Quadrature, time: float) -> tuple[float, float]:
     from_high = part if mirrored else 1 - part
     at_high = bool(quad.mesh.limits[1]) and p == quad.mesh.panels - 1
     at_low = bool(quad.mesh.limits[0]) and p == 0
-    if slope == 0.0 and (at_high or at_low):
-        # A dead centre that the driver reaches at a finite rate: 0/0, by l'Hopital.
-        rate = 2 * L / abs(float(F @ r.ends[:, 3 if part > 0.5 else 2]))
+    left = from_high if at_high else from_low if at_low else 1.0
+    if left <= AT_END and abs(slope) <= FADED * float(np.abs(F).max()):
+        rate = _finite(F, L, part)
         return (high - (L * from_high) ** 2 if at_high else low + (L * from_low) ** 2), rate
     rate = (2 * math.sqrt(L * part) if ended else 1.0) / slope if slope else math.inf
     if at_high:
@@ -218,7 +219,8 @@ def _walked(
         phi = _phi(w, ended)
         if not (change > NEXT_IS_EXACT * w + 1e-300).any():
             break
-    speed = 1 / series(c, phi)
+    F_there = series(c, phi)
+    speed = 1 / F_there
     part = np.sin(phi / 2) ** 2
     speed = np.where(ended, 2 * np.sqrt(L * part) * speed, speed)
     edges = quad.mesh.edges
@@ -233,7 +235,16 @@ def _walked(
         x = np.where(limited_low, edges[panel] + (L * to_low) ** 2, x)
         speed = np.where(limited_high, 2 * L * to_high * speed, speed)
         speed = np.where(limited_low, 2 * L * to_low * speed, speed)
+        left = np.where(limited_high, to_high, np.where(limited_low, to_low, 1.0))
+        faded = (left <= AT_END) & (np.abs(F_there) <= FADED * np.abs(F).max(axis=1))
+        for i in np.flatnonzero(faded).tolist():
+            speed[i] = _finite(F[i], float(L[i]), float(part[i]))
     return Place(x, speed)
+
+
+def _finite(F: Floats, L: float, part: float) -> float:
+    """Rate at an end that the driver meets at a finite one: 0/0, by l'Hopital."""
+    return 2 * L / abs(float(F @ rule(F.size).ends[:, 3 if part > 0.5 else 2]))
 
 
 def _phi(w: Floats, ended: NDArray[np.bool_]) -> Floats:

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.conservative import Conservative
-from blockmech.dynamics.dips import DEAD, IMPOSSIBLE
 from blockmech.dynamics.ending import NO_INERTIA, Course, ended
 from blockmech.dynamics.line import Line, turn_starts
 from blockmech.dynamics.massless import NoInertia
@@ -30,7 +29,6 @@ from blockmech.dynamics.reach import NOWHERE, Horizon, Reach, gap, look_ahead
 from blockmech.dynamics.reduced import TURN, Metered
 from blockmech.dynamics.rest import nothing, resting, trouble
 from blockmech.dynamics.stretch import Stretch, converged
-from blockmech.dynamics.surfaces import DEAD_CENTRE
 from blockmech.dynamics.until import Asked
 
 SURVEY = (1e-15, 1e-6)  # finest and coarsest relative error of a survey's series
@@ -85,17 +83,11 @@ def _energy(meter: Metered, asked: Asked, gaps: int, empty: list[float]) -> Moti
 
 
 def _named(course: Course, empty: list[float]) -> Course:
-    """An end gets its own name where the driver has no inertia, or where the margin is none.
-
-    A stop was put at the one; at the other no pose is ahead, though it is no dead centre.
-    """
+    """An end gets its own name where the driver has no inertia: a stop was put there."""
     first, view = course.track.line.first, course.track.line.view
     end = first.low if course.track.turns_high else first.high
     near = 1e-9 * max(1.0, abs(view.origin), first.high.x - first.low.x)
     q = view.origin + view.sign * end.x
-    if course.fate == DEAD and view.meter.pose(q).margin > DEAD_CENTRE:
-        regime = IMPOSSIBLE if course.regime == DEAD else course.regime
-        return replace(course, fate=IMPOSSIBLE, regime=regime)
     if course.fate != "end stop" or not any(abs(q - x) <= near for x in empty):
         return course
     regime = NO_INERTIA if course.regime == "end stop" else course.regime
@@ -146,13 +138,22 @@ class Planned:
         return goal == "standstill" or (goal == "swings" and value == 1)
 
     def allowed(self, passage: Any) -> float:
-        """Error of a passage's time that may remain [s]; errors of passages add up."""
+        """Error of a passage's time that may remain [s]; errors of passages add up.
+
+        They are stated as those of one more passage than are asked for, see `Line.error`.
+        """
         goal, value = self.asked.until.goal, self.asked.until.value
         T = passage.total
         if not T > 0:
             return 0.0
-        many = value / T if goal == "time" else value if goal in ("swings", "turns") else 1.0
-        return float((self.asked.accuracy or FINEST) / (passage.fastest * max(1.0, many)))
+        many = 1.0
+        if goal == "time":
+            many = value / T
+        elif goal in ("swings", "turns"):
+            many = value
+        elif goal == "angle":
+            many = abs(value - self.asked.start.q) / (passage.high.x - passage.low.x)
+        return float((self.asked.accuracy or FINEST) / (passage.fastest * (1.0 + many)))
 
 
 def _balanced(meter: Metered, q: float, tau: float, mesh: Mesh) -> bool:

@@ -34,6 +34,7 @@ RightSide: TypeAlias = Callable[[float, Any], Any]
 
 PROBES = 2  # states at which the split of the effort is checked before it is trusted
 AGREES = 1e-9
+SLOWER = (1.0, 0.1, 0.01, 0.0)  # of a typical speed
 AROUND = 7  # poses that tell the size of the inertia
 
 
@@ -160,8 +161,13 @@ def splits(meter: Metered, q0: float, qd0: float, t0: float, batch: bool = False
     wanted = frozenset({"damping"}) if system.damped else frozenset()
     usual = qd0 or typical_speed(meter.one(q0, qd0, t0), qd0)
     for i in range(1, PROBES + 1):
-        q, qd, t = q0 + 0.7 * i, usual * (1.0 + 0.37 * i), t0 + 0.23 * i
-        whole = meter.one(q, qd, t).tau
+        q, t = q0 + 0.7 * i, t0 + 0.23 * i
+        for slower in SLOWER:  # a table of the rate may end
+            qd = slower * usual * (1.0 + 0.37 * i)
+            here = meter.one(q, qd, t)
+            if math.isfinite(here.tau) or not here.margin > 0:
+                break
+        whole = here.tau
         sample = meter.sample(np.array([q]), wanted)
         found = float(sample.tau[0])
         if sample.damping is not None:
@@ -170,7 +176,7 @@ def splits(meter: Metered, q0: float, qd0: float, t0: float, batch: bool = False
             found += float(np.sum(meter.rate_load(np.array([q]), np.array([qd]), t)))
         elif system.rate_load_one is not None:
             found += system.rate_load_one(q, qd, t)
-        if math.isfinite(whole) and not abs(found - whole) <= AGREES * (abs(found) + abs(whole)):
+        if here.margin > 0 and not abs(found - whole) <= AGREES * (abs(found) + abs(whole)):
             return False
     return True
 

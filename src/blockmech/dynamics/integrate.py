@@ -24,8 +24,8 @@ from blockmech.dynamics.reduced import TURN, ReducedSystem
 from blockmech.dynamics.surfaces import (
     Surface,
     driver_at,
-    knots_around,
     near_dead_centre,
+    places_around,
     standstill,
     watched,
 )
@@ -47,7 +47,7 @@ class Task:
     """What is to be integrated; the same at every tolerance.
 
     ``y0`` is (q, q', 0), (2k + 1,); ``system`` is None with several drivers; a swing
-    shorter than ``rest`` [rad or m] is none.
+    shorter than ``rest`` [rad or m] is none; ``empty`` are places [rad or m] without inertia.
     """
 
     equation: Equation
@@ -58,6 +58,7 @@ class Task:
     watches: tuple[Watch, ...] = ()
     time_knots: tuple[float, ...] = ()
     rest: float = 1e-9
+    empty: tuple[float, ...] = ()
 
     @property
     def t_max(self) -> float:
@@ -85,7 +86,8 @@ class Task:
             found += [driver_at("goal", q0 + way * value * TURN) for way in (1, -1)]
         ends = zip(self.system.stops, (-1, 1), strict=True)  # a stop is met from inside
         found += [driver_at("end stop", stop, way) for stop, way in ends if math.isfinite(stop)]
-        return found + knots_around(q, self.system.knots, self.system.period)
+        found += places_around("knot", q, self.system.knots, self.system.period)
+        return found + places_around("no inertia", q, self.empty, self.system.period)
 
 
 @dataclass(frozen=True)
@@ -271,12 +273,12 @@ def _standing(t: float, y: Floats) -> Leg:
 
 def _failure(task: Task, t: float, y: Floats) -> str:
     """Why a solver gave up: there is no pose ahead, or its own trouble."""
-    margin, k = task.equation.margin, task.equation.drivers
+    margin = task.equation.margin
     if margin is not None and not margin(y) > NEAR_DEAD:
         return DEAD
-    ahead = y.copy()
-    ahead[:k] += AHEAD * np.where(np.abs(y[:k]) > 1, np.abs(y[:k]), 1.0) * np.sign(y[k : 2 * k])
-    if not np.isfinite(task.equation.rhs(t, ahead)).all():
+    way = np.sign(task.equation.rhs(t, y))  # of coordinates and rates
+    ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
+    if not np.isfinite(task.equation.rhs(t + AHEAD * max(abs(t), 1.0), ahead)).all():
         return IMPOSSIBLE
     return "the solver's step became too small"
 

@@ -55,17 +55,36 @@ def no_inertia_between(meter: Metered, low: float, high: float) -> float | None:
     return None if found is None else low + found
 
 
+def empty_places(meter: Metered, q: float) -> tuple[float, ...]:
+    """Driver coordinates [rad or m] within a period around q where J is zero; one batch call.
+
+    Where nothing repeats it is the length over which J changes, to both sides.
+    """
+    period = meter.system.period
+    low, high = (q, q + period) if period else (q - meter.system.span, q + meter.system.span)
+    step = (high - low) / (AROUND - 1)
+    x = np.arange(-1.0, AROUND + 1) * step  # a step more: an edge may be the place
+    view = View(meter, low, 1.0)
+    return tuple(low + at for at in zeros(view, x, np.asarray(meter.sample(view.q(x)).J)))
+
+
 def first_zero(view: View, x: Floats, J: Floats) -> float | None:
     """The first place where J goes to zero, if it does, from samples J (n,) at places x (n,)."""
-    limit = SUSPECT * float(J.max())
+    return next(zeros(view, x, J), None)
+
+
+def zeros(view: View, x: Floats, J: Floats) -> Iterator[float]:
+    """Places where J goes to zero, from samples J (n,) at places x (n,); NaN where no pose is."""
+    limit = SUSPECT * float(np.nanmax(J)) if np.isfinite(J).any() else 0.0
     nothing = NOTHING / SUSPECT * limit
     pose = view.meter.pose
 
     def inertia(at: float) -> float:
         return pose(view.origin + view.sign * at).J
 
-    found = first_touch(x, J, inertia, limit)
-    return next((at for at, left in found if left <= nothing), None)
+    for at, left in first_touch(x, J, inertia, limit):
+        if left <= nothing:
+            yield at
 
 
 def first_touch(

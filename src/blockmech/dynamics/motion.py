@@ -54,7 +54,7 @@ class Motion:
     status : "reached" what was asked for; "ended" before it, by something named;
         "rest": nothing moves; "failed": no motion could be computed (any further)
     end : the named reason: "time", "standstill", "end stop", "dead centre", "no inertia",
-        "interrupted", ...
+        "impossible pose", "undefined load", "interrupted", ...
     t_start, t_end : [s]
     q_end, qd_end : state at the end; floats, or arrays (k,) with k drivers
     track : dense output

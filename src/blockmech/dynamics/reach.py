@@ -27,7 +27,7 @@ SURELY = 1.01  # times the time wanted: a motion that goes on for longer is beyo
 POLE = 1e6  # inertia beside a dead centre, relative to that of its panel, that has no bound
 NEAREST = 24  # halvings of the way to a place at infinity
 
-Kind = Literal["standstill", "end stop", "dead centre", "endless", "open"]
+Kind = Literal["standstill", "end stop", "dead centre", "impossible pose", "endless", "open"]
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,15 @@ def _bound(view: View) -> tuple[float, Kind]:
     low, high = system.bounds
     side = 1 if view.sign > 0 else 0
     bound = (high - view.origin) if side else (view.origin - low)
-    stopped = system.stops[side] == (low, high)[side]
-    return bound, "end stop" if stopped else "dead centre"
+    if system.stops[side] == (low, high)[side]:
+        return bound, "end stop"
+    return bound, _end_of_range(view, bound)
+
+
+def _end_of_range(view: View, x: float) -> Kind:
+    """Whether the mechanism closes up to a place with less and less margin, or ends abruptly."""
+    margin = view.meter.pose(view.origin + view.sign * x).margin if math.isfinite(x) else 0.0
+    return "impossible pose" if margin > DEAD_CENTRE else "dead centre"
 
 
 def _one_period(
@@ -233,15 +240,16 @@ def _first_dead_centre(view: View, mesh: Mesh) -> float | None:
 
 
 def _up_to(view: View, K0: float, tolerance: float, horizon: Horizon, x: float) -> Reach:
-    """The driver meets a dead centre at x: look up to there only."""
+    """There is no pose beyond x, mostly because of a dead centre: look up to there only."""
+    kind = _end_of_range(view, x)
     width = x / PANELS
     edges = panel_edges(view, 0.0, x, PANELS) if width > 0 else np.array([0.0, x])
-    bounded = sampled(view, edges, None, (False, True))
+    bounded = sampled(view, edges, None, (False, kind == "dead centre"))
     if not bounded.possible.all():
         inner = gap(view, bounded)
         if inner < x * (1 - 1e-9) and inner > 0:
             return _up_to(view, K0, tolerance, horizon, inner)
-        return Reach("dead centre", x, bounded, bounded.edges)
+        return Reach(kind, x, bounded, bounded.edges)
     if float(bounded.J[-1, -1]) > POLE * float(np.median(bounded.J[-1])):
         return _towards_pole(view, K0, tolerance, horizon, x)
     refuse_no_inertia_inside(view, bounded)
@@ -249,7 +257,7 @@ def _up_to(view: View, K0: float, tolerance: float, horizon: Horizon, x: float) 
     nearly = _slowest(slow, known)
     if first is not None:
         return Reach("standstill", first, bounded, wanted, 0, 0.0, *nearly)
-    return Reach("dead centre", x, bounded, wanted, 0, 0.0, *nearly)
+    return Reach(kind, x, bounded, wanted, 0, 0.0, *nearly)
 
 
 def _towards_pole(view: View, K0: float, tolerance: float, horizon: Horizon, x: float) -> Reach:
@@ -291,7 +299,7 @@ def gap(view: View, mesh: Mesh) -> float:
         if middle in (low, high):
             break
         one = view.meter.pose(view.origin + view.sign * middle)
-        if one.margin > 0 and one.J > 0 and math.isfinite(one.J):
+        if one.margin > 0 and one.J > 0 and math.isfinite(one.J + one.tau):
             low = middle
         else:
             high = middle

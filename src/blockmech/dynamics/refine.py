@@ -36,6 +36,7 @@ from blockmech.dynamics.replay import replayed, uninterrupted
 RATIO = 1 / 50
 COARSEST = 1e-3
 COMPARED = 20  # common times
+WIDEST, WITHIN = 3, 0.4  # of the widest steps, and where in them: no root of an interpolant
 FEW = {"dop853": 6, "radau": 10, "lsoda": 10}  # steps
 GAIN = {"dop853": 1 / 50, "radau": 1 / 10, "lsoda": 4e-4}  # tolerance for a target, roughly
 NEAR = 7  # root of the ratio
@@ -159,6 +160,17 @@ def _kinked(task: Task) -> bool:
     return bool(task.time_knots) or (task.system is not None and bool(task.system.knots))
 
 
+def _widest(run: Run) -> list[float]:
+    """Times [s] within the steps in which a coordinate goes farthest: there it is known least."""
+    middles, ways = [], []
+    for leg in run.legs:
+        edges = np.append(leg.marks, leg.t1)
+        states = np.column_stack([leg.dense(leg.marks), leg.y1])  # known, at no cost
+        ways += np.abs(np.diff(states[: run.drivers], axis=1)).max(axis=0).tolist()
+        middles += (WITHIN * edges[1:] + (1 - WITHIN) * edges[:-1]).tolist()
+    return [middles[i] for i in np.argsort(ways)[-WIDEST:].tolist()]
+
+
 def _difference(coarse: Run, fine: Run, times: Floats) -> tuple[float, float, float]:
     """Largest difference of the coordinates [rad or m], that of the ends [s], and the way."""
     if coarse.status == "failed" or fine.status == "failed" or coarse.end != fine.end:
@@ -166,7 +178,7 @@ def _difference(coarse: Run, fine: Run, times: Floats) -> tuple[float, float, fl
     start, end = fine.legs[0].t0, min(coarse.t_end, fine.t_end)
     common = np.linspace(start, end, COMPARED + 1)[1:]
     asked = times[(times >= start) & (times <= end)]
-    t = np.concatenate([common, asked])
+    t = np.concatenate([common, asked, [x for x in _widest(coarse) if x <= end]])
     found = fine.state(t)
     difference = float(np.abs(coarse.state(t).q - found.q).max())
     way = float(np.abs(found.qd[:COMPARED]).sum()) * (end - start) / COMPARED

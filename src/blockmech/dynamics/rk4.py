@@ -183,9 +183,9 @@ class _Walk:
         return not shortened or abs(new[0] - self.y[0] - straight) <= abs(straight) + abs(bent)
 
     def possible(self, t: float, y: Vector) -> bool:
-        """Whether a state is one of the mechanism, and not at a dead centre."""
+        """Whether a state is one of the mechanism, and not at a dead centre, or leaves one."""
         good = math.isfinite(y[1]) and math.isfinite(float(self.rhs(t, y)[1]))
-        return good and self.margin(y) > DEAD_CENTRE
+        return good and self.margin(y) > min(DEAD_CENTRE, self.margin(self.y))
 
     def in_parts(self, t: float, rows: list[Row]) -> str | None:
         """Go to a time [s] in parts; what the walk ended with, if it did.

@@ -40,6 +40,7 @@ from blockmech.dynamics.request import (
     times_of,
     watches_of,
 )
+from blockmech.dynamics.silent import told_of_loads
 from blockmech.dynamics.split import period_of
 from blockmech.dynamics.steady.forcing import forcing_period
 from blockmech.dynamics.stops import as_watches, held_at_start, named, stops_of
@@ -167,7 +168,7 @@ def _moved(
         how._replace(watch=watch_in_graph(drivers, how.watch)),
         stops_in_graph(drivers, bounds),
     )
-    return motion_in_document(drivers, found)
+    return motion_in_document(drivers, told_of_loads(mechanism.inner, found))
 
 
 def _moved_in_graph(

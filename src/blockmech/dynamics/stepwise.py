@@ -21,7 +21,7 @@ from blockmech.dynamics.equation import (
 )
 from blockmech.dynamics.integrate import Ending, Method, Run, Task
 from blockmech.dynamics.legs import Leg
-from blockmech.dynamics.massless import no_inertia_between
+from blockmech.dynamics.massless import empty_places, no_inertia_between
 from blockmech.dynamics.motion import INTERRUPTED, Event, Motion
 from blockmech.dynamics.progress import reporting
 from blockmech.dynamics.quadrature import EPS
@@ -29,11 +29,12 @@ from blockmech.dynamics.reduced import TURN, Cost, Metered, MeteredSystems, One
 from blockmech.dynamics.refine import refined
 from blockmech.dynamics.rest import nothing, resting, trouble
 from blockmech.dynamics.surfaces import DEAD_CENTRE
-from blockmech.dynamics.until import Asked
+from blockmech.dynamics.until import Asked, Until
 
 FINEST = 1e-9  # target if none is given [rad or m]
 COMPARED = (np.arange(1, 100) * (math.sqrt(5) - 1) / 2) % 1.0  # shares of the time: no step's ends
-RK4_STEPS = 200  # to begin with, where neither step nor target is given
+RK4_STEPS = 200  # of a run or a turn to begin with, where neither step nor target is given
+RK4_MOST = 100_000  # the same of a long run
 ORDER_4 = (10.0, 25.0, 3.0, 1.5)  # fall of differences: as it should be; some; hardly any
 RK4_GAIN = 4.0  # of the fifteen that order 4 promises for half the step
 RK4_LEAST = 0.2  # gain believed where the order hardly shows
@@ -77,7 +78,8 @@ def in_time(
     y0 = np.array([start.q, start.rate, 0.0])
     rest = asked.accuracy or FINEST
     knots = system.time_knots
-    task = Task(equation, system, y0, start.t, asked.until, asked.watches, knots, rest)
+    empty = empty_places(meter, start.q) if equation.source == "kernels" else ()
+    task = Task(equation, system, y0, start.t, asked.until, asked.watches, knots, rest, empty)
     if start.rate == 0 and "time" not in system.depends_on and equation.rhs(start.t, y0)[1] == 0:
         return resting(meter, asked, method)
     motion = _assembled(replace(task, equation=reporting(equation, asked, method)), asked, method)
@@ -194,8 +196,7 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
     if reason:
         return nothing(meter, asked, "rk4", reason)
     equation = reporting(from_kernels(meter, start.q, start.rate, start.t), asked, "rk4")
-    scale = until.value if until.goal == "time" else TURN / equation.speed
-    h = step or scale / RK4_STEPS
+    h = step or _rk4_step(until, equation.speed)
     runs = []
     for parts, size in ((1, 4 * h), (2, 2 * h)):
         runs.append(rk4.stepped(equation, start, until, size, parts, meter.system.stops))
@@ -237,6 +238,14 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
     return _up_to_its_end(meter, motion)
 
 
+def _rk4_step(until: Until, speed: float) -> float:
+    """Step [s] where none is given: of the run, or of a turn if it is longer than that."""
+    turn = TURN / speed
+    if until.goal != "time":
+        return turn / RK4_STEPS
+    return max(min(until.value, turn) / RK4_STEPS, until.value / RK4_MOST)
+
+
 def _as_run(fixed: rk4.Fixed) -> Run:
     """Fixed steps as a run whose disturbances can be followed."""
     y = np.array([fixed.q[-1], fixed.qd[-1], 0.0])
@@ -250,7 +259,7 @@ def _as_run(fixed: rk4.Fixed) -> Run:
     return Run(1, (leg,), (), status, fixed.end, end, y, 4 * fixed.t.size)
 
 
-def _whole(run: rk4.Fixed) -> tuple[float, float]:
+def _whole(run: Stepped) -> tuple[float, float]:
     """Extent of a run: way between its ends of range [rad or m], and time [s]."""
     return float(np.ptp(run.q)), float(run.t[-1] - run.t[0])
 
@@ -356,8 +365,12 @@ def _fixed(
     events: tuple[Event, ...],
 ) -> Motion:
     accuracy, error = asked.accuracy, errors[0]
-    missed = accuracy is not None and not error <= accuracy
-    note = f"accuracy not reached: {error:.1e} instead of {accuracy or 0:.1e}"
+    notes: tuple[str, ...] = ()
+    if accuracy is not None and not error <= accuracy:
+        notes = (f"accuracy not reached: {error:.1e} instead of {accuracy:.1e}",)
+    if run.end != INTERRUPTED and not error <= _whole(run)[0] and run.t.size > 1:
+        unit = "s" if method == "rk4" else "rad" if meter.system.kind == "rotation" else "m"
+        notes += (f"steps of {step:.3g} {unit} are too long: this may be no motion at all",)
     return Motion(
         method=method,
         why=asked.why,
@@ -374,6 +387,6 @@ def _fixed(
         time_error=errors[1],
         accuracy=accuracy,
         cost=meter.cost,
-        notes=(note,) if missed else (),
+        notes=notes,
         facts={"step": step},
     )

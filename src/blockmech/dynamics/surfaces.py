@@ -17,6 +17,7 @@ Value: TypeAlias = Callable[[float, Any], float]
 
 DEAD_CENTRE = 1e-6  # margin at which a run is stopped
 NO_INERTIA = 1e-9  # inertia, relative, at which it is: the speed goes without bound
+LOOKED_AT = (1e-7, 1e-5, 1e-3)  # steps, relative: how far it goes to tell where it leaves to
 ON = 1e-12  # relative distance within which a state counts as on a surface
 
 
@@ -67,8 +68,10 @@ def watched(watch: Watch, k: int) -> Surface:
     return Surface(watch.name, value, watch.direction, watch.terminal)
 
 
-def knots_around(q: float, knots: Sequence[float], period: float | None) -> list[Surface]:
-    """The next knots above and below q, and the one it is on."""
+def places_around(
+    kind: str, q: float, knots: Sequence[float], period: float | None
+) -> list[Surface]:
+    """The next places of a kind above and below q, and the one it is on."""
     if not knots:
         return []
     if period is not None:
@@ -79,21 +82,28 @@ def knots_around(q: float, knots: Sequence[float], period: float | None) -> list
     below = [k for k in knots if k < q - near]
     here = [k for k in knots if abs(k - q) <= near]
     chosen = ([min(above)] if above else []) + ([max(below)] if below else []) + here[:1]
-    return [driver_at("knot", k) for k in chosen]
+    return [driver_at(kind, k) for k in chosen]
 
 
 def leaving(surface: Surface, t: float, y: Floats, rates: Floats) -> int:
     """Direction that counts for an integration that starts at (t, y) with these rates.
 
     A surface on which it starts must not fire at once: it counts on the way back only.
+    From rest the acceleration tells which way that is.
     """
     here = surface.value(t, y)
     scale = float(np.abs(y).max()) + 1e-300
     if not abs(here) <= ON * scale or not np.isfinite(rates).all():
         return surface.direction
-    step = 1e-7 * scale / (float(np.abs(rates).max()) + 1e-300)
-    gone = surface.value(t + step, y + step * rates) - here
-    return -1 if gone > 0 else 1 if gone < 0 else surface.direction
+    k = y.size // 2
+    bent = np.zeros_like(y)
+    bent[:k] = rates[k : 2 * k] / 2
+    for far in LOOKED_AT:
+        step = far * scale / (float(np.abs(rates).max()) + 1e-300)
+        gone = surface.value(t + step, y + step * (rates + step * bent)) - here
+        if abs(gone) > ON * scale * far:
+            return -1 if gone > 0 else 1
+    return surface.direction
 
 
 def crosses(before: float, after: float, direction: int) -> bool:

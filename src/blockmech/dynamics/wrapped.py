@@ -116,14 +116,14 @@ def _resting_at(y: Floats) -> Callable[[Floats], Floats]:
 def _jacobian(ask: Ask) -> Any:
     """df/dy by differences; nothing depends on the work, which is the last state.
 
-    Coordinates are moved back against the motion: ahead there may be no pose.
+    States are moved back against the motion: ahead there may be no pose, or a load no value.
     """
     k, w = ask.equation.drivers, ask.equation.speed
 
     def jacobian(t: float, y: Any) -> Any:
         base = np.asarray(ask.rhs(t, y))
         steps = DIFFERENCE * np.maximum(np.abs(y), [1e-3] * k + [1e-3 * w] * k + [1.0])
-        steps[:k] *= np.where(y[k : 2 * k] > 0, -1.0, 1.0)
+        steps[: 2 * k] *= np.where(base[: 2 * k] > 0, -1.0, 1.0)
         columns = np.zeros((y.size, y.size))
         for i in range(2 * k):
             moved = y.copy()

@@ -1,0 +1,159 @@
+"""Loads whose tables end, or whose functions give NaN: the run ends there, by name.
+
+A rod turned about its middle by a moment of 1 N m or more, J = 1/3 kg m2, without gravity:
+its motion under a constant moment is a parabola in time.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.model.document import loads
+from tests.dynamics.scenes import J, at_rest, motor, rod, slide
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+START = 0.5  # [rad]
+IN_TIME = ("auto", "dop853", "lsoda", "radau", "rk4")
+OF_PLACE = (*IN_TIME, "energy", "euler_q")
+LAST_TIME, LAST_ANGLE, LAST_RATE = 0.3, 0.9, 0.8
+STEPS = {"euler_q": 2e-3}  # [rad] it ends up to two steps before
+
+
+def linear(of, end, size=1.0):
+    """The same moment up to an end of the argument."""
+    return {
+        "kind": "table",
+        "of": of,
+        "arguments": [-1.0, end],
+        "values": [size, size],
+        "interpolation": "linear",
+    }
+
+
+def ended(law, method, start=START, until="time=1"):
+    motion = rod(law, gravity=0.0).simulate(until, method=method, start=at_rest(start)).motion
+    assert (motion.status, motion.end) == ("ended", "undefined load")
+    assert motion.events[-1].kind == "undefined load"
+    (note,) = [note for note in motion.notes if "gives no value" in note]
+    assert note.startswith("load0 ")
+    return motion
+
+
+def assert_ends_at(motion, t):
+    assert abs(motion.t_end - t) <= motion.time_error
+    times = np.linspace(0.0, min(t, motion.t_end), 20)
+    exact = START + times**2 / (2 * J)
+    assert np.abs(motion.at(times).q - exact).max() <= motion.error
+    if motion.method != "euler_q":
+        assert motion.qd_end == pytest.approx(t / J, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", IN_TIME)
+@pytest.mark.parametrize("form", ["table", "function"])
+def test_a_load_that_ends_in_time(method, form):
+    law = linear("time", LAST_TIME)
+    if form == "function":
+        law = lambda time: 1.0 if time <= LAST_TIME else math.nan  # noqa: E731
+    motion = ended(law, method)
+    assert motion.t_end == pytest.approx(LAST_TIME, rel=1e-9)
+    assert abs(motion.q_end - START - LAST_TIME**2 / (2 * J)) <= motion.error
+
+
+@pytest.mark.parametrize("method", OF_PLACE)
+@pytest.mark.parametrize("form", ["table", "function"])
+def test_a_load_that_ends_at_a_coordinate(method, form):
+    law = linear("coordinate", LAST_ANGLE)
+    if form == "function":
+        law = lambda coordinate: 1.0 if coordinate <= LAST_ANGLE else math.nan  # noqa: E731
+    motion = ended(law, method)
+    assert_ends_at(motion, math.sqrt(2 * J * (LAST_ANGLE - START)))
+    assert motion.q_end == pytest.approx(LAST_ANGLE, abs=STEPS.get(method, 1e-6))
+
+
+@pytest.mark.parametrize("method", IN_TIME)
+@pytest.mark.parametrize("form", ["table", "function"])
+def test_a_load_that_ends_at_a_rate(method, form):
+    law = linear("rate", LAST_RATE)
+    if form == "function":
+        law = lambda rate: 1.0 if rate <= LAST_RATE else math.nan  # noqa: E731
+    assert_ends_at(ended(law, method), LAST_RATE * J)
+
+
+def test_a_load_without_a_value_at_the_start():
+    found = rod(linear("time", -0.5), gravity=0.0).simulate("time=1", start=at_rest(START)).motion
+    assert (found.status, found.end, found.t_end) == ("failed", "undefined load", 0.0)
+    assert "load0 gives no value beyond t = 0 s" in found.notes
+
+
+def test_only_the_load_that_ends_is_named():
+    scene = rod(motor(1.0, 50.0), linear("time", LAST_TIME), gravity=0.0)
+    found = scene.simulate("time=1", start=at_rest(START)).motion
+    assert found.end == "undefined load"
+    assert "load1 gives no value beyond t = 0.3 s" in found.notes
+
+
+def test_a_force_that_ends():
+    scene = slide(law=linear("time", LAST_TIME, 3.0))
+    found = scene.simulate("time=1", start={"slider": (0.0, 0.0)}).motion
+    assert found.end == "undefined load"
+    assert "force gives no value beyond t = 0.3 s" in found.notes
+
+
+def test_links_that_do_not_reach_are_no_matter_of_loads():
+    """A table that is defined everywhere it comes to, and a mechanism that is not."""
+    graph = bm.Graph("short", gravity=(0.0, -9.81))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (1.9, 0.0)}))
+    body = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
+    graph.add("crank", bm.Crank(length=1.0, links={"crank": body}))
+    graph.add("dyad", bm.RRR(l_i=0.7, l_j=0.6, links={"i": body, "j": body}))
+    graph.add("motor", bm.Motor(law=linear("time", 10.0)))
+    for pair in (
+        ("frame.A", "crank.A"),
+        ("crank.B", "dyad.B"),
+        ("frame.D", "dyad.D"),
+        ("frame.A", "motor.a"),
+        ("crank.crank", "motor.b"),
+    ):
+        graph.connect(*pair)
+    found = graph.compile().simulate("time=5", start={"crank": (0.3, 3.0)}).motion
+    assert found.end == "dead centre"
+
+
+@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+@pytest.mark.parametrize("pull", [1.0, -1.0])
+def test_a_start_at_rest_on_a_kink_of_a_load_leaves_it(method, pull):
+    """A leg that met the kink where it began never moved on."""
+    law = {
+        "kind": "table",
+        "of": "coordinate",
+        "arguments": [-9.0, START, 9.0],
+        "values": [pull, pull, pull],
+        "interpolation": "linear",
+    }
+    found = rod(law, gravity=0.0).simulate("time=1", method=method, start=at_rest(START)).motion
+    assert found.end == "time"
+    assert abs(found.q_end - START - pull / (2 * J)) <= found.error
+
+
+@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+def test_several_drivers(method):
+    data = json.loads((GRAPHS / "fivebar_falling.json").read_text("utf-8"))
+    del data["expect"]
+    data["blocks"]["motor"] = {"type": "load.motor", "law": linear("time", 0.05)}
+    ((link, _),) = data["blocks"]["left"]["links"].items()
+    data["wires"] += [
+        {"from": "frame.A", "to": "motor.a"},
+        {"from": f"left.{link}", "to": "motor.b"},
+    ]
+    start = {"left": (1.2, 0.0), "right": (2.2, 0.0)}
+    found = loads(json.dumps(data)).compile().simulate("time=1", method=method, start=start).motion
+    assert (found.status, found.end) == ("ended", "undefined load")
+    assert found.t_end == pytest.approx(0.05, rel=1e-9)
+    assert found.error < 1e-6
+    assert "motor gives no value beyond t = 0.05 s" in found.notes
