@@ -296,3 +296,14 @@ def test_time_dependent_loads_are_integrated():
     motion = move(system, Start(0.0), "time=7", "auto", 1e-10)
     times = np.linspace(0, 7, 30)
     assert np.abs(motion.at(times).q - (1 - np.cos(times))).max() <= 1e-10
+
+
+@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+@pytest.mark.parametrize("knot", [0.3, 0.7, 1.0, 2.0])
+def test_a_knot_met_at_the_time_asked_ends_the_run_there(method, knot):
+    """No leg could follow, or SciPy found no root between ends of steps that both said zero."""
+    level = guided(1.0, lambda q: 0 * q, knots=(knot,))
+    for rate in (1.0, 2.0, 3.0):
+        found = move(Metered(level), Start(0.0, rate), Until("time", knot / rate), method, 1e-6)
+        assert (found.end, found.t_end) == ("time", knot / rate)
+        assert abs(found.q_end - knot) <= found.error

@@ -10,6 +10,7 @@ with the slide again (q = -pi): the driver has no inertia there, and runs end by
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.model.document import loads
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 MASS, RADIUS, FORCE = 2.0, 0.1, 100.0  # [kg], [m], [N], as in the graph
@@ -86,3 +88,28 @@ def test_runs_that_stop_before_it_are_honest_too(yoke, method, share):
             assert span - motion.t_end <= motion.time_error
         t = np.linspace(0.0, motion.t_end, 65)
         assert np.abs(motion.at(t).q - exact(q, rate, t)).max() <= motion.error
+
+
+@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+def test_a_long_step_does_not_pass_the_whole_place(method):
+    """A motor brings the yoke there at its own speed; LSODA's steps were wider than the place."""
+    data = json.loads((GRAPHS / "scotch_yoke.json").read_text("utf-8"))
+    del data["expect"]
+    data["blocks"]["motor"] = {
+        "type": "load.motor",
+        "law": {"kind": "dc", "stall_moment": 15.2, "no_load_speed": 21.8},
+    }
+    data["wires"] += [
+        {"from": "frame.O", "to": "motor.a"},
+        {"from": "crank.crank", "to": "motor.b"},
+    ]
+    driven = loads(json.dumps(data)).compile()
+    ends = []
+    for target in (1e-3, 1e-6):
+        found = driven.simulate(
+            "time=0.057", method=method, accuracy=target, start={"crank": (1.86, 33.85)}
+        ).motion
+        assert found.end == "no inertia"
+        assert found.error < 10 * target
+        ends.append(found)
+    assert abs(ends[0].t_end - ends[1].t_end) <= ends[0].time_error + ends[1].time_error

@@ -95,6 +95,9 @@ def integrate(ask: Ask) -> Leg:
     dips = None if ask.equation.margin is None else Dips(ask.equation, t, ask.y)
     try:
         while t < end:
+            if end - t <= 4 * math.ulp(end):  # it is there: after a kink at the end, say
+                t = end
+                break
             if h <= 4 * math.ulp(t) + 1e-300:
                 failed = True
                 break

@@ -9,23 +9,25 @@ that it succeeded is not taken: the end state is looked at.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from blockmech.dynamics import dop853, wrapped
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.dips import DEAD, IMPOSSIBLE
-from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.equation import Equation, RightSide
 from blockmech.dynamics.legs import TOO_MANY, Ask, Hit, Leg, TooMany
 from blockmech.dynamics.motion import INTERRUPTED, Event, State
 from blockmech.dynamics.reduced import TURN, ReducedSystem
 from blockmech.dynamics.surfaces import (
     Surface,
     driver_at,
+    hollows_around,
+    knots_around,
     near_dead_centre,
-    places_around,
     standstill,
     watched,
 )
@@ -47,7 +49,7 @@ class Task:
     """What is to be integrated; the same at every tolerance.
 
     ``y0`` is (q, q', 0), (2k + 1,); ``system`` is None with several drivers; a swing
-    shorter than ``rest`` [rad or m] is none; ``empty`` are places [rad or m] without inertia.
+    shorter than ``rest`` [rad or m] is none; ``hollows`` are ranges [rad or m] without inertia.
     """
 
     equation: Equation
@@ -58,7 +60,7 @@ class Task:
     watches: tuple[Watch, ...] = ()
     time_knots: tuple[float, ...] = ()
     rest: float = 1e-9
-    empty: tuple[float, ...] = ()
+    hollows: tuple[tuple[float, float], ...] = ()
 
     @property
     def t_max(self) -> float:
@@ -86,8 +88,9 @@ class Task:
             found += [driver_at("goal", q0 + way * value * TURN) for way in (1, -1)]
         ends = zip(self.system.stops, (-1, 1), strict=True)  # a stop is met from inside
         found += [driver_at("end stop", stop, way) for stop, way in ends if math.isfinite(stop)]
-        found += places_around("knot", q, self.system.knots, self.system.period)
-        return found + places_around("no inertia", q, self.empty, self.system.period)
+        period = self.system.period
+        found += hollows_around(q, self.hollows, period)
+        return found + knots_around(q, self.system.knots, period)
 
 
 @dataclass(frozen=True)
@@ -133,6 +136,76 @@ class Run:
         return State(y[:k].T, y[k : 2 * k].T)
 
 
+class Verdict(NamedTuple):
+    """Why a run is over, as in `Run`."""
+
+    status: Ending
+    end: str
+
+
+@dataclass
+class _Course:
+    """A run under way: where the motion is, and what it has behind it.
+
+    y : (2k + 1,) state at t [s]
+    stops : standstills met
+    turned : [J] largest work on the way
+    """
+
+    task: Task
+    method: Method
+    t: float
+    y: Floats
+    legs: list[Leg] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+    stops: int = 0
+    turned: float = 0.0
+
+    def over(self) -> Verdict | None:
+        """Why no leg begins here, or None."""
+        if self.t >= self.task.t_max:
+            return Verdict("reached", "time")
+        if len(self.legs) >= MOST_LEGS:
+            return Verdict("failed", f"more than {MOST_LEGS} legs")
+        if not np.isfinite(self.task.equation.rhs(self.t, self.y)).all():
+            return Verdict("failed", "impossible pose")
+        return None
+
+    def ask(self, rhs: RightSide, tolerance: float, longest: float) -> Ask:
+        """The leg from here: to the next knot in time or the latest time, if nothing is met."""
+        task, t, y = self.task, self.t, self.y
+        end = min((s for s in task.time_knots if t < s < task.t_max), default=task.t_max)
+        surfaces = task.surfaces(float(y[0]))
+        return Ask(task.equation, rhs, t, y, end, surfaces, tolerance, longest)
+
+    def take(self, leg: Leg) -> Verdict | None:
+        """Go to the end of a leg; why the run is over by what was met there, or None."""
+        before = self.y
+        self.t, self.y = leg.t1, leg.y1.copy()
+        self.legs.append(leg)
+        self.events += _events(self.task, leg)
+        self.turned = max(self.turned, leg.turned)
+        if leg.failed:
+            return self._given_up()
+        if leg.halted:
+            return Verdict("ended" if leg.halted == INTERRUPTED else "failed", leg.halted)
+        last = leg.hits[-1] if leg.hits and leg.hits[-1].surface.terminal else None
+        if last is not None and last.surface.kind == "standstill":
+            self.stops += 1
+            self.y[1] = 0.0
+            if self.stops < self.task.stops and abs(self.y[0] - before[0]) <= self.task.rest:
+                return Verdict("ended", "rest")
+        return _met(self.task, last, self.stops)
+
+    def _given_up(self) -> Verdict | None:
+        """Why the run is over where a solver gave up; None if another one goes on."""
+        if self.method == "lsoda" and self.task.equation.drivers == 1:
+            self.method = "dop853"  # which comes as near as one can to where there is no pose
+            return None
+        end = _failure(self.task, self.t, self.y)
+        return Verdict("ended" if end in (DEAD, IMPOSSIBLE) else "failed", end)
+
+
 def run(
     task: Task,
     method: Method,
@@ -142,13 +215,33 @@ def run(
 ) -> Run:
     """Integrate at one tolerance until the goal or whatever ends the motion before.
 
-    Steps are not longer than ``longest`` [s].
+    Steps are not longer than ``longest`` [s]; ``most`` evaluations are allowed.
     """
-    count, given_up = 0, False
-    right = task.equation.rhs
-    longest = min(longest, _longest(task))
     if most is None:
         most = MOST_EVALUATIONS if task.until.goal == "time" else MOST_WITHOUT_TIME
+    rhs, evaluations = _counted(task.equation.rhs, most)
+    longest = min(longest, _longest(task))
+    course = _Course(task, method, task.t0, task.y0.copy())
+    verdict = course.over()
+    while verdict is None:
+        leg = _leg(course.ask(rhs, tolerance, longest), course.method)
+        verdict = leg if isinstance(leg, Verdict) else course.take(leg) or course.over()
+    return Run(
+        drivers=task.equation.drivers,
+        legs=tuple(course.legs) or (_standing(course.t, course.y),),
+        events=tuple(course.events),
+        status=verdict.status,
+        end=verdict.end,
+        t_end=course.t,
+        y_end=course.y,
+        evaluations=evaluations(),
+        balance=balance(task, course.y, course.turned),
+    )
+
+
+def _counted(right: RightSide, most: int) -> tuple[RightSide, Callable[[], int]]:
+    """A right-hand side that counts, and its count; one above ``most`` raises `TooMany`."""
+    count, given_up = 0, False
 
     def rhs(t: float, y: Any) -> Any:
         nonlocal count, given_up
@@ -158,89 +251,33 @@ def run(
             raise TooMany
         return right(t, y)
 
-    legs: list[Leg] = []
-    events: list[Event] = []
-    t, y, stops, turned = task.t0, task.y0.copy(), 0, 0.0
-    stations = [*sorted(s for s in task.time_knots if task.t0 < s < task.t_max), task.t_max]
-    status: Ending | None = None
-    end = ""
-    while status is None:
-        if len(legs) >= MOST_LEGS:
-            status, end = "failed", f"more than {MOST_LEGS} legs"
-            break
-        if not np.isfinite(right(t, y)).all():
-            status, end = "failed", "impossible pose"
-            break
-        station = next(s for s in stations if s > t)
-        surfaces = task.surfaces(float(y[0]))
-        ask = Ask(task.equation, rhs, t, y, station, surfaces, tolerance, longest)
-        try:
-            leg = _leg(ask, method)
-        except KeyboardInterrupt:  # what is done so far is kept
-            status, end = "ended", INTERRUPTED
-            break
-        if isinstance(leg, str):
-            status, end = "failed", leg
-            break
-        legs.append(leg)
-        turned = max(turned, leg.turned)
-        events += _events(task, leg)
-        before, t, y = y, leg.t1, leg.y1.copy()
-        if leg.failed and method == "lsoda" and task.equation.drivers == 1:
-            method = "dop853"  # which comes as near as one can to where there is no pose
-            continue
-        if leg.failed:
-            end = _failure(task, t, y)
-            status = "ended" if end in (DEAD, IMPOSSIBLE) else "failed"
-            break
-        if leg.halted:
-            status, end = "ended" if leg.halted == INTERRUPTED else "failed", leg.halted
-            break
-        last = leg.hits[-1] if leg.hits and leg.hits[-1].surface.terminal else None
-        if last is not None and last.surface.kind == "standstill":
-            stops += 1
-            y[1] = 0.0
-            if stops < task.stops and abs(y[0] - before[0]) <= task.rest:
-                status, end = "ended", "rest"
-        if status is None:
-            status, end = _verdict(task, last, t, stops)
-    return Run(
-        drivers=task.equation.drivers,
-        legs=tuple(legs) or (_standing(t, y),),
-        events=tuple(events),
-        status=status,
-        end=end,
-        t_end=t,
-        y_end=y,
-        evaluations=count,
-        balance=balance(task, y, turned),
-    )
+    return rhs, lambda: count
 
 
-def _leg(ask: Ask, method: Method) -> Leg | str:
+def _leg(ask: Ask, method: Method) -> Leg | Verdict:
     """A leg, or why there is none."""
     try:
         if method == "dop853" and ask.equation.drivers == 1:
             leg = dop853.integrate(ask)
         else:
             leg = wrapped.integrate(ask, method)
+    except KeyboardInterrupt:  # what is done so far is kept
+        return Verdict("ended", INTERRUPTED)
     except TooMany:
-        return TOO_MANY
+        return Verdict("failed", TOO_MANY)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-        return "impossible pose"
-    return leg if np.isfinite(leg.y1).all() else "impossible pose"
+        return Verdict("failed", "impossible pose")
+    return leg if np.isfinite(leg.y1).all() else Verdict("failed", "impossible pose")
 
 
-def _verdict(task: Task, last: Hit | None, t: float, stops: int) -> tuple[Ending | None, str]:
-    """Whether the run is over after a leg, and by what name."""
+def _met(task: Task, last: Hit | None, stops: int) -> Verdict | None:
+    """Why the run is over by the surface on which a leg ended, or None."""
     kind = last.surface.kind if last else ""
-    if last is None:
-        return ("reached", "time") if t >= task.t_max else (None, "")
-    if kind == "knot" or (kind == "standstill" and stops < task.stops):
-        return None, ""
+    if kind in ("", "knot") or (kind == "standstill" and stops < task.stops):
+        return None
     if kind in ("dead centre", "end stop", "no inertia"):
-        return "ended", kind
-    return "reached", task.until.goal if kind in ("goal", "standstill") else kind
+        return Verdict("ended", kind)
+    return Verdict("reached", task.until.goal if kind in ("goal", "standstill") else kind)
 
 
 def _longest(task: Task) -> float:

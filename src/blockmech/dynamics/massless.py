@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -55,17 +56,26 @@ def no_inertia_between(meter: Metered, low: float, high: float) -> float | None:
     return None if found is None else low + found
 
 
-def empty_places(meter: Metered, q: float) -> tuple[float, ...]:
-    """Driver coordinates [rad or m] within a period around q where J is zero; one batch call.
+def hollows(
+    meter: Metered, q: float, inertia: Callable[[Any], float], least: float
+) -> tuple[tuple[float, float], ...]:
+    """Ranges of the driver's coordinate [rad or m] around q in which there is next to no inertia.
 
-    Where nothing repeats it is the length over which J changes, to both sides.
+    Around places where J is zero, within a period; where nothing repeats, within the length
+    over which J changes, to both sides. ``inertia``: that of a state (q, ...), relative [-];
+    ``least``: what it has at the ends of each range. Cost: one batch call.
     """
     period = meter.system.period
     low, high = (q, q + period) if period else (q - meter.system.span, q + meter.system.span)
     step = (high - low) / (AROUND - 1)
     x = np.arange(-1.0, AROUND + 1) * step  # a step more: an edge may be the place
     view = View(meter, low, 1.0)
-    return tuple(low + at for at in zeros(view, x, np.asarray(meter.sample(view.q(x)).J)))
+    found = []
+    for at in zeros(view, x, np.asarray(meter.sample(view.q(x)).J)):
+        beside = max(inertia((low + at + step, 0.0)), least)  # it grows with the square
+        half = step * math.sqrt(least / beside)
+        found.append((low + at - half, low + at + half))
+    return tuple(found)
 
 
 def first_zero(view: View, x: Floats, J: Floats) -> float | None:

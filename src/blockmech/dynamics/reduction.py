@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache, cached_property
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,23 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics.bridges import bridged
 from blockmech.dynamics.knots import knots_of
-from blockmech.dynamics.reduced import TURN, ReducedSystem, ReducedSystems, Sample, Terms
-from blockmech.dynamics.split import depends_on, load_size, lossless, own_loads, period_of, straight
+from blockmech.dynamics.reduced import (
+    TURN,
+    RateLoadOne,
+    ReducedSystem,
+    ReducedSystems,
+    Sample,
+    Terms,
+)
+from blockmech.dynamics.split import (
+    OwnLoads,
+    depends_on,
+    load_size,
+    lossless,
+    own_loads,
+    period_of,
+    straight,
+)
 from blockmech.engines import NumpyEngine, ScalarEngine
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.mechanism import Mechanism
@@ -121,6 +137,88 @@ class _Values:
         return found
 
 
+@dataclass(frozen=True)
+class _OneDriver:
+    """The functions of a `ReducedSystem`, as values of the plans of its driver.
+
+    plain : inertia and effort
+    slope : the same and the slope of the inertia
+    own : the loads of rate or time, where all of them act on the driver itself
+    """
+
+    driver: str
+    plain: _Values
+    slope: _Values
+    own: OwnLoads | None
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, driver: str, own: OwnLoads | None) -> _OneDriver:
+        """Those of a mechanism with one driver."""
+        J, tau, dJ = (f"{driver}.{name}" for name in ("J_red", "tau_red", "dJ_red"))
+        return cls(driver, _Values(mechanism, (J, tau)), _Values(mechanism, (J, tau, dJ)), own)
+
+    def _at(self, values: _Values, name: str) -> int:
+        return values.place[f"{self.driver}.{name}"]
+
+    def sample(self, q: Array, wanted: frozenset[str]) -> Sample:
+        """Values at coordinates (n,), at rest and time 0."""
+        values = self.slope if "dJ" in wanted else self.plain
+        n, rest = q.size, np.zeros(q.size)
+        found = values.batch({"q_0": q, "qd_0": rest, "t": rest}, n)
+        tau = found[self._at(values, "tau_red")]
+        return Sample(
+            found[self._at(values, "J_red")],
+            tau,
+            values.margin(found, n),
+            found[self._at(values, "dJ_red")] if "dJ" in wanted else None,
+            self._damping(q, tau) if "damping" in wanted else None,
+        )
+
+    def _damping(self, q: Array, tau: Array) -> Array:
+        """Linear damping (n,) from the effort at a rate less ``tau``, that at rest."""
+        probe = FAST if self.own is None else 1.0
+        damping = (tau - self._effort(q, np.zeros(q.size) + probe, 0.0)) / probe
+        return damping if self.own is None else damping + self.own.one(probe, 0.0)
+
+    def _effort(self, q: Array, qd: Array, t: float) -> Array:
+        given = {"q_0": q, "qd_0": qd, "t": np.full(q.shape, t)}
+        return np.asarray(self.plain.batch(given, q.size)[self._at(self.plain, "tau_red")])
+
+    @cached_property
+    def _single(self) -> tuple[Callable[..., tuple[Any, ...]], int, int, int]:
+        J, tau, dJ = (self._at(self.slope, name) for name in ("J_red", "tau_red", "dJ_red"))
+        return self.slope.of(STATE), J, tau, dJ
+
+    @cached_property
+    def _plainly(self) -> tuple[Callable[..., tuple[Any, ...]], int, int]:
+        J, tau = (self._at(self.plain, name) for name in ("J_red", "tau_red"))
+        return self.plain.of(STATE), J, tau
+
+    def one(self, q: float, qd: float, t: float) -> tuple[float, float, float, float]:
+        """J, tau, dJ/dq and margin of one state."""
+        values, i, j, k = self._single
+        found = values(q, qd, t)
+        return found[i], found[j], found[k], self.slope.margin_of_one(found)
+
+    def pose(self, q: float, qd: float, t: float) -> tuple[float, float, float, float]:
+        """The same with NaN for dJ/dq."""
+        values, i, j = self._plainly
+        found = values(q, qd, t)
+        return found[i], found[j], math.nan, self.plain.margin_of_one(found)
+
+    def rate_load(self, q: Array, qd: Array, t: float) -> Array:
+        """Effort (n,) at rates and a time, less that at rest and time 0."""
+        if self.own is not None:
+            return self.own.batch(qd, t)
+        return self._effort(q, qd, t) - self._effort(q, 0 * qd, 0.0)
+
+    @property
+    def rate_load_one(self) -> RateLoadOne | None:
+        """The same of one state; None where it would need a kernel."""
+        own = self.own
+        return None if own is None else lambda q, qd, t: own.one(qd, t)
+
+
 def reduced_system(mechanism: Mechanism) -> ReducedSystem:
     """The reduced system of a mechanism with one driver.
 
@@ -138,72 +236,21 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
     span = TURN if rotary else _length(mechanism)
     crooked = not all(map(straight, structure.elements.values()))
     own = own_loads(structure, scene, driver) if crooked else None
-    J, tau, dJ = f"{driver}.J_red", f"{driver}.tau_red", f"{driver}.dJ_red"
-    plain, slope = _Values(mechanism, (J, tau)), _Values(mechanism, (J, tau, dJ))
-    damped = "rate" in depends and (own is not None or not crooked)
-    probe = FAST if own is None else 1.0
-
-    def effort(q: Array, qd: Array, t: float) -> Array:
-        given = {"q_0": q, "qd_0": qd, "t": np.full(q.shape, t)}
-        return np.asarray(plain.batch(given, q.size)[plain.place[tau]])
-
-    def sample(q: Array, wanted: frozenset[str]) -> Sample:
-        values = slope if "dJ" in wanted else plain
-        n, rest = q.size, np.zeros(q.size)
-        found = values.batch({"q_0": q, "qd_0": rest, "t": rest}, n)
-        at = values.place
-        damping = None
-        if "damping" in wanted:
-            damping = (found[at[tau]] - effort(q, rest + probe, 0.0)) / probe
-            if own is not None:
-                damping = damping + own.one(probe, 0.0)
-        return Sample(
-            found[at[J]],
-            found[at[tau]],
-            values.margin(found, n),
-            found[at[dJ]] if "dJ" in wanted else None,
-            damping,
-        )
-
-    @cache
-    def single() -> tuple[Callable[..., tuple[Any, ...]], int, int, int]:
-        return slope.of(STATE), slope.place[J], slope.place[tau], slope.place[dJ]
-
-    @cache
-    def plainly() -> tuple[Callable[..., tuple[Any, ...]], int, int]:
-        return plain.of(STATE), plain.place[J], plain.place[tau]
-
-    margin_of, plain_margin = slope.margin_of_one, plain.margin_of_one
-
-    def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
-        values, i, j, k = single()
-        found = values(q, qd, t)
-        return found[i], found[j], found[k], margin_of(found)
-
-    def pose(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
-        values, i, j = plainly()
-        found = values(q, qd, t)
-        return found[i], found[j], math.nan, plain_margin(found)
-
-    def rest_of(q: Array, qd: Array, t: float) -> Array:
-        if own is not None:
-            return own.batch(qd, t)
-        return effort(q, qd, t) - effort(q, 0 * qd, 0.0)
-
+    values = _OneDriver.of(mechanism, driver, own)
     system = ReducedSystem(
-        sample=sample,
-        one=one,
+        sample=values.sample,
+        one=values.one,
         kind="rotation" if rotary else "translation",
         period=period,
         depends_on=depends,
-        damped=damped,
-        rate_load=rest_of if crooked else None,
-        rate_load_one=None if own is None else lambda q, qd, t: own.one(qd, t),
+        damped="rate" in depends and (own is not None or not crooked),
+        rate_load=values.rate_load if crooked else None,
+        rate_load_one=values.rate_load_one,
         rate_load_kernels=own is None,
         knots=knots_of(structure, scene, driver, period, span),
         span=span,
         load_size=load_size(structure, scene, driver),
-        pose=pose,
+        pose=values.pose,
         lossless=period is not None and lossless(structure),
     )
     return bridged(system, structure)

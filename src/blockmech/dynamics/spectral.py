@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,6 +63,61 @@ def spectral(meter: Metered, asked: Asked) -> Motion | str:
 
 
 def _spectral(meter: Metered, asked: Asked) -> Motion | str:
+    way = _way(meter, asked)
+    if isinstance(way, str):
+        return way
+    found = _finest(way)
+    if isinstance(found, str):
+        return found
+    if asked.accuracy is not None and found.status == "reached":
+        found = _checked(way, found)
+    return _motion(way, found)
+
+
+@dataclass(frozen=True)
+class _Way:
+    """What is marched, the same at every tolerance.
+
+    J, effort : [kg m2, N m; or kg, N] at the start, the effort in the direction of the motion
+    far : [rad or m] way to the goal; infinite where the goal is a time
+    """
+
+    asked: Asked
+    view: View
+    J: float
+    effort: float
+    far: float
+
+    @property
+    def target(self) -> float:
+        """Error that is good enough [rad or m]."""
+        return self.asked.accuracy or FINEST
+
+    def march(self, path: Path, tolerance: float, panels: list[Panel]) -> March:
+        """March at one tolerance until the goal; ``panels`` hold what is done on the way."""
+        K0 = self.J * self.asked.start.rate**2 / 2
+        return march(path, K0, self.effort, tolerance, self.done, panels)
+
+    def done(self, x: float, elapsed: float) -> bool:
+        """Whether the goal is met after a way [rad or m] and a time [s]."""
+        asked, timed = self.asked, self.asked.until.goal == "time"
+        came, goal = (elapsed, asked.until.value) if timed else (x, self.far)
+        if asked.progress is not None:
+            asked.progress("spectral", came, goal)
+        return came >= goal
+
+
+class _Found(NamedTuple):
+    """A march that came to its end: the time along its way, and how far that is off."""
+
+    error: float  # [rad or m]
+    quad: Quadrature
+    tolerance: float
+    status: Status
+
+
+def _way(meter: Metered, asked: Asked) -> _Way | str:
+    """What is to be marched, or why that cannot be."""
     start, (goal, value) = asked.start, (asked.until.goal, asked.until.value)
     one = meter.one(start.q, start.rate, start.t)
     if trouble(one):
@@ -74,68 +130,78 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
     far = {"turns": value * TURN, "angle": view.sign * (value - start.q)}.get(goal, math.inf)
     if goal not in ("time", "turns", "angle") or far < 0:
         return "the goal asks for a standstill or a way back"
+    return _Way(asked, view, one.J, view.sign * one.tau, far)
 
-    def done(x: float, elapsed: float) -> bool:
-        if asked.progress is not None:
-            asked.progress("spectral", *((elapsed, value) if goal == "time" else (x, far)))
-        return elapsed >= value if goal == "time" else x >= far
 
-    K0, effort0 = one.J * start.rate**2 / 2, view.sign * one.tau
-    target = asked.accuracy or FINEST
+def _finest(way: _Way) -> _Found | str:
+    """The best of marches at finer and finer tolerances, or why there is none."""
     best = None
-    path = Path(view, NODES, PER_TURN)
-    status: Status = "reached"
+    path = Path(way.view, NODES, PER_TURN)
     for tolerance in TOLERANCES:
         panels: list[Panel] = []
+        status: Status = "reached"
         try:
-            run = march(path, K0, effort0, tolerance, done, panels)
+            run = way.march(path, tolerance, panels)
         except KeyboardInterrupt:  # a whole march is kept, else as far as this one came
-            if best is None and not panels:
+            if best is not None:
+                return best._replace(status="ended")
+            if not panels:
                 raise
             run, status = March(panels, "done"), "ended"
-            if best is not None:
-                break
         if run.reason != "done":
-            return _trouble(run, view)
-        empty = _no_inertia(run, view, one.J)
+            return _trouble(run, way.view)
+        empty = _no_inertia(run, way.view, way.J)
         if empty is not None:
             return f"the driver has no inertia at q = {empty:.6g}"
-        quad = as_quadrature(run.panels)
-        error = SAFETY * errors(run.panels, start.q)[0] * quad.fastest
-        if best is None or error < best[0]:
-            best = (error, quad, tolerance)
-        if error <= target or status == "ended":
+        found = _timed(way, run, tolerance, status)
+        if best is None or found.error < best.error:
+            best = found
+        if found.error <= way.target or status == "ended":
             break
     assert best is not None
-    error, quad, tolerance = best
-    if asked.accuracy is not None and status == "reached":
-        try:
-            check = march(Path(view, CHECK_NODES, PER_TURN), K0, effort0, tolerance, done)
-        except KeyboardInterrupt:
-            check, status = March([], "limit"), "ended"
-        if check.reason == "done":
-            other = as_quadrature(check.panels)
-            own = SAFETY * errors(check.panels, start.q)[0] * other.fastest
-            apart = SAFETY * _apart(view, quad, other)
-            if own <= error:
-                error, quad = max(error, apart), other
-            else:  # its panels are longer, and their difference may be its own error
-                error = max(error, apart - own)
+    return best
+
+
+def _timed(way: _Way, run: March, tolerance: float, status: Status) -> _Found:
+    quad = as_quadrature(run.panels)
+    error = SAFETY * errors(run.panels, way.asked.start.q)[0] * quad.fastest
+    return _Found(error, quad, tolerance, status)
+
+
+def _checked(way: _Way, found: _Found) -> _Found:
+    """The better of a march and one with more nodes; their difference is in its error."""
+    try:
+        check = way.march(Path(way.view, CHECK_NODES, PER_TURN), found.tolerance, [])
+    except KeyboardInterrupt:
+        return found._replace(status="ended")
+    if check.reason != "done":
+        return found
+    other = _timed(way, check, found.tolerance, found.status)
+    apart = SAFETY * _apart(way.view, found.quad, other.quad)
+    if other.error <= found.error:
+        return other._replace(error=max(found.error, apart))
+    # its panels are longer, and their difference may be its own error
+    return found._replace(error=max(found.error, apart - other.error))
+
+
+def _motion(way: _Way, found: _Found) -> Motion:
+    asked, quad = way.asked, found.quad
+    start, goal = asked.start, asked.until.goal
     if goal == "time":
-        t_end = start.t + min(value, quad.total)
+        t_end = start.t + min(asked.until.value, quad.total)
     else:
-        t_end = start.t + float(when(quad, np.array([min(far, quad.mesh.edges[-1])]))[0])
-    track = Marched(view, quad, start.t)
+        t_end = start.t + float(when(quad, np.array([min(way.far, quad.mesh.edges[-1])]))[0])
+    track = Marched(way.view, quad, start.t)
     q_end, qd_end = (float(x[0]) for x in track.state(np.array([t_end])))
-    error += 4 * EPS * max(abs(start.q), abs(q_end))
+    error = found.error + 4 * EPS * max(abs(start.q), abs(q_end))
     error += EPS * (abs(start.t) + t_end) * quad.fastest  # of a time that is rounded
-    missed = f"accuracy not reached: {error:.1e} instead of {target:.1e}"
+    missed = f"accuracy not reached: {error:.1e} instead of {way.target:.1e}"
     return Motion(
         method="spectral",
         why=asked.why,
         regime="one way",
-        status=status,
-        end=goal if status == "reached" else INTERRUPTED,
+        status=found.status,
+        end=goal if found.status == "reached" else INTERRUPTED,
         t_start=start.t,
         t_end=t_end,
         q_end=q_end,
@@ -145,8 +211,8 @@ def _spectral(meter: Metered, asked: Asked) -> Motion | str:
         error=error,
         time_error=error / max(abs(qd_end), 1e-300),
         accuracy=asked.accuracy,
-        cost=meter.cost,
-        notes=() if error <= target else (missed,),
+        cost=way.view.meter.cost,
+        notes=() if error <= way.target else (missed,),
         facts={"panels": float(quad.mesh.panels)},
     )
 

@@ -68,10 +68,8 @@ def watched(watch: Watch, k: int) -> Surface:
     return Surface(watch.name, value, watch.direction, watch.terminal)
 
 
-def places_around(
-    kind: str, q: float, knots: Sequence[float], period: float | None
-) -> list[Surface]:
-    """The next places of a kind above and below q, and the one it is on."""
+def knots_around(q: float, knots: Sequence[float], period: float | None) -> list[Surface]:
+    """The next knots above and below q, and the one it is on."""
     if not knots:
         return []
     if period is not None:
@@ -82,7 +80,23 @@ def places_around(
     below = [k for k in knots if k < q - near]
     here = [k for k in knots if abs(k - q) <= near]
     chosen = ([min(above)] if above else []) + ([max(below)] if below else []) + here[:1]
-    return [driver_at(kind, k) for k in chosen]
+    return [driver_at("knot", k) for k in chosen]
+
+
+def hollows_around(
+    q: float, hollows: Sequence[tuple[float, float]], period: float | None
+) -> list[Surface]:
+    """Ranges without inertia near q, met from outside: a step may pass the whole of one."""
+    shifts = [0.0]
+    if period is not None and hollows:
+        turn = math.floor((q - hollows[0][0]) / period)
+        shifts = [period * (turn + n) for n in (-1, 0, 1)]
+    return [
+        driver_at("no inertia", edge + shift, way)
+        for shift in shifts
+        for pair in hollows
+        for edge, way in zip(pair, (1, -1), strict=True)
+    ]
 
 
 def leaving(surface: Surface, t: float, y: Floats, rates: Floats) -> int:
@@ -98,12 +112,13 @@ def leaving(surface: Surface, t: float, y: Floats, rates: Floats) -> int:
     k = y.size // 2
     bent = np.zeros_like(y)
     bent[:k] = rates[k : 2 * k] / 2
+    gone = 0.0
     for far in LOOKED_AT:
         step = far * scale / (float(np.abs(rates).max()) + 1e-300)
         gone = surface.value(t + step, y + step * (rates + step * bent)) - here
-        if abs(gone) > ON * scale * far:
-            return -1 if gone > 0 else 1
-    return surface.direction
+        if abs(gone) > ON * scale:
+            break
+    return -1 if gone > 0 else 1 if gone < 0 else surface.direction
 
 
 def crosses(before: float, after: float, direction: int) -> bool:

@@ -179,16 +179,27 @@ def _patient(name: str) -> Any:
 
 
 def _event(surface: Surface, direction: int, held: _Held) -> Any:
-    latest = 0.0
+    """A surface for SciPy, which asks at the end of each step, then between the last two ends.
+
+    At an end itself it must be told the same again, though the interpolant may be off there by
+    rounding: between ends of the same sign it finds no root, and raises.
+    """
+    told: dict[float, float] = {}  # of the last two ends, and between
 
     def event(t: float, y: Any) -> float:
-        nonlocal latest
-        if not held.halted:
-            try:
-                latest = surface.value(t, y)
-            except KeyboardInterrupt:
-                held.halted = INTERRUPTED
-        return latest
+        newest = max(told, default=t)
+        if t in told or held.halted:
+            return told.get(t, told.get(newest, 0.0))
+        if t > newest:
+            last = told[newest]
+            told.clear()
+            told[newest] = last
+        try:
+            told[t] = surface.value(t, y)
+        except KeyboardInterrupt:
+            held.halted = INTERRUPTED
+            return told.get(newest, 0.0)
+        return told[t]
 
     event.direction = direction  # type: ignore[attr-defined]
     event.terminal = surface.terminal  # type: ignore[attr-defined]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from blockmech.dynamics.dips import IMPOSSIBLE
 from blockmech.errors import Problem, RequestError
 
 TIMED = 'ask for "time=<s>" to see how it goes on'
@@ -33,6 +34,8 @@ def an(end: str) -> str:
     """
     if end.startswith("end stop of"):
         return f"the {end}"
-    if end in ("dead centre", "end stop", "impossible pose"):
-        return f"an {end}" if end[0] in "ei" else f"a {end}"
+    if end == IMPOSSIBLE:  # to a search both look alike
+        return "an impossible pose, or where a load has no value,"
+    if end in ("dead centre", "end stop"):
+        return f"an {end}" if end[0] == "e" else f"a {end}"
     return end
