@@ -18,7 +18,7 @@ from blockmech.dynamics.reduced import Metered
 from blockmech.dynamics.until import Start, Until
 from blockmech.model.document import loads
 from tests.dynamics import linkages
-from tests.dynamics.honesty import GRAPHS, RUNS, TARGETS, Run, agree, moved, sweep
+from tests.dynamics.honesty import GRAPHS, RUNS, TARGETS, Run, agree, mechanism, moved, sweep
 from tests.dynamics.scenes import motor, rod
 
 FEW_SAMPLES = 6000  # of a run that once took 200,000
@@ -241,3 +241,75 @@ def test_a_delay_of_the_end_is_an_error_of_the_place_beside_it():
     until = Until("time", 1.3980878796629537)
     exact = move(Metered(system), start, until, "energy", 1e-12)
     assert agree(move(Metered(system), start, until, "rk4", 1e-6), exact)
+
+
+def with_laws(name, laws, frame="frame.O"):
+    """A graph of the gallery with masses, no gravity, and motors between frame and driver."""
+    plain = mechanism(name)
+    (driver,) = plain.drivers
+    data = plain.structure.blocks
+    graph = json.loads((GRAPHS / f"{name}.json").read_text("utf-8"))
+    del graph["expect"]
+    for i, (block, given) in enumerate(data.items()):
+        if graph["blocks"][block]["type"] != "frame":
+            weight = {"mass": 1.0 + 0.3 * i, "inertia": 0.01, "cm": [0.05, 0.02]}
+            links = graph["blocks"][block].setdefault("links", {})
+            links |= {link: links.get(link, {}) | weight for link in given.link_names}
+    for i, law in enumerate(laws):
+        graph["blocks"][f"motor{i}"] = {"type": "load.motor", "law": law}
+        graph["wires"] += [
+            {"from": frame, "to": f"motor{i}.a"},
+            {"from": f"{driver}.{data[driver].link_names[0]}", "to": f"motor{i}.b"},
+        ]
+    return loads(json.dumps(graph)).compile()
+
+
+def test_the_widest_steps_are_compared_inside():
+    """Its first step took a fiftieth of the time and half of the way, between times compared.
+
+    What a campaign came upon: a motion so fast that gravity is nothing, over in 1e-16 s.
+    """
+    laws = [
+        {"kind": "polynomial", "of": "rate", "coefficients": [0.0, -837581353364726.4]},
+        {
+            "kind": "fourier",
+            "of": "time",
+            "period": 7.503911794187734e-16,
+            "mean": -1.2007388356949134e32,
+            "cosines": [1.1016148926788213e31, 3.2979804196048577e31],
+        },
+    ]
+    mech = with_laws("tangent_generator", laws)
+    span = 4.764822728568018e-16
+    request = {
+        "method": "dop853",
+        "start": {"lever": (3.0991524767035523, -1.097467852008847e16)},
+        "times": np.linspace(0.0, span, 10)[1:],
+    }
+    found, exact = (
+        mech.simulate(f"time={span!r}", accuracy=accuracy, **request).motion
+        for accuracy in (1e-3, 1e-13)
+    )
+    assert agree(found, exact)
+
+
+@pytest.mark.parametrize("steps", [150, 200, 333, 1000])
+def test_rk4_does_not_take_runs_across_kinks_for_order_4(steps):
+    """Differences of such runs are small by luck now and then: it was off by six times as much."""
+    corners = {"arguments": [0.0, 0.377, 0.81, 1.3, 50.0], "values": [3.0, -4.0, 5.0, -2.0, 1.0]}
+    law = {"kind": "table", "of": "time", "interpolation": "linear", **corners}
+    scene, start = rod(law), {"crank": (0.3, 1.0)}
+    exact = scene.simulate("time=1.6", method="dop853", accuracy=1e-12, start=start).motion
+    found = scene.simulate("time=1.6", method="rk4", step=1.6 / steps, start=start).motion
+    assert agree(found, exact)
+
+
+def test_rk4_leaves_a_dead_centre_that_it_starts_beside():
+    press = bm.Linkage.load(GRAPHS / "joints" / "floating_drive_press.json").compile()
+    start = {press.drivers[0]: (0.8817793708641581, -21.15239946528852)}
+    found, exact = (
+        press.simulate("time=0.0164", method=method, start=start, friction="none").motion
+        for method in ("rk4", "energy")
+    )
+    assert found.end == exact.end == "time"
+    assert agree(found, exact)

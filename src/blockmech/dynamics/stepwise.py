@@ -221,7 +221,10 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
                 for a, b, whole in zip(before, apart, _whole(fine), strict=True)
             )
         else:  # no order shows in the last steps
-            error, time_error = (x / RK4_LEAST for x in apart)
+            error, time_error = (
+                max(a, b) / RK4_LEAST if math.isfinite(a) else b / RK4_LEAST
+                for a, b in zip(before, apart, strict=True)
+            )
             # beside the end, where no time is compared, a delay is one of the place
             error = max(error, time_error * float(np.abs(fine.qd[-FEW:]).max()))
         few = fine.q.size <= FEW and fine.end != INTERRUPTED
