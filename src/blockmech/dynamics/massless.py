@@ -46,14 +46,13 @@ def refuse_no_inertia_inside(view: View, mesh: Mesh) -> None:
         raise NoInertia(view.origin + view.sign * found)
 
 
-def no_inertia_between(meter: Metered, low: float, high: float) -> float | None:
-    """A driver coordinate between two where J is zero, if there is one; one batch call."""
+def massless_between(meter: Metered, low: float, high: float) -> list[float]:
+    """Driver coordinates between two where J is zero, in order; one batch call."""
     if not low < high:
-        return None
+        return []
     x = np.linspace(0.0, high - low, AROUND)
     view = View(meter, low, 1.0)
-    found = first_zero(view, x, np.asarray(meter.sample(view.q(x)).J))
-    return None if found is None else low + found
+    return [low + at for at in zeros(view, x, np.asarray(meter.sample(view.q(x)).J))]
 
 
 def hollows(

@@ -21,7 +21,7 @@ from blockmech.dynamics.equation import (
 )
 from blockmech.dynamics.integrate import Ending, Method, Run, Task
 from blockmech.dynamics.legs import Leg
-from blockmech.dynamics.massless import hollows, no_inertia_between
+from blockmech.dynamics.massless import hollows, massless_between
 from blockmech.dynamics.motion import INTERRUPTED, Event, Motion
 from blockmech.dynamics.progress import reporting
 from blockmech.dynamics.quadrature import EPS
@@ -205,8 +205,8 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
         if runs[-1].end == INTERRUPTED or runs[-1].status == "failed":
             return _fixed(runs[-1], meter, asked, "rk4", UNKNOWN, size, ())
     coarse = runs[-1]
-    empty = _no_inertia(meter, coarse)
-    if empty is not None:
+    empty = _massless(meter, coarse)
+    if empty:
         return _fixed(_cut(coarse, empty), meter, asked, "rk4", UNKNOWN, 2 * h, ())
     before = _apart(*runs)
     kinked = bool(meter.system.time_knots or meter.system.knots)
@@ -308,8 +308,8 @@ def by_euler_q(meter: Metered, asked: Asked, step: float | None) -> Motion:
         runs.append(euler_q.stepped(meter, start, until, size))
         if runs[-1].end == INTERRUPTED:
             return _fixed(runs[-1], meter, asked, "euler_q", UNKNOWN, size, ())
-    empty = _no_inertia(meter, runs[-1])
-    if empty is not None:
+    empty = _massless(meter, runs[-1])
+    if empty:
         return _fixed(_cut(runs[-1], empty), meter, asked, "euler_q", UNKNOWN, 2 * h, ())
     fine = euler_q.stepped(meter, start, until, h)
     before, apart = _apart(*runs), _apart(runs[-1], fine)
@@ -335,24 +335,25 @@ def _of_order_1(before: float, apart: float) -> float:
     return apart / min(gain, 1.0) / EULER_GAIN if gain > EULER_LEAST else math.inf
 
 
-def _no_inertia(meter: Metered, run: Stepped) -> float | None:
-    """A place without inertia that fixed steps would step over."""
+def _massless(meter: Metered, run: Stepped) -> list[float]:
+    """Places without inertia that fixed steps would step over, or end just before."""
     around = run.q[0] + np.array([-1.0, 1.0]) * (meter.system.period or math.inf)
     good = run.q[np.isfinite(run.q)]
     step, ends = float(np.abs(np.diff(good)).max(initial=0.0)), (float(good.min()), good.max())
     beyond = max(step, BEYOND * float(np.ptp(good)))  # seen from both sides
     low, high = np.array([ends[0] - beyond, ends[1] + beyond]).clip(*around)
-    found = no_inertia_between(meter, float(low), float(high))
-    if found is None or ends[0] <= found <= ends[1]:
-        return found
-    # it may stop a step before it
-    return found if abs(found - float(good[-1])) <= 2 * step else None
+    return [
+        place
+        for place in massless_between(meter, float(low), float(high))
+        if ends[0] <= place <= ends[1] or abs(place - float(good[-1])) <= 2 * step
+    ]
 
 
-def _cut(run: Stepped, q: float) -> Stepped:
-    """The run before it comes to a place [rad or m]."""
-    side = run.q > q
-    n = max(int(np.argmax(side != side[0])), 1)
+def _cut(run: Stepped, places: list[float]) -> Stepped:
+    """The run before it comes to the first of some places [rad or m]."""
+    at = np.array(places)
+    passed = ((run.q[:, None] > at) != (run.q[0] > at)).any(axis=1)
+    n = max(int(np.argmax(passed)), 1) if passed.any() else run.q.size
     rows = {name: getattr(run, name)[:n] for name in run._fields if name in ("t", "q", "qd", "qdd")}
     return run._replace(**rows, end="no inertia", status="ended")
 
