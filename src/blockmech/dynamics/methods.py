@@ -20,6 +20,8 @@ import numpy as np
 
 from blockmech.dynamics.energy import energy
 from blockmech.dynamics.equation import may_be_tabulated
+from blockmech.dynamics.fixed_steps import by_euler_q, by_rk4
+from blockmech.dynamics.in_time import in_time, several_in_time
 from blockmech.dynamics.integrate import Method
 from blockmech.dynamics.legs import TOO_MANY
 from blockmech.dynamics.motion import Motion
@@ -33,7 +35,6 @@ from blockmech.dynamics.reduced import (
 )
 from blockmech.dynamics.spectral import spectral
 from blockmech.dynamics.steady import conserved, steady_motion, steady_motions
-from blockmech.dynamics.stepwise import by_euler_q, by_rk4, in_time, several_in_time
 from blockmech.dynamics.until import Asked, Progress, Start, Until, Watch
 from blockmech.dynamics.watching import watched_motion
 from blockmech.errors import Problem, RequestError, close_match, listed

@@ -1,9 +1,11 @@
-"""Motions by integrators: `refine`d runs in time, and the fixed-step methods."""
+"""Motions by the methods of fixed steps, and what differences of such runs tell of their errors.
+
+Three runs, each with half the step, show the order; where it does not show, less is believed.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -12,26 +14,20 @@ from blockmech.dynamics import euler_q, rk4
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.dips import IMPOSSIBLE
 from blockmech.dynamics.disturbance import grown
+from blockmech.dynamics.ends_ahead import up_to_its_end
 from blockmech.dynamics.equation import (
-    Equation,
     from_kernels,
-    one_driver,
-    several_drivers,
-    typical_speed,
 )
-from blockmech.dynamics.integrate import Ending, Method, Run, Task
+from blockmech.dynamics.integrate import Ending, Run
 from blockmech.dynamics.legs import Leg
-from blockmech.dynamics.massless import hollows, massless_between
+from blockmech.dynamics.massless import massless_between
 from blockmech.dynamics.motion import INTERRUPTED, Event, Motion
 from blockmech.dynamics.progress import reporting
 from blockmech.dynamics.quadrature import EPS
-from blockmech.dynamics.reduced import TURN, Cost, Metered, MeteredSystems, One
-from blockmech.dynamics.refine import refined
-from blockmech.dynamics.rest import nothing, resting, trouble
-from blockmech.dynamics.surfaces import DEAD_CENTRE, NO_INERTIA
+from blockmech.dynamics.reduced import TURN, Metered
+from blockmech.dynamics.rest import nothing, trouble
 from blockmech.dynamics.until import Asked, Until
 
-FINEST = 1e-9  # target if none is given [rad or m]
 COMPARED = (np.arange(1, 100) * (math.sqrt(5) - 1) / 2) % 1.0  # shares of the time: no step's ends
 RK4_STEPS = 200  # of a run or a turn to begin with, where neither step nor target is given
 RK4_MOST = 100_000  # the same of a long run
@@ -46,149 +42,10 @@ EULER_LEAST = 0.2  # gain below which steps are too long for any order
 FEW = 8  # steps
 BEYOND = 1 / 64  # of the way: how far beyond it a place without inertia is looked for
 HALVINGS = 14
-TABLE = 0.1  # share of an error from which on the table is to blame
-NEARLY = 1.5  # what the time left to an end is at most, relative to what the end state tells
 EULER_STEP = 1e-3  # [rad or m] that of the paper
 UNKNOWN = (math.inf, math.inf)  # errors of an interrupted run that nothing else was compared with
 
 Stepped: TypeAlias = rk4.Fixed | euler_q.Grid
-
-
-def in_time(
-    meter: Metered,
-    asked: Asked,
-    method: Method,
-    tabulated: float = math.inf,
-    instead: Method | None = None,
-) -> Motion:
-    """One driver, integrated in time.
-
-    ``tabulated`` [rad or m]: the table serves this target even if the one asked for is looser,
-    where its error is known to grow. ``instead``: the method where no table serves, or where
-    on the table the first one misses the target.
-    """
-    start, system = asked.start, meter.system
-    here = meter.one(start.q, start.rate, start.t)
-    if trouble(here):
-        return nothing(meter, asked, method, trouble(here))
-    span = asked.until.value if asked.until.goal == "time" else 0.0
-    least = min(asked.accuracy or FINEST, tabulated)
-    equation = one_driver(meter, start.q, start.rate, start.t, least, span)
-    if equation.source == "kernels":
-        method = instead or method
-    y0 = np.array([start.q, start.rate, 0.0])
-    rest = asked.accuracy or FINEST
-    knots = system.time_knots
-    inertia = equation.inertia
-    empty = hollows(meter, start.q, inertia, NO_INERTIA) if inertia is not None else ()
-    task = Task(equation, system, y0, start.t, asked.until, asked.watches, knots, rest, empty)
-    if start.rate == 0 and "time" not in system.depends_on and equation.rhs(start.t, y0)[1] == 0:
-        return resting(meter, asked, method)
-    motion = _assembled(replace(task, equation=reporting(equation, asked, method)), asked, method)
-    if instead and instead != method and motion.status == "reached" and not motion.reached:
-        more = replace(asked, why=f"{asked.why}; {method} misses the target")
-        method = instead
-        again = replace(task, equation=reporting(equation, asked, method))
-        other = _assembled(again, more, method)
-        motion = other if other.error < motion.error else motion
-    if not motion.reached and _table_is_to_blame(here, asked, equation, motion):
-        equation = from_kernels(meter, start.q, start.rate, start.t)
-        again = replace(task, equation=reporting(equation, asked, method))
-        motion = _assembled(again, asked, method)
-    return _up_to_its_end(meter, motion)
-
-
-def _up_to_its_end(meter: Metered, motion: Motion) -> Motion:
-    """The motion with what is left to an end that is named, but not reached."""
-    if motion.end in ("dead centre", "no inertia"):
-        near = _dead_centre_time if motion.end == "dead centre" else _no_inertia_time
-        at = near(meter, motion)
-        facts = {**motion.facts, f"{motion.end.replace(' ', '_')}_time": at}
-        left = NEARLY * abs(at - motion.t_end) if math.isfinite(at) else math.inf
-        motion = replace(motion, facts=facts, time_error=motion.time_error + left)
-    return replace(motion, cost=meter.cost)
-
-
-def _table_is_to_blame(here: One, asked: Asked, equation: Equation, motion: Motion) -> bool:
-    """Whether the target is missed because of the table."""
-    start, until = asked.start, asked.until
-    span = until.value if until.goal == "time" else 0.0
-    way = max(1.0, span * typical_speed(here, start.rate))
-    return equation.table_error * way > TABLE * motion.error
-
-
-def several_in_time(
-    meter: MeteredSystems, q0: Floats, qd0: Floats, asked: Asked, method: Method
-) -> Motion:
-    """Several drivers, integrated in time; ``asked.start`` gives the time only."""
-    equation = reporting(several_drivers(meter, q0, qd0, asked.start.t), asked, method)
-    y0 = np.concatenate([q0, qd0, [0.0]])
-    knots = meter.systems.time_knots
-    task = Task(equation, None, y0, asked.start.t, asked.until, asked.watches, knots)
-    return replace(_assembled(task, asked, method), cost=meter.cost)
-
-
-def _assembled(task: Task, asked: Asked, method: Method) -> Motion:
-    target = asked.accuracy or FINEST
-    best = refined(task, method, target, np.asarray(asked.times, dtype=np.float64))
-    run, k, equation = best.run, task.equation.drivers, task.equation
-    error = best.error + 4 * EPS * float(np.abs(run.y_end[:k]).max())
-    notes: tuple[str, ...] = ()
-    if run.end == INTERRUPTED:
-        judged = "by coarser runs" if math.isfinite(best.error) else "not judged by another run"
-        notes = (f"interrupted: the error is {judged}",)
-    elif not error <= target:
-        notes = (
-            f"accuracy not reached: {error:.1e} instead of {target:.1e} "
-            f"at tolerance {best.tolerance:.1e}",
-        )
-    if equation.source == "table":
-        notes += (f"right-hand side from the reduced table, error {equation.table_error:.1e}",)
-    y = run.y_end
-    return Motion(
-        method=method,
-        why=asked.why,
-        regime="integrated",
-        status=run.status,
-        end=run.end,
-        t_start=task.t0,
-        t_end=run.t_end,
-        q_end=float(y[0]) if k == 1 else y[:k],
-        qd_end=float(y[1]) if k == 1 else y[k : 2 * k],
-        track=run,
-        events=run.events,
-        error=error,
-        time_error=best.time_error,
-        accuracy=asked.accuracy,
-        cost=Cost(),
-        notes=notes,
-        facts={
-            "energy_balance": run.balance,
-            "tolerance": best.tolerance,
-            "rounding": best.rounding,
-            "right_hand_sides": float(run.evaluations),
-        },
-    )
-
-
-def _dead_centre_time(meter: Metered, motion: Motion) -> float:
-    """When the margin would be zero: it goes with the square of the time left [s]."""
-    q, qd = float(motion.q_end), float(motion.qd_end)
-    h = 1e-3 * DEAD_CENTRE
-    margin = meter.one(q).margin
-    slope = (margin - meter.one(q - math.copysign(h, qd)).margin) / h
-    rate = abs(slope * qd)
-    if not math.isfinite(margin) or abs(margin) <= abs(slope) * h:  # it is there
-        return motion.t_end
-    return motion.t_end + 2 * margin / rate if rate > 0 else math.nan
-
-
-def _no_inertia_time(meter: Metered, motion: Motion) -> float:
-    """When the inertia would be zero: its root goes straight, so the way does as a root [s]."""
-    q, qd = float(motion.q_end), float(motion.qd_end)
-    one = meter.one(q)
-    way = abs(2 * one.J / one.dJ) if one.dJ else 0.0
-    return motion.t_end + way / (2 * abs(qd)) if qd else math.nan
 
 
 def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
@@ -241,7 +98,7 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
     y = float(fine.t[-1]), float(fine.q[-1]), float(fine.qd[-1])
     events = (Event(fine.end, *y),) if fine.status == "ended" else ()
     motion = _fixed(fine, meter, asked, "rk4", (error, time_error), h, events)
-    return _up_to_its_end(meter, motion)
+    return up_to_its_end(meter, motion)
 
 
 def _rk4_step(until: Until, speed: float) -> float:
@@ -320,7 +177,7 @@ def by_euler_q(meter: Metered, asked: Asked, step: float | None) -> Motion:
         time_error += 2 * h / abs(float(fine.qd[-1]))
     events = tuple(Event("standstill", float(fine.t[i]), float(fine.q[i]), 0.0) for i in fine.stops)
     motion = _fixed(fine, meter, asked, "euler_q", (error, time_error), h, events)
-    return _up_to_its_end(meter, motion)
+    return up_to_its_end(meter, motion)
 
 
 def _of_order_1(before: float, apart: float) -> float:
