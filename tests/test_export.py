@@ -18,6 +18,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import blockmech as bm
+from blockmech.dynamics.motion import fact_unit
 from blockmech.export import (
     csv_chunks,
     folder,
@@ -138,6 +139,22 @@ def test_the_schema_refuses_what_is_no_result(turn):
     assert not validator.is_valid({**data, "surprise": 1})
     assert not validator.is_valid({k: v for k, v in data.items() if k != "quality"})
     assert not validator.is_valid({**data, "outputs": {"a": {"unit": "m", "values": ["1"]}}})
+
+
+def test_the_schema_tells_the_units_of_a_motions_facts():
+    facts = result_schema()["$defs"]["motion"]["properties"]["facts"]
+    said = {name: fact["description"] for name, fact in facts["properties"].items()}
+    assert said["period"] == "[s]"
+    assert said["work_per_period"] == "[J]"
+    assert said["mean_speed"] == "[rad/s or m/s]"
+
+
+@pytest.mark.parametrize(
+    ("fact", "unit"),
+    [("period", "s"), ("mean_speed", "m/s"), ("multiplier_2_angle", "rad"), ("multiplier", "")],
+)
+def test_a_fact_of_a_slide_in_motion_has_its_unit(fact, unit):
+    assert fact_unit(fact, "m") == unit
 
 
 # -- CSV ----------------------------------------------------------------------------

@@ -90,6 +90,11 @@ class Mechanism:
         remedy = "set it on the graph or linkage, and compile that again"
         raise GraphError(Problem("frozen", where, found, "", remedy))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as what it was compiled of; plans and programs are made again when asked for."""
+        structure = replace(self.structure)  # without what was found from its fields
+        return Mechanism, (structure, self._scene_of_graph, self.name, self.names)
+
     @cached_property
     def outputs(self) -> Catalogue:
         """Every output that can be wanted, by name."""

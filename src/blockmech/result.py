@@ -31,7 +31,12 @@ class Result(Mapping[str, NDArray[Any]]):
     ``result["dyad.B.reaction"]`` is an array (n,): complex x + iy for vectors,
     float else, (n, drivers, drivers) for matrices, a float for one number a run.
     Samples without an answer are NaN; ``result.quality`` says why.
+
+    It can be pickled, for other processes or a cache of the same version of blockmech; to
+    keep numbers for long, export them.
     """
+
+    _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
 
     def __init__(
         self,
@@ -52,6 +57,33 @@ class Result(Mapping[str, NDArray[Any]]):
         self.accuracy: Accuracy | None = None  # of a run to an accuracy: what was chosen
         self._values = values
         self._read: dict[str, Any] = {}
+
+    # -- pickling ---------------------------------------------------------------
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The numbers and where they stand; the program and what was read are made again."""
+        again = {"plan", "quality", "_read"}
+        return {
+            **{name: x for name, x in vars(self).items() if name not in again},
+            "_planned": (self.plan.want, self.plan.layout),
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _read={})
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What was computed; of an unpickled result planned again when it is first asked for.
+
+        Raises `RequestError` where another version of blockmech plans otherwise.
+        """
+        want, layout = self._planned
+        found = self.mechanism.plan(want, **self.settings)
+        if found.layout != layout:
+            what = "it was pickled by a version of blockmech that orders its numbers otherwise"
+            remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
+            raise RequestError(Problem("other-version", self.mechanism.name, what, "", remedy))
+        return found
 
     # -- reading ----------------------------------------------------------------
 

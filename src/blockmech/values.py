@@ -221,6 +221,11 @@ class Strictly(BaseModel):
                 where, found = f"{type(self).__name__}.{name}", "it does not change once it is made"
                 raise GraphError(Problem("frozen", where, found, "", self.remade)) from None
 
+    def __getstate__(self) -> dict[Any, Any]:
+        """What was given; what was found from it, kernels perhaps, is found again."""
+        given = {name: x for name, x in vars(self).items() if name in type(self).model_fields}
+        return super().__getstate__() | {"__dict__": given}
+
 
 def _plain(raw: Any, name: str = "") -> Any:
     """Numbers and arrays of NumPy as Python's, pairs for markers as tuples; all else as it is."""

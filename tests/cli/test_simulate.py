@@ -15,6 +15,8 @@ from blockmech.export import result_schema
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 WATT = GRAPHS / "watt_sixbar.json"
+FIVEBAR = GRAPHS / "joints" / "fivebar_falling.json"
+DEGREES = math.pi / 180
 
 
 def simulated(until=None, **request):
@@ -31,6 +33,10 @@ REQUESTS = [
     (["--method", "rk4", "--step", "0.01"], {"method": "rk4", "step": 0.01}),
     (["--method", "euler_q", "--step", "0.01"], {"method": "euler_q", "step": 0.01}),
     (["--friction", "none"], {"friction": "none"}),
+    (["--start", "crank=60deg"], {"start": {"crank": (60 * DEGREES, 0.0)}}),
+    (["--start", "0.5, -3"], {"start": {"crank": (0.5, -3.0)}}),
+    (["--start", "crank=1rad,-20deg/s"], {"start": {"crank": (1.0, -20 * DEGREES)}}),
+    (["--start", "crank=1.2,20deg"], {"start": {"crank": (1.2, 20 * DEGREES)}}),
 ]
 
 
@@ -132,3 +138,59 @@ def test_a_steady_state_tells_its_period_its_stability_and_how_it_was_found(call
     refused = call("simulate", path, "--until", "steady")
     assert (refused.code, refused.out) == (2, "")
     assert "rad the loads do a work of 18.8495559 J" in refused.err
+
+
+def test_drivers_that_are_not_named_start_as_the_scene_says(call):
+    words = ("--until", "time=0.1", "--start", "right=2.4,-10deg/s", "--json")
+    found = json.loads(call("simulate", FIVEBAR, *words).out)["outputs"]
+    first = {name: column["values"][0] for name, column in found.items()}
+    assert first == {
+        "driver.left.q": 1.2,
+        "driver.left.rate": 0.0,
+        "driver.right.q": 2.4,
+        "driver.right.rate": -10 * DEGREES,
+    }
+
+
+def test_every_driver_can_be_started_elsewhere(call):
+    words = ("--start", "right=2.4", "--start", "left=1.1,1", "--until", "time=0.1", "--json")
+    found = json.loads(call("simulate", FIVEBAR, *words).out)["outputs"]
+    first = {name: column["values"][0] for name, column in found.items()}
+    assert [first[f"driver.left.{what}"] for what in ("q", "rate")] == [1.1, 1.0]
+    assert [first[f"driver.right.{what}"] for what in ("q", "rate")] == [2.4, 0.0]
+
+
+def test_a_slide_starts_in_metres_without_a_start_in_the_file(call, slide):
+    words = ("--until", "time=1", "--start", "table=200mm,-0.5m/s", "--json")
+    found = json.loads(call("simulate", slide, *words).out)["outputs"]
+    assert found["table.q"]["values"][0] == 0.2
+    assert found["table.q"]["values"][-1] == pytest.approx(-0.3, abs=1e-12)
+
+
+def test_all_mistakes_of_starts_are_told_at_once(call):
+    starts = ("lift=1", "rihgt=60deg", "left=x,2y", "left=1", "right=1,2,3", "1.2")
+    said = call("simulate", FIVEBAR, *(word for text in starts for word in ("--start", text)))
+    assert (said.code, said.out) == (2, "")
+    assert said.err.splitlines() == [
+        '[bad-request] --start lift=1: no driver "lift". drivers: left, right. '
+        'did you mean "left"?',
+        '[bad-request] --start rihgt=60deg: no driver "rihgt". drivers: left, right. '
+        'did you mean "right"?',
+        '[bad-request] --start left=x,2y: "x" is not a number. '
+        "a coordinate is in rad and may end in rad or deg.",
+        '[bad-request] --start left=x,2y: "2y" is not a number. '
+        "a rate is in rad/s and may end in rad, deg, rad/s or deg/s.",
+        "[bad-request] --start left=1: left is given twice. give it once.",
+        "[bad-request] --start right=1,2,3: 3 numbers. a start is the coordinate, then the rate.",
+        "[bad-request] --start 1.2: there are 2 drivers. drivers: left, right. "
+        "write --start right=0.5.",
+    ]
+
+
+def test_degrees_are_refused_for_a_slide(call, slide):
+    said = call("simulate", slide, "--start", "table=60deg,5deg/s")
+    assert (said.code, said.out) == (2, "")
+    assert '"60deg" is not a number. a coordinate is in m and may end in m or mm' in said.err
+    assert (
+        '"5deg/s" is not a number. a rate is in m/s and may end in m, mm, m/s or mm/s' in said.err
+    )

@@ -199,6 +199,15 @@ def test_evaluations_are_capped():
     assert (found.status, found.end) == ("failed", "more evaluations than allowed")
 
 
+def test_reading_a_run_between_its_steps_is_not_capped():
+    equation = from_kernels(Metered(watt()), 1.0, 0.0, 0.0)
+    task = Task(equation, watt(), np.array([1.0, 0.0, 0.0]), 0.0, Until("time", 2.0))
+    needed = run(task, "dop853", 1e-10).evaluations
+    found = run(task, "dop853", 1e-10, most=needed)
+    assert found.end == "time"
+    assert np.isfinite(found.state(np.linspace(0.0, 2.0, 101)).q).all()
+
+
 # -- several drivers -------------------------------------------------------------------------
 
 

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.mechanism import Mechanism
 
 UNITS = {"rad": {"": 1.0, "rad": 1.0, "deg": math.pi / 180}, "m": {"": 1.0, "m": 1.0, "mm": 1e-3}}
+RATES = {of: units | {f"{u}/s": x for u, x in units.items() if u} for of, units in UNITS.items()}
 SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3}
 MOST = 10**8  # samples of one range; no memory holds more
+ROW = ("numbers are separated by commas and", "write for example 0,0.5,1")
+
+Read = TypeVar("Read")
 
 
 def coordinates(mechanism: Mechanism, given: list[str]) -> dict[str, list[float]] | None:
@@ -20,34 +26,80 @@ def coordinates(mechanism: Mechanism, given: list[str]) -> dict[str, list[float]
     ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several.
     Raises `RequestError` with all problems.
     """
+    return _by_driver(mechanism, given, "--at", "0,1", lambda at, x, of: row(at, x, UNITS[of]))
+
+
+def starts(mechanism: Mechanism, given: list[str]) -> dict[str, tuple[float, float]] | None:
+    """Driver -> (q [rad or m], rate) from the ``--start`` options; None without any.
+
+    ``1.2,-3deg/s`` for the one driver, ``crank=60deg`` by name with several; without a rate
+    the driver starts from rest. Raises `RequestError` with all problems.
+    """
+    return _by_driver(mechanism, given, "--start", "0.5", _start)
+
+
+def _by_driver(
+    mechanism: Mechanism,
+    given: list[str],
+    option: str,
+    example: str,
+    read: Callable[[str, str, str], Read],
+) -> dict[str, Read] | None:
+    """Driver -> what ``read(where, text, unit of the coordinate)`` finds; None without any.
+
+    The only driver needs no name. Raises `RequestError` with all problems.
+    """
     drivers = mechanism.drivers
-    found: dict[str, list[float]] = {}
-    problems = []
+    found: dict[str, Read] = {}
+    problems: list[Problem] = []
+    named = set()
     for text in given:
+        where = f"{option} {text}"
         name, equals, numbers = text.partition("=")
         if not equals:
             name, numbers = drivers[0] if len(drivers) == 1 else "", text
         if name not in drivers:
-            problems.append(
-                _problem(
-                    f"--at {text}",
-                    f'no driver "{name}"' if name else f"there are {len(drivers)} drivers",
-                    f"drivers: {listed(drivers)}" if drivers else "it has no drivers",
-                    f"write --at {drivers[-1]}=0,1" if drivers else "leave --at out",
-                )
-            )
-            continue
-        if name in found:
-            problems.append(_problem(f"--at {text}", f"{name} is given twice", "", "give it once"))
-            continue
-        unit = mechanism.driver_joint(name).coordinate_unit
+            problems.append(_unknown(where, name, drivers, f"{option} {{}}={example}"))
+        elif name in named:
+            problems.append(_problem(where, f"{name} is given twice", "", "give it once"))
+        else:
+            try:
+                found[name] = read(where, numbers, mechanism.driver_joint(name).coordinate_unit)
+            except RequestError as error:
+                problems += error.problems
+        named.add(name)
+    if problems:
+        raise RequestError(problems)
+    return found or None
+
+
+def _unknown(where: str, name: str, drivers: Sequence[str], example: str) -> Problem:
+    """No driver of that name, or none where there are several or none at all."""
+    found = f'no driver "{name}"' if name else f"there are {len(drivers)} drivers"
+    if not drivers:
+        return _problem(where, found, "it has no drivers", f"leave {where.split()[0]} out")
+    remedy = close_match(name, drivers) or f"write {example.format(drivers[-1])}"
+    return _problem(where, found, f"drivers: {listed(drivers)}", remedy)
+
+
+def _start(where: str, text: str, unit: str) -> tuple[float, float]:
+    """Coordinate and rate of one driver, whose coordinate is in ``unit``."""
+    q, *rates = text.split(",")
+    if len(rates) > 1:
+        found = f"{1 + len(rates)} numbers"
+        raise RequestError(_problem(where, found, "a start is the coordinate, then the rate", ""))
+    numbers = [0.0, 0.0]
+    problems: list[Problem] = []
+    asked = [(q, UNITS[unit], f"a coordinate is in {unit} and")]
+    asked += [(rate, RATES[unit], f"a rate is in {unit}/s and") for rate in rates]
+    for i, (part, units, valid) in enumerate(asked):
         try:
-            found[name] = row(f"--at {text}", numbers, UNITS[unit])
+            numbers[i] = _number(where, part, units, (valid, ""))
         except RequestError as error:
             problems += error.problems
     if problems:
         raise RequestError(problems)
-    return found or None
+    return numbers[0], numbers[1]
 
 
 def times(text: str | None) -> list[float] | None:
@@ -75,7 +127,8 @@ def row(where: str, text: str, units: dict[str, float]) -> list[float]:
     return found
 
 
-def _number(where: str, text: str, units: dict[str, float]) -> float:
+def _number(where: str, text: str, units: dict[str, float], hint: tuple[str, str] = ROW) -> float:
+    """A number times its unit; ``hint`` says what is valid, up to the units, and a remedy."""
     word = text.strip()
     unit = max((u for u in units if word.endswith(u)), key=len)
     try:
@@ -84,15 +137,11 @@ def _number(where: str, text: str, units: dict[str, float]) -> float:
         x = math.nan
     if math.isfinite(x):
         return x
-    suffixes = " or ".join(u for u in units if u)
-    raise RequestError(
-        _problem(
-            where,
-            f'"{text}" is not a number',
-            f"numbers are separated by commas and may end in {suffixes}",
-            "write for example 0,0.5,1",
-        )
-    )
+    *others, last = (u for u in units if u)
+    suffixes = f"{', '.join(others)} or {last}"
+    valid, remedy = hint
+    found = f'"{text}" is not a number'
+    raise RequestError(_problem(where, found, f"{valid} may end in {suffixes}", remedy))
 
 
 def _count(where: str, text: str) -> int:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from blockmech.cli.graphs import GraphFile, compiled
-from blockmech.cli.numbers import times
+from blockmech.cli.numbers import starts, times
 from blockmech.cli.output import (
     Csv,
     Decimal,
@@ -38,6 +38,14 @@ Until = Annotated[
         "standstill, swings=3, turns=3, time=2, angle=6.28 or steady (what it settles to).", "GOAL"
     ),
 ]
+Start = Annotated[
+    list[str] | None,
+    option(
+        "Coordinate and rate at the start, e.g. crank=60deg or crank=1.2,-3 (rate 0 if left out); "
+        "once for each driver, the others start as the scene says.",
+        "[DRIVER=]Q[,RATE]",
+    ),
+]
 Friction = Annotated[str | None, option("none leaves joint friction out.", "none")]
 Method = Annotated[
     str,
@@ -54,6 +62,7 @@ DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 def simulate(
     file: GraphFile,
     until: Until = None,
+    start: Start = None,
     at_times: Times = None,
     want: Want = None,
     friction: Friction = None,
@@ -69,7 +78,7 @@ def simulate(
     decimal: Decimal = ".",
     explain: Explain = False,
 ) -> None:
-    """Move a mechanism from the scene's start under its loads, and print a table.
+    """Move a mechanism under its loads from the scene's start or another, and print a table.
 
     Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that the
     motion ended before some wanted time, or that none could be computed. Ctrl-C ends the
@@ -81,7 +90,7 @@ def simulate(
     if explain:
         say(mechanism.explain(names, friction="none"))
         return
-    given = times(at_times)
+    given, begun = times(at_times), starts(mechanism, start or [])
     with progress_bar("simulating", quiet=json or csv == "-") as told:
         result = mechanism.simulate(
             until,
@@ -89,6 +98,7 @@ def simulate(
             accuracy=accuracy,
             step=step,
             times=given,
+            start=begun,
             want=names,
             friction=friction,
             progress=told,

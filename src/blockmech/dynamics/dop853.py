@@ -150,7 +150,8 @@ def integrate(ask: Ask) -> Leg:
         steps = [s for s in steps if s.t + s.h <= t + 4 * math.ulp(t)]
     y1 = np.array([q, v, work])
     marks = np.array([s.t for s in steps])
-    return Leg(ask.t, t, y1, _dense(rhs, steps, y1), tuple(hits), failed, turned, marks, halted)
+    dense = _Dense(ask.equation.rhs, steps, y1)  # not counted
+    return Leg(ask.t, t, y1, dense, tuple(hits), failed, turned, marks, halted)
 
 
 def _short(
@@ -270,35 +271,52 @@ def _at(coefficients: Sequence[float], x: float) -> float:
     return y
 
 
-def _dense(rhs: Any, steps: list[Step], last: Floats) -> Any:
-    starts = np.array([s.t for s in steps])
-    known: dict[int, Any] = {}
+class _Dense:
+    """Dense output of steps; ``known`` are coefficients of those that were asked about.
 
-    def dense(times: Floats) -> Floats:
+    ``last`` is the state (3,) where there is no step.
+    """
+
+    def __init__(
+        self, rhs: Any, steps: list[Step], last: Floats, known: dict[int, Any] | None = None
+    ) -> None:
+        self.rhs, self.steps, self.last = rhs, steps, last
+        self.starts = np.array([s.t for s in steps])
+        self.known = {} if known is None else known
+
+    def __call__(self, times: Floats) -> Floats:
         out = np.empty((3, times.size))
-        if not steps:
-            out[:] = last[:, None]
+        if not self.steps:
+            out[:] = self.last[:, None]
             return out
-        which = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(steps) - 1)
+        which = np.searchsorted(self.starts, times, side="right") - 1
+        which = np.clip(which, 0, len(self.steps) - 1)
         for m, (i, t) in enumerate(zip(which.tolist(), times.tolist(), strict=True)):
-            step = steps[i]
+            step = self.steps[i]
             x = (t - step.t) / step.h
             begin = (step.q, step.v, step.work)
             if x == 0.0:
                 out[:, m] = begin
                 continue
-            if i not in known:
-                known[i] = _interpolant(rhs, step)
+            coefficients = self._coefficients(i)
             for row in range(3):
-                out[row, m] = begin[row] + _at(known[i][row], x)
+                out[row, m] = begin[row] + _at(coefficients[row], x)
         return out
 
-    return dense
+    def _coefficients(self, i: int) -> Any:
+        if i not in self.known:
+            self.known[i] = _interpolant(self.rhs, self.steps[i])
+        return self.known[i]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled with the coefficients of all steps: the right-hand side cannot be."""
+        every = {i: self._coefficients(i) for i in range(len(self.steps))}
+        return _Dense, (None, self.steps, self.last, every)
 
 
 def _between(rhs: Any, steps: list[Step]) -> Callable[[float], Floats]:
     """The state at a time within the last steps."""
-    dense = _dense(rhs, steps, np.empty(0))
+    dense = _Dense(rhs, steps, np.empty(0))
     return lambda t: np.asarray(dense(np.array([t]))[:, 0])
 
 

@@ -19,7 +19,7 @@ from blockmech.dynamics import dop853, wrapped
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.dips import DEAD, IMPOSSIBLE
 from blockmech.dynamics.equation import Equation, RightSide
-from blockmech.dynamics.legs import TOO_MANY, Ask, Hit, Leg, TooMany
+from blockmech.dynamics.legs import TOO_MANY, Ask, Hit, Leg, Resting, TooMany
 from blockmech.dynamics.motion import INTERRUPTED, Event, State
 from blockmech.dynamics.reduced import TURN, ReducedSystem
 from blockmech.dynamics.surfaces import (
@@ -302,10 +302,7 @@ def _events(task: Task, leg: Leg) -> list[Event]:
 
 
 def _standing(t: float, y: Floats) -> Leg:
-    def dense(times: Floats) -> Floats:
-        return np.repeat(y[:, None], times.size, axis=1)
-
-    return Leg(t, t, y, dense, (), False, 0.0, np.empty(0))
+    return Leg(t, t, y, Resting(y), (), False, 0.0, np.empty(0))
 
 
 def _failure(task: Task, t: float, y: Floats) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,6 +64,20 @@ class Leg(NamedTuple):
     turned: float
     marks: Floats
     halted: str = ""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled without the surfaces that were met, which are functions."""
+        return Leg, (*self._replace(hits=()),)
+
+
+@dataclass(frozen=True)
+class Resting:
+    """Dense output of a leg whose first step could not be made."""
+
+    y: Floats
+
+    def __call__(self, t: Floats) -> Floats:
+        return np.repeat(self.y[:, None], t.size, axis=1)
 
 
 def scales(equation: Equation, y: Floats, tolerance: float) -> tuple[Floats, Floats]:

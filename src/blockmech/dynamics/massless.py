@@ -58,7 +58,7 @@ def massless_between(meter: Metered, low: float, high: float) -> list[float]:
 def hollows(
     meter: Metered, q: float, inertia: Callable[[Any], float], least: float
 ) -> tuple[tuple[float, float], ...]:
-    """Ranges of the driver's coordinate [rad or m] around q in which there is next to no inertia.
+    """Ranges of the driver's coordinate [rad or m] with next to no inertia.
 
     Around places where J is zero, within a period; where nothing repeats, within the length
     over which J changes, to both sides. ``inertia``: that of a state (q, ...), relative [-];

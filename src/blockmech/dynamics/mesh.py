@@ -16,7 +16,7 @@ from __future__ import annotations
 import itertools
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,10 @@ class View:
     def mirrored(self) -> View:
         """The same place, looking back."""
         return View(self.meter, self.origin, -self.sign)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled without what is sampled: of a motion that is known, nothing is any more."""
+        return View, (None, self.origin, self.sign)
 
 
 class Mesh(NamedTuple):

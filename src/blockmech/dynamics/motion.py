@@ -16,6 +16,18 @@ Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
 
 LOOKS = 361  # samples among which the largest and smallest speed are looked for
 CLOSER, ZOOMS = 33, 4  # samples around each of them, and how often so
+FACT_UNITS: Mapping[str, str] = {
+    "swing_time": "s",
+    "period": "s",
+    "work_per_period": "J",
+    "period_of_loads": "rad",
+    "mean_speed": "{q}/s",
+    "frequency": "rad/s",
+    "decay_rate": "1/s",
+    "rate": "1/s",
+}
+"""Units of the facts that have one, ``{q}`` for that of the driver's coordinate."""
+ANGLE = "_angle"  # what the names of facts end with that are angles [rad]
 INTERRUPTED = "interrupted"  # the end of a run that the user stopped; what was done is kept
 
 
@@ -43,6 +55,12 @@ class Track(Protocol):
         ...
 
 
+def fact_unit(name: str, coordinate: str) -> str:
+    """Unit of a fact or figure, "" where dimensionless; ``coordinate`` is the driver's unit."""
+    unit = "rad" if name.endswith(ANGLE) else FACT_UNITS.get(name, "")
+    return unit.format(q=coordinate)
+
+
 @dataclass(frozen=True)
 class Motion:
     """The driver's motion from the start to what ended it.
@@ -65,7 +83,7 @@ class Motion:
     reached : whether ``error`` is within the target
     cost : kernel evaluations
     notes : what a reader must know: doubts, targets missed, limits
-    facts : further numbers by name (period, work of a period, multiplier ...)
+    facts : further numbers by name (period, work of a period, multiplier ...), see `fact_unit`
     """
 
     method: str

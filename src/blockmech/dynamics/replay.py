@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,10 +22,19 @@ from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.integrate import Ending, Run, Task, balance
 from blockmech.dynamics.legs import FINEST, Leg, scales
 from blockmech.dynamics.motion import INTERRUPTED, Event
+from blockmech.errors import Problem, RequestError
 
 GRID = 65  # outputs among which standstills are looked for
 MOST_STEPS = 100_000  # between two outputs
 FIRST = 0.5  # step at first, of that at which its square is the tolerance
+MOST_KEPT = 100_000  # times whose states are remembered
+LEFT_BEHIND = Problem(
+    "left-behind",
+    "motion.at",
+    "a motion by LSODA was pickled with the states at those times only that had been asked for",
+    "",
+    'ask motion.at(t) before it is pickled, or simulate with method="dop853"',
+)
 POLISH = 6  # Newton steps for a standstill
 
 
@@ -47,30 +58,27 @@ def replayed(task: Task, tolerance: float) -> Run | None:
         latest = t
         return right(t, y)
 
-    def dense(times: Floats) -> Floats:
-        place = np.searchsorted(grid, times).clip(max=grid.size - 1)
-        if np.array_equal(grid[place], times):
-            return np.asarray(known[place].T)
-        outputs = np.union1d(grid, times)  # between them it may take so many steps only
-        y = _solved(task, rhs, task.y0, outputs, tolerance)
-        return np.asarray(y[np.searchsorted(outputs, times)].T)
+    def solve(times: Floats) -> Floats:
+        return _solved(task, rhs, task.y0, times, tolerance)
 
     grid = np.linspace(task.t0, task.t_max, GRID)
     ended: tuple[Ending, str] = ("reached", "time")
     try:
-        y = _solved(task, rhs, task.y0, grid, tolerance)
+        y = solve(grid)
     except KeyboardInterrupt:  # the same again, up to where it came
         grid, ended = np.linspace(task.t0, latest, GRID), ("ended", INTERRUPTED)
         if latest <= task.t0:
             raise
         y = _solved(task, right, task.y0, grid, tolerance)
     evaluations = count
-    known, end = y, y[-1]
+    end = y[-1]
     if not np.isfinite(y).all():
         return None
+    dense = _Again(grid, y, solve)
+    leg = Leg(task.t0, float(grid[-1]), end, dense, (), False, 0.0, grid[:-1])
     return Run(
         drivers=1,
-        legs=(Leg(task.t0, float(grid[-1]), end, dense, (), False, 0.0, grid[:-1]),),
+        legs=(leg,),
         events=tuple(_standstills(task, rhs, grid, y, tolerance)),
         status=ended[0],
         end=ended[1],
@@ -79,6 +87,37 @@ def replayed(task: Task, tolerance: float) -> Run | None:
         evaluations=evaluations,
         balance=balance(task, end, float(np.abs(y[:, -1]).max())),
     )
+
+
+@dataclass
+class _Again:
+    """Dense output: states that are known, and others by running again.
+
+    times : (n,) [s] growing
+    states : (n, 3) at them
+    solve : times (n,) from the first on -> states; None where it was left behind
+    """
+
+    times: Floats
+    states: Floats
+    solve: Callable[[Floats], Floats] | None
+
+    def __call__(self, times: Floats) -> Floats:
+        place = np.searchsorted(self.times, times).clip(max=self.times.size - 1)
+        if not np.array_equal(self.times[place], times):
+            if self.solve is None:
+                raise RequestError(LEFT_BEHIND)
+            # between outputs it may take so many steps only
+            outputs = np.union1d(self.times, times)
+            states, place = self.solve(outputs), np.searchsorted(outputs, times)
+            if outputs.size <= MOST_KEPT and np.isfinite(states).all():
+                self.times, self.states = outputs, states
+            return np.asarray(states[place].T)
+        return np.asarray(self.states[place].T)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled with what is known: the right-hand side cannot be."""
+        return _Again, (self.times, self.states, None)
 
 
 def _solved(task: Task, rhs: Any, y0: Floats, times: Floats, tolerance: float) -> Floats:

@@ -48,7 +48,8 @@ def starts_of(mechanism: Mechanism, start: Any) -> Pairs:
                 mechanism.scene.address("initial"),
                 f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}",
                 f"drivers: {listed(mechanism.drivers)}",
-                'give it "initial": {"<driver>": {"q": ..., "rate": ...}}',
+                'give it "initial": {"<driver>": {"q": ..., "rate": ...}}, or say where it '
+                "starts: start= in Python, --start on the command line",
             )
         )
     for d, pair in asked.items():

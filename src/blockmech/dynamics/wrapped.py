@@ -7,13 +7,11 @@ before it are kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.dips import Dead, Dips, cut_at
 from blockmech.dynamics.legs import (
     FINEST,
@@ -21,6 +19,7 @@ from blockmech.dynamics.legs import (
     Ask,
     Hit,
     Leg,
+    Resting,
     TooMany,
     directions,
     scales,
@@ -99,18 +98,13 @@ def integrate(ask: Ask, method: str) -> Leg:
         t0=ask.t,
         t1=t1,
         y1=y1,
-        dense=solution.sol if solution.t.size > 1 else _resting_at(ask.y),
+        dense=solution.sol if solution.t.size > 1 else Resting(ask.y),
         hits=tuple(hits),
         failed=solution.status == -1 and not held.halted,
         turned=float(np.abs(solution.y[-1]).max()),
         marks=solution.t[:-1],
         halted=held.halted,
     )
-
-
-def _resting_at(y: Floats) -> Callable[[Floats], Floats]:
-    """Dense output of a leg whose first step could not be made."""
-    return lambda t: np.repeat(y[:, None], t.size, axis=1)
 
 
 def _jacobian(ask: Ask) -> Any:

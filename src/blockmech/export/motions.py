@@ -14,21 +14,12 @@ if TYPE_CHECKING:
 
 LINES = 8  # events shown
 DIGITS = 12
-UNITS = {
-    "swing_time": " s",
-    "period": " s",
-    "work_per_period": " J",
-    "period_of_loads": " rad",
-    "mean_speed": " {unit}/s",
-    "frequency": " rad/s",
-    "decay_rate": " 1/s",
-    "rate": " 1/s",
-}
-ANGLE = "_angle"  # what the names of angles end with
 
 
 def motion_lines(result: Result, degrees: bool = False) -> list[str]:
     """Lines about a simulation; none for another run. ``degrees``: angles in deg."""
+    from blockmech.dynamics.motion import fact_unit
+
     motion = result.motion
     if motion is None:
         return []
@@ -47,9 +38,7 @@ def motion_lines(result: Result, degrees: bool = False) -> list[str]:
         clock = f", {motion.time_error:.1e} s at the end" if motion.time_error > 0 else ""
         lines.append(f"estimated error {motion.error:.1e} {unit}{clock}")
     for name, x in motion.figures().items():
-        known = " rad" if name.endswith(ANGLE) else UNITS.get(name, "")
-        unit = known.format(unit=units[0])
-        lines.append(f"{name.replace('_', ' ')} {_number(x)}{unit}")
+        lines.append(f"{name.replace('_', ' ')} {_number(x)} {fact_unit(name, units[0])}".rstrip())
     return [*lines, *(f"note: {text}" for text in motion.notes)]
 
 
