@@ -24,11 +24,13 @@ import numpy as np
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.integrate import Run
+from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.quadrature import EPS
 
 MOST, LEAST = 64, 4  # intervals
 SHARE = 8  # right-hand sides of the run for each interval: a judgement is cheaper than a run
 STEP = 1e-7  # relative to the state: of the difference quotients
+BESIDE = 1e-4  # of a leg: how far from the kink that it begins on a quotient is taken
 SURELY = 4.0  # standard deviations that are called an error
 SERIES = 6  # terms of the exponential, once halved
 SMALL = 1 / 16  # norm of what its series is summed of
@@ -89,7 +91,7 @@ def _followed(equation: Equation, run: Run, t: Floats, steps: Floats) -> Grown:
 
 def _stations(run: Run) -> tuple[Floats, Floats]:
     """Times (m + 1,) [s] at the ends of intervals of some steps each, and how many (m,)."""
-    marks = np.unique(np.concatenate([leg.marks for leg in run.legs]))
+    marks = np.unique(np.concatenate([_within(leg, i > 0) for i, leg in enumerate(run.legs)]))
     marks = marks[(marks >= run.legs[0].t0) & (marks < run.t_end)]
     if not marks.size:
         return marks, marks
@@ -99,6 +101,14 @@ def _stations(run: Run) -> tuple[Floats, Floats]:
     if marks.size < LEAST:  # long steps
         return np.linspace(t[0], t[-1], LEAST + 1), np.ones(LEAST)
     return t[chosen], np.diff(chosen).astype(np.float64)
+
+
+def _within(leg: Leg, later: bool) -> Floats:
+    """Times [s] at which steps begin; a later leg begins on a kink of a load: not beside that."""
+    if not later:
+        return leg.marks
+    beside = leg.t0 + BESIDE * (leg.t1 - leg.t0)
+    return np.append(beside, leg.marks[leg.marks > beside])
 
 
 def _linear(equation: Equation, t: Floats, q: Floats, qd: Floats) -> tuple[Floats, Floats]:

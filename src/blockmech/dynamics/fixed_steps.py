@@ -261,5 +261,5 @@ def _fixed(
         accuracy=accuracy,
         cost=meter.cost,
         notes=notes,
-        facts={"step": step},
+        facts={"time_step" if method == "rk4" else "coordinate_step": step},
     )

@@ -25,6 +25,10 @@ FACT_UNITS: Mapping[str, str] = {
     "frequency": "rad/s",
     "decay_rate": "1/s",
     "rate": "1/s",
+    "dead_centre_time": "s",
+    "no_inertia_time": "s",
+    "time_step": "s",
+    "coordinate_step": "{q}",
 }
 """Units of the facts that have one, ``{q}`` for that of the driver's coordinate."""
 ANGLE = "_angle"  # what the names of facts end with that are angles [rad]

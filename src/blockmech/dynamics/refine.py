@@ -74,7 +74,7 @@ def tolerances(method: Method, accuracy: float, counted: bool) -> Iterator[float
 
 
 def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refined:
-    """Runs at finer and finer tolerances until the estimate meets the target."""
+    """Runs at finer and finer tolerances until the estimate meets the target, or one fails."""
     counted = task.equation.source == "kernels"
     before: Run | None = None
     best = None
@@ -93,6 +93,10 @@ def refined(task: Task, method: Method, accuracy: float, times: Floats) -> Refin
             )
             # a relative error of the effort acts on the whole way
             error += task.equation.table_error * max(1.0, ways[-1])
+            # where evaluations ran out, another method than DOP853 may do it
+            given_up = now.status == "failed" and (now.end != TOO_MANY or method == "radau")
+            if given_up and best is not None and math.isfinite(best.error):
+                return _with_rounding(task, method, best, accuracy)
             best = Refined(now, error, time_error, tolerance, False)
             told = now.steps >= FEW[method]  # two runs of a step or two may be wrong alike
             if (told and error <= accuracy) or now.end == TOO_MANY or tolerance == FINEST:
