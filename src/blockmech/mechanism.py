@@ -33,7 +33,7 @@ from blockmech.settings import check_chunk, friction_asked, unknown_engine
 
 if TYPE_CHECKING:
     from blockmech.blocks.contract import Joint
-    from blockmech.dynamics.reduced import ReducedSystem, ReducedSystems
+    from blockmech.dynamics.system.reduced import ReducedSystem, ReducedSystems
     from blockmech.judge.extremes import Extremes
     from blockmech.judge.limits import Limits
     from blockmech.judge.stroke import Stroke
@@ -310,7 +310,7 @@ class Mechanism:
     @cached_property
     def reduced(self) -> ReducedSystem | ReducedSystems:
         """The reduced system of forward dynamics; kept, so asking again costs nothing."""
-        from blockmech.dynamics.reduction import reduced_system, reduced_systems
+        from blockmech.dynamics.system.reduction import reduced_system, reduced_systems
 
         of = self.inner
         return reduced_system(of) if len(self.drivers) == 1 else reduced_systems(of)
@@ -324,7 +324,7 @@ class Mechanism:
     @cached_property
     def frictional_joints(self) -> tuple[str, ...]:
         """Names of the joints that have friction."""
-        from blockmech.dynamics.reduction import frictional_joints
+        from blockmech.dynamics.system.reduction import frictional_joints
 
         found = frictional_joints(self.structure)
         return tuple(self.joint_names.get(joint, joint) for joint in found)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.reduced import ReducedSystem, Sample
+from blockmech.dynamics.system.reduced import ReducedSystem, Sample
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 

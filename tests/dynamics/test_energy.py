@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.reduced import Metered
+from blockmech.dynamics.system.reduced import Metered
 from blockmech.dynamics.until import Start
 from tests.dynamics import exact
 from tests.dynamics.linkages import (
@@ -289,7 +289,7 @@ def test_a_torsion_spring_on_the_crank_has_no_period():
         J, tau, dJ, margin = base.one(q, qd, t)
         return J, tau - 0.05 * q, dJ, margin
 
-    from blockmech.dynamics.reduced import ReducedSystem
+    from blockmech.dynamics.system.reduced import ReducedSystem
 
     system = ReducedSystem(sample=sample, one=one, period=None)
     times = np.linspace(1, 30, 12)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics import replay
+from blockmech.dynamics.integration import replay
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.reduced import Metered
+from blockmech.dynamics.system.reduced import Metered
 from blockmech.dynamics.until import Start, Until
 from blockmech.model.document import loads
 from tests.dynamics import linkages

@@ -6,7 +6,7 @@ said to be missed, and kernel evaluations never fall as the target tightens. Wha
 for the truth is told in `honesty`.
 
 The sweep is a small part of a campaign with random starts (some 4,000 runs) that is what
-found and settled the factors in `blockmech.dynamics.refine`.
+found and settled the factors in `blockmech.dynamics.integration.refine`.
 """
 
 from __future__ import annotations

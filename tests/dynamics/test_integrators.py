@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blockmech.dynamics import euler_q, rk4
-from blockmech.dynamics.equation import (
+from blockmech.dynamics.fixed import euler_q, rk4
+from blockmech.dynamics.integration.equation import (
     cholesky_solved,
     from_kernels,
     from_table,
     one_driver,
     splits,
 )
-from blockmech.dynamics.integrate import Task, run
+from blockmech.dynamics.integration.integrate import Task, run
+from blockmech.dynamics.integration.table import tabulated
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.reduced import Metered, ReducedSystem, ReducedSystems, Sample, Terms
-from blockmech.dynamics.table import tabulated
+from blockmech.dynamics.system.reduced import Metered, ReducedSystem, ReducedSystems, Sample, Terms
 from blockmech.dynamics.until import Start, Until, Watch
 from tests.dynamics.linkages import (
     fourbar,
@@ -113,9 +113,9 @@ def test_a_split_that_does_not_add_up_is_not_trusted():
 
 
 def test_own_dop853_agrees_with_scipys():
-    from blockmech.dynamics import wrapped
-    from blockmech.dynamics.legs import Ask
-    from blockmech.dynamics.surfaces import standstill
+    from blockmech.dynamics.integration import wrapped
+    from blockmech.dynamics.integration.legs import Ask
+    from blockmech.dynamics.integration.surfaces import standstill
 
     equation = from_kernels(Metered(watt()), math.pi / 3, 0.0, 0.0)
     y = np.array([math.pi / 3, 0.0, 0.0])

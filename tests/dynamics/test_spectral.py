@@ -11,7 +11,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.reduced import ReducedSystem, Sample
+from blockmech.dynamics.system.reduced import ReducedSystem, Sample
 from blockmech.dynamics.until import Start
 from blockmech.errors import RequestError
 from tests.dynamics.linkages import motored

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from blockmech.dynamics.march import march
-from blockmech.dynamics.mesh import View
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.patches import Path as Panels
-from blockmech.dynamics.reduced import Metered
+from blockmech.dynamics.path.march import march
+from blockmech.dynamics.path.mesh import View
+from blockmech.dynamics.path.patches import Path as Panels
+from blockmech.dynamics.system.reduced import Metered
 from blockmech.dynamics.until import Start
 from blockmech.errors import RequestError
 from blockmech.model.document import loads

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics import rk4
+from blockmech.dynamics.fixed import rk4
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.reduced import Metered
+from blockmech.dynamics.system.reduced import Metered
 from blockmech.dynamics.until import Start, Until
 from blockmech.dynamics.watching import stopped_motion
 from blockmech.errors import FormatError, GraphError, RequestError

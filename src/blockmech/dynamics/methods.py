@@ -18,23 +18,23 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from blockmech.dynamics.energy import energy
-from blockmech.dynamics.equation import may_be_tabulated
-from blockmech.dynamics.fixed_steps import by_euler_q, by_rk4
-from blockmech.dynamics.in_time import in_time, several_in_time
-from blockmech.dynamics.integrate import Method
-from blockmech.dynamics.legs import TOO_MANY
+from blockmech.dynamics.fixed.fixed_steps import by_euler_q, by_rk4
+from blockmech.dynamics.integration.equation import may_be_tabulated
+from blockmech.dynamics.integration.in_time import in_time, several_in_time
+from blockmech.dynamics.integration.integrate import Method
+from blockmech.dynamics.integration.legs import TOO_MANY
 from blockmech.dynamics.motion import Motion
+from blockmech.dynamics.path.energy import energy
+from blockmech.dynamics.path.spectral import spectral
 from blockmech.dynamics.progress import once
-from blockmech.dynamics.reduced import (
+from blockmech.dynamics.steady import conserved, steady_motion, steady_motions
+from blockmech.dynamics.system.reduced import (
     TURN,
     Metered,
     MeteredSystems,
     ReducedSystem,
     ReducedSystems,
 )
-from blockmech.dynamics.spectral import spectral
-from blockmech.dynamics.steady import conserved, steady_motion, steady_motions
 from blockmech.dynamics.until import Asked, Progress, Start, Until, Watch
 from blockmech.dynamics.watching import watched_motion
 from blockmech.errors import Problem, RequestError, close_match, listed

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.reduced import Cost
+from blockmech.dynamics.system.reduced import Cost
 
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
-from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.reduced import TURN
+from blockmech.dynamics.integration.equation import Equation
+from blockmech.dynamics.system.reduced import TURN
 from blockmech.dynamics.until import Asked, Progress
 
 EVERY = 128  # right-hand sides between two reports, at most

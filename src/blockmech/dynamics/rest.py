@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from blockmech.dynamics.motion import Event, Motion, Still
-from blockmech.dynamics.reduced import TURN, Metered, One
+from blockmech.dynamics.system.reduced import TURN, Metered, One
 from blockmech.dynamics.until import Asked
 
 STEP = 2e-4  # of a turn: of the difference quotient of the effort

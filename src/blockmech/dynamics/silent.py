@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.dips import IMPOSSIBLE
+from blockmech.dynamics.integration.dips import IMPOSSIBLE
 from blockmech.dynamics.motion import Event, Motion
 from blockmech.errors import listed
 from blockmech.loads.contract import Following

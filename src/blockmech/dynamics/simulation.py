@@ -25,12 +25,9 @@ from blockmech.dynamics.coordinates import (
     stops_in_graph,
     watch_in_graph,
 )
-from blockmech.dynamics.knots import time_knots_of
-from blockmech.dynamics.legs import TOO_MANY
+from blockmech.dynamics.integration.legs import TOO_MANY
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import INTERRUPTED, Motion, Still
-from blockmech.dynamics.reduced import Cost, Metered, ReducedSystem, ReducedSystems
-from blockmech.dynamics.reduction import refuse_friction
 from blockmech.dynamics.request import (
     STOPS,
     goal_of,
@@ -41,9 +38,12 @@ from blockmech.dynamics.request import (
     watches_of,
 )
 from blockmech.dynamics.silent import told_of_loads
-from blockmech.dynamics.split import period_of
 from blockmech.dynamics.steady.forcing import forcing_period
 from blockmech.dynamics.stops import as_watches, held_at_start, named, stops_of
+from blockmech.dynamics.system.knots import time_knots_of
+from blockmech.dynamics.system.reduced import Cost, Metered, ReducedSystem, ReducedSystems
+from blockmech.dynamics.system.reduction import refuse_friction
+from blockmech.dynamics.system.split import period_of
 from blockmech.dynamics.until import Progress, Start, Until, Watch
 from blockmech.dynamics.watching import stopped_motion
 from blockmech.engines.numpy import Planar

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.dynamics.equation import cholesky_solved
+from blockmech.dynamics.integration.equation import cholesky_solved
 from blockmech.dynamics.motion import Event, Motion, Still
-from blockmech.dynamics.reduced import Cost, ReducedSystem, ReducedSystems
+from blockmech.dynamics.system.reduced import Cost, ReducedSystem, ReducedSystems
 from blockmech.dynamics.until import Watch
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.model.scene import Scene

@@ -13,7 +13,7 @@ import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.motion import Event, Motion
-from blockmech.dynamics.quadrature import EPS
+from blockmech.dynamics.path.quadrature import EPS
 from blockmech.dynamics.until import Watch
 
 BLIND = ("spectral", "euler_q")  # methods that run on beyond an end stop

@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.equation import from_kernels, splits
-from blockmech.dynamics.mesh import View
+from blockmech.dynamics.integration.equation import from_kernels, splits
 from blockmech.dynamics.motion import Motion
-from blockmech.dynamics.reduced import Metered, ReducedSystem
+from blockmech.dynamics.path.mesh import View
 from blockmech.dynamics.steady.collocation import rotations
 from blockmech.dynamics.steady.equilibrium import Rest, equilibrium
 from blockmech.dynamics.steady.flow import Flow
@@ -27,6 +26,7 @@ from blockmech.dynamics.steady.report import (
 from blockmech.dynamics.steady.return_map import ENDLESS, Settling, Steadily
 from blockmech.dynamics.steady.settling import glided
 from blockmech.dynamics.steady.shooting import closed
+from blockmech.dynamics.system.reduced import Metered, ReducedSystem
 from blockmech.dynamics.until import Asked
 
 NAMED = 1e-5  # target of one that is only named

@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.march import corrected, effort, effort_slope
-from blockmech.dynamics.mesh import View
-from blockmech.dynamics.passage import End, Place
-from blockmech.dynamics.patches import Patch
-from blockmech.dynamics.quadrature import EPS
-from blockmech.dynamics.reduced import feasible
+from blockmech.dynamics.path.march import corrected, effort, effort_slope
+from blockmech.dynamics.path.mesh import View
+from blockmech.dynamics.path.passage import End, Place
+from blockmech.dynamics.path.patches import Patch
+from blockmech.dynamics.path.quadrature import EPS
+from blockmech.dynamics.system.reduced import feasible
 
 SIZES = (33, 65, 129, 257, 513)
 NEWTON_STEPS = 20

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.legs import FINEST
-from blockmech.dynamics.quadrature import EPS
+from blockmech.dynamics.integration.legs import FINEST
+from blockmech.dynamics.path.quadrature import EPS
 from blockmech.dynamics.steady.flow import FINE, Flow, sampled, state_at_end
 from blockmech.dynamics.steady.outcome import no_steady
 from blockmech.dynamics.steady.shooting import SAFETY, Cycle

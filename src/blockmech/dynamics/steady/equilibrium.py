@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.quadrature import EPS
+from blockmech.dynamics.integration.equation import Equation
+from blockmech.dynamics.path.quadrature import EPS
 
 NEWTON_STEPS = 30
 LONGEST = 0.3  # step, of the scale

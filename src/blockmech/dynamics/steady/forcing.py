@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.integration.equation import Equation
 from blockmech.dynamics.steady.outcome import no_steady
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial

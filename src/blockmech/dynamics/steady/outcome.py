@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blockmech.dynamics.dips import IMPOSSIBLE
+from blockmech.dynamics.integration.dips import IMPOSSIBLE
 from blockmech.errors import Problem, RequestError
 
 TIMED = 'ask for "time=<s>" to see how it goes on'

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.conservative import Conservative
-from blockmech.dynamics.integrate import Run
-from blockmech.dynamics.line import Line
+from blockmech.dynamics.integration.integrate import Run
 from blockmech.dynamics.motion import Event, Motion, State, Still
-from blockmech.dynamics.quadrature import EPS
-from blockmech.dynamics.reduced import TURN, Cost
+from blockmech.dynamics.path.conservative import Conservative
+from blockmech.dynamics.path.line import Line
+from blockmech.dynamics.path.quadrature import EPS
 from blockmech.dynamics.steady.equilibrium import Rest
 from blockmech.dynamics.steady.return_map import Steadily
 from blockmech.dynamics.steady.shooting import NEUTRAL, Cycle
+from blockmech.dynamics.system.reduced import TURN, Cost
 from blockmech.dynamics.until import Asked
 
 NAMED = 6  # other steady states named

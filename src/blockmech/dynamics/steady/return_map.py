@@ -21,8 +21,8 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.legs import TOO_MANY
-from blockmech.dynamics.mesh import View
+from blockmech.dynamics.integration.legs import TOO_MANY
+from blockmech.dynamics.path.mesh import View
 from blockmech.dynamics.steady.collocation import Rotation
 from blockmech.dynamics.steady.equilibrium import Rest, equilibrium
 from blockmech.dynamics.steady.flow import LOOSE, Flow

@@ -9,14 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.equation import (
+from blockmech.dynamics.integration.equation import (
     Equation,
     one_driver,
     several_drivers,
 )
-from blockmech.dynamics.integrate import Method
+from blockmech.dynamics.integration.integrate import Method
 from blockmech.dynamics.motion import Motion
-from blockmech.dynamics.reduced import Metered, MeteredSystems, ReducedSystem, ReducedSystems
 from blockmech.dynamics.rest import trouble
 from blockmech.dynamics.steady.autonomous import RETURNS, collocated, settled
 from blockmech.dynamics.steady.flow import Flow
@@ -31,6 +30,7 @@ from blockmech.dynamics.steady.report import (
 from blockmech.dynamics.steady.settling import resting_place
 from blockmech.dynamics.steady.shooting import Cycle
 from blockmech.dynamics.steady.stroboscope import Stroboscope
+from blockmech.dynamics.system.reduced import Metered, MeteredSystems, ReducedSystem, ReducedSystems
 from blockmech.dynamics.until import Asked
 
 TABLE = 1e-12  # error of the reduced table

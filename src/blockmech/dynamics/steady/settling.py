@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integrate import FOREVER
-from blockmech.dynamics.legs import FINEST, TOO_MANY
+from blockmech.dynamics.integration.integrate import FOREVER
+from blockmech.dynamics.integration.legs import FINEST, TOO_MANY
 from blockmech.dynamics.steady.equilibrium import Rest, equilibrium
 from blockmech.dynamics.steady.flow import FINE, LOOSE, Flow, state_at_end
 from blockmech.dynamics.steady.outcome import Lost

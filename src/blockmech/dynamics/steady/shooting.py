@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integrate import Run
-from blockmech.dynamics.legs import FINEST
-from blockmech.dynamics.quadrature import EPS
+from blockmech.dynamics.integration.integrate import Run
+from blockmech.dynamics.integration.legs import FINEST
+from blockmech.dynamics.path.quadrature import EPS
 from blockmech.dynamics.steady.flow import FINE, ROUGH, Flow, sampled, size_of, state_at_end
 from blockmech.dynamics.steady.outcome import Lost
 from blockmech.dynamics.steady.variation import EXACT, PLAIN, Variation, variation

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats, rule
-from blockmech.dynamics.integrate import Run
+from blockmech.dynamics.integration.integrate import Run
 from blockmech.dynamics.steady.flow import Flow
 
 NODES = 12

@@ -158,7 +158,7 @@ def trade_motion(
 def _single(question: Question) -> float:
     """Time of one kernel evaluation [s]; 0 where the request does not say the start."""
     from blockmech.dynamics.coordinates import starts_in_graph
-    from blockmech.dynamics.reduced import ReducedSystem
+    from blockmech.dynamics.system.reduced import ReducedSystem
 
     mechanism = question.mechanism
     starts = {d: (x.q, x.rate) for d, x in mechanism.scene.initial.items()}
@@ -187,7 +187,7 @@ def _unmeasured(why: str) -> tuple[Skipped, ...]:
 
 def settings_of(best: Result) -> Iterator[Candidate]:
     """Settings of every method, from coarse to fine."""
-    from blockmech.dynamics.reduced import ReducedSystem
+    from blockmech.dynamics.system.reduced import ReducedSystem
 
     system = best.mechanism.reduced
     for method, targets in ADAPTIVE.items():

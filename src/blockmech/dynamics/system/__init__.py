@@ -1,0 +1,1 @@
+"""What moves: the reduced system of a mechanism, and what its loads depend on."""
