@@ -14,11 +14,11 @@ from blockmech.dynamics.integration.equation import (
     from_kernels,
     from_table,
     one_driver,
-    splits,
 )
 from blockmech.dynamics.integration.integrate import Task, run
 from blockmech.dynamics.integration.table import tabulated
 from blockmech.dynamics.methods import move
+from blockmech.dynamics.system.claims import splits
 from blockmech.dynamics.system.reduced import Metered, ReducedSystem, ReducedSystems, Sample, Terms
 from blockmech.dynamics.until import Start, Until, Watch
 from tests.dynamics.linkages import (

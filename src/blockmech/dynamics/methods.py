@@ -18,11 +18,11 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from blockmech.dynamics.ends import TOO_MANY
 from blockmech.dynamics.fixed.fixed_steps import by_euler_q, by_rk4
 from blockmech.dynamics.integration.equation import may_be_tabulated
 from blockmech.dynamics.integration.in_time import in_time, several_in_time
 from blockmech.dynamics.integration.integrate import Method
-from blockmech.dynamics.integration.legs import TOO_MANY
 from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.path.energy import energy
 from blockmech.dynamics.path.spectral import spectral

@@ -32,7 +32,6 @@ FACT_UNITS: Mapping[str, str] = {
 }
 """Units of the facts that have one, ``{q}`` for that of the driver's coordinate."""
 ANGLE = "_angle"  # what the names of facts end with that are angles [rad]
-INTERRUPTED = "interrupted"  # the end of a run that the user stopped; what was done is kept
 
 
 class State(NamedTuple):

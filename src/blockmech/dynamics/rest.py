@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from blockmech.dynamics.ends import IMPOSSIBLE, NO_INERTIA
 from blockmech.dynamics.motion import Event, Motion, Still
 from blockmech.dynamics.system.reduced import TURN, Metered, One
 from blockmech.dynamics.until import Asked
@@ -60,8 +61,8 @@ def resting(meter: Metered, asked: Asked, method: str = "energy") -> Motion:
 def trouble(one: One) -> str:
     """Why a state is no start of a motion, or an empty string."""
     if not one.margin > 0:
-        return "impossible pose"
-    return "" if one.J > 0 and math.isfinite(one.J) and math.isfinite(one.tau) else "no inertia"
+        return IMPOSSIBLE
+    return "" if one.J > 0 and math.isfinite(one.J) and math.isfinite(one.tau) else NO_INERTIA
 
 
 def nothing(meter: Metered, asked: Asked, method: str, reason: str) -> Motion:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integration.dips import IMPOSSIBLE
+from blockmech.dynamics.ends import IMPOSSIBLE, UNDEFINED_LOAD
 from blockmech.dynamics.motion import Event, Motion
 from blockmech.errors import listed
 from blockmech.loads.contract import Following
@@ -23,7 +23,6 @@ from blockmech.samples import Samples
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
 
-UNDEFINED = "undefined load"
 ACTIONS = (".couple", ".force")
 LITTLE = 1e-6  # of the run: how long before its end it is looked at which way rates go
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
@@ -38,9 +37,9 @@ def told_of_loads(mechanism: Mechanism, motion: Motion) -> Motion:
         return motion
     events = [event for event in motion.events if event.kind != motion.end]
     if motion.status != "failed":
-        events.append(Event(UNDEFINED, motion.t_end, motion.q_end, motion.qd_end))
+        events.append(Event(UNDEFINED_LOAD, motion.t_end, motion.q_end, motion.qd_end))
     note = f"{listed(silent)} gives no value beyond t = {motion.t_end:.9g} s"
-    return replace(motion, end=UNDEFINED, events=tuple(events), notes=(*motion.notes, note))
+    return replace(motion, end=UNDEFINED_LOAD, events=tuple(events), notes=(*motion.notes, note))
 
 
 def silent_loads(mechanism: Mechanism, motion: Motion) -> list[str]:

@@ -25,9 +25,9 @@ from blockmech.dynamics.coordinates import (
     stops_in_graph,
     watch_in_graph,
 )
-from blockmech.dynamics.integration.legs import TOO_MANY
+from blockmech.dynamics.ends import DEAD_CENTRE, INTERRUPTED, TOO_MANY
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.motion import INTERRUPTED, Motion, Still
+from blockmech.dynamics.motion import Motion, Still
 from blockmech.dynamics.request import (
     STOPS,
     goal_of,
@@ -57,7 +57,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Starts = Mapping[str, tuple[float, float]]
 OUTPUTS = 201  # output times where none are named
-DEAD_CENTRE = "dead centre"
 SINGULAR = 1e-10  # margin of a dead centre itself, but for rounding
 PART = 1 << 16  # outputs computed between two places where an interruption keeps what is done
 LATEST = 1e3  # [s] up to which kinks in time are listed for a run without an end in time

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.dynamics.ends import END_STOP
 from blockmech.dynamics.integration.equation import cholesky_solved
 from blockmech.dynamics.motion import Event, Motion, Still
 from blockmech.dynamics.system.reduced import Cost, ReducedSystem, ReducedSystems
@@ -21,7 +22,6 @@ from blockmech.errors import Problem, RequestError, listed
 from blockmech.model.scene import Scene
 
 Stops = Mapping[str, tuple[float, float]]
-END_STOP = "end stop"
 ON = 1e-12  # relative distance within which a start counts as on a stop
 
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import END_STOP
 from blockmech.dynamics.motion import Event, Motion
 from blockmech.dynamics.path.quadrature import EPS
 from blockmech.dynamics.until import Watch
@@ -60,7 +61,7 @@ def stopped_motion(motion: Motion, stops: tuple[float, float]) -> Motion:
     stop = stops[0] if q[i] < stops[0] else stops[1]
     side = 1.0 if stop == stops[1] else -1.0
     low = _first_beyond(motion, t, q, stop, side, 0.0)
-    met = Event("end stop", low, stop, float(motion.track.state(np.array([low])).qd[0]))
+    met = Event(END_STOP, low, stop, float(motion.track.state(np.array([low])).qd[0]))
     spread = abs(stop) * EPS + motion.error
     early = _first_beyond(motion, t, q, stop, side, -spread)
     late = _first_beyond(motion, t, q, stop, side, spread)

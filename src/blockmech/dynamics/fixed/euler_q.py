@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integration.dips import DEAD, NEAR, named_gap, touches_zero
-from blockmech.dynamics.motion import INTERRUPTED, State, Status
+from blockmech.dynamics.ends import DEAD_CENTRE, INTERRUPTED
+from blockmech.dynamics.integration.dips import NEAR, named_gap, touches_zero
+from blockmech.dynamics.motion import State, Status
 from blockmech.dynamics.system.reduced import TURN, Metered, feasible
 from blockmech.dynamics.until import Start, Until
 
@@ -172,7 +173,7 @@ def _swing(
         if not good.all():
             first = int(np.argmin(good))
             if 0 < first <= touching.size and touching[first - 1]:
-                return done(DEAD, "ended")
+                return done(DEAD_CENTRE, "ended")
             return done(named_gap(_margin(meter), q, float(grid[first])), "ended")
         first, block = first + block, min(2 * block, BLOCKS[1])
     return done(f"more than {MOST_STEPS} steps", "failed")

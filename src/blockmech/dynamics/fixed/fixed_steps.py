@@ -11,8 +11,8 @@ from typing import TypeAlias
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import END_STOP, IMPOSSIBLE, INTERRUPTED, NO_INERTIA
 from blockmech.dynamics.fixed import euler_q, rk4
-from blockmech.dynamics.integration.dips import IMPOSSIBLE
 from blockmech.dynamics.integration.disturbance import grown
 from blockmech.dynamics.integration.ends_ahead import up_to_its_end
 from blockmech.dynamics.integration.equation import (
@@ -20,10 +20,10 @@ from blockmech.dynamics.integration.equation import (
 )
 from blockmech.dynamics.integration.integrate import Ending, Run
 from blockmech.dynamics.integration.legs import Leg
-from blockmech.dynamics.motion import INTERRUPTED, Event, Motion
+from blockmech.dynamics.integration.reporting import reporting
+from blockmech.dynamics.motion import Event, Motion
 from blockmech.dynamics.path.massless import massless_between
 from blockmech.dynamics.path.quadrature import EPS
-from blockmech.dynamics.progress import reporting
 from blockmech.dynamics.rest import nothing, trouble
 from blockmech.dynamics.system.reduced import TURN, Metered
 from blockmech.dynamics.until import Asked, Until
@@ -72,7 +72,7 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
         fine = rk4.stepped(equation, start, until, h, parts, meter.system.stops)
         apart = _apart(coarse, fine)
         noise = NOISE * max(1.0, float(np.abs(fine.q).max()))
-        if fine.status == "reached" or fine.end == rk4.END_STOP:
+        if fine.status == "reached" or fine.end == END_STOP:
             error, time_error = (
                 _across_kinks(a, b) if kinked else _of_order_4(a, b, noise, whole)
                 for a, b, whole in zip(before, apart, _whole(fine), strict=True)
@@ -212,7 +212,7 @@ def _cut(run: Stepped, places: list[float]) -> Stepped:
     passed = ((run.q[:, None] > at) != (run.q[0] > at)).any(axis=1)
     n = max(int(np.argmax(passed)), 1) if passed.any() else run.q.size
     rows = {name: getattr(run, name)[:n] for name in run._fields if name in ("t", "q", "qd", "qdd")}
-    return run._replace(**rows, end="no inertia", status="ended")
+    return run._replace(**rows, end=NO_INERTIA, status="ended")
 
 
 def _apart(coarse: Stepped, fine: Stepped) -> tuple[float, float]:

@@ -15,18 +15,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integration.dips import DEAD, IMPOSSIBLE, Dips, named_gap
+from blockmech.dynamics.ends import DEAD_CENTRE, END_STOP, IMPOSSIBLE, INTERRUPTED, LEAST_MARGIN
+from blockmech.dynamics.integration.dips import Dips, named_gap
 from blockmech.dynamics.integration.equation import Equation
 from blockmech.dynamics.integration.legs import FINEST
-from blockmech.dynamics.integration.surfaces import DEAD_CENTRE
-from blockmech.dynamics.motion import INTERRUPTED, State, Status
+from blockmech.dynamics.motion import State, Status
 from blockmech.dynamics.system.reduced import TURN
 from blockmech.dynamics.until import Start, Until
 
 MOST_STEPS = 2_000_000
 SECANTS = 30
-END_STOP = "end stop"
-NEARLY = 2 * DEAD_CENTRE  # margin of a state that is at a dead centre
+NEARLY = 2 * LEAST_MARGIN  # margin of a state that is at a dead centre
 SAME = 1e-9  # of a step: times that are one
 SHORTER = 40  # halvings of a step on the way to where there is no pose
 SHORT = 1000  # steps that are shorter because of it, within one whole step
@@ -185,7 +184,7 @@ class _Walk:
     def possible(self, t: float, y: Vector) -> bool:
         """Whether a state is one of the mechanism, and not at a dead centre, or leaves one."""
         good = math.isfinite(y[1]) and math.isfinite(float(self.rhs(t, y)[1]))
-        return good and self.margin(y) > min(DEAD_CENTRE, self.margin(self.y))
+        return good and self.margin(y) > min(LEAST_MARGIN, self.margin(self.y))
 
     def in_parts(self, t: float, rows: list[Row]) -> str | None:
         """Go to a time [s] in parts; what the walk ended with, if it did.
@@ -225,7 +224,7 @@ class _Walk:
             ahead, new = dead
         self.t, self.y = ahead, new
         rows.append(self.row())
-        return "" if dead is None else DEAD
+        return "" if dead is None else DEAD_CENTRE
 
     def met(self, new: Vector) -> list[Callable[[Any], float]]:
         """The surfaces of goal and end stops that are met on the way to a state."""
@@ -248,7 +247,7 @@ class _Walk:
         """What is ahead of a state from which no step can be made."""
         q, rate, _ = self.y
         if self.margin(self.y) <= NEARLY:
-            return DEAD
+            return DEAD_CENTRE
 
         def margin(q: float) -> float:
             there = Vector((q, 0.0, 0.0))

@@ -13,11 +13,10 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from blockmech.dynamics.ends import DEAD_CENTRE, IMPOSSIBLE, LEAST_MARGIN
 from blockmech.dynamics.integration.equation import Equation
 from blockmech.dynamics.integration.legs import Ask, Hit
-from blockmech.dynamics.integration.surfaces import DEAD_CENTRE
 
-DEAD, IMPOSSIBLE = "dead centre", "impossible pose"
 HIGH = 0.5  # margin from which on nothing is looked for
 NEAR = 0.1  # margin of a turning point above which it is a standstill
 FOUND = 1e-2  # margin up to which what was found is a dead centre, and not a spoilt step
@@ -83,8 +82,8 @@ class Dips:
                 value, bounds=(a, b), method="bounded", options={"xatol": FINE * (b - a)}
             ).x
         )
-        if value(t) <= DEAD_CENTRE:
-            t = last_above(value, DEAD_CENTRE, a, t)
+        if value(t) <= LEAST_MARGIN:
+            t = last_above(value, LEAST_MARGIN, a, t)
             return Dead(t, state(t)) if value(t) <= FOUND else None
         if self.drivers > 1 or value(t) > NEAR or low[2][1] * high[2][1] >= 0:
             return None
@@ -115,7 +114,7 @@ def cut_at(
     """Surfaces met before and in the last step, as far as a dead centre lets the motion come."""
     if dead is None:
         return hits, found
-    surface = next(s for s in ask.surfaces if s.kind == "dead centre")
+    surface = next(s for s in ask.surfaces if s.kind == DEAD_CENTRE)
     last = dead.t - 1e-9 * (dead.t - ask.t)  # turning there is no standstill
     before = [hit for hit in found if hit.t < last]
     return [hit for hit in hits if hit.t < last], [*before, Hit(surface, dead.t, dead.y)]
@@ -135,7 +134,7 @@ def named_gap(margin: Callable[[float], float], good: float, bad: float) -> str:
             good = middle
         else:
             bad = middle
-    return DEAD if margin(good) <= DEAD_CENTRE else IMPOSSIBLE
+    return DEAD_CENTRE if margin(good) <= LEAST_MARGIN else IMPOSSIBLE
 
 
 def touches_zero(margin: Callable[[float], float], low: float, high: float) -> bool:
@@ -144,4 +143,4 @@ def touches_zero(margin: Callable[[float], float], low: float, high: float) -> b
 
     fine = {"xatol": FINE * (high - low)}
     found = minimize_scalar(margin, bounds=(low, high), method="bounded", options=fine)
-    return not margin(float(found.x)) > DEAD_CENTRE
+    return not margin(float(found.x)) > LEAST_MARGIN

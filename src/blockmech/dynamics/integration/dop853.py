@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import INTERRUPTED, TOO_MANY
 from blockmech.dynamics.integration.dips import Dips, cut_at
-from blockmech.dynamics.integration.legs import TOO_MANY, Ask, Hit, Leg, TooMany, directions, scales
+from blockmech.dynamics.integration.legs import Ask, Hit, Leg, TooMany, directions, scales
 from blockmech.dynamics.integration.surfaces import Surface, crosses
-from blockmech.dynamics.motion import INTERRUPTED
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
 EXPONENT = -1 / 8

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from blockmech.dynamics.integration.surfaces import DEAD_CENTRE
+from blockmech.dynamics.ends import DEAD_CENTRE, LEAST_MARGIN, NO_INERTIA
 from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.system.reduced import Metered
 
@@ -14,8 +14,8 @@ NEARLY = 1.5  # what the time left to an end is at most, relative to what the en
 
 def up_to_its_end(meter: Metered, motion: Motion) -> Motion:
     """The motion with what is left to an end that is named, but not reached."""
-    if motion.end in ("dead centre", "no inertia"):
-        near = _dead_centre_time if motion.end == "dead centre" else _no_inertia_time
+    if motion.end in (DEAD_CENTRE, NO_INERTIA):
+        near = _dead_centre_time if motion.end == DEAD_CENTRE else _no_inertia_time
         at = near(meter, motion)
         facts = {**motion.facts, f"{motion.end.replace(' ', '_')}_time": at}
         left = NEARLY * abs(at - motion.t_end) if math.isfinite(at) else math.inf
@@ -26,7 +26,7 @@ def up_to_its_end(meter: Metered, motion: Motion) -> Motion:
 def _dead_centre_time(meter: Metered, motion: Motion) -> float:
     """When the margin would be zero: it goes with the square of the time left [s]."""
     q, qd = float(motion.q_end), float(motion.qd_end)
-    h = 1e-3 * DEAD_CENTRE
+    h = 1e-3 * LEAST_MARGIN
     margin = meter.one(q).margin
     slope = (margin - meter.one(q - math.copysign(h, qd)).margin) / h
     rate = abs(slope * qd)

@@ -8,22 +8,22 @@ from dataclasses import replace
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import INTERRUPTED, LEAST_INERTIA
 from blockmech.dynamics.integration.ends_ahead import up_to_its_end
 from blockmech.dynamics.integration.equation import (
     Equation,
     from_kernels,
     one_driver,
     several_drivers,
-    typical_speed,
 )
 from blockmech.dynamics.integration.integrate import Method, Task
 from blockmech.dynamics.integration.refine import refined
-from blockmech.dynamics.integration.surfaces import NO_INERTIA
-from blockmech.dynamics.motion import INTERRUPTED, Motion
+from blockmech.dynamics.integration.reporting import reporting
+from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.path.massless import hollows
 from blockmech.dynamics.path.quadrature import EPS
-from blockmech.dynamics.progress import reporting
 from blockmech.dynamics.rest import nothing, resting, trouble
+from blockmech.dynamics.system.claims import typical_speed
 from blockmech.dynamics.system.reduced import Cost, Metered, MeteredSystems, One
 from blockmech.dynamics.until import Asked
 
@@ -57,7 +57,7 @@ def in_time(
     rest = asked.accuracy or FINEST
     knots = system.time_knots
     inertia = equation.inertia
-    empty = hollows(meter, start.q, inertia, NO_INERTIA) if inertia is not None else ()
+    empty = hollows(meter, start.q, inertia, LEAST_INERTIA) if inertia is not None else ()
     task = Task(equation, system, y0, start.t, asked.until, asked.watches, knots, rest, empty)
     if start.rate == 0 and "time" not in system.depends_on and equation.rhs(start.t, y0)[1] == 0:
         return resting(meter, asked, method)

@@ -16,10 +16,17 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import (
+    DEAD_CENTRE,
+    END_STOP,
+    IMPOSSIBLE,
+    INTERRUPTED,
+    NO_INERTIA,
+    TOO_MANY,
+)
 from blockmech.dynamics.integration import dop853, wrapped
-from blockmech.dynamics.integration.dips import DEAD, IMPOSSIBLE
 from blockmech.dynamics.integration.equation import Equation, RightSide
-from blockmech.dynamics.integration.legs import TOO_MANY, Ask, Hit, Leg, Resting, TooMany
+from blockmech.dynamics.integration.legs import Ask, Hit, Leg, Resting, TooMany
 from blockmech.dynamics.integration.surfaces import (
     Surface,
     driver_at,
@@ -29,7 +36,7 @@ from blockmech.dynamics.integration.surfaces import (
     standstill,
     watched,
 )
-from blockmech.dynamics.motion import INTERRUPTED, Event, State
+from blockmech.dynamics.motion import Event, State
 from blockmech.dynamics.system.reduced import TURN, ReducedSystem
 from blockmech.dynamics.until import Until, Watch
 
@@ -87,7 +94,7 @@ class Task:
             q0 = float(self.y0[0])
             found += [driver_at("goal", q0 + way * value * TURN) for way in (1, -1)]
         ends = zip(self.system.stops, (-1, 1), strict=True)  # a stop is met from inside
-        found += [driver_at("end stop", stop, way) for stop, way in ends if math.isfinite(stop)]
+        found += [driver_at(END_STOP, stop, way) for stop, way in ends if math.isfinite(stop)]
         period = self.system.period
         found += hollows_around(q, self.hollows, period)
         return found + knots_around(q, self.system.knots, period)
@@ -168,7 +175,7 @@ class _Course:
         if len(self.legs) >= MOST_LEGS:
             return Verdict("failed", f"more than {MOST_LEGS} legs")
         if not np.isfinite(self.task.equation.rhs(self.t, self.y)).all():
-            return Verdict("failed", "impossible pose")
+            return Verdict("failed", IMPOSSIBLE)
         return None
 
     def ask(self, rhs: RightSide, tolerance: float, longest: float) -> Ask:
@@ -203,7 +210,7 @@ class _Course:
             self.method = "dop853"  # which comes as near as one can to where there is no pose
             return None
         end = _failure(self.task, self.t, self.y)
-        return Verdict("ended" if end in (DEAD, IMPOSSIBLE) else "failed", end)
+        return Verdict("ended" if end in (DEAD_CENTRE, IMPOSSIBLE) else "failed", end)
 
 
 def run(
@@ -266,8 +273,8 @@ def _leg(ask: Ask, method: Method) -> Leg | Verdict:
     except TooMany:
         return Verdict("failed", TOO_MANY)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-        return Verdict("failed", "impossible pose")
-    return leg if np.isfinite(leg.y1).all() else Verdict("failed", "impossible pose")
+        return Verdict("failed", IMPOSSIBLE)
+    return leg if np.isfinite(leg.y1).all() else Verdict("failed", IMPOSSIBLE)
 
 
 def _met(task: Task, last: Hit | None, stops: int) -> Verdict | None:
@@ -275,7 +282,7 @@ def _met(task: Task, last: Hit | None, stops: int) -> Verdict | None:
     kind = last.surface.kind if last else ""
     if kind in ("", "knot") or (kind == "standstill" and stops < task.stops):
         return None
-    if kind in ("dead centre", "end stop", "no inertia"):
+    if kind in (DEAD_CENTRE, END_STOP, NO_INERTIA):
         return Verdict("ended", kind)
     return Verdict("reached", task.until.goal if kind in ("goal", "standstill") else kind)
 
@@ -309,7 +316,7 @@ def _failure(task: Task, t: float, y: Floats) -> str:
     """Why a solver gave up: there is no pose ahead, or its own trouble."""
     margin = task.equation.margin
     if margin is not None and not margin(y) > NEAR_DEAD:
-        return DEAD
+        return DEAD_CENTRE
     way = np.sign(task.equation.rhs(t, y))  # of coordinates and rates
     ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
     if not np.isfinite(task.equation.rhs(t + AHEAD * max(abs(t), 1.0), ahead)).all():

@@ -15,9 +15,6 @@ from blockmech.dynamics.integration.surfaces import Surface, leaving
 FINEST = 2.3e-14  # SciPy refuses smaller relative tolerances
 
 
-TOO_MANY = "more evaluations than allowed"
-
-
 class TooMany(Exception):
     """More evaluations than a run may take."""
 

@@ -27,11 +27,11 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import INTERRUPTED, TOO_MANY
 from blockmech.dynamics.integration.disturbance import grown
 from blockmech.dynamics.integration.integrate import Method, Run, Task, run
-from blockmech.dynamics.integration.legs import FINEST, TOO_MANY
+from blockmech.dynamics.integration.legs import FINEST
 from blockmech.dynamics.integration.replay import replayed, uninterrupted
-from blockmech.dynamics.motion import INTERRUPTED
 
 RATIO = 1 / 50
 COARSEST = 1e-3

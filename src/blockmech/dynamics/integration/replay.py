@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import INTERRUPTED
 from blockmech.dynamics.integration.integrate import Ending, Run, Task, balance
 from blockmech.dynamics.integration.legs import FINEST, Leg, scales
-from blockmech.dynamics.motion import INTERRUPTED, Event
+from blockmech.dynamics.motion import Event
 from blockmech.errors import Problem, RequestError
 
 GRID = 65  # outputs among which standstills are looked for

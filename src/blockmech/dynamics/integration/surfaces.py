@@ -10,13 +10,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import DEAD_CENTRE, LEAST_INERTIA, LEAST_MARGIN, NO_INERTIA
 from blockmech.dynamics.integration.equation import Equation
 from blockmech.dynamics.until import Watch
 
 Value: TypeAlias = Callable[[float, Any], float]
 
-DEAD_CENTRE = 1e-6  # margin at which a run is stopped
-NO_INERTIA = 1e-9  # inertia, relative, at which it is: the speed goes without bound
 LOOKED_AT = (1e-7, 1e-5, 1e-3)  # steps, relative: how far it goes to tell where it leaves to
 ON = 1e-12  # relative distance within which a state counts as on a surface
 
@@ -51,9 +50,9 @@ def near_dead_centre(equation: Equation) -> list[Surface]:
     margin, inertia = equation.margin, equation.inertia
     found = []
     if margin is not None:
-        found.append(Surface("dead centre", lambda t, y: margin(y) - DEAD_CENTRE, -1))
+        found.append(Surface(DEAD_CENTRE, lambda t, y: margin(y) - LEAST_MARGIN, -1))
     if inertia is not None:
-        found.append(Surface("no inertia", lambda t, y: inertia(y) - NO_INERTIA, -1))
+        found.append(Surface(NO_INERTIA, lambda t, y: inertia(y) - LEAST_INERTIA, -1))
     return found
 
 
@@ -92,7 +91,7 @@ def hollows_around(
         turn = math.floor((q - hollows[0][0]) / period)
         shifts = [period * (turn + n) for n in (-1, 0, 1)]
     return [
-        driver_at("no inertia", edge + shift, way)
+        driver_at(NO_INERTIA, edge + shift, way)
         for shift in shifts
         for pair in hollows
         for edge, way in zip(pair, (1, -1), strict=True)

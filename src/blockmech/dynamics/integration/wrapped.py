@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.dynamics.ends import INTERRUPTED, TOO_MANY
 from blockmech.dynamics.integration.dips import Dead, Dips, cut_at
 from blockmech.dynamics.integration.legs import (
     FINEST,
-    TOO_MANY,
     Ask,
     Hit,
     Leg,
@@ -25,7 +25,6 @@ from blockmech.dynamics.integration.legs import (
     scales,
 )
 from blockmech.dynamics.integration.surfaces import Surface
-from blockmech.dynamics.motion import INTERRUPTED
 
 DIFFERENCE = 1.5e-8  # relative step of a difference quotient
 NAMES = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}

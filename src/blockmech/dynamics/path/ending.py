@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from blockmech.dynamics.chebyshev import rule
-from blockmech.dynamics.motion import INTERRUPTED, Event, Motion, Status
+from blockmech.dynamics.ends import DEAD_CENTRE, END_STOP, IMPOSSIBLE, INTERRUPTED, NO_INERTIA
+from blockmech.dynamics.motion import Event, Motion, Status
 from blockmech.dynamics.path.conservative import Conservative
 from blockmech.dynamics.path.quadrature import EPS
 from blockmech.dynamics.path.stretch import Stretch
@@ -16,7 +17,6 @@ from blockmech.dynamics.system.reduced import TURN, Metered
 from blockmech.dynamics.until import Asked, Start, Until
 
 MOST_EVENTS = 10_000
-NO_INERTIA = "no inertia"
 PLACED = 8  # roundings of a coordinate: on its panel, from the panel's edge, from the start
 PLENTY = 1e-12  # [rad or m] error that is looked at more closely, where no target is given
 UNDECIDED = 1e-3  # error of the time, relative to a passage, that is no longer a small one
@@ -223,7 +223,7 @@ def _events(track: Conservative, t_end: float, end: str) -> tuple[Event, ...]:
         at_high = (track.heading > 0) == (n % 2 == 1)
         x = first.high.x if at_high else first.low.x
         found.append(Event("standstill", t, float(view.q(np.array(x))), 0.0))
-    if end in ("end stop", "dead centre", "impossible pose", NO_INERTIA):
+    if end in (END_STOP, DEAD_CENTRE, IMPOSSIBLE, NO_INERTIA):
         state = track.state(np.array([t_end]))
         found.append(Event(end, t_end, float(state.q[0]), float(state.qd[0])))
     return tuple(found)

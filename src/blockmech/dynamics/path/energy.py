@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.dynamics.ends import DEAD_CENTRE, END_STOP, IMPOSSIBLE, NO_INERTIA
 from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.path.conservative import Conservative
-from blockmech.dynamics.path.ending import NO_INERTIA, Course, ended
+from blockmech.dynamics.path.ending import Course, ended
 from blockmech.dynamics.path.line import Line, turn_starts
 from blockmech.dynamics.path.massless import NoInertia
 from blockmech.dynamics.path.mesh import Mesh, View, joined, mirrored
@@ -76,7 +77,7 @@ def _energy(meter: Metered, asked: Asked, gaps: int, empty: list[float]) -> Moti
     if isinstance(passage, Stretch) and not passage.complete:
         # the mechanism does not close somewhere between the samples of the survey
         if not gaps:
-            return nothing(meter, asked, "energy", "impossible pose")
+            return nothing(meter, asked, "energy", IMPOSSIBLE)
         bounded = _bounded(meter, course.track.line.view, passage, RETREAT**gaps)
         return _energy(bounded, asked, gaps - 1, empty)
     return ended(meter, asked, _named(course, empty))
@@ -88,9 +89,9 @@ def _named(course: Course, empty: list[float]) -> Course:
     end = first.low if course.track.turns_high else first.high
     near = 1e-9 * max(1.0, abs(view.origin), first.high.x - first.low.x)
     q = view.origin + view.sign * end.x
-    if course.fate != "end stop" or not any(abs(q - x) <= near for x in empty):
+    if course.fate != END_STOP or not any(abs(q - x) <= near for x in empty):
         return course
-    regime = NO_INERTIA if course.regime == "end stop" else course.regime
+    regime = NO_INERTIA if course.regime == END_STOP else course.regime
     return replace(course, fate=NO_INERTIA, regime=regime)
 
 
@@ -178,7 +179,7 @@ def _course(view: View, K0: float, ahead: Reach, planned: Planned) -> Course:
         return _finite(view, passage, "libration", "", 1, doubts)
     if ahead.kind == "endless":
         return _endless(view, K0, ahead, planned, doubts)
-    high = End(ahead.x, None, limit=ahead.kind == "dead centre")
+    high = End(ahead.x, None, limit=ahead.kind == DEAD_CENTRE)
     passage = converged(view, ahead.mesh, ahead.edges, low, high, None, planned.allowed)
     fate = "search limit" if ahead.kind == "open" else ahead.kind
     regime = "one way" if ahead.kind == "open" else ahead.kind
@@ -221,7 +222,7 @@ def _turning_back(
         near = End(-behind.x, 0.0, free=True)
         passage = converged(view, known, edges, near, far, inside, planned.allowed)
         return _finite(view, passage, "libration", "", 1, doubts, inside)
-    near = End(-behind.x, None, limit=behind.kind == "dead centre")
+    near = End(-behind.x, None, limit=behind.kind == DEAD_CENTRE)
     passage = converged(view, known, edges, near, far, inside, planned.allowed)
     fate = "search limit" if behind.kind == "open" else behind.kind
     return _finite(view, passage, "turning back", fate, 1, doubts, inside)

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats, rule
-from blockmech.dynamics.integration.surfaces import DEAD_CENTRE
+from blockmech.dynamics.ends import DEAD_CENTRE, END_STOP, IMPOSSIBLE, LEAST_MARGIN
 from blockmech.dynamics.path.massless import SUSPECT, first_touch, refuse_no_inertia_inside
 from blockmech.dynamics.path.mesh import Mesh, View, places, sampled
 from blockmech.dynamics.path.standstills import Dip, Energies, energies, first_zero
@@ -103,14 +103,14 @@ def _bound(view: View) -> tuple[float, Kind]:
     side = 1 if view.sign > 0 else 0
     bound = (high - view.origin) if side else (view.origin - low)
     if system.stops[side] == (low, high)[side]:
-        return bound, "end stop"
+        return bound, END_STOP
     return bound, _end_of_range(view, bound)
 
 
 def _end_of_range(view: View, x: float) -> Kind:
     """Whether the mechanism closes up to a place with less and less margin, or ends abruptly."""
     margin = view.meter.pose(view.origin + view.sign * x).margin if math.isfinite(x) else 0.0
-    return "impossible pose" if margin > DEAD_CENTRE else "dead centre"
+    return IMPOSSIBLE if margin > LEAST_MARGIN else DEAD_CENTRE
 
 
 def _one_period(
@@ -160,7 +160,7 @@ def _windows(
         end = min(end, bound)
         added = panel_edges(view, start, end, PANELS)
         edges = added if mesh is None else np.concatenate([mesh.edges, added[1:]])
-        limits = (False, last and name == "dead centre")
+        limits = (False, last and name == DEAD_CENTRE)
         mesh = sampled(view, edges, mesh, limits)
         x = _first_dead_centre(view, mesh)
         if x is not None:
@@ -186,7 +186,7 @@ def _within(reach: Reach, K0: float, time: float) -> Reach:
 
     The last bit of the way may be hard, or without end; nobody asks for it then.
     """
-    if reach.kind != "dead centre" or math.isinf(time):
+    if reach.kind != DEAD_CENTRE or math.isinf(time):
         return reach
     mesh = reach.mesh
     late = np.cumsum(_durations(mesh, energies(mesh, K0))) > SURELY * time
@@ -233,7 +233,7 @@ def _first_dead_centre(view: View, mesh: Mesh) -> float | None:
         for at, left in first_touch(
             x, np.where(mesh.possible, mesh.margin, SUSPECT).ravel(), margin, SUSPECT
         )
-        if left <= DEAD_CENTRE and at > 0
+        if left <= LEAST_MARGIN and at > 0
     ]
     first = min([closes, *touched])
     return first if math.isfinite(first) else None
@@ -244,7 +244,7 @@ def _up_to(view: View, K0: float, tolerance: float, horizon: Horizon, x: float) 
     kind = _end_of_range(view, x)
     width = x / PANELS
     edges = panel_edges(view, 0.0, x, PANELS) if width > 0 else np.array([0.0, x])
-    bounded = sampled(view, edges, None, (False, kind == "dead centre"))
+    bounded = sampled(view, edges, None, (False, kind == DEAD_CENTRE))
     if not bounded.possible.all():
         inner = gap(view, bounded)
         if inner < x * (1 - 1e-9) and inner > 0:

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integration.equation import splits
-from blockmech.dynamics.motion import INTERRUPTED, Motion, State, Status
+from blockmech.dynamics.ends import INTERRUPTED
+from blockmech.dynamics.motion import Motion, State, Status
 from blockmech.dynamics.path.dense import place, when
 from blockmech.dynamics.path.march import March, Panel, as_quadrature, errors, march
 from blockmech.dynamics.path.massless import SUSPECT, first_zero
@@ -26,6 +26,7 @@ from blockmech.dynamics.path.mesh import View
 from blockmech.dynamics.path.patches import Path
 from blockmech.dynamics.path.quadrature import EPS, Quadrature
 from blockmech.dynamics.rest import trouble
+from blockmech.dynamics.system.claims import splits
 from blockmech.dynamics.system.reduced import TURN, Metered
 from blockmech.dynamics.until import Asked
 

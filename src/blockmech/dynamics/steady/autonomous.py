@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integration.equation import from_kernels, splits
+from blockmech.dynamics.integration.equation import from_kernels
 from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.path.mesh import View
 from blockmech.dynamics.steady.collocation import rotations
@@ -26,6 +26,7 @@ from blockmech.dynamics.steady.report import (
 from blockmech.dynamics.steady.return_map import ENDLESS, Settling, Steadily
 from blockmech.dynamics.steady.settling import glided
 from blockmech.dynamics.steady.shooting import closed
+from blockmech.dynamics.system.claims import splits
 from blockmech.dynamics.system.reduced import Metered, ReducedSystem
 from blockmech.dynamics.until import Asked
 

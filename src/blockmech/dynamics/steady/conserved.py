@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from blockmech.dynamics.motion import INTERRUPTED, Motion
+from blockmech.dynamics.ends import INTERRUPTED
+from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.steady.outcome import no_steady
 
 FAMILY = (

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import INTERRUPTED, TOO_MANY
 from blockmech.dynamics.integration.equation import Equation
 from blockmech.dynamics.integration.integrate import Method, Run, Task, run
-from blockmech.dynamics.integration.legs import TOO_MANY
-from blockmech.dynamics.motion import INTERRUPTED
 from blockmech.dynamics.steady.outcome import Lost, Spent
 from blockmech.dynamics.system.reduced import ReducedSystem
 from blockmech.dynamics.until import Progress, Until, Watch

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blockmech.dynamics.integration.dips import IMPOSSIBLE
+from blockmech.dynamics.ends import DEAD_CENTRE, END_STOP, IMPOSSIBLE
 from blockmech.errors import Problem, RequestError
 
 TIMED = 'ask for "time=<s>" to see how it goes on'
@@ -36,6 +36,6 @@ def an(end: str) -> str:
         return f"the {end}"
     if end == IMPOSSIBLE:  # to a search both look alike
         return "an impossible pose, or where a load has no value,"
-    if end in ("dead centre", "end stop"):
+    if end in (DEAD_CENTRE, END_STOP):
         return f"an {end}" if end[0] == "e" else f"a {end}"
     return end

@@ -21,7 +21,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.integration.legs import TOO_MANY
+from blockmech.dynamics.ends import TOO_MANY
 from blockmech.dynamics.path.mesh import View
 from blockmech.dynamics.steady.collocation import Rotation
 from blockmech.dynamics.steady.equilibrium import Rest, equilibrium

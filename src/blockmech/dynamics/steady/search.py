@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import END_STOP
 from blockmech.dynamics.integration.equation import (
     Equation,
     one_driver,
@@ -37,7 +38,6 @@ TABLE = 1e-12  # error of the reduced table
 MOST = {"table": 400_000, "kernels": 150_000}  # evaluations of a search
 MORE = 1 / 3  # of them for other steady states, which are only named
 UNWATCHED = "events are not looked for along the steady motion of several drivers"
-END_STOP = "end stop"  # what the events begin with that stand for end stops
 STROBOSCOPE = "stroboscopic map"
 OWN = "all loads depend on the coordinate alone, so every motion is its own, and none attracts"
 CYCLIC = (

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
+from blockmech.dynamics.ends import TOO_MANY
 from blockmech.dynamics.integration.integrate import FOREVER
-from blockmech.dynamics.integration.legs import FINEST, TOO_MANY
+from blockmech.dynamics.integration.legs import FINEST
 from blockmech.dynamics.steady.equilibrium import Rest, equilibrium
 from blockmech.dynamics.steady.flow import FINE, LOOSE, Flow, state_at_end
 from blockmech.dynamics.steady.outcome import Lost

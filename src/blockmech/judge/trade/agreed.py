@@ -113,7 +113,7 @@ class Agreed(NamedTuple):
 
 def was_stopped(motion: Motion) -> bool:
     """Whether a run was ended before it was as fine as asked for."""
-    from blockmech.dynamics.motion import INTERRUPTED
+    from blockmech.dynamics.ends import INTERRUPTED
 
     return motion.end == INTERRUPTED
 
