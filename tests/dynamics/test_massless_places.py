@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics.path.massless import hollows, massless_between
+from blockmech.dynamics.system.reduced import Metered, ReducedSystem, Sample
 from blockmech.model.document import loads
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
@@ -123,3 +125,17 @@ def test_fixed_steps_stop_before_it_whatever_lies_behind_the_start(yoke, method,
     assert found.end == "no inertia"
     assert -math.pi <= found.q_end < -3.0
     assert found.error == math.inf  # of steps at speeds without bound nothing is known
+
+
+def test_an_inertia_without_bound_makes_no_place_without_inertia():
+    """Beside a dead centre inertia is 1e16 times the usual one; against that all other is none."""
+
+    def inertia(q):
+        return 1.0 + 0.5 * np.cos(q) ** 2 + 0.1 / (abs(q - math.pi) + 1e-17)
+
+    def sample(q, wanted):
+        return Sample(inertia(q), 0 * q, 1 + 0 * q)
+
+    pole = ReducedSystem(sample=sample, one=lambda q, qd, t: (float(inertia(q)), 0.0, 0.0, 1.0))
+    assert massless_between(Metered(pole), 0.0, 2 * math.pi) == []
+    assert hollows(Metered(pole), 0.0, lambda y: float(inertia(y[0])), 1e-9) == ()

@@ -71,19 +71,7 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
         parts *= 2
         fine = rk4.stepped(equation, start, until, h, parts, meter.system.stops)
         apart = _apart(coarse, fine)
-        noise = NOISE * max(1.0, float(np.abs(fine.q).max()))
-        if fine.status == "reached" or fine.end == END_STOP:
-            error, time_error = (
-                _across_kinks(a, b) if kinked else _of_order_4(a, b, noise, whole)
-                for a, b, whole in zip(before, apart, _whole(fine), strict=True)
-            )
-        else:  # no order shows in the last steps
-            error, time_error = (
-                max(a, b) / RK4_LEAST if math.isfinite(a) else b / RK4_LEAST
-                for a, b in zip(before, apart, strict=True)
-            )
-            # beside the end, where no time is compared, a delay is one of the place
-            error = max(error, time_error * float(np.abs(fine.qd[-FEW:]).max()))
+        error, time_error = _judged(fine, before, apart, kinked)
         few = fine.q.size <= FEW and fine.end != INTERRUPTED
         if few:  # steps as long as the whole motion tell nothing
             error = time_error = math.inf
@@ -95,6 +83,8 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
     if fine.end != INTERRUPTED:
         more = grown(equation, _as_run(fine))
         error, time_error = error + more.coordinate, time_error + more.time
+    if fine.status == "ended" and not error <= RK4_SMALL * _whole(fine)[0]:
+        time_error = math.inf  # when it ends is as good as where it goes
     y = float(fine.t[-1]), float(fine.q[-1]), float(fine.qd[-1])
     events = (Event(fine.end, *y),) if fine.status == "ended" else ()
     motion = _fixed(fine, meter, asked, "rk4", (error, time_error), h, events)
@@ -125,6 +115,26 @@ def _as_run(fixed: rk4.Fixed) -> Run:
 def _whole(run: Stepped) -> tuple[float, float]:
     """Extent of a run: way between its ends of range [rad or m], and time [s]."""
     return float(np.ptp(run.q)), float(run.t[-1] - run.t[0])
+
+
+def _judged(
+    fine: rk4.Fixed, before: tuple[float, float], apart: tuple[float, float], kinked: bool
+) -> tuple[float, float]:
+    """Errors of the finest of three runs [rad or m] and [s], from their differences."""
+    pairs = tuple(zip(before, apart, strict=True))
+    if fine.status == "reached" or fine.end == END_STOP:
+        if kinked:
+            return _across_kinks(*pairs[0]), _across_kinks(*pairs[1])
+        noise = NOISE * max(1.0, float(np.abs(fine.q).max()))
+        place, time = (
+            _of_order_4(a, b, noise, whole)
+            for (a, b), whole in zip(pairs, _whole(fine), strict=True)
+        )
+        return place, time
+    # no order shows in the last steps
+    place, time = (max(a if math.isfinite(a) else 0.0, b) / RK4_LEAST for a, b in pairs)
+    # beside the end, where no time is compared, a delay is one of the place
+    return max(place, time * float(np.abs(fine.qd[-FEW:]).max())), time
 
 
 def _of_order_4(before: float, apart: float, noise: float, whole: float) -> float:

@@ -98,11 +98,12 @@ def from_kernels(meter: Metered, q0: float, qd0: float, t0: float) -> Equation:
 
 
 def _typical_inertia(meter: Metered, q0: float) -> float:
-    """Largest inertia at a few poses around the start [kg m2 or kg]."""
+    """Usual inertia at a few poses around the start [kg m2 or kg]; it may have no bound."""
     system = meter.system
     span = system.period or (TURN if system.kind == "rotation" else system.span)
     found = [meter.pose(q0 + span * k / AROUND).J for k in range(AROUND)]
-    return max([J for J in found if math.isfinite(J)], default=1.0) or 1.0
+    good = [J for J in found if math.isfinite(J) and J > 0]
+    return float(np.median(good)) if good else 1.0
 
 
 def from_table(meter: Metered, table: Table, qd0: float) -> Equation:

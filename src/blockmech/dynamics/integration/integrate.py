@@ -48,6 +48,7 @@ MOST_WITHOUT_TIME = 100_000  # where the goal may never be met
 MOST_LEGS = 100_000
 FOREVER = 1e9  # [s] for goals without a time
 NEAR_DEAD = 1e-3  # margin below which a solver that gives up is at a dead centre
+PAST = 16 * float(np.finfo(np.float64).eps)  # [rad or m], or relative: beyond a kink
 AHEAD = 1e-9  # [rad or m], or relative: how far ahead of where it gives up there is no pose
 
 
@@ -197,12 +198,22 @@ class _Course:
         if leg.halted:
             return Verdict("ended" if leg.halted == INTERRUPTED else "failed", leg.halted)
         last = leg.hits[-1] if leg.hits and leg.hits[-1].surface.terminal else None
+        if last is not None and last.surface.kind == "knot":
+            self._past_it()
         if last is not None and last.surface.kind == "standstill":
             self.stops += 1
             self.y[1] = 0.0
             if self.stops < self.task.stops and abs(self.y[0] - before[0]) <= self.task.rest:
                 return Verdict("ended", "rest")
         return _met(self.task, last, self.stops)
+
+    def _past_it(self) -> None:
+        """Go on to the far side of a kink: on it, a load that jumps may be the one before."""
+        q, rate = float(self.y[0]), float(self.y[1])
+        way = PAST * max(1.0, abs(q))
+        if abs(rate) * (self.task.t_max - self.t) > way:
+            self.y[0] = q + math.copysign(way, rate)
+            self.t += way / abs(rate)
 
     def _given_up(self) -> Verdict | None:
         """Why the run is over where a solver gave up; None if another one goes on."""

@@ -113,6 +113,8 @@ def _jacobian(ask: Ask) -> Any:
     """
     k, w = ask.equation.drivers, ask.equation.speed
 
+    kinks = [surface.value for surface in ask.surfaces if surface.kind == "knot"]
+
     def jacobian(t: float, y: Any) -> Any:
         base = np.asarray(ask.rhs(t, y))
         steps = DIFFERENCE * np.maximum(np.abs(y), [1e-3] * k + [1e-3 * w] * k + [1.0])
@@ -121,6 +123,8 @@ def _jacobian(ask: Ask) -> Any:
         for i in range(2 * k):
             moved = y.copy()
             moved[i] += steps[i]
+            if any(kink(t, y) * kink(t, moved) < 0 for kink in kinks):
+                moved[i] = y[i] - steps[i]  # a load may jump there
             columns[:, i] = (np.asarray(ask.rhs(t, moved)) - base) / (moved[i] - y[i])
         return columns
 

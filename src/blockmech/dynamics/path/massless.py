@@ -17,8 +17,8 @@ from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.path.mesh import Mesh, View, places
 from blockmech.dynamics.system.reduced import Metered
 
-SUSPECT = 1e-2  # smallest inertia at the nodes, relative to the largest, that is looked at
-NOTHING = 1e-14  # inertia, relative to the largest, that is none
+SUSPECT = 1e-2  # smallest inertia at the nodes, relative to the usual one, that is looked at
+NOTHING = 1e-14  # inertia, relative to the usual one, that is none
 AROUND = 257  # samples of a way that is looked at
 STEPS = 12  # of the search for a zero
 NARROWER = 1 / 16  # each against the one before
@@ -84,7 +84,8 @@ def first_zero(view: View, x: Floats, J: Floats) -> float | None:
 
 def zeros(view: View, x: Floats, J: Floats) -> Iterator[float]:
     """Places where J goes to zero, from samples J (n,) at places x (n,); NaN where no pose is."""
-    limit = SUSPECT * float(np.nanmax(J)) if np.isfinite(J).any() else 0.0
+    usual = float(np.median(J[np.isfinite(J)])) if np.isfinite(J).any() else 0.0
+    limit = SUSPECT * usual  # not of the largest: beside a dead centre it has no bound
     nothing = NOTHING / SUSPECT * limit
     pose = view.meter.pose
 
