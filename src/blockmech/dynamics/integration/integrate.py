@@ -211,9 +211,12 @@ class _Course:
         """Go on to the far side of a kink: on it, a load that jumps may be the one before."""
         q, rate = float(self.y[0]), float(self.y[1])
         way = PAST * max(1.0, abs(q))
-        if abs(rate) * (self.task.t_max - self.t) > way:
-            self.y[0] = q + math.copysign(way, rate)
-            self.t += way / abs(rate)
+        if not abs(rate) * (self.task.t_max - self.t) > way:
+            return
+        there, t = self.y.copy(), self.t + way / abs(rate)
+        there[0] = q + math.copysign(way, rate)
+        if np.isfinite(self.task.equation.rhs(t, there)).all():  # else the load ends there
+            self.y, self.t = there, t
 
     def _given_up(self) -> Verdict | None:
         """Why the run is over where a solver gave up; None if another one goes on."""
