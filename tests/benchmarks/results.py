@@ -107,7 +107,9 @@ def write(path: Path) -> None:
             "graphs that have a law of motion and on random mechanisms (general groups, whose "
             "samples are a hundred times dearer, by batches of 2,000); processor time, the "
             "best of several rounds in turn. The weights below are of single array operations, "
-            f"fitted to none of these mechanisms. The quotient should lie between 0.67 and 1.5: of "
+            "fitted to none of these mechanisms; that of a sample whose friction needs "
+            "continuation was read off ruiz_fourbar with larger pins. "
+            "The quotient should lie between 0.67 and 1.5: of "
             f"{len(quotients)} cases here the least is {min(quotients):.2f} and the largest "
             f"{max(quotients):.2f}.",
             savings(),

@@ -1,7 +1,8 @@
 """What `explain` predicts against what is measured, on batches of 1e5.
 
 Every graph of the gallery that has a law of motion, and random mechanisms; the model's weights
-come from single array operations (`weights.py`) and were fitted to none of them. Processor
+come from single array operations (`weights.py`) and, but for the one of samples that need
+continuation (read off ruiz_fourbar with larger pins), were fitted to none of them. Processor
 time, all requests of a mechanism in turn, the best of several rounds of each: what is left of
 the machine's other work after that is a few per cent.
 """

@@ -1,7 +1,8 @@
 """What single array operations cost, measured one by one with NumPy 2.4.
 
-``tests/benchmarks/weights.py`` measures them again on any machine. None is fitted to a
-mechanism, and none is of the machine at hand: only ratios of what they add up to are used.
+``tests/benchmarks/weights.py`` measures them again on any machine. But for the last, which was
+read off a four-bar whose friction jams, none is fitted to a mechanism, and none is of the
+machine at hand: only ratios of what they add up to are used.
 """
 
 from __future__ import annotations
