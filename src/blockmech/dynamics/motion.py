@@ -99,7 +99,7 @@ class Motion:
     q_end: Any
     qd_end: Any
     track: Track = field(repr=False)
-    events: tuple[Event, ...]
+    events: tuple[Event, ...] = field(repr=False)  # there may be thousands
     error: float
     time_error: float
     accuracy: float | None

@@ -7,6 +7,7 @@ before it are kept.
 
 from __future__ import annotations
 
+import warnings
 from functools import cache
 from typing import Any
 
@@ -65,18 +66,22 @@ def integrate(ask: Ask, method: str) -> Leg:
     more: dict[str, Any] = {"rtol": rtol}
     if method == "radau":  # it takes one relative tolerance only
         more = {"rtol": max(ask.tolerance, FINEST), "jac": _jacobian(ask)}
-    solution = solve_ivp(
-        ask.rhs,
-        (ask.t, ask.end),
-        ask.y,
-        method=_patient(NAMES[method]),
-        held=held,
-        atol=atol,
-        dense_output=True,
-        events=[_event(s, d, held) for s, d in zip(ask.surfaces, directions(ask), strict=True)],
-        max_step=ask.longest,
-        **more,
-    )
+    events = [_event(s, d, held) for s, d in zip(ask.surfaces, directions(ask), strict=True)]
+    with warnings.catch_warnings():
+        # where LSODA gives up it warns of that as well; the run says it
+        warnings.filterwarnings("ignore", category=UserWarning, module=r"scipy\.integrate")
+        solution = solve_ivp(
+            ask.rhs,
+            (ask.t, ask.end),
+            ask.y,
+            method=_patient(NAMES[method]),
+            held=held,
+            atol=atol,
+            dense_output=True,
+            events=events,
+            max_step=ask.longest,
+            **more,
+        )
     if held.halted == INTERRUPTED and solution.t.size < 2:
         raise KeyboardInterrupt
     tiny = 4 * np.finfo(float).eps * max(abs(ask.t), abs(float(solution.t[-1])))
