@@ -103,6 +103,12 @@ def test_a_law_of_time_is_drawn_over_time():
     assert abscissa(result, over="coordinate").words == "ram.q [m]"
 
 
+def test_a_motion_under_loads_is_drawn_over_time_for_its_driver_may_come_back():
+    swing = watt().compile().simulate("swings=2", start={"crank": (0.0, 0.0)})
+    assert abscissa(swing).words == "time [s]"
+    assert abscissa(swing, over="coordinate").words.startswith("crank.q")
+
+
 def test_time_that_is_not_known_cannot_be_the_abscissa():
     g = fourbar()
     g.scene = g.scene.model_copy(update={"drive": {}})

@@ -196,6 +196,7 @@ def _unwrapped(angle: Array) -> Array:
 def abscissa(result: Result, over: Axis = "auto", degrees: bool = True) -> Abscissa:
     """What the curves are drawn over: the only driver's coordinate, or time.
 
+    A motion under loads is drawn over time: its driver may come back to the same place.
     Raises `RequestError` where that is not known.
     """
     drivers = result.mechanism.drivers
@@ -205,9 +206,10 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = True) -> Absci
             Problem("bad-value", "over", f"got {over!r}", "valid: auto, coordinate, time", "")
         )
     laws = result.mechanism.scene.drive
-    by_time = any(d in laws and not laws[d].by_coordinate for d in drivers)
+    by_time = result.motion is not None or len(drivers) != 1
+    by_time |= any(d in laws and not laws[d].by_coordinate for d in drivers)
     if over == "auto":
-        over = "time" if time is not None and (by_time or len(drivers) != 1) else "coordinate"
+        over = "time" if time is not None and by_time else "coordinate"
     if over == "time":
         if time is None:
             raise RequestError(
