@@ -10,6 +10,7 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics.until import Until, Watch
 from blockmech.errors import RequestError
+from tests.dynamics import scenes
 from tests.dynamics.scenes import at_rest, motor, rod
 
 NAN = math.nan
@@ -143,3 +144,52 @@ def test_a_run_ends_where_a_table_of_its_load_ends(method):
     )
     assert motion.status == "ended"
     assert motion.q_end == pytest.approx(end, abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["auto", "spectral", "dop853", "lsoda", "radau", "rk4"])
+def test_a_run_of_no_duration_is_its_start(method):
+    """Spectral had no panel to march, and rk4 steps of no length."""
+    result = scenes.rod(scenes.of_rate(-0.1)).simulate(
+        "time=0", method=method, start={"crank": (0.3, 2.0)}
+    )
+    motion = result.motion
+    assert (motion.status, motion.end, motion.t_end) == ("reached", "time", 0.0)
+    assert (motion.q_end, motion.qd_end, motion.error) == (0.3, 2.0, 0.0)
+    assert result["crank.q"].tolist() == [0.3]
+
+
+def test_a_goal_where_the_motion_starts_is_met_on_the_way_back():
+    scene = scenes.rod(scenes.of_rate(-0.1))
+    with pytest.raises(RequestError, match="way back"):
+        scene.simulate("angle=0.3", method="spectral", start={"crank": (0.3, 2.0)})
+    motion = scene.simulate("angle=0.3", start={"crank": (0.3, 2.0)}).motion
+    assert motion.end == "angle"
+    assert motion.qd_end < 0
+
+
+@pytest.mark.parametrize("until", ["time=nan", "angle=abc", "turns", "standstill=3", "steady=-1"])
+def test_a_goal_with_a_wrong_number_is_told_what_it_takes(until):
+    name = until.partition("=")[0]
+    with pytest.raises(RequestError, match=f'"{name}" takes'):
+        scenes.rod().simulate(until, start={"crank": (0.3, 0.0)})
+
+
+def test_wrong_kinds_of_arguments_are_refused_in_words():
+    with pytest.raises(RequestError, match='no method "None"'):
+        scenes.rod().simulate("time=1", method=None, start={"crank": (0.3, 0.0)})
+    with pytest.raises(RequestError, match="cannot be called"):
+        scenes.rod().simulate("time=1", progress=3, start={"crank": (0.3, 0.0)})
+
+
+def test_more_steps_than_can_be_made_are_refused_before_the_first():
+    with pytest.raises(RequestError, match="at most 2,000,000"):
+        scenes.rod().simulate("time=1", method="rk4", step=1e-12, start={"crank": (0.3, 0.0)})
+
+
+def test_rk4_gives_up_a_goal_that_is_never_met():
+    """A swinging rod makes no turn."""
+    start = {"crank": (0.3, 0.0)}
+    motion = scenes.rod().simulate("turns=1", method="rk4", start=start).motion
+    assert motion.status == "failed"
+    assert "25000 steps" in motion.end
+    assert motion.error == math.inf

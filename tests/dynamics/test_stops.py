@@ -24,6 +24,7 @@ from blockmech.dynamics.watching import stopped_motion
 from blockmech.errors import FormatError, GraphError, RequestError
 from blockmech.model.document import loads
 from tests.dynamics.linkages import FourBar, guided, reduced
+from tests.dynamics.scenes import rod
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 EXACT = 1e-12  # [rad, s] by quadrature
@@ -273,3 +274,34 @@ def test_stops_in_python_are_checked_when_they_are_made():
     graph.stop("cranck", 0.0, 1.0)
     (problem,) = graph.check()
     assert (problem.code, problem.where) == ("unknown-driver", "scene.stops.cranck")
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("bounds", [(-math.inf, 3.0), (-9.0, math.inf), (-math.inf, math.inf)])
+def test_a_stop_at_infinity_is_none(method, bounds):
+    start = {"crank": (0.3, 2.0)}
+    free = rod().simulate("time=1", method=method, start=start).motion
+    found = rod().simulate("time=1", method=method, start=start, stops={"crank": bounds}).motion
+    assert found.end == "time"
+    assert abs(found.q_end - free.q_end) <= found.error + free.error
+
+
+@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-8])
+def test_several_drivers_leave_a_stop_and_come_back_to_it_within_a_step(method, accuracy):
+    """SciPy took the start itself for the way back, and no leg went on."""
+    graph = bm.Graph("double pendulum", gravity=(0.0, -9.81))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    for name, length, mass in (("a", 0.8, 1.2), ("b", 0.6, 0.9)):
+        arm = bm.Link(mass=mass, inertia=mass * length**2 / 12, cm=(length / 2, 0.0))
+        graph.add(name, bm.Crank(length=length, links={"crank": arm}))
+    graph.connect("frame.A", "a.A")
+    graph.connect("a.B", "b.A")
+    start = {"a": (0.3, 1.0), "b": (0.7, -2.0)}
+    found = (
+        graph.compile()
+        .simulate("time=1", method=method, accuracy=accuracy, start=start, stops={"a": (0.3, 1.0)})
+        .motion
+    )
+    assert found.end == "end stop of a"
+    assert abs(found.t_end - 0.1288572182) <= found.time_error + 1e-10

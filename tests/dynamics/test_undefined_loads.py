@@ -166,3 +166,27 @@ def test_several_drivers(method):
     assert found.t_end == pytest.approx(0.05, rel=1e-9)
     assert found.error < 1e-6
     assert "motor gives no value beyond t = 0.05 s" in found.notes
+
+
+def test_a_spring_of_no_length_has_no_direction():
+    """It was called a start without inertia."""
+    graph = bm.Graph("spring", gravity=(0.0, 0.0))
+    places = {"A": bm.Marker(at=(0.0, 0.0), angle=0.0), "W": (0.0, 0.0)}
+    graph.add("frame", bm.Frame(markers=places))
+    body = bm.Link(mass=2.0, inertia=0.1, cm=(0.0, 0.0), markers={"P": (0.0, 0.0)})
+    graph.add("slider", bm.SlideDrive(links={"slider": body}))
+    graph.add("spring", bm.Spring(stiffness=50.0, free_length=0.5))
+    for pair in (("frame.A", "slider.S"), ("frame.W", "spring.a"), ("slider.P", "spring.b")):
+        graph.connect(*pair)
+    found = graph.compile().simulate("time=1", start={"slider": (0.0, 0.0)}).motion
+    assert (found.status, found.end) == ("failed", "undefined load")
+    assert found.notes[0] == "undefined load at the start"
+    assert any("spring gives no value" in note for note in found.notes)
+    assert found.error == math.inf
+
+
+@pytest.mark.parametrize("until", ["time=1", "standstill", "swings=2", "turns=1"])
+def test_rk4_ends_where_the_load_does_whatever_the_goal(until):
+    found = rod(linear("time", 0.2)).simulate(until, method="rk4", start=at_rest(START)).motion
+    assert (found.status, found.end) == ("ended", "undefined load")
+    assert found.t_end == pytest.approx(0.2, rel=1e-9)

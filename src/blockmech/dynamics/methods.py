@@ -27,9 +27,11 @@ from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.path.energy import energy
 from blockmech.dynamics.path.spectral import spectral
 from blockmech.dynamics.progress import once
+from blockmech.dynamics.rest import at_once, nothing, trouble
 from blockmech.dynamics.steady import conserved, steady_motion, steady_motions
 from blockmech.dynamics.system.reduced import (
     TURN,
+    Cost,
     Metered,
     MeteredSystems,
     ReducedSystem,
@@ -89,6 +91,8 @@ def move(
         progress = meter.progress = once(progress)
     asked = Asked(Start(*start), until, accuracy, "asked for", wanted, watches, progress)
     named = _checked(method, meter.system, until, watches)
+    if until.goal == "time" and until.value == 0:
+        return _at_once(meter, asked, named)
     if named == "auto":
         return _automatic(meter, asked)
     motion = _by_name(meter, asked, named, step)
@@ -97,6 +101,14 @@ def move(
             Problem("method", "method", f'"{named}" cannot do it: {motion}', "", 'use "auto"')
         )
     return motion
+
+
+def _at_once(meter: Metered, asked: Asked, method: str) -> Motion:
+    q, rate, t = asked.start
+    reason = trouble(meter.one(q, rate, t))
+    if reason:
+        return nothing(meter, asked, method, reason)
+    return at_once("none" if method == "auto" else method, asked, q, rate, meter.cost)
 
 
 _NOWHERE = Start(math.nan)
@@ -113,6 +125,8 @@ def _several(systems: ReducedSystems, start: tuple[Any, ...], asked: Asked, meth
     t0 = float(start[2]) if len(start) > 2 else 0.0
     why = "several drivers" if method == "auto" else "asked for"
     asked = replace(asked, start=Start(math.nan, math.nan, t0), why=why)
+    if goal == "time" and asked.until.value == 0:
+        return at_once(chosen, asked, q0, qd0, Cost())
     if goal == "steady":
         return steady_motions(MeteredSystems(systems), q0, qd0, asked, method)
     return several_in_time(MeteredSystems(systems), q0, qd0, asked, chosen)  # type: ignore[arg-type]
@@ -130,7 +144,7 @@ def _checked(
                 "method",
                 f'there is no method "{method}"',
                 f"valid: {listed(names)}",
-                close_match(method, names),
+                close_match(str(method), names),
             )
         )
     depends = system.depends_on

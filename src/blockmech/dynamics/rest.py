@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from blockmech.dynamics.ends import IMPOSSIBLE, NO_INERTIA
+from blockmech.dynamics.ends import IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
 from blockmech.dynamics.motion import Event, Motion, Still
-from blockmech.dynamics.system.reduced import TURN, Metered, One
+from blockmech.dynamics.system.reduced import TURN, Cost, Metered, One
 from blockmech.dynamics.until import Asked
 
 STEP = 2e-4  # of a turn: of the difference quotient of the effort
@@ -62,7 +63,9 @@ def trouble(one: One) -> str:
     """Why a state is no start of a motion, or an empty string."""
     if not one.margin > 0:
         return IMPOSSIBLE
-    return "" if one.J > 0 and math.isfinite(one.J) and math.isfinite(one.tau) else NO_INERTIA
+    if not (one.J > 0 and math.isfinite(one.J)):
+        return NO_INERTIA
+    return "" if math.isfinite(one.tau) else UNDEFINED_LOAD
 
 
 def nothing(meter: Metered, asked: Asked, method: str, reason: str) -> Motion:
@@ -80,9 +83,33 @@ def nothing(meter: Metered, asked: Asked, method: str, reason: str) -> Motion:
         qd_end=start.rate,
         track=Still(start.q),
         events=(),
-        error=math.nan,
-        time_error=math.nan,
+        error=math.inf,
+        time_error=math.inf,
         accuracy=asked.accuracy,
         cost=meter.cost,
         notes=(f"{reason} at the start",),
+    )
+
+
+def at_once(method: str, asked: Asked, q: Any, qd: Any, cost: Cost) -> Motion:
+    """The motion of no duration: the time asked for is that of the start.
+
+    ``q``, ``qd``: floats, or arrays (k,) with several drivers.
+    """
+    return Motion(
+        method=method,
+        why=asked.why or "no time is asked for",
+        regime="none",
+        status="reached",
+        end="time",
+        t_start=asked.start.t,
+        t_end=asked.start.t,
+        q_end=q,
+        qd_end=qd,
+        track=Still(q, qd),
+        events=(),
+        error=0.0,
+        time_error=0.0,
+        accuracy=asked.accuracy,
+        cost=cost,
     )

@@ -1,4 +1,4 @@
-"""Loads without a value: tables that end, and functions of Python that give NaN.
+"""Loads without a value: tables that end, functions that give NaN, springs of no length.
 
 A method only sees that the equation of motion says nothing further on, as it does where
 links do not reach. Which of the two it is, and which load it is, is asked here, once,
@@ -16,7 +16,6 @@ from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.ends import IMPOSSIBLE, UNDEFINED_LOAD
 from blockmech.dynamics.motion import Event, Motion
 from blockmech.errors import listed
-from blockmech.loads.contract import Following
 from blockmech.result import Result
 from blockmech.samples import Samples
 
@@ -30,7 +29,7 @@ AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to w
 
 def told_of_loads(mechanism: Mechanism, motion: Motion) -> Motion:
     """The motion; its end named after a load that has no value there, if there is one."""
-    if motion.end != IMPOSSIBLE and motion.status != "failed":
+    if motion.end not in (IMPOSSIBLE, UNDEFINED_LOAD) and motion.status != "failed":
         return motion
     silent = silent_loads(mechanism, motion)
     if not silent:
@@ -43,10 +42,9 @@ def told_of_loads(mechanism: Mechanism, motion: Motion) -> Motion:
 
 
 def silent_loads(mechanism: Mechanism, motion: Motion) -> list[str]:
-    """Loads by law that have no value where the motion ended or just ahead, in a good pose."""
-    elements = mechanism.structure.elements.items()
-    by_law = [name for name, element in elements if isinstance(element, Following)]
-    if not by_law:
+    """Loads that have no value where the motion ended or just ahead, in a good pose."""
+    names = list(mechanism.structure.elements)
+    if not names:
         return []
     q, rate, t = _ahead(motion)
     given: dict[str, Floats] = {}
@@ -54,7 +52,7 @@ def silent_loads(mechanism: Mechanism, motion: Motion) -> list[str]:
         given |= {f"q_{i}": q[:, i], f"qd_{i}": rate[:, i], f"qdd_{i}": np.zeros(len(t))}
     wanted = {
         name: [o for o in mechanism.outputs if o.startswith(f"{name}.") and o.endswith(ACTIONS)]
-        for name in by_law
+        for name in names
     }
     every = [output for outputs in wanted.values() for output in outputs]
     plan = mechanism.plan(every, friction="none")

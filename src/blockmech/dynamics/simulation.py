@@ -111,6 +111,10 @@ def simulate(
         if friction is not None:
             raise _error("friction", f'"{friction}" is not computed in motion', 'only "none"')
         refuse_friction(mechanism.frictional_joints)
+    if progress is not None and not callable(progress):
+        raise _error(
+            "progress", f"{progress!r} cannot be called", "give a function, or leave it out"
+        )
     wanted = times_of(times)
     goal = goal_of(until, wanted)
     starts = starts_of(mechanism, start)

@@ -94,7 +94,8 @@ def held_at_start(
         driver
         for driver, bounds in stops.items()
         for stop, way in zip(bounds, (-1.0, 1.0), strict=True)
-        if abs(starts[driver][0] - stop) <= ON * max(1.0, abs(stop))
+        if math.isfinite(stop)
+        and abs(starts[driver][0] - stop) <= ON * max(1.0, abs(stop))
         and way * (starts[driver][1] or _push(reduced, starts, driver)) > 0
     ]
     if not pressed:

@@ -76,8 +76,11 @@ class Until:
         forced = name == "steady" and bool(number)
         valued = name in VALUED or forced
         wrong = not math.isfinite(value) or (forced and value <= 0)
-        if name not in get_args(Goal) or valued is not bool(number) or wrong:
+        if name not in get_args(Goal):
             raise _refused(text, close_match(name, get_args(Goal)))
+        if valued is not bool(number) or wrong:
+            takes = VALUED.get(name, "the period of the loads [s] or nothing" if forced else "")
+            raise _refused(text, f'"{name}" takes {takes or "no number"}')
         if forced:
             return cls("steady", forcing=value)
         return cls(name, math.radians(value) if degrees else value).checked()  # type: ignore[arg-type]

@@ -90,7 +90,10 @@ class Function:
     def _refused(self, found: str, given: Iterable[float]) -> RequestError:
         name = getattr(self.call, "__name__", "function")
         at = ", ".join(f"{what} = {x:.9g}" for what, x in zip(self.of, given, strict=True))
-        remedy = f"give a number, or {math.nan} where there is no answer"
+        remedy = (
+            f"give a number, or {math.nan} where there is no answer: "
+            "a load is also asked where the motion may never come"
+        )
         return RequestError(
             Problem(
                 "user-function", f"{name}({', '.join(self.of)})", f"{found}, at {at}", "", remedy

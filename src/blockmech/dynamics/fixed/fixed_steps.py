@@ -27,9 +27,11 @@ from blockmech.dynamics.path.quadrature import EPS
 from blockmech.dynamics.rest import nothing, trouble
 from blockmech.dynamics.system.reduced import TURN, Metered
 from blockmech.dynamics.until import Asked, Until
+from blockmech.errors import Problem, RequestError
 
 COMPARED = (np.arange(1, 100) * (math.sqrt(5) - 1) / 2) % 1.0  # shares of the time: no step's ends
 RK4_STEPS = 200  # of a run or a turn to begin with, where neither step nor target is given
+UNTIMED = 25_000  # steps of the coarsest run to a goal that may never be met
 RK4_MOST = 100_000  # the same of a long run
 ORDER_4 = (10.0, 25.0, 3.0, 1.5)  # fall of differences: as it should be; some; hardly any
 RK4_GAIN = 4.0  # of the fifteen that order 4 promises for half the step
@@ -56,9 +58,15 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
         return nothing(meter, asked, "rk4", reason)
     equation = reporting(from_kernels(meter, start.q, start.rate, start.t), asked, "rk4")
     h = step or _rk4_step(until, equation.speed)
+    timed = until.goal == "time"
+    if timed and until.value > rk4.MOST_STEPS * h:
+        raise _too_short(h, until.value)
+    most = rk4.MOST_STEPS if step or timed else UNTIMED
     runs = []
     for parts, size in ((1, 4 * h), (2, 2 * h)):
-        runs.append(rk4.stepped(equation, start, until, size, parts, meter.system.stops))
+        runs.append(
+            rk4.stepped(equation, start, until, size, parts, meter.system.stops, parts * most)
+        )
         if runs[-1].end == INTERRUPTED or runs[-1].status == "failed":
             return _fixed(runs[-1], meter, asked, "rk4", UNKNOWN, size, ())
     coarse = runs[-1]
@@ -69,7 +77,7 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
     kinked = bool(meter.system.time_knots or meter.system.knots)
     for _ in range(HALVINGS):
         parts *= 2
-        fine = rk4.stepped(equation, start, until, h, parts, meter.system.stops)
+        fine = rk4.stepped(equation, start, until, h, parts, meter.system.stops, parts * most)
         apart = _apart(coarse, fine)
         error, time_error = _judged(fine, before, apart, kinked)
         few = fine.q.size <= FEW and fine.end != INTERRUPTED
@@ -89,6 +97,12 @@ def by_rk4(meter: Metered, asked: Asked, step: float | None) -> Motion:
     events = (Event(fine.end, *y),) if fine.status == "ended" else ()
     motion = _fixed(fine, meter, asked, "rk4", (error, time_error), h, events)
     return up_to_its_end(meter, motion)
+
+
+def _too_short(step: float, span: float) -> RequestError:
+    found = f"{step:g} s is {span / step:.2g} steps of the run, at most {rk4.MOST_STEPS:,} are made"
+    remedy = 'give a longer step, or leave it out; for accuracy take "dop853"'
+    return RequestError(Problem("bad-value", "step", found, "", remedy))
 
 
 def _rk4_step(until: Until, speed: float) -> float:
@@ -251,7 +265,8 @@ def _fixed(
     notes: tuple[str, ...] = ()
     if accuracy is not None and not error <= accuracy:
         notes = (f"accuracy not reached: {error:.1e} instead of {accuracy:.1e}",)
-    if run.end != INTERRUPTED and not error <= _whole(run)[0] and run.t.size > 1:
+    told = error <= max(_whole(run)[0], NOISE)
+    if run.end != INTERRUPTED and run.status != "failed" and not told and run.t.size > 1:
         unit = "s" if method == "rk4" else "rad" if meter.system.kind == "rotation" else "m"
         notes += (f"steps of {step:.3g} {unit} are too long: this may be no motion at all",)
     return Motion(

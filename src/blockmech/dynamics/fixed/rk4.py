@@ -62,7 +62,7 @@ class Fixed(NamedTuple):
         if self.t.size < 2:
             return State(np.full(t.shape, self.q[0]), np.full(t.shape, self.qd[0]))
         h = self.t[i + 1] - self.t[i]
-        x = (t - self.t[i]) / h
+        x = (t - self.t[i]) / np.where(h > 0, h, 1.0)
         q = _hermite(x, h, self.q[i], self.q[i + 1], self.qd[i], self.qd[i + 1])
         qd = _hermite(x, h, self.qd[i], self.qd[i + 1], self.qdd[i], self.qdd[i + 1])
         return State(q, qd)
@@ -80,8 +80,11 @@ def stepped(
     h: float,
     parts: int = 1,
     stops: tuple[float, float] = (-math.inf, math.inf),
+    most: int = MOST_STEPS,
 ) -> Fixed:
     """Fixed steps h [s] from the start to the goal, or to an end stop (low, high).
+
+    ``most``: steps after which it is given up.
 
     ``parts``: into how many each step is divided that is shorter because there is no pose
     ahead; runs that are compared have it in proportion to 1/h.
@@ -90,7 +93,7 @@ def stepped(
     rows = [(start.t, y[0], y[1], float(equation.rhs(start.t, y)[1]))]
     end, status = INTERRUPTED, "ended"
     with suppress(KeyboardInterrupt):  # what is done so far is kept
-        end, status = _Walk(equation, start, until, h, parts, stops).walked(rows)
+        end, status = _Walk(equation, start, until, h, parts, stops).walked(rows, most)
     times, q, qd, qdd = (np.array(column) for column in zip(*rows, strict=True))
     return Fixed(times, q, qd, qdd, end, status)  # type: ignore[arg-type]
 
@@ -139,7 +142,7 @@ class _Walk:
         t, y = self.t, self.y
         return t, y[0], y[1], float(self.rhs(t, y)[1])
 
-    def walked(self, rows: list[Row]) -> tuple[str, str]:
+    def walked(self, rows: list[Row], most: int) -> tuple[str, str]:
         """Add a row (t, q, q', q'') for each step; what the walk ended with.
 
         It comes to an end: between two whole steps there are no more than `SHORT` short ones
@@ -147,14 +150,16 @@ class _Walk:
         """
         longest = self.h  # step that is possible here
         short = 0
-        while len(rows) <= MOST_STEPS:
+        while len(rows) <= most:
             target = self.t0 + (self.n + 1) * self.h
             late = target > self.t_end * (1 + 1e-15)
             target = self.t_end if late else target
             shortened = longest < self.h
             short += shortened
-            if short > SHORT or (shortened and self.t + longest == self.t):
+            if short > SHORT:
                 return STUCK, "failed"
+            if shortened and self.t + longest == self.t:  # as near as one can come
+                return self.lies_ahead(), "ended"
             x = self.h if not (late or shortened) else min(longest, target - self.t)
             new = _step(self.rhs, self.t, self.y, x)
             last = target if x >= (target - self.t) * (1 - SAME) else self.t + x
@@ -172,7 +177,7 @@ class _Walk:
                 return "time", "reached"
             if self.t >= target:
                 self.n, longest, short = self.n + 1, self.h, 0
-        return f"more than {MOST_STEPS} steps", "failed"
+        return f"more than {most} steps", "failed"
 
     def sound(self, x: float, new: Vector, shortened: bool) -> bool:
         """Whether a step x [s] from here has come to a pose, and not been thrown there."""

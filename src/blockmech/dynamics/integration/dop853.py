@@ -21,7 +21,15 @@ import numpy as np
 from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.ends import INTERRUPTED, TOO_MANY
 from blockmech.dynamics.integration.dips import Dips, cut_at
-from blockmech.dynamics.integration.legs import Ask, Hit, Leg, TooMany, directions, scales
+from blockmech.dynamics.integration.legs import (
+    Ask,
+    Hit,
+    Leg,
+    TooMany,
+    directions,
+    first_values,
+    scales,
+)
 from blockmech.dynamics.integration.surfaces import Surface, crosses
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
@@ -85,7 +93,7 @@ def integrate(ask: Ask) -> Leg:
     q, v, work = ask.y.tolist()
     first = rhs(t, ask.y)
     a, p = float(first[1]), float(first[2])
-    values = [s.value(t, ask.y) for s in ask.surfaces]
+    values = first_values(ask, counts)
     h = min(_first_step(v, a, atol, ask.equation.speed), end - t, ask.longest)
     steps: list[Step] = []
     hits: list[Hit] = []

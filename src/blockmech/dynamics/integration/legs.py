@@ -12,6 +12,7 @@ from blockmech.dynamics.chebyshev import Floats
 from blockmech.dynamics.integration.equation import Equation
 from blockmech.dynamics.integration.surfaces import Surface, leaving
 
+NEXT_TO_NOTHING = 1e-300
 FINEST = 2.3e-14  # SciPy refuses smaller relative tolerances
 
 
@@ -97,3 +98,13 @@ def directions(ask: Ask) -> list[int]:
     """
     rates = np.asarray(ask.rhs(ask.t, ask.y), dtype=np.float64)
     return [leaving(s, ask.t, ask.y, rates) for s in ask.surfaces]
+
+
+def first_values(ask: Ask, counts: list[int]) -> list[float]:
+    """What the surfaces are at the start of a leg, in which they count in these directions.
+
+    One on which the leg starts is told from the side to which it is left: of a step that goes
+    there and comes back, its way back is the crossing, and not its start.
+    """
+    values = [s.value(ask.t, ask.y) for s in ask.surfaces]
+    return [x or -way * NEXT_TO_NOTHING for x, way in zip(values, counts, strict=True)]

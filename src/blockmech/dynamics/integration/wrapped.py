@@ -23,6 +23,7 @@ from blockmech.dynamics.integration.legs import (
     Resting,
     TooMany,
     directions,
+    first_values,
     scales,
 )
 from blockmech.dynamics.integration.surfaces import Surface
@@ -66,7 +67,9 @@ def integrate(ask: Ask, method: str) -> Leg:
     more: dict[str, Any] = {"rtol": rtol}
     if method == "radau":  # it takes one relative tolerance only
         more = {"rtol": max(ask.tolerance, FINEST), "jac": _jacobian(ask)}
-    events = [_event(s, d, held) for s, d in zip(ask.surfaces, directions(ask), strict=True)]
+    counts = directions(ask)
+    told = ({ask.t: value} for value in first_values(ask, counts))
+    events = [_event(*given, held) for given in zip(ask.surfaces, counts, told, strict=True)]
     with warnings.catch_warnings():
         # where LSODA gives up it warns of that as well; the run says it
         warnings.filterwarnings("ignore", category=UserWarning, module=r"scipy\.integrate")
@@ -180,13 +183,13 @@ def _patient(name: str) -> Any:
     return Patient
 
 
-def _event(surface: Surface, direction: int, held: _Held) -> Any:
+def _event(surface: Surface, direction: int, told: dict[float, float], held: _Held) -> Any:
     """A surface for SciPy, which asks at the end of each step, then between the last two ends.
 
-    At an end itself it must be told the same again, though the interpolant may be off there by
-    rounding: between ends of the same sign it finds no root, and raises.
+    ``told`` are its values by time: at the start, of the last two ends and between. At an end
+    itself it must be told the same again, though the interpolant may be off there by rounding:
+    between ends of the same sign it finds no root, and raises.
     """
-    told: dict[float, float] = {}  # of the last two ends, and between
 
     def event(t: float, y: Any) -> float:
         newest = max(told, default=t)

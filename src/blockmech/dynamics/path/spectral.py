@@ -129,7 +129,7 @@ def _way(meter: Metered, asked: Asked) -> _Way | str:
         return MIXED
     view = View(meter, start.q, math.copysign(1.0, start.rate or one.tau))
     far = {"turns": value * TURN, "angle": view.sign * (value - start.q)}.get(goal, math.inf)
-    if goal not in ("time", "turns", "angle") or far < 0:
+    if goal not in ("time", "turns", "angle") or far <= 0:
         return "the goal asks for a standstill or a way back"
     return _Way(asked, view, one.J, view.sign * one.tau, far)
 
