@@ -21,8 +21,8 @@ from blockmech.dynamics.system.reduced import TURN, Metered, feasible
 
 NODES = 12
 PANELS = (48, 96, 192, 384)
-DEAD_CENTRE = 1e-2  # margin below which a table is not to be trusted
-NO_INERTIA = 1e-4  # smallest inertia relative to the largest below which it is not either
+TRUSTED_MARGIN = 1e-2  # margin below which a table is not to be trusted
+TRUSTED_INERTIA = 1e-4  # smallest inertia relative to the largest below which it is not either
 
 Row: TypeAlias = tuple[float, ...]
 Parts: TypeAlias = Callable[[float], tuple[float, float, float, float]]
@@ -108,9 +108,9 @@ def tabulated(
         edges = np.linspace(low, high, panels + 1)
         x = edges[:-1, None] + (high - low) / panels * r.low
         sample = meter.sample(x, wanted)
-        if not feasible(sample).all() or sample.margin.min() < DEAD_CENTRE:
+        if not feasible(sample).all() or sample.margin.min() < TRUSTED_MARGIN:
             return None
-        if sample.J.min() < NO_INERTIA * sample.J.max():
+        if sample.J.min() < TRUSTED_INERTIA * sample.J.max():
             return None
         assert sample.dJ is not None
         damping = np.zeros_like(x) if sample.damping is None else sample.damping
