@@ -1,10 +1,10 @@
 """Integration with an honest error: the same run at finer tolerances until two agree.
 
-The finer run of the last two is the answer, and their difference at twenty common times,
-at those asked for and inside the widest steps tells its error. Usually a fiftieth of it would do, but now and then
-the coarser run is good by luck, or steps are so long that the error is larger between the
-times compared. Over thousands of runs from random starts the error was at most 4.6 times
-the first difference, 3.9 times a later one, and 1.6 times at tolerances below 1e-9 (4.2
+The finer run of the last two is the answer, and their difference at twenty common times, at
+those asked for and inside the widest steps tells its error. Usually a fiftieth of it would do,
+but now and then the coarser run is good by luck, or steps are so long that the error is larger
+between the times compared. Over thousands of runs from random starts the error was at most 4.6
+times the first difference, 3.9 times a later one, and 1.6 times at tolerances below 1e-9 (4.2
 times by LSODA, at loose ones once 8.1 times); the estimate is 6, 5 and 2 (LSODA: 18, 15, 6)
 times the difference, or a fiftieth of the one before if that is more. Where the differences
 fall no longer it is the first again. Two runs of the same steps, or of a step or two, would
