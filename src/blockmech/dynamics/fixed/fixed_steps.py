@@ -199,6 +199,8 @@ def by_euler_q(meter: Metered, asked: Asked, step: float | None) -> Motion:
         error = math.inf
     if fine.end == IMPOSSIBLE and fine.qd[-1]:  # it ends up to two steps before that
         time_error += 2 * h / abs(float(fine.qd[-1]))
+    if fine.status == "ended" and not math.isfinite(error):
+        time_error = math.inf  # when it ends is as good as where it goes
     events = tuple(Event("standstill", float(fine.t[i]), float(fine.q[i]), 0.0) for i in fine.stops)
     motion = _fixed(fine, meter, asked, "euler_q", (error, time_error), h, events)
     return up_to_its_end(meter, motion)
