@@ -33,6 +33,7 @@ class Patch(NamedTuple):
     tau: Floats
     damping: Floats
     possible: bool
+    margin: Floats
 
 
 def sampled(view: View, edges: Floats, n: int, root: bool = False) -> list[Patch]:
@@ -60,6 +61,7 @@ def sampled(view: View, edges: Floats, n: int, root: bool = False) -> list[Patch
                 tau=view.sign * sample.tau[i],
                 damping=damping[i],
                 possible=bool(possible[i]),
+                margin=sample.margin[i],
             )
         )
     return found

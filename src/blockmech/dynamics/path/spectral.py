@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.ends import INTERRUPTED
+from blockmech.dynamics.ends import INTERRUPTED, LEAST_MARGIN
 from blockmech.dynamics.motion import Motion, State, Status
 from blockmech.dynamics.path.dense import place, when
 from blockmech.dynamics.path.march import March, Panel, as_quadrature, errors, march
-from blockmech.dynamics.path.massless import SUSPECT, first_zero
+from blockmech.dynamics.path.massless import SUSPECT, first_touch, first_zero
 from blockmech.dynamics.path.mesh import View
 from blockmech.dynamics.path.patches import Path
 from blockmech.dynamics.path.quadrature import EPS, Quadrature
@@ -154,6 +154,9 @@ def _finest(way: _Way) -> _Found | str:
         empty = _no_inertia(run, way.view, way.J)
         if empty is not None:
             return f"the driver has no inertia at q = {empty:.6g}"
+        dead = _dead_centre(run, way.view)
+        if dead is not None:
+            return f"the mechanism comes to a dead centre at q = {dead:.6g}"
         found = _timed(way, run, tolerance, status)
         if best is None or found.error < best.error:
             best = found
@@ -235,6 +238,20 @@ def _no_inertia(run: March, view: View, J0: float) -> float | None:
         found = at if at is not None and at >= 0 else None
     if found is None:
         found = first_zero(view, x, J)
+    return None if found is None else view.origin + view.sign * found
+
+
+def _dead_centre(run: March, view: View) -> float | None:
+    """A driver coordinate on the way at which the margin touches zero between two samples."""
+    panels = [p for p in run.panels if p.shift == 0]
+    x = np.concatenate([p.patch.x for p in panels])
+    margins = np.concatenate([p.patch.margin for p in panels])
+
+    def margin(at: float) -> float:
+        return view.meter.pose(view.origin + view.sign * at).margin
+
+    touches = first_touch(x, margins, margin, SUSPECT)
+    found = next((at for at, left in touches if left <= LEAST_MARGIN), None)
     return None if found is None else view.origin + view.sign * found
 
 

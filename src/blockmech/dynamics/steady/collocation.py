@@ -128,6 +128,7 @@ def _nodes(view: View, period: float, n: int) -> Patch:
         tau=view.sign * sample.tau,
         damping=np.zeros(n) if sample.damping is None else sample.damping,
         possible=bool(feasible(sample).all()),
+        margin=np.asarray(sample.margin),
     )
 
 
