@@ -30,8 +30,8 @@ from blockmech.errors import Problem, RequestError, listed
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
     from blockmech.judge.trade.errors import Yardstick
-    from blockmech.mechanism import Mechanism
     from blockmech.plan import Plan
     from blockmech.result import Result
 
@@ -124,7 +124,7 @@ class Setting(NamedTuple):
 
 
 def run_to(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     taken: Samples,
     want: Iterable[str] | str,
     accuracy: float,
@@ -167,7 +167,7 @@ def refuse_settings(accuracy: float, **given: Any) -> None:
 
 
 def look(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     taken: Samples,
     want: Iterable[str] | str,
     static: bool,
@@ -222,7 +222,7 @@ def look(
 
 
 def _lost_in_wide(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     few: Samples,
     wide: Result,
     settings: Mapping[str, Any],
@@ -335,7 +335,7 @@ def _missed(result: Result, setting: Setting, probe: Probe) -> float:
 
 
 def _run(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     taken: Samples,
     want: Iterable[str] | str,
     static: bool,
@@ -350,7 +350,7 @@ def _run(
 
 
 def _result(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     plan: Plan,
     samples: Samples,
     precision: str,

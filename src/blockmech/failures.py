@@ -24,7 +24,7 @@ from blockmech.passes.following import followed, last_good, path_of
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
     from blockmech.result import Result
 
 MOST_GROUPS = 8  # whose limits take a few milliseconds
@@ -87,7 +87,7 @@ def _what(
     return AssemblyError, status, f"the group cannot close, {why}{far}"
 
 
-def _came_as_far(mechanism: Mechanism, block: str, drivers: Mapping[str, float]) -> str:
+def _came_as_far(mechanism: Compiled, block: str, drivers: Mapping[str, float]) -> str:
     """Where the way from home of a group without closed form ends, in words."""
     if not mechanism.structure.blocks[block].own_form:
         return ""

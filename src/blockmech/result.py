@@ -20,8 +20,8 @@ from blockmech.samples import Samples
 
 if TYPE_CHECKING:
     from blockmech.accuracy import Accuracy
+    from blockmech.compiled import Compiled
     from blockmech.dynamics.motion import Motion
-    from blockmech.mechanism import Mechanism
     from blockmech.outputs import Output
 
 
@@ -40,7 +40,7 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        mechanism: Compiled,
         plan: Plan,
         samples: Samples,
         values: tuple[Any, ...],

@@ -27,8 +27,9 @@ from blockmech.cli.output import (
     written,
 )
 from blockmech.cli.terminal import note, patience, pour, say
+from blockmech.compiled import EVERYTHING
 from blockmech.export import csv_chunks, gap_lines, json_chunks, table
-from blockmech.mechanism import EVERYTHING, Mechanism
+from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 
 Samples = Annotated[int | None, option("Samples of the file's range (361).", "N", min=1, max=MOST)]

@@ -27,9 +27,9 @@ from blockmech.cli.output import (
     written,
 )
 from blockmech.cli.terminal import note, pour, progress_bar, say
+from blockmech.compiled import EVERYTHING
 from blockmech.export import csv_chunks, gap_lines, json_chunks, table
 from blockmech.export.motions import motion_lines
-from blockmech.mechanism import EVERYTHING
 from blockmech.result import Result
 
 Until = Annotated[

@@ -25,7 +25,7 @@ from blockmech.cost.model import CostModel
 from blockmech.errors import listed
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
     from blockmech.plan import Plan
 
 GROUPS = 12  # wanted outputs above which they are told by quantity
@@ -59,7 +59,7 @@ class Share:
     saves: float
 
 
-def shares(mechanism: Mechanism, want: Iterable[str] | str, **settings: Any) -> tuple[Share, ...]:
+def shares(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> tuple[Share, ...]:
     """What each wanted output costs; many are told by quantity, as patterns."""
     patterns = (want,) if isinstance(want, str) else tuple(want)
     whole = mechanism.plan(patterns, **settings)
@@ -78,7 +78,7 @@ def shares(mechanism: Mechanism, want: Iterable[str] | str, **settings: Any) -> 
 
 
 def _groups(
-    mechanism: Mechanism, patterns: tuple[str, ...], whole: Plan, settings: Mapping[str, Any]
+    mechanism: Compiled, patterns: tuple[str, ...], whole: Plan, settings: Mapping[str, Any]
 ) -> Mapping[str, tuple[str, ...]]:
     """Outputs one by one, or by the user's patterns, or by the dearest stage they need."""
     names = whole.want
@@ -97,7 +97,7 @@ def _groups(
     return found
 
 
-def cost_table(mechanism: Mechanism, want: Iterable[str] | str, **settings: Any) -> str:
+def cost_table(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> str:
     """The shares as text: what each output drags in and what asking for less would save."""
     rows = shares(mechanism, want, **settings)
     if not rows:
@@ -118,7 +118,7 @@ def cost_table(mechanism: Mechanism, want: Iterable[str] | str, **settings: Any)
 
 
 def without_friction(
-    mechanism: Mechanism, want: Iterable[str] | str, **settings: Any
+    mechanism: Compiled, want: Iterable[str] | str, **settings: Any
 ) -> float | None:
     """How many times cheaper the request is without friction; None if it has none."""
     plan = mechanism.plan(want, **settings)
@@ -129,6 +129,6 @@ def without_friction(
     return model.cost(plan) / model.cost(mechanism.plan(want, **less | {"friction": "none"}))
 
 
-def price(mechanism: Mechanism, plan: Plan) -> float:
+def price(mechanism: Compiled, plan: Plan) -> float:
     """Modelled time of a batch per sample [ns]; only ratios of prices mean anything."""
     return CostModel(mechanism).cost(plan)

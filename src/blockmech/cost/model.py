@@ -18,7 +18,7 @@ from blockmech.errors import RequestError
 from blockmech.samples import Samples, make_samples
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
     from blockmech.plan import Plan, Program
 
 PROBE = 32  # samples on which operations are counted
@@ -41,7 +41,7 @@ class Line(NamedTuple):
 class CostModel:
     """Costs of plans of one mechanism; lines that plans share are counted once."""
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Compiled) -> None:
         self.mechanism = mechanism
         self._lines: dict[str, Line] = {}
         self._columns: dict[str, int] = {}
@@ -128,7 +128,7 @@ def _columns(value: Any) -> int:
     return int(np.size(value) // np.shape(value)[0]) if np.ndim(value) else 0
 
 
-def _probe(mechanism: Mechanism) -> Samples:
+def _probe(mechanism: Compiled) -> Samples:
     """Some samples of the drivers' ranges; near the start where there is no law."""
     drivers, scene = mechanism.drivers, mechanism.scene
     try:

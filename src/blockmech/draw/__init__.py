@@ -16,15 +16,15 @@ from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.export.files import AnyPath, writing
 
 if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
     from blockmech.draw.animation import Reel
     from blockmech.draw.mechanism import Scale
-    from blockmech.mechanism import Mechanism
     from blockmech.model.graph import Graph
     from blockmech.model.joints.linkage import Linkage
     from blockmech.model.naming import Names
     from blockmech.result import Result
 
-    Subject: TypeAlias = Graph | Linkage | Mechanism
+    Subject: TypeAlias = Graph | Linkage | Compiled
 
 __all__ = [
     "Animation",
@@ -260,10 +260,10 @@ def _diagram_of(subject: Subject) -> tuple[Graph, Names | None]:
     return graph_of(mechanism), mechanism.names
 
 
-def _mechanism(subject: Subject) -> Mechanism:
-    from blockmech.mechanism import Mechanism
+def _mechanism(subject: Subject) -> Compiled:
+    from blockmech.compiled import Compiled
 
-    return subject if isinstance(subject, Mechanism) else subject.compile()
+    return subject if isinstance(subject, Compiled) else subject.compile()
 
 
 def _kind_and_suffix(path: AnyPath, kind: str | None) -> tuple[str, str]:

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.compiled import Compiled
 from blockmech.draw import palette as ink
 from blockmech.draw import shapes
 from blockmech.draw.mechanism import (
@@ -39,7 +40,6 @@ from blockmech.draw.paths import Paths, paths_of
 from blockmech.draw.shapes import Shape, Stage, stage_of
 from blockmech.draw.sketch import Pin, Spot, sketch_of
 from blockmech.errors import Problem, RequestError
-from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 
 FRAMES = 72
@@ -81,7 +81,7 @@ class Reel:
 
 
 def reel_of(
-    subject: Mechanism | Result,
+    subject: Compiled | Result,
     at: Any = None,
     *,
     frames: int = FRAMES,
@@ -92,7 +92,7 @@ def reel_of(
     """Prepare the animation of a mechanism over its range, or of the samples of a run.
 
     Raises `RequestError` where the range is not known or a number makes no sense, and
-    the errors of `Mechanism.run` where no pose closes.
+    the errors of `Compiled.run` where no pose closes.
     """
     _check(frames, seconds)
     if isinstance(subject, Result):

@@ -13,12 +13,12 @@ from typing import Literal
 
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
+from blockmech.compiled import Compiled
 from blockmech.draw.layout import Box, Ends
 from blockmech.draw.palette import SMALL, TEXT
 from blockmech.draw.paper import shown_name, text_width
 from blockmech.errors import listed
 from blockmech.loads.contract import Element
-from blockmech.mechanism import Mechanism
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
@@ -94,7 +94,7 @@ class Content:
     flows: tuple[Flow, ...]
 
 
-def graph_of(mechanism: Mechanism) -> Graph:
+def graph_of(mechanism: Compiled) -> Graph:
     """The graph of a compiled mechanism."""
     structure = mechanism.structure
     graph = Graph(mechanism.name)

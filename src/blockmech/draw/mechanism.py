@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.compiled import Compiled
 from blockmech.draw import palette as ink
 from blockmech.draw import shapes
 from blockmech.draw.labels import Crowd, Label, Rect
@@ -18,7 +19,6 @@ from blockmech.draw.paper import new_figure, scaled_unit, shown_name, styled, wr
 from blockmech.draw.paths import Paths, paths_of
 from blockmech.draw.shapes import Shape, Stage, stage_of
 from blockmech.draw.sketch import LoadMark, Sketch, Spot, sketch_of
-from blockmech.mechanism import Mechanism
 
 SWEEP = 241  # samples of a path
 CROWDED = 40  # joints from which they have no names
@@ -64,7 +64,7 @@ class Picture:
 
 
 def draw_mechanism(
-    mechanism: Mechanism, at: Any = None, trace: Iterable[str] | None = None, degrees: bool = True
+    mechanism: Compiled, at: Any = None, trace: Iterable[str] | None = None, degrees: bool = True
 ) -> Picture:
     """Draw a mechanism at poses: the first in full, the others faintly.
 
@@ -77,7 +77,7 @@ def draw_mechanism(
     degrees : angles in the caption in degrees
 
     Raises `RequestError` where the range is not known and no pose is named, and the
-    errors of `Mechanism.run` where the first pose cannot be reached.
+    errors of `Compiled.run` where the first pose cannot be reached.
     """
     swept = at is None or all(d in mechanism.scene.drive for d in mechanism.drivers)
     sweep = moves(mechanism, samples=SWEEP) if swept else None

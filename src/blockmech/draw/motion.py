@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.compiled import Compiled
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.errors import Problem, RequestError
-from blockmech.mechanism import Mechanism
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.passes.loads import terminal_term
 from blockmech.plan import Friction, Schedule
@@ -34,7 +34,7 @@ class Motion:
     samples : what the poses were computed from
     """
 
-    mechanism: Mechanism
+    mechanism: Compiled
     origin: Mapping[LinkRef, Complex]
     axis: Mapping[LinkRef, Complex]
     q: Mapping[str, Real]
@@ -68,7 +68,7 @@ class Motion:
         return self.at(ref.on, marker_place(self.structure, ref))
 
     def refuse(self, k: int) -> None:
-        """Raise the error of a pose that cannot be reached, in the words of `Mechanism.run`."""
+        """Raise the error of a pose that cannot be reached, in the words of `Compiled.run`."""
         at = {d: float(q[k]) for d, q in self.q.items()}
         want = [n for n in self.mechanism.outputs if n.endswith(".p")]
         rates = dict.fromkeys(at, 0.0)
@@ -101,10 +101,10 @@ def marker_place(structure: Structure, ref: MarkerRef) -> complex:
     return structure.block(ref.block).place_of(structure.marker(ref))
 
 
-def moves(mechanism: Mechanism, at: Any = None, **samples: Any) -> Motion:
+def moves(mechanism: Compiled, at: Any = None, **samples: Any) -> Motion:
     """Poses of a mechanism at driver coordinates ``at``, or over the range of its laws.
 
-    ``samples`` are those of `Mechanism.run`: ``samples=`` or ``times=``. Raises
+    ``samples`` are those of `Compiled.run`: ``samples=`` or ``times=``. Raises
     `RequestError` where neither ``at`` nor the scene says where the drivers are.
     """
     if at is None and samples.get("times") is None:
@@ -140,7 +140,7 @@ def moves_of_result(result: Result) -> Motion:
     return Motion(mechanism, origin, axis, inputs["q"], inputs["qd"], result.samples)
 
 
-def _starts(mechanism: Mechanism) -> dict[str, float] | None:
+def _starts(mechanism: Compiled) -> dict[str, float] | None:
     """Where a free motion starts, if laws do not give the drivers' ranges; else None."""
     laws, starts = mechanism.scene.drive, mechanism.scene.initial
     missing = [d for d in mechanism.drivers if d not in laws]

@@ -7,10 +7,10 @@ from collections.abc import Collection, Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion, marker_place
 from blockmech.draw.sketch import shown_markers
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.mechanism import Mechanism
 from blockmech.model.structure import MarkerRef
 
 Paths = Mapping[str, NDArray[np.complex128]]
@@ -43,7 +43,7 @@ def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
     return {n: motion.at(moving[n].on, marker_place(s, moving[n])) for n in names}
 
 
-def _markers(mechanism: Mechanism) -> dict[str, MarkerRef]:
+def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
     """Markers of moving links by name; a joint-based document has its own, and its pins."""
     s, names = mechanism.structure, mechanism.names
     every = {str(m): m for name in s.blocks for m in s.markers(name)}
@@ -59,7 +59,7 @@ def _markers(mechanism: Mechanism) -> dict[str, MarkerRef]:
     return found | {pins[place]: ref for place, ref in every.items() if place in pins}
 
 
-def _usual_paths(mechanism: Mechanism, named: Collection[MarkerRef]) -> list[MarkerRef]:
+def _usual_paths(mechanism: Compiled, named: Collection[MarkerRef]) -> list[MarkerRef]:
     s = mechanism.structure
     own = [m for m in shown_markers(mechanism) if m in named]
     inner = [

@@ -14,8 +14,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from blockmech.blocks.contract import Moving
+from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion, marker_place
-from blockmech.mechanism import Mechanism
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.plane import cross
 
@@ -280,7 +280,7 @@ def _own_line(block: Moving, ref: JointRef, link: str) -> tuple[Spot, complex]:
     return Spot(LinkRef(ref.block, link), foot), direction
 
 
-def shown_markers(mechanism: Mechanism) -> list[MarkerRef]:
+def shown_markers(mechanism: Compiled) -> list[MarkerRef]:
     """The user's markers on moving links, and those that a force takes hold of."""
     s, names = mechanism.structure, mechanism.names
     if names is None:
@@ -351,7 +351,7 @@ def _load(s: Structure, name: str) -> LoadMark:
     return LoadMark(name, kind, tuple(spots), next(iter(element.terminals.values())).unit)
 
 
-def _drives(mechanism: Mechanism) -> Iterable[DriveMark]:
+def _drives(mechanism: Compiled) -> Iterable[DriveMark]:
     s = mechanism.structure
     for name, where in mechanism.driver_names.items():
         ref, joint = s.driven[where.driver], mechanism.driver_joint(name)

@@ -14,7 +14,7 @@ from blockmech.dynamics.until import Until, Watch
 from blockmech.errors import Problem, RequestError, listed
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 Array: TypeAlias = NDArray[np.float64]
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
@@ -35,7 +35,7 @@ def goal_of(until: Any, times: Array | None) -> Until:
     raise _bad("until", f"{until!r} says nothing about when to stop", 'write for example "time=2"')
 
 
-def starts_of(mechanism: Mechanism, start: Any) -> Pairs:
+def starts_of(mechanism: Compiled, start: Any) -> Pairs:
     """Driver -> (q [rad or m], rate) of every driver, in their order."""
     asked = pairs_of("start", start, START) or {}
     given = {d: (x.q, x.rate) for d, x in mechanism.scene.initial.items()} | asked

@@ -20,14 +20,14 @@ from blockmech.result import Result
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 ACTIONS = (".couple", ".force")
 LITTLE = 1e-6  # of the run: how long before its end it is looked at which way rates go
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
 
 
-def told_of_loads(mechanism: Mechanism, motion: Motion) -> Motion:
+def told_of_loads(mechanism: Compiled, motion: Motion) -> Motion:
     """The motion; its end named after a load that has no value there, if there is one."""
     if motion.end not in (IMPOSSIBLE, UNDEFINED_LOAD) and motion.status != "failed":
         return motion
@@ -41,7 +41,7 @@ def told_of_loads(mechanism: Mechanism, motion: Motion) -> Motion:
     return replace(motion, end=UNDEFINED_LOAD, events=tuple(events), notes=(*motion.notes, note))
 
 
-def silent_loads(mechanism: Mechanism, motion: Motion) -> list[str]:
+def silent_loads(mechanism: Compiled, motion: Motion) -> list[str]:
     """Loads that have no value where the motion ended or just ahead, in a good pose."""
     names = list(mechanism.structure.elements)
     if not names:

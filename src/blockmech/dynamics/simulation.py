@@ -52,7 +52,7 @@ from blockmech.result import Result
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 Array = NDArray[np.float64]
 Starts = Mapping[str, tuple[float, float]]
@@ -64,7 +64,7 @@ SETTINGS = {"friction": "none", "tolerance": None, "iterations": None, "static":
 
 
 def simulate(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     until: str | Until | None = None,
     *,
     method: str = "auto",
@@ -136,7 +136,7 @@ def simulate(
     return result_along(mechanism, motion, wanted, want)
 
 
-def _remarks(mechanism: Mechanism, motion: Motion, goal: Until) -> list[str]:
+def _remarks(mechanism: Compiled, motion: Motion, goal: Until) -> list[str]:
     """What else a reader must know of how a run ended."""
     said = []
     if motion.end == TOO_MANY and goal.goal not in ("time", "steady"):
@@ -159,7 +159,7 @@ class _How(NamedTuple):
 
 
 def _moved(
-    mechanism: Mechanism, starts: Starts, goal: Until, how: _How, stops: Starts | None
+    mechanism: Compiled, starts: Starts, goal: Until, how: _How, stops: Starts | None
 ) -> Motion:
     """The motion of the drivers by the method asked for."""
     drivers = mechanism.driver_names
@@ -175,7 +175,7 @@ def _moved(
 
 
 def _moved_in_graph(
-    mechanism: Mechanism, starts: Starts, goal: Until, how: _How, bounds: Starts
+    mechanism: Compiled, starts: Starts, goal: Until, how: _How, bounds: Starts
 ) -> Motion:
     """The same in the coordinates of the graph."""
     reduced = mechanism.reduced
@@ -196,7 +196,7 @@ def _moved_in_graph(
 
 
 def _timed(
-    mechanism: Mechanism, reduced: ReducedSystem | ReducedSystems, goal: Until
+    mechanism: Compiled, reduced: ReducedSystem | ReducedSystems, goal: Until
 ) -> ReducedSystem | ReducedSystems:
     """With kinks of the loads in time and, for a steady state, the periods of the loads."""
     structure = mechanism.structure
@@ -268,7 +268,7 @@ class Along(Mapping[str, Any]):
     """
 
     def __init__(
-        self, mechanism: Mechanism, motion: Motion, t: Array, unknown: Any = slice(0)
+        self, mechanism: Compiled, motion: Motion, t: Array, unknown: Any = slice(0)
     ) -> None:
         q, qd = motion.at(t)
         qd[unknown] = np.nan
@@ -318,7 +318,7 @@ class Along(Mapping[str, Any]):
 
 
 def result_along(
-    mechanism: Mechanism, motion: Motion, t: Array, want: Iterable[str] | str
+    mechanism: Compiled, motion: Motion, t: Array, want: Iterable[str] | str
 ) -> Result:
     """The wanted outputs at times (n,) [s] of a motion.
 

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
     from blockmech.result import Result
 
 
-def run_of_blocks(mechanism: Mechanism, request: Mapping[str, Any]) -> Result:
+def run_of_blocks(mechanism: Compiled, request: Mapping[str, Any]) -> Result:
     """A run whose outputs have the names of the graph, whoever asks for it."""
     if mechanism.names is None:
         return mechanism.run(**request)
     return mechanism.run(**{**request, "want": ()}).inside(*request["want"])
 
 
-def checks_said(mechanism: Mechanism) -> dict[str, str]:
+def checks_said(mechanism: Compiled) -> dict[str, str]:
     """Name of a check of `verify` -> the same in the words of the document, if there is one."""
     if mechanism.names is None:
         return {}

@@ -15,7 +15,7 @@ from blockmech.judge.peaks import Floats
 from blockmech.model.structure import JointRef
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 OCTAVES, PER_OCTAVE = 20, 16  # of the search beyond the mechanism's own size
 COINCIDENT = 1e-6  # of a group's lengths, below which two pins lie on each other
@@ -36,7 +36,7 @@ class Closure:
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        mechanism: Compiled,
         driver: str,
         held: Mapping[str, float],
         groups: tuple[str, ...],
@@ -135,7 +135,7 @@ class Closure:
         return self.mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), want=want, on_gap="mark")
 
 
-def _sharp(mechanism: Mechanism) -> Mechanism:
+def _sharp(mechanism: Compiled) -> Compiled:
     """The mechanism without the blind zones beside its change points: margins exist there."""
     s = mechanism.structure
     if not s.followed:
@@ -170,7 +170,7 @@ def one_turn(samples: int) -> Floats:
     return np.asarray(SEAM + TURN * np.arange(samples) / samples)
 
 
-def travel(mechanism: Mechanism, driver: str, samples: int) -> Floats:
+def travel(mechanism: Compiled, driver: str, samples: int) -> Floats:
     """Samples of a slide: its law's range, twice the mechanism's size, and far beyond."""
     structure = mechanism.structure
     sizes = [b.largest_length() for b in structure.blocks.values() if isinstance(b, Moving)]

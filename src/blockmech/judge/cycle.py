@@ -11,10 +11,11 @@ import numpy as np
 
 from blockmech.errors import Problem, RequestError
 from blockmech.judge.arcs import TURN
+from blockmech.judge.limits import limits
 from blockmech.judge.peaks import Floats
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
     from blockmech.result import Result
 
 STEPS = 720  # of a turn, or of a range
@@ -34,14 +35,14 @@ class Cycle:
     low, high : ends of the range
     by : what s is: the only driver's "coordinate" [rad or m], the "time" [s], or the
         "share" [-] of the ranges of several drivers
-    request : places (n,) -> arguments of `Mechanism.run`
+    request : places (n,) -> arguments of `Compiled.run`
     settings : friction and the like, for every run
     turns : whether the range is one or more whole turns of the only crank
     rate : sign of the driver's rate, +1 where it has none
     steps : samples of the range
     """
 
-    mechanism: Mechanism
+    mechanism: Compiled
     low: float
     high: float
     by: By
@@ -69,7 +70,7 @@ class Cycle:
         return {name: float(q[0]) for name, q in run.drivers.items()}, time
 
 
-def cycle_of(source: Mechanism | Result, settings: Mapping[str, Any]) -> Cycle:
+def cycle_of(source: Compiled | Result, settings: Mapping[str, Any]) -> Cycle:
     """The cycle of a mechanism (its law's range, or a turn) or of a result (its samples).
 
     Raises `RequestError` where there is no range to follow.
@@ -81,7 +82,7 @@ def cycle_of(source: Mechanism | Result, settings: Mapping[str, Any]) -> Cycle:
     return _of_mechanism(source, settings)
 
 
-def _of_mechanism(mechanism: Mechanism, settings: Mapping[str, Any]) -> Cycle:
+def _of_mechanism(mechanism: Compiled, settings: Mapping[str, Any]) -> Cycle:
     drivers = mechanism.drivers
     laws: dict[str, Any] = {
         d: mechanism.scene.drive[d] for d in drivers if d in mechanism.scene.drive
@@ -111,9 +112,9 @@ def _of_mechanism(mechanism: Mechanism, settings: Mapping[str, Any]) -> Cycle:
     return _by_time(mechanism, 0.0, duration, settings, STEPS)
 
 
-def _before_arcs(mechanism: Mechanism, start: float) -> float:
+def _before_arcs(mechanism: Compiled, start: float) -> float:
     """Where to begin a turn so that it cuts no feasible arc."""
-    found = mechanism.limits()
+    found = limits(mechanism)
     if found.whole_turn or not found.arcs:
         return start
     return (found.arcs[-1].end.q - TURN + found.arcs[0].start.q) / 2
@@ -148,7 +149,7 @@ def _one(column: Any) -> float:
 
 
 def _by_coordinate(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     low: float,
     high: float,
     settings: Mapping[str, Any],
@@ -181,7 +182,7 @@ def _by_coordinate(
 
 
 def _by_time(
-    mechanism: Mechanism, low: float, high: float, settings: Mapping[str, Any], steps: int
+    mechanism: Compiled, low: float, high: float, settings: Mapping[str, Any], steps: int
 ) -> Cycle:
     if low == high:
         raise _no_range("times", "follow more than one time")
@@ -191,7 +192,7 @@ def _by_time(
 
 
 def _by_share(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     ends: Mapping[str, tuple[float, float]],
     settings: Mapping[str, Any],
     steps: int,

@@ -20,7 +20,7 @@ from blockmech.judge.cycle import Cycle, cycle_of
 from blockmech.judge.follow import Signal, Turn, signal_of, turns_of
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
     from blockmech.result import Result
 
 PARTS = ("x", "y", "magnitude")
@@ -126,7 +126,7 @@ class Extremes:
         return {"output": self.name, "unit": self.unit, **parts}
 
 
-def extremes(source: Mechanism | Result, name: str, **settings: Any) -> Extremes:
+def extremes(source: Compiled | Result, name: str, **settings: Any) -> Extremes:
     """Smallest and largest values of an output over a cycle.
 
     Parameters
@@ -134,7 +134,7 @@ def extremes(source: Mechanism | Result, name: str, **settings: Any) -> Extremes
     source : a mechanism (followed over its law's range, or over a turn of its crank), or a
         result (followed over its samples, with its settings)
     name : a real output or a vector; ``"dyad.C.p.x"`` is one part of a vector
-    settings : friction, tolerance, iterations, static, as in `Mechanism.run`
+    settings : friction, tolerance, iterations, static, as in `Compiled.run`
 
     Returns
     -------
@@ -154,7 +154,7 @@ def extremes(source: Mechanism | Result, name: str, **settings: Any) -> Extremes
     return Extremes(name, cycle.mechanism.outputs[output].unit, ranges)
 
 
-def parts_of(mechanism: Mechanism, name: str) -> tuple[str, tuple[str, ...]]:
+def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
     """The output and the parts of it that a name such as ``"dyad.C.p.x"`` means."""
     output, part = name, ""
     head, _, tail = name.rpartition(".")

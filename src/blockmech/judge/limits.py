@@ -30,7 +30,7 @@ from blockmech.model.naming import DriverName
 from blockmech.model.structure import Structure
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 SAMPLES = 720  # of a turn: every half degree
 FEWEST = 16
@@ -188,7 +188,7 @@ class Limits:
 
 
 def limits(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     driver: str | None = None,
     at: Mapping[str, float] | None = None,
     *,
@@ -263,7 +263,7 @@ def _of_document(found: Limits, place: DriverName) -> Limits:
 
 
 def arcs_sentence(
-    mechanism: Mechanism, drivers: Mapping[str, float], blocks: Iterable[str] | None = None
+    mechanism: Compiled, drivers: Mapping[str, float], blocks: Iterable[str] | None = None
 ) -> str:
     """The feasible arcs of every driver in words, the others held where they stand.
 
@@ -320,7 +320,7 @@ def _groups(structure: Structure, blocks: Iterable[str] | None) -> tuple[str, ..
 
 
 def _request(
-    mechanism: Mechanism, driver: str | None, at: dict[str, float]
+    mechanism: Compiled, driver: str | None, at: dict[str, float]
 ) -> tuple[str, dict[str, float]]:
     """The driver that moves, and where the others stand."""
     drivers = mechanism.drivers
@@ -377,7 +377,7 @@ def _misplaced(name: str, driver: str, drivers: tuple[str, ...], place: Any) -> 
     return "" if good else f"not a finite number: {place!r}"
 
 
-def _begin(mechanism: Mechanism, driver: str) -> float | None:
+def _begin(mechanism: Compiled, driver: str) -> float | None:
     law: Any = mechanism.scene.drive.get(driver)
     if law is not None and law.by_coordinate:
         return float(law.start)

@@ -24,7 +24,7 @@ from blockmech.judge.follow import EPS, Signal, Turn, signal_of, stretches, turn
 from blockmech.judge.peaks import Floats, last_place, turning_place
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
     from blockmech.result import Result
 
 STRAIGHT = 1e-9  # deviation from a line, relative to the path's extent
@@ -94,7 +94,7 @@ class Stroke:
         }
 
 
-def stroke(source: Mechanism | Result, name: str, **settings: Any) -> Stroke:
+def stroke(source: Compiled | Result, name: str, **settings: Any) -> Stroke:
     """Distance between the extreme positions of a marker or of a real output.
 
     Parameters

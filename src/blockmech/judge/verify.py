@@ -21,7 +21,7 @@ from blockmech.judge.free_bodies import Array, FreeBodies
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
     from blockmech.result import Result
 
 TOLERANCE = 1e-12  # of the sum of absolute terms, times the conditioning
@@ -80,12 +80,12 @@ class Verification:
         return "\n".join(lines)
 
 
-def verify(mechanism: Mechanism, **request: Any) -> Verification:
+def verify(mechanism: Compiled, **request: Any) -> Verification:
     """Check a mechanism against itself over some samples.
 
     Parameters
     ----------
-    request : as for `Mechanism.run` (at, samples, times, friction ...); by default
+    request : as for `Compiled.run` (at, samples, times, friction ...); by default
         25 samples of the laws' ranges with friction by Newton. Gaps are left out.
 
     Returns

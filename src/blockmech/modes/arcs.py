@@ -16,7 +16,7 @@ from blockmech.modes.tracing import Outer, TriadAt
 from blockmech.modes.triad import Triad
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 TURN = 2 * math.pi
 BESIDE = 1e-4  # [rad or m] of a check point from the place that was asked for
@@ -122,7 +122,7 @@ class Followed:
 
 
 def arcs_of_dyad(
-    mechanism: Mechanism, group: str, driver: str, held: Mapping[str, float]
+    mechanism: Compiled, group: str, driver: str, held: Mapping[str, float]
 ) -> Followed:
     """Both branches of a dyad over the stretches where it closes, on the file's earlier groups."""
     found = limits(mechanism, driver, held, blocks=[group])
@@ -147,7 +147,7 @@ def arcs_of_dyad(
 
 
 def arcs_of_triad(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     group: str,
     found: Outline,
     driver: str,
@@ -227,7 +227,7 @@ def _between(
 
 
 def _stretches(
-    mechanism: Mechanism, group: str, driver: str, held: Mapping[str, float]
+    mechanism: Compiled, group: str, driver: str, held: Mapping[str, float]
 ) -> tuple[list[tuple[float, float, str]], str]:
     """Where the groups that hold a triad close: low, high, and what ends it; or why nowhere."""
     structure = mechanism.structure

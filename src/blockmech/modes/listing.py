@@ -30,14 +30,14 @@ from blockmech.samples import make_samples
 from blockmech.typing import LinkPosition
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 TURN = 2 * math.pi
 CHOSEN = 1e-6  # of the size: the pose that the file chooses is this mode
 
 
 def modes(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     at: Any = None,
     *,
     driver: str | None = None,
@@ -48,7 +48,7 @@ def modes(
 
     Parameters
     ----------
-    at : driver coordinates [rad or m] as in `Mechanism.run`; by default where the laws of
+    at : driver coordinates [rad or m] as in `Compiled.run`; by default where the laws of
         motion, or else the scene's ``initial``, begin
     driver : along which arcs are sought, the others held at the first sample; by default
         the only one
@@ -86,8 +86,8 @@ def modes(
 class _Lister:
     """What all groups share: the mechanism of the graph, and samples in its coordinates."""
 
-    mechanism: Mechanism
-    inner: Mechanism
+    mechanism: Compiled
+    inner: Compiled
     samples: tuple[Mapping[str, float], ...]
     driver: str  # of the graph
 
@@ -328,7 +328,7 @@ def _pose(place: LinkPosition) -> tuple[float, float, float]:
     return float(place.o.real), float(place.o.imag), float(angle(1 + 0j, place.e))
 
 
-def _begin(mechanism: Mechanism) -> dict[str, float]:
+def _begin(mechanism: Compiled) -> dict[str, float]:
     """Where the drivers stand if nothing is said."""
     found, problems = {}, []
     for driver in mechanism.drivers:
@@ -353,7 +353,7 @@ def _begin(mechanism: Mechanism) -> dict[str, float]:
     return found
 
 
-def _moved(mechanism: Mechanism, driver: str | None) -> str:
+def _moved(mechanism: Compiled, driver: str | None) -> str:
     """The driver along which arcs are sought: the one named, or the only one; else none."""
     drivers = mechanism.drivers
     if driver is None:
@@ -372,7 +372,7 @@ def _moved(mechanism: Mechanism, driver: str | None) -> str:
     return driver
 
 
-def _wanted(mechanism: Mechanism, groups: Iterable[str] | None) -> tuple[str, ...]:
+def _wanted(mechanism: Compiled, groups: Iterable[str] | None) -> tuple[str, ...]:
     """Blocks that close, in formation order: all, or the named ones."""
     known = {
         mechanism.said(n): n for n, block in mechanism.structure.blocks.items() if block.closes

@@ -10,16 +10,16 @@ from blockmech.modes.triad import Support
 from blockmech.typing import Guide
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 Supports: TypeAlias = Callable[[Mapping[str, float]], tuple[Support, ...]]
 """Driver of the graph -> coordinate [rad or m], to the supports; NaN where they are not placed."""
 
 
-def supports_of(mechanism: Mechanism, group: str, joints: Sequence[str]) -> Supports:
+def supports_of(mechanism: Compiled, group: str, joints: Sequence[str]) -> Supports:
     """The supports of some outer joints of a group.
 
-    ``mechanism`` is one of a graph (`Mechanism.inner`). Earlier groups stand as the file says.
+    ``mechanism`` is one of a graph (`Compiled.inner`). Earlier groups stand as the file says.
     """
     structure = mechanism.structure
     feeds = [structure.feeds[JointRef(group, joint)] for joint in joints]

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.compiled import Compiled
 from blockmech.dynamics.system.bridges import bridged
 from blockmech.dynamics.system.knots import knots_of
 from blockmech.dynamics.system.reduced import (
@@ -39,7 +40,6 @@ from blockmech.dynamics.system.split import (
 )
 from blockmech.engines import NumpyEngine, ScalarEngine
 from blockmech.errors import Problem, RequestError, listed
-from blockmech.mechanism import Mechanism
 from blockmech.model.structure import Structure
 from blockmech.plan import Plan
 
@@ -81,7 +81,7 @@ class _Values:
     Planned and bound when they are first asked for: most runs need a part of them only.
     """
 
-    def __init__(self, mechanism: Mechanism, want: Iterable[str]) -> None:
+    def __init__(self, mechanism: Compiled, want: Iterable[str]) -> None:
         self._mechanism, self._want = mechanism, tuple(want)
 
     @cached_property
@@ -152,7 +152,7 @@ class _OneDriver:
     own: OwnLoads | None
 
     @classmethod
-    def of(cls, mechanism: Mechanism, driver: str, own: OwnLoads | None) -> _OneDriver:
+    def of(cls, mechanism: Compiled, driver: str, own: OwnLoads | None) -> _OneDriver:
         """Those of a mechanism with one driver."""
         J, tau, dJ = (f"{driver}.{name}" for name in ("J_red", "tau_red", "dJ_red"))
         return cls(driver, _Values(mechanism, (J, tau)), _Values(mechanism, (J, tau, dJ)), own)
@@ -219,7 +219,7 @@ class _OneDriver:
         return None if own is None else lambda q, qd, t: own.one(qd, t)
 
 
-def reduced_system(mechanism: Mechanism) -> ReducedSystem:
+def reduced_system(mechanism: Compiled) -> ReducedSystem:
     """The reduced system of a mechanism with one driver.
 
     Raises `RequestError` where it has not exactly one driver, or no inertia at all.
@@ -256,7 +256,7 @@ def reduced_system(mechanism: Mechanism) -> ReducedSystem:
     return bridged(system, structure)
 
 
-def _length(mechanism: Mechanism) -> float:
+def _length(mechanism: Compiled) -> float:
     """A length [m] over which things change: the largest that the blocks declare."""
     found = [0.0]
     for block in mechanism.structure.blocks.values():
@@ -265,7 +265,7 @@ def _length(mechanism: Mechanism) -> float:
     return max(found) or 1.0
 
 
-def refuse_no_inertia(mechanism: Mechanism) -> None:
+def refuse_no_inertia(mechanism: Compiled) -> None:
     """Refuse a mechanism that cannot be accelerated because nothing has mass."""
     structure = mechanism.structure
     if not any(structure.properties(link).massive for link in structure.links):
@@ -280,7 +280,7 @@ def refuse_no_inertia(mechanism: Mechanism) -> None:
         )
 
 
-def reduced_systems(mechanism: Mechanism) -> ReducedSystems:
+def reduced_systems(mechanism: Compiled) -> ReducedSystems:
     """The equations of motion of a mechanism with several drivers, M q'' + c = Q."""
     refuse_no_inertia(mechanism)
     drivers = mechanism.drivers

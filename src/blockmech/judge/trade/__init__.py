@@ -12,7 +12,7 @@ from blockmech.judge.trade.points import Point, Reference, Skipped, Trade, front
 from blockmech.judge.trade.timing import Clock
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "order", "trade"]
 
@@ -25,7 +25,7 @@ BUDGET = 30.0  # [s]
 
 
 def trade(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     question: Literal["run", "simulate"] = "run",
     want: Iterable[str] | str | None = None,
     budget: float = BUDGET,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from blockmech.dynamics.simulation import simulate
 from blockmech.errors import RequestError
 from blockmech.judge.trade.errors import Yardstick, yardstick
 from blockmech.judge.trade.points import Reference
@@ -21,8 +22,8 @@ from blockmech.judge.trade.timing import Clock, Guard, OutOfTime, once
 from blockmech.result import Result
 
 if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
     from blockmech.dynamics.motion import Motion
-    from blockmech.mechanism import Mechanism
 
 FINEST = (("energy", 1e-14), ("spectral", 1e-14), ("dop853", 1e-13))  # references, best first
 CHECKS = {"energy": ("dop853", 1e-13), "spectral": ("dop853", 1e-13), "dop853": ("radau", 1e-11)}
@@ -36,7 +37,7 @@ UNSURE = 1.0  # floor from which on nothing is claimed
 class Question(NamedTuple):
     """A simulation that is asked for: until when, what is wanted, from where."""
 
-    mechanism: Mechanism
+    mechanism: Compiled
     request: Mapping[str, Any]
     want: tuple[str, ...]
 
@@ -58,7 +59,7 @@ class Question(NamedTuple):
         given = dict(self.request)
         guard = None if limit is None else Guard(limit)
         until = given.pop("until", None)
-        result = self.mechanism.simulate(until, want=self.want, progress=guard, **given, **options)
+        result = simulate(self.mechanism, until, want=self.want, progress=guard, **given, **options)
         if was_stopped(motion_of(result)) and not (guard and guard.tripped):
             raise KeyboardInterrupt
         return result

@@ -28,7 +28,7 @@ from blockmech.judge.trade.timing import Clock, once
 from blockmech.result import Result
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 MOTION = ("*.q", "*.rate")
 TIMES = 21  # at which runs are compared, where none are named
@@ -114,13 +114,13 @@ class Moving:
 
 
 def trade_motion(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     want: tuple[str, ...] | None,
     clock: Clock,
     request: Mapping[str, Any],
     say: Said,
 ) -> Trade:
-    """Measure the settings of `Mechanism.simulate` for one request; see `trade`."""
+    """Measure the settings of `Compiled.simulate` for one request; see `trade`."""
     given = dict(request)
     notes: tuple[str, ...] = ()
     if any(b.friction for b in mechanism.structure.blocks.values()):

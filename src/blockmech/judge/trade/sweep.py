@@ -24,7 +24,7 @@ from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
+    from blockmech.compiled import Compiled
 
 SAMPLES, FEW, FEWEST_SINGLE = 3601, 9, 5
 TRIES = 3  # the quickest counts: of so few samples one stall would be most of the time
@@ -51,7 +51,7 @@ MEASURE = (
 class Request(NamedTuple):
     """What is asked of every run."""
 
-    mechanism: Mechanism
+    mechanism: Compiled
     want: tuple[str, ...]
     static: bool
 
@@ -138,14 +138,14 @@ def _kind(options: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def trade_sweep(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     want: tuple[str, ...],
     clock: Clock,
     given: dict[str, Any],
     static: bool,
     say: Said,
 ) -> Trade:
-    """Measure the settings of `Mechanism.run` for one request; see `trade`."""
+    """Measure the settings of `Compiled.run` for one request; see `trade`."""
     plan = mechanism.plan(want, static=static)
     rubbing = any(name.startswith("friction/") for name in plan.layout)
     free = not {"at", "samples", "times"} & set(given)

@@ -16,9 +16,9 @@ import numpy as np
 from blockmech.blocks.contract import Block
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.general.block import GeneralGroup
+from blockmech.compiled import Compiled
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.loads import Force, Thrust
-from blockmech.mechanism import Mechanism
 from blockmech.model.diagram import Wire
 from blockmech.model.graph import Graph
 from blockmech.model.structure import JointRef
@@ -33,7 +33,7 @@ SAME = 1e-12  # relative difference of numbers that turning only rounds
 
 
 def turned_run(
-    mechanism: Mechanism, samples: Samples, precision: str, settings: Mapping[str, Any]
+    mechanism: Compiled, samples: Samples, precision: str, settings: Mapping[str, Any]
 ) -> tuple[Result, Any]:
     """A run of the turned mechanism, and the angle [rad] it was turned by.
 
@@ -59,7 +59,7 @@ def turned_run(
     return Result(other, plan, samples, values, "numpy", full | how), real(ANGLE)
 
 
-def turned(mechanism: Mechanism, angle: float = ANGLE) -> Mechanism:
+def turned(mechanism: Compiled, angle: float = ANGLE) -> Compiled:
     """The mechanism turned about the frame's origin, ground and gravity with it."""
     structure = mechanism.structure
     e = complex(math.cos(angle), math.sin(angle))
@@ -83,7 +83,7 @@ def turned(mechanism: Mechanism, angle: float = ANGLE) -> Mechanism:
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
     compiled = graph.compile()
-    return Mechanism(compiled.structure, compiled.scene, compiled.name, mechanism.names)
+    return Compiled(compiled.structure, compiled.scene, compiled.name, mechanism.names)
 
 
 def _turned_frame(frame: Any, e: complex) -> Frame:
