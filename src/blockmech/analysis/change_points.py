@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from blockmech.analysis.arcs import SEAM, TURN
-from blockmech.analysis.peaks import Floats
+from blockmech.analysis.arcs import SEAM
+from blockmech.analysis.scan import TURN
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines import NumpyEngine
 from blockmech.errors import GraphError, Problem
@@ -29,6 +29,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.plan import Friction, Schedule
+from blockmech.series import Floats
 
 SAMPLES = 720  # of a turn, or of the travel of a slide
 ASIDE = 0.382  # of a spacing: samples do not fall on the round angles of symmetric poses
