@@ -6,23 +6,20 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.numpy import Planar
 from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
-from blockmech.failures import failure_of
+from blockmech.evaluator import Evaluator
+from blockmech.outputs import Output
 from blockmech.plan import Plan
 from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
+from blockmech.wires import travelling
 
-if TYPE_CHECKING:
-    from blockmech.accuracy import Accuracy
-    from blockmech.compiled import Compiled
-    from blockmech.dynamics.motion import Motion
-    from blockmech.outputs import Output
 
 
 class Result(Mapping[str, NDArray[Any]]):
@@ -40,21 +37,22 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def __init__(
         self,
-        mechanism: Compiled,
+        mechanism: Evaluator,
         plan: Plan,
         samples: Samples,
         values: tuple[Any, ...],
         engine: str,
         settings: Mapping[str, Any],
-        motion: Motion | None = None,
+        motion: Any = None,
     ) -> None:
         self.mechanism = mechanism
         self.plan = plan
         self.samples = samples
         self.engine = engine
         self.settings = dict(settings)
+        # What analyses say of their runs; a result hands it on and needs to know nothing of it.
         self.motion = motion  # of a simulation: how it moved, its events and its error
-        self.accuracy: Accuracy | None = None  # of a run to an accuracy: what was chosen
+        self.accuracy: Any = None  # of a run to an accuracy: what was chosen
         self._values = values
         self._read: dict[str, Any] = {}
 
@@ -209,22 +207,7 @@ class Result(Mapping[str, NDArray[Any]]):
                         bad |= ~good
         return bad
 
-    def without_gaps(self, on_gap: str) -> Result:
-        """The result, unless it has gaps: raises, or is cut before the first (``"stop"``)."""
-        if on_gap not in ("raise", "stop"):
-            raise RequestError(
-                Problem("bad-value", "on_gap", f"got {on_gap!r}", "valid: raise, mark, stop", "")
-            )
-        if self._surely_whole():
-            return self
-        gaps = self.quality.gaps
-        if not gaps:
-            return self
-        if on_gap == "raise":
-            raise failure_of(self)
-        return self._first(gaps[0])
-
-    def _surely_whole(self) -> bool:
+    def surely_whole(self) -> bool:
         """A cheap sufficient test for one pose, so that it needs no report."""
         if self.n > 1 or self.engine != "scalar":
             return False
@@ -241,7 +224,8 @@ class Result(Mapping[str, NDArray[Any]]):
         """Unit of a driver coordinate ``"crank.q"``."""
         return self.mechanism.outputs[name].unit
 
-    def _first(self, n: int) -> Result:
+    def first(self, n: int) -> Result:
+        """The first n samples."""
         values = tuple(_cut(self._column(i), n) for i in range(len(self._values)))
         taken = self.samples.first(n)
         cut = Result(
@@ -275,9 +259,7 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def wire(self, source: str, target: str) -> dict[str, Any]:
         """What travels along a wire: forward motion, backward wrench; see `blockmech.wires`."""
-        from blockmech.wires import travelling
-
-        return travelling(self, source, target)
+        return travelling(self.mechanism.structure, self.inside, self.n, source, target)
 
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
         """Largest difference of each common output, relative to its largest size.
@@ -304,25 +286,25 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def to_dict(self) -> dict[str, Any]:
         """The whole result as JSON data; see `blockmech.export`."""
-        from blockmech.export import to_dict
+        from blockmech.export.data import to_dict
 
         return to_dict(self)
 
     def to_csv(self, path: str | os.PathLike[str] | None = None, separator: str = ",") -> str:
         """CSV text, one column per component, units in the head; written if a path is given."""
-        from blockmech.export import to_csv
+        from blockmech.export.spreadsheet import to_csv
 
         return to_csv(self, path, separator)
 
     def to_npz(self, path: str | os.PathLike[str]) -> None:
         """Write all arrays to one NumPy file."""
-        from blockmech.export import to_npz
+        from blockmech.export.data import to_npz
 
         to_npz(self, path)
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame; raises `MissingEngineError` without pandas."""
-        from blockmech.export import to_dataframe
+        from blockmech.export.data import to_dataframe
 
         return to_dataframe(self)
 
@@ -335,12 +317,12 @@ class Result(Mapping[str, NDArray[Any]]):
         )
 
     def __str__(self) -> str:
-        from blockmech.export import table
+        from blockmech.export.tables import table
 
         return table(self)
 
     def _repr_html_(self) -> str:
-        from blockmech.export import html_table
+        from blockmech.export.tables import html_table
 
         return html_table(self)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from blockmech.result import Result
+    from blockmech.export.labelled import Labelled
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class Column:
         return f"{self.name} [{self.unit or '-'}]"
 
 
-def columns(result: Result, degrees: bool = False) -> list[Column]:
+def columns(result: Labelled, degrees: bool = False) -> list[Column]:
     """All columns: driver coordinates, time if it is known, then the wanted outputs.
 
     A number of the whole run, e.g. an efficiency, is repeated at every sample.
@@ -52,7 +52,7 @@ def columns(result: Result, degrees: bool = False) -> list[Column]:
     return found
 
 
-def driver_columns(result: Result, degrees: bool = False) -> list[Column]:
+def driver_columns(result: Labelled, degrees: bool = False) -> list[Column]:
     """Driver coordinates [rad or m], and time [s] if the request says it."""
     found = [
         _column(name, result.unit_of_driver(name), q, name, degrees)
@@ -64,7 +64,7 @@ def driver_columns(result: Result, degrees: bool = False) -> list[Column]:
     return found
 
 
-def output_columns(result: Result, name: str, degrees: bool = False) -> list[Column]:
+def output_columns(result: Labelled, name: str, degrees: bool = False) -> list[Column]:
     """The columns of one output: one, two of a vector, or all entries of a matrix."""
     unit = result.unit(name)
     return [
@@ -72,13 +72,13 @@ def output_columns(result: Result, name: str, degrees: bool = False) -> list[Col
     ]
 
 
-def known_time(result: Result) -> Array | None:
+def known_time(result: Labelled) -> Array | None:
     """Times (n,) [s], or None where the request does not say them."""
     time = result.time
     return time if time is not None and np.isfinite(time).any() else None
 
 
-def _components(result: Result, name: str) -> Iterator[tuple[str, Any]]:
+def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
     values, kind = result[name], result.output(name).kind
     if kind == "vector":
         yield f"{name}.x", values.real

@@ -16,13 +16,12 @@ from blockmech.export.columns import columns, known_time
 from blockmech.export.files import AnyPath, writing
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.motion import Motion
-    from blockmech.result import Result
+    from blockmech.export.labelled import Labelled
 
 FORMAT, VERSION = "blockmech/result", 1
 
 
-def to_dict(result: Result) -> dict[str, Any]:
+def to_dict(result: Labelled) -> dict[str, Any]:
     """The whole result as JSON data; its schema is `result_schema`.
 
     SI units. Vectors are [x, y] pairs, matrices nested lists, a number of the whole
@@ -36,7 +35,7 @@ def to_dict(result: Result) -> dict[str, Any]:
     }
 
 
-def json_chunks(result: Result) -> Iterator[str]:
+def json_chunks(result: Labelled) -> Iterator[str]:
     """The JSON text of `to_dict` in pieces, one output after the other, in ASCII."""
     yield "{"
     for key, value in _head(result).items():
@@ -47,7 +46,7 @@ def json_chunks(result: Result) -> Iterator[str]:
     yield f'}},\n "quality": {_text(result.quality.to_dict())}}}\n'
 
 
-def to_npz(result: Result, path: AnyPath) -> None:
+def to_npz(result: Labelled, path: AnyPath) -> None:
     """Write all arrays to one NumPy file, atomically.
 
     The arrays have the outputs' names and the shapes of `Result`; ``time``, the
@@ -72,7 +71,7 @@ def to_npz(result: Result, path: AnyPath) -> None:
         np.savez(stream, **arrays)
 
 
-def to_dataframe(result: Result) -> Any:
+def to_dataframe(result: Labelled) -> Any:
     """The columns of the CSV as a pandas DataFrame; units are in ``attrs["units"]``.
 
     Raises `MissingEngineError` without pandas.
@@ -96,7 +95,7 @@ def to_dataframe(result: Result) -> Any:
     return frame
 
 
-def _head(result: Result) -> dict[str, Any]:
+def _head(result: Labelled) -> dict[str, Any]:
     head: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
@@ -114,7 +113,7 @@ def _head(result: Result) -> dict[str, Any]:
     return head
 
 
-def _motion(result: Result, motion: Motion) -> dict[str, Any]:
+def _motion(result: Labelled, motion: Any) -> dict[str, Any]:
     """How a simulation moved: its events, and method, error and what ended it."""
     names = list(result.drivers)
     events = []
@@ -148,7 +147,7 @@ def _finite(x: float) -> float | None:
     return float(x) if np.isfinite(x) else None
 
 
-def _output(result: Result, name: str) -> dict[str, Any]:
+def _output(result: Labelled, name: str) -> dict[str, Any]:
     output = result.output(name)
     found = {"unit": output.unit, "values": _values(result[name])}
     if output.on:

@@ -13,7 +13,7 @@ from blockmech.export.columns import Column, driver_columns, output_columns
 from blockmech.quality import OK
 
 if TYPE_CHECKING:
-    from blockmech.result import Result
+    from blockmech.export.labelled import Labelled
 
 ROWS = 13  # of a turn in 361 samples these are steps of 30 degrees
 WIDTH = 100  # characters of a terminal line
@@ -40,7 +40,7 @@ class Selection:
     more: list[str]
 
 
-def table(result: Result, degrees: bool = False, width: int = WIDTH) -> str:
+def table(result: Labelled, degrees: bool = False, width: int = WIDTH) -> str:
     """A text table: drivers and the outputs that fit, units in the head, gaps named.
 
     Parameters
@@ -60,7 +60,7 @@ def table(result: Result, degrees: bool = False, width: int = WIDTH) -> str:
     return "\n".join([_title(result), "", *lines, *([""] if footer else []), *footer])
 
 
-def html_table(result: Result, degrees: bool = False) -> str:
+def html_table(result: Labelled, degrees: bool = False) -> str:
     """The same table as HTML, for notebooks; every name is escaped."""
     shown = _select(result, degrees, WIDTH)
     status = result.quality.status
@@ -77,7 +77,7 @@ def html_table(result: Result, degrees: bool = False) -> str:
     return "\n".join(lines)
 
 
-def gap_lines(result: Result, degrees: bool = False) -> list[str]:
+def gap_lines(result: Labelled, degrees: bool = False) -> list[str]:
     """One line per stretch of samples without an answer: why, how many, where."""
     quality = result.quality
     gaps = quality.gaps
@@ -100,7 +100,7 @@ def gap_lines(result: Result, degrees: bool = False) -> list[str]:
     return lines
 
 
-def _select(result: Result, degrees: bool, width: int) -> Selection:
+def _select(result: Labelled, degrees: bool, width: int) -> Selection:
     chosen = driver_columns(result, degrees)
     first = {column.output for column in chosen}
     rest = [name for name in result if name not in first]
@@ -154,14 +154,14 @@ def _cell(x: float) -> str:
     return f"{x + 0.0:.6g}" if np.isfinite(x) else "-"
 
 
-def _title(result: Result) -> str:
+def _title(result: Labelled) -> str:
     settings = result.settings
     how = f"friction {settings['friction']}" + (", static" if settings["static"] else "")
     name = result.mechanism.name
     return f"{name}: {_count(result.n, 'sample')}, {_count(len(result), 'output')}; {how}"
 
 
-def _footer(result: Result, shown: Selection, degrees: bool) -> Iterator[str]:
+def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
     for name in shown.numbers:
         unit = result.unit(name)
         x = float(result[name])
@@ -176,7 +176,7 @@ def _footer(result: Result, shown: Selection, degrees: bool) -> Iterator[str]:
         yield f"{_count(len(shown.more), 'more output')}: {', '.join(shown.more[:LINES])}{rest}"
 
 
-def _flag_lines(result: Result) -> Iterator[str]:
+def _flag_lines(result: Labelled) -> Iterator[str]:
     counts: dict[tuple[str, str], list[int]] = {}
     for flag in result.quality.flags:
         counts.setdefault((flag.code, flag.where), []).append(flag.sample)

@@ -50,7 +50,6 @@ from blockmech.model.naming import Names
 from blockmech.model.problems import in_file
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
     from blockmech.model.graph import Graph
 
 SMALLEST, LARGEST = 1e-100, 1e100  # [m] beyond which squares of lengths are no numbers
@@ -81,10 +80,6 @@ class Decomposition:
         from blockmech.model.joints.diagram import graph_of
 
         return graph_of(self.data)
-
-    def compile(self) -> Mechanism:
-        """A mechanism that computes, with the names of the document."""
-        return self.graph.compile(self.names)
 
 
 @dataclass(frozen=True)
