@@ -44,6 +44,25 @@ class Graph(graph.Graph):
 
         return cls.of(load(path))
 
+    @classmethod
+    def from_json(cls, text: str, file: str = "") -> Self:
+        """Read the text of a graph file; ``file`` is its name in messages."""
+        from blockmech.model.document import loads
+
+        return cls.of(loads(text, file))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the canonical graph file, atomically."""
+        from blockmech.model.document import save
+
+        save(self, path)
+
+    def to_json(self) -> str:
+        """The canonical text of the graph file."""
+        from blockmech.model.document import dumps
+
+        return dumps(self)
+
     def compile(self) -> Mechanism:
         """Check the graph and freeze it into a mechanism that computes.
 
@@ -111,6 +130,13 @@ class Linkage(linkage.Linkage):
         from blockmech.model.joints.document import load
 
         return cls.of(load(path))
+
+    @classmethod
+    def from_json(cls, text: str, file: str = "") -> Self:
+        """Read the text of a joint-based file; ``file`` is its name in messages."""
+        from blockmech.model.joints.document import loads
+
+        return cls.of(loads(text, file))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the canonical file, atomically."""
@@ -190,13 +216,8 @@ def opened(path: str | os.PathLike[str]) -> Opened:
     FormatError with all problems of the file
     GraphError if only the wiring of a graph is wrong
     """
-    from blockmech.model import document as graphs
-    from blockmech.model.joints import document as linkages
-
     file, text = os.fspath(path), text_of(path)
-    if _of_joints(text):
-        return Linkage.of(linkages.loads(text, file))
-    return Graph.of(graphs.loads(text, file))
+    return (Linkage if _of_joints(text) else Graph).from_json(text, file)
 
 
 def _of_joints(text: str) -> bool:

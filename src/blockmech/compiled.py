@@ -1,21 +1,80 @@
-"""A compiled mechanism: asks for outputs, gets results. What every analysis takes."""
+"""A compiled mechanism: asks for outputs, gets results.
+
+Compiling froze the structure; a request makes (or finds) its plan, chooses an
+engine and wraps the arrays in a labelled result.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, Literal, Self
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, Literal, Self, TypeVar
 
-from blockmech.evaluator import EVERYTHING, Evaluator
+from blockmech.blocks.contract import Joint
+from blockmech.blocks.modes import TwoModes
+from blockmech.catalogue import Catalogue
+from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
+from blockmech.errors import GraphError, Problem
 from blockmech.failures import without_gaps
+from blockmech.model.coordinates import (
+    GraphInputs,
+    drivers_in_order,
+    law_to_graph,
+    same,
+    scene_of_document,
+)
 from blockmech.model.graph import Graph
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.naming import Names
+from blockmech.model.naming import DriverName, Names
+from blockmech.model.scene import Scene
+from blockmech.model.structure import Structure
+from blockmech.outputs_by_link import blocks_by_link, joints_by_name
+from blockmech.plan import Plan
 from blockmech.result import Result
-from blockmech.samples import make_samples
+from blockmech.samples import Samples, make_samples
+from blockmech.settings import check_chunk, friction_asked, unknown_engine
+
+T = TypeVar("T")
+SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
+EVERYTHING = ("*",)
 
 
-class Compiled(Evaluator):
-    """A valid mechanism, compiled."""
+class Compiled:
+    """A valid mechanism, compiled. What every analysis takes, and what a plan runs on."""
+
+    structure: Structure
+    scene: Scene
+    name: str
+    names: Names | None
+    _scene_of_graph: Scene
+    _plans: dict[Any, Plan]
+    _engines: dict[Any, Any]
+    _kept: dict[Any, Any]
+
+    def __init__(
+        self,
+        structure: Structure,
+        scene: Scene,
+        name: str = "mechanism",
+        names: Names | None = None,
+    ) -> None:
+        """``structure`` and ``scene`` are those of a graph.
+
+        With ``names`` the mechanism speaks of the links, joints and drivers of the
+        joint-based document that the graph was made of: outputs, `drivers`, coordinates
+        and `scene` are the document's; `inner` is the mechanism of the graph.
+        """
+        vars(self).update(
+            structure=_followed(structure, scene),
+            names=names,
+            scene=scene if names is None else scene_of_document(scene, names),
+            name=name,
+            _scene_of_graph=scene,
+            _plans={},
+            _engines={},
+            _kept={},
+        )
 
     @classmethod
     def of(cls, document: Graph | Linkage, names: Names | None = None) -> Self:
@@ -36,6 +95,105 @@ class Compiled(Evaluator):
         structure = graph.structure()
         refuse_open_homes(structure)
         return cls(structure, graph.scene, graph.name, names)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        where, found = f"Mechanism.{name}", "a compiled mechanism does not change"
+        remedy = "set it on the graph or linkage, and compile that again"
+        raise GraphError(Problem("frozen", where, found, "", remedy))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as what it was compiled of; plans and programs are made again when asked for."""
+        structure = replace(self.structure)  # without what was found from its fields
+        return type(self), (structure, self._scene_of_graph, self.name, self.names)
+
+    @cached_property
+    def outputs(self) -> Catalogue:
+        """Every output that can be wanted, by name."""
+        return Catalogue(self.structure, self.names)
+
+    @cached_property
+    def inner(self) -> Self:
+        """The mechanism of the graph, with the names and coordinates of blocks."""
+        if self.names is None:
+            return self
+        return type(self)(self.structure, self._scene_of_graph, self.name)
+
+    @cached_property
+    def drivers(self) -> tuple[str, ...]:
+        """Drivers in formation order."""
+        return tuple(self.driver_names)
+
+    @cached_property
+    def driver_names(self) -> Mapping[str, DriverName]:
+        """Driver -> its id in the graph, and how the two coordinates differ, if they do."""
+        if self.names is None:
+            return {d: DriverName(d, 1, 0.0) for d in self.structure.drivers}
+        return drivers_in_order(self.structure, self.names)
+
+    def driver_joint(self, driver: str) -> Joint:
+        """Declaration of the pair that a driver drives: units, kind."""
+        return self.structure.driver_joint(self.driver_names[driver].driver)
+
+    def of_driver(self, driver: str, what: str) -> str:
+        """Name of an output of a driver: ``"crank.q"``, or ``"driver.motor.q"`` of a document."""
+        return f"{self.driver_prefix}{driver}.{what}"
+
+    @property
+    def driver_prefix(self) -> str:
+        """What names of outputs put before a driver's."""
+        return "" if self.names is None else "driver."
+
+    def said(self, block: str) -> str:
+        """A block in a message: its name, and the links of a joint-based document in it."""
+        if self.names is None:
+            return block
+        return blocks_by_link(self.names).get(block, block)
+
+    @cached_property
+    def joint_names(self) -> Mapping[str, str]:
+        """Joint of the graph -> its name in a joint-based document; empty without one."""
+        return {} if self.names is None else joints_by_name(self.names)
+
+    def inward(self, taken: Samples) -> Samples:
+        """The same samples in the coordinates of the graph; see `inner`."""
+        if self._alike:
+            return taken
+        drivers = tuple(self.driver_names.values())
+        clock = None if taken.clock is None else law_to_graph(drivers[0], taken.clock)
+        return replace(taken, inputs=GraphInputs(taken.inputs, drivers), clock=clock)
+
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether all coordinates are those of the graph."""
+        return all(map(same, self.driver_names.values()))
+
+    def plan(
+        self,
+        want: Iterable[str] | str = EVERYTHING,
+        *,
+        friction: str = "newton",
+        tolerance: float | None = None,
+        iterations: int | None = None,
+        static: bool = False,
+    ) -> Plan:
+        """The plan for some outputs; kept, so asking again costs nothing.
+
+        Parameters
+        ----------
+        want : names or patterns of outputs
+        friction : "none" | "single" | "successive" | "newton"
+        tolerance : float [N], stop of ``successive``; default 1e-3
+        iterations : int, fixed number of iterations of ``successive``
+        static : without inertia
+
+        Raises `RequestError` for unknown names or settings that do not fit.
+        """
+        names = (want,) if isinstance(want, str) else tuple(want)
+        key = (names, friction, tolerance, iterations, static)
+        if key not in self._plans:
+            how = friction_asked(friction, tolerance, iterations)
+            self._plans[key] = self.outputs.plan(self.scene, names, how, static)
+        return self._plans[key]
 
     def run(
         self,
@@ -70,3 +228,80 @@ class Compiled(Evaluator):
         }
         result = Result(self, plan, taken, values, name, settings)
         return without_gaps(result, on_gap)
+
+    def evaluate(
+        self,
+        plan: Plan,
+        taken: Samples,
+        engine: str = "auto",
+        precision: str = "complex128",
+        chunk: int | None = None,
+    ) -> tuple[tuple[Any, ...], str]:
+        """Values of a plan's program at samples, and the engine that was taken."""
+        check_chunk(chunk)
+        if engine == "auto":
+            few = taken.n <= SCALAR_UP_TO and precision == "complex128"
+            engine = "scalar" if few else "numpy"
+        inputs = self.inward(taken).given(plan.program.inputs)
+        if engine == "scalar" and precision == "complex128":
+            scalar = self._engine(plan, "scalar", "")
+            return scalar.run(inputs, taken.n), "scalar"
+        if engine != "numpy" or precision not in PRECISIONS:
+            raise unknown_engine(engine, precision)
+        batch = self._engine(plan, "numpy", precision)
+        more = {} if chunk is None else {"chunk": int(chunk)}
+        return batch.run(inputs, taken.n, **more), "numpy"
+
+    def once(self, make: Callable[[Self], T]) -> T:
+        """What an analysis makes of this mechanism, made once and kept."""
+        if make not in self._kept:
+            self._kept[make] = make(self)
+        found: T = self._kept[make]
+        return found
+
+    def _engine(self, plan: Plan, name: str, precision: str) -> Any:
+        key = (id(plan), name, precision)
+        if key not in self._engines:
+            self._engines[key] = (
+                ScalarEngine(plan.program)
+                if name == "scalar"
+                else NumpyEngine(plan.program, precision)
+            )
+        return self._engines[key]
+
+    @cached_property
+    def reduced(self) -> Any:
+        """The reduced system of forward dynamics; kept, so asking again costs nothing."""
+        from blockmech.dynamics.system.reduction import reduced_system, reduced_systems
+
+        of = self.inner
+        return reduced_system(of) if len(self.drivers) == 1 else reduced_systems(of)
+
+    @cached_property
+    def frictional_joints(self) -> tuple[str, ...]:
+        """Names of the joints that have friction."""
+        found = (
+            f"{name}.{joint}"
+            for name, block in self.structure.blocks.items()
+            for joint, law in block.friction.items()
+            if law.factor
+        )
+        return tuple(self.joint_names.get(joint, joint) for joint in found)
+
+    def __repr__(self) -> str:
+        s = self.structure
+        return (
+            f"<{type(self).__name__} {self.name}: {len(s.links) - 1} moving links, "
+            f"{s.pairs} pairs, mobility {s.mobility}; {s.formula}>"
+        )
+
+
+def _followed(structure: Structure, scene: Scene) -> Structure:
+    """The structure with the change points of branches that follow the motion."""
+    if structure.followed or not any(
+        isinstance(b, TwoModes) and b.follows for b in structure.blocks.values()
+    ):
+        return structure
+    from blockmech.passes.change_points import with_followed  # few mechanisms need it
+
+    return with_followed(structure, scene)

@@ -7,7 +7,8 @@ close, stands at a dead centre or locks itself, and on which arcs it would close
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TypeAlias
+from typing import Any, TypeAlias
+
 import numpy as np
 
 from blockmech.errors import (
@@ -19,7 +20,6 @@ from blockmech.errors import (
     SampleFailure,
     SingularError,
 )
-from blockmech.evaluator import Evaluator
 from blockmech.model.coordinates import to_document, to_graph
 from blockmech.passes.following import followed, last_good, path_of
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
@@ -104,7 +104,7 @@ def _what(
     return AssemblyError, status, f"the group cannot close, {why}{far}"
 
 
-def _came_as_far(mechanism: Evaluator, block: str, drivers: Mapping[str, float]) -> str:
+def _came_as_far(mechanism: Any, block: str, drivers: Mapping[str, float]) -> str:
     """Where the way from home of a group without closed form ends, in words."""
     if not mechanism.structure.blocks[block].own_form:
         return ""

@@ -9,18 +9,16 @@ from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-from blockmech.compiled import Compiled
-from blockmech.evaluator import EVERYTHING
+from blockmech.compiled import EVERYTHING, Compiled
 from blockmech.failures import without_gaps
 from blockmech.result import Result
 from blockmech.samples import make_samples
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.system.reduced import ReducedSystem, ReducedSystems
-    from blockmech.judge.extremes import Extremes
-    from blockmech.judge.limits import Limits
-    from blockmech.judge.stroke import Stroke
-    from blockmech.judge.trade import Trade
+    from blockmech.analysis.extremes import Extremes
+    from blockmech.analysis.limits import Limits
+    from blockmech.analysis.stroke import Stroke
+    from blockmech.analysis.trade import Trade
     from blockmech.modes.found import Modes
 
 
@@ -83,7 +81,7 @@ class Mechanism(Compiled):
         AssemblyError, SingularError, FrictionError at gaps, unless marked
         """
         if accuracy is not None:
-            from blockmech.accuracy import refuse_settings, run_to
+            from blockmech.analysis.accuracy import refuse_settings, run_to
 
             taken = make_samples(self, self.scene, at, samples, times, rates, accelerations)
             given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
@@ -114,7 +112,7 @@ class Mechanism(Compiled):
         ``held`` is driver -> coordinate [rad or m] where there are several drivers. Without
         it the answer is kept, so asking again is free.
         """
-        from blockmech.judge.limits import arcs_sentence
+        from blockmech.analysis.limits import arcs_sentence
 
         if held is not None:
             return f"{arcs_sentence(self, held, groups)}, each with the others held"
@@ -126,13 +124,6 @@ class Mechanism(Compiled):
     def _feasible(self) -> dict[frozenset[str], str]:
         return {}
 
-    @cached_property
-    def reduced(self) -> ReducedSystem | ReducedSystems:
-        """The reduced system of forward dynamics; kept, so asking again costs nothing."""
-        from blockmech.dynamics.system.reduction import reduced
-
-        return reduced(self)
-
     def explain(self, want: Iterable[str] | str = EVERYTHING, **settings: Any) -> str:
         """The schedule for some outputs as text: kernel calls, and what each output costs."""
         from blockmech.cost import cost_table
@@ -140,8 +131,8 @@ class Mechanism(Compiled):
         return f"{self.plan(want, **settings).explain()}\n\n{cost_table(self, want, **settings)}"
 
     def verify(self, **request: Any) -> Any:
-        """Check the mechanism against itself; see `blockmech.judge.verify`."""
-        from blockmech.judge.verify import verify
+        """Check the mechanism against itself; see `blockmech.analysis.verify`."""
+        from blockmech.analysis.verify import verify
 
         return verify(self, **request)
 
@@ -152,14 +143,14 @@ class Mechanism(Compiled):
         return simulate(self, until, **request)
 
     def trade(self, question: Any = "run", want: Any = None, **request: Any) -> Trade:
-        """Measure speed against accuracy; see `blockmech.judge.trade.trade`."""
-        from blockmech.judge.trade import trade
+        """Measure speed against accuracy; see `blockmech.analysis.trade.trade`."""
+        from blockmech.analysis.trade import trade
 
         return trade(self, question, want, **request)
 
     def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
-        """Feasible arcs of a driver; see `blockmech.judge.limits.limits`."""
-        from blockmech.judge.limits import limits
+        """Feasible arcs of a driver; see `blockmech.analysis.limits.limits`."""
+        from blockmech.analysis.limits import limits
 
         return limits(self, driver, at, **more)
 
@@ -170,13 +161,13 @@ class Mechanism(Compiled):
         return modes(self, at, **more)
 
     def extremes(self, name: str, **request: Any) -> Extremes:
-        """Extremes of an output over the cycle; see `blockmech.judge.extremes.extremes`."""
-        from blockmech.judge.extremes import extremes
+        """Extremes of an output over the cycle; see `blockmech.analysis.extremes.extremes`."""
+        from blockmech.analysis.extremes import extremes
 
         return extremes(self, name, **request)
 
     def stroke(self, name: str, **request: Any) -> Stroke:
-        """Stroke of a marker or an output; see `blockmech.judge.stroke.stroke`."""
-        from blockmech.judge.stroke import stroke
+        """Stroke of a marker or an output; see `blockmech.analysis.stroke.stroke`."""
+        from blockmech.analysis.stroke import stroke
 
         return stroke(self, name, **request)

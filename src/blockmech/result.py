@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from blockmech.engines.numpy import Planar
 from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
-from blockmech.evaluator import Evaluator
 from blockmech.outputs import Output
 from blockmech.plan import Plan
 from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
 from blockmech.wires import travelling
-
 
 
 class Result(Mapping[str, NDArray[Any]]):
@@ -37,7 +35,7 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def __init__(
         self,
-        mechanism: Evaluator,
+        mechanism: Any,
         plan: Plan,
         samples: Samples,
         values: tuple[Any, ...],
@@ -45,7 +43,7 @@ class Result(Mapping[str, NDArray[Any]]):
         settings: Mapping[str, Any],
         motion: Any = None,
     ) -> None:
-        self.mechanism = mechanism
+        self.mechanism = mechanism  # a `Compiled`, which stands above: it makes results
         self.plan = plan
         self.samples = samples
         self.engine = engine
@@ -76,7 +74,7 @@ class Result(Mapping[str, NDArray[Any]]):
         Raises `RequestError` where another version of blockmech plans otherwise.
         """
         want, layout = self._planned
-        found = self.mechanism.plan(want, **self.settings)
+        found: Plan = self.mechanism.plan(want, **self.settings)
         if found.layout != layout:
             what = "it was pickled by a version of blockmech that orders its numbers otherwise"
             remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
@@ -118,7 +116,8 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
-        return self.mechanism.outputs[name]
+        found: Output = self.mechanism.outputs[name]
+        return found
 
     def unit(self, name: str) -> str:
         """Unit of an output; empty where dimensionless."""
@@ -222,7 +221,7 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate ``"crank.q"``."""
-        return self.mechanism.outputs[name].unit
+        return self.output(name).unit
 
     def first(self, n: int) -> Result:
         """The first n samples."""

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from blockmech.builders import Graph, opened
 from blockmech.cli.check import AsJson
 from blockmech.cli.output import refused, spare
 from blockmech.cli.terminal import say
-from blockmech.model.graph import Graph
 from blockmech.model.naming import DriverName, JointName, Names
-from blockmech.model.opening import opened
 
 if TYPE_CHECKING:
-    from blockmech.model.joints.decompose import Decomposition
+    from blockmech.builders import Decomposition
 
 
 class General(StrEnum):

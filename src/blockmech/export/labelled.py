@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Protocol
 
-from blockmech.evaluator import Evaluator
 from blockmech.outputs import Output
 from blockmech.quality import Quality
 
@@ -13,7 +12,7 @@ from blockmech.quality import Quality
 class Labelled(Protocol):
     """Arrays by name with units, status and quality; see `Result`, which is one."""
 
-    mechanism: Evaluator
+    mechanism: Any
     settings: dict[str, Any]
     motion: Any
     accuracy: Any

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     import networkx as nx
 
 
-
 class Graph(KnownAttributes):
     """A mechanism as a block diagram.
 

@@ -11,7 +11,7 @@ import random
 import numpy as np
 import pytest
 
-from blockmech.model.joints.document import loads
+from tests.doors import linkage_of as loads
 from tests.model.joints.chance import document, xy
 from tests.model.joints.machines import fourbar
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 from blockmech.errors import GraphError, Problem, close_match, listed
 from blockmech.loads.contract import Element
