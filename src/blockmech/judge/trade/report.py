@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.export.files import writing
+from blockmech.files import writing
 from blockmech.judge.trade.points import USUAL
 
 if TYPE_CHECKING:
