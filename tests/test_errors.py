@@ -282,7 +282,7 @@ def test_a_made_document_is_read_or_refused(document, tmp_path_factory):
     graph, refusal = None, None
     with answered():
         try:
-            graph = bm.Graph.load(path)
+            graph = blockmech.Graph.load(path)
         except BlockmechError as error:
             refusal = error
     if graph is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from blockmech.engines.numpy import Planar
 from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
+from blockmech.export import Exported
 from blockmech.outputs import Output
 from blockmech.plan import Plan
 from blockmech.quality import Flag, Quality, assess
@@ -20,7 +20,7 @@ from blockmech.samples import Samples
 from blockmech.wires import travelling
 
 
-class Result(Mapping[str, NDArray[Any]]):
+class Result(Exported):
     """Outputs of a run by name.
 
     ``result["dyad.B.reaction"]`` is an array (n,): complex x + iy for vectors,
@@ -31,6 +31,9 @@ class Result(Mapping[str, NDArray[Any]]):
     keep numbers for long, export them.
     """
 
+    mechanism: Any  # a `Compiled`, which stands above: it makes results
+    motion: Any  # of a simulation: how it moved, its events and its error
+    accuracy: Any  # of a run to an accuracy: what was chosen
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
 
     def __init__(
@@ -43,14 +46,13 @@ class Result(Mapping[str, NDArray[Any]]):
         settings: Mapping[str, Any],
         motion: Any = None,
     ) -> None:
-        self.mechanism = mechanism  # a `Compiled`, which stands above: it makes results
+        self.mechanism = mechanism
         self.plan = plan
         self.samples = samples
         self.engine = engine
         self.settings = dict(settings)
-        # What analyses say of their runs; a result hands it on and needs to know nothing of it.
-        self.motion = motion  # of a simulation: how it moved, its events and its error
-        self.accuracy: Any = None  # of a run to an accuracy: what was chosen
+        self.motion = motion
+        self.accuracy = None
         self._values = values
         self._read: dict[str, Any] = {}
 
@@ -281,32 +283,6 @@ class Result(Mapping[str, NDArray[Any]]):
                 found[name] = float("inf") if one_sided else off
         return found
 
-    # -- leaving ---------------------------------------------------------------------
-
-    def to_dict(self) -> dict[str, Any]:
-        """The whole result as JSON data; see `blockmech.export`."""
-        from blockmech.export.data import to_dict
-
-        return to_dict(self)
-
-    def to_csv(self, path: str | os.PathLike[str] | None = None, separator: str = ",") -> str:
-        """CSV text, one column per component, units in the head; written if a path is given."""
-        from blockmech.export.spreadsheet import to_csv
-
-        return to_csv(self, path, separator)
-
-    def to_npz(self, path: str | os.PathLike[str]) -> None:
-        """Write all arrays to one NumPy file."""
-        from blockmech.export.data import to_npz
-
-        to_npz(self, path)
-
-    def to_dataframe(self) -> Any:
-        """A pandas DataFrame; raises `MissingEngineError` without pandas."""
-        from blockmech.export.data import to_dataframe
-
-        return to_dataframe(self)
-
     def __repr__(self) -> str:
         gaps = len(self.quality.gaps)
         holes = f", {gaps} without an answer" if gaps else ""
@@ -314,16 +290,6 @@ class Result(Mapping[str, NDArray[Any]]):
             f"<Result of {self.mechanism.name}: {self.n} samples{holes}, {len(self)} outputs, "
             f"{self.plan.calls} kernel calls a sample, {self.engine} engine>"
         )
-
-    def __str__(self) -> str:
-        from blockmech.export.tables import table
-
-        return table(self)
-
-    def _repr_html_(self) -> str:
-        from blockmech.export.tables import html_table
-
-        return html_table(self)
 
 
 def _as_complex(z: Any) -> NDArray[Any]:

@@ -392,7 +392,7 @@ def test_an_old_file_is_still_read(path):
 
 
 def test_an_old_file_still_gives_its_numbers():
-    g = load(GRAPHS / "legacy" / "version_1.json")
+    g = bm.Graph.load(GRAPHS / "legacy" / "version_1.json")
     expected = g.extras["expect"][0]
     result = g.run(at=expected.at, want=list(expected.want), friction=expected.friction)
     ((x, y),) = expected.want["slide.S.p"]

@@ -5,18 +5,15 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic_core import to_json
 
 from blockmech.errors import MissingEngineError, Problem
-from blockmech.export.columns import columns, known_time
-from blockmech.export.files import AnyPath, writing
-
-if TYPE_CHECKING:
-    from blockmech.export.labelled import Labelled
+from blockmech.export.columns import Labelled, columns
+from blockmech.files import AnyPath, writing
 
 FORMAT, VERSION = "blockmech/result", 1
 
@@ -57,11 +54,11 @@ def to_npz(result: Labelled, path: AnyPath) -> None:
     """
     arrays: dict[str, Any] = dict(result.drivers)
     units = {name: result.unit_of_driver(name) for name in arrays}
-    time = known_time(result)
+    time = result.known_time()
     if time is not None:
         arrays["time"], units["time"] = time, "s"
     for name in result:
-        arrays[name], units[name] = np.asarray(result[name]), result.unit(name)
+        arrays[name], units[name] = np.asarray(result[name]), result.output(name).unit
     quality = result.quality
     arrays["quality.status"] = np.array(quality.status, dtype=str)
     for block, margin in quality.margin.items():
@@ -103,7 +100,7 @@ def _head(result: Labelled) -> dict[str, Any]:
         "samples": result.n,
         "drivers": {name: _values(q) for name, q in result.drivers.items()},
     }
-    time = known_time(result)
+    time = result.known_time()
     if time is not None:
         head["time"] = _values(time)
     if result.motion is not None:

@@ -5,17 +5,13 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic_core import to_json
 
 from blockmech.errors import Problem, RequestError
-from blockmech.export.columns import columns
-from blockmech.export.files import AnyPath, writing
-
-if TYPE_CHECKING:
-    from blockmech.export.labelled import Labelled
+from blockmech.export.columns import AnyPath, Labelled, columns
+from blockmech.files import writing
 
 ROWS = 2000  # rows that are turned into text at once
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
