@@ -43,7 +43,6 @@ ROOMS = (
     "failures",
     "settings",
     "series",
-    "cost",
     "compiled",
     "dynamics",
     "analysis",

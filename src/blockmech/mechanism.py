@@ -126,9 +126,9 @@ class Mechanism(Compiled):
 
     def explain(self, want: Iterable[str] | str = EVERYTHING, **settings: Any) -> str:
         """The schedule for some outputs as text: kernel calls, and what each output costs."""
-        from blockmech.cost import cost_table
+        from blockmech.analysis.explain import explain
 
-        return f"{self.plan(want, **settings).explain()}\n\n{cost_table(self, want, **settings)}"
+        return explain(self, want, **settings)
 
     def verify(self, **request: Any) -> Any:
         """Check the mechanism against itself; see `blockmech.analysis.verify`."""

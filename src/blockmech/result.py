@@ -196,16 +196,18 @@ class Result(Exported):
     def _not_finite(self) -> NDArray[np.bool_]:
         """(n,) whether a wanted value is not finite."""
         bad = np.zeros(self.n, dtype=bool)
-        for name in self.plan.want:
-            if self.output(name).kind == "number" or name.endswith("mechanical_advantage"):
-                continue
-            for i in self.plan.layout[name]:
-                column = self._column(i)
-                parts = (column.real, column.imag) if isinstance(column, Planar) else (column,)
-                for part in parts:
-                    good = np.isfinite(part)
-                    if not good.all():
-                        bad |= ~good
+        judged = [
+            name
+            for name in self.plan.want
+            if self.output(name).kind != "number" and not name.endswith("mechanical_advantage")
+        ]
+        for i in {i for name in judged for i in self.plan.layout[name]}:
+            column = self._column(i)
+            for part in (column.real, column.imag) if isinstance(column, Planar) else (column,):
+                with np.errstate(all="ignore"):
+                    whole = bool(np.isfinite(part.sum()))  # quicker than each by itself
+                if not whole:
+                    bad |= ~np.isfinite(part)
         return bad
 
     def surely_whole(self) -> bool:
