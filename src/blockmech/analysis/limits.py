@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.analysis.arcs import TURN, Bound, Nearest, Piece, closed_pieces
+from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.judge.arcs import TURN, Bound, Nearest, Piece, closed_pieces
-from blockmech.judge.closure import Closure, one_turn, travel
 from blockmech.model.structure import Structure
 
 if TYPE_CHECKING:
