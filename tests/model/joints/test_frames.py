@@ -161,7 +161,7 @@ def test_a_slide_whose_frame_a_law_reads_is_left_alone():
         "loads": {"m": {"type": "motor", "links": ["slide", "arm"], "law": law}},
     }
     made = loads(json.dumps(data)).decompose()
-    assert made.data["blocks"]["push"]["type"] == "group.general"
+    assert made.data["blocks"]["slide"]["type"] == "group.general"
     at = {"push": 0.7, "turn": 1.1}
     run = made.compile().run(at=at, rates=dict.fromkeys(at, 0.0))
     assert run["driver.turn.drive"][0] == pytest.approx(-2.0 * 1.1, rel=1e-12)
