@@ -16,6 +16,7 @@ from blockmech.analysis.arcs import runs
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.scan import ASIDE, EPS, Span, bisect, minimize, scan
 from blockmech.errors import Problem, RequestError
+from blockmech.failures import without_gaps
 from blockmech.series import Floats, panels
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
@@ -108,7 +109,7 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
     good = np.isfinite(values)
     if not good.any():
         # The run's own error says which block fails, and where.
-        cycle.run(places, signal.name).without_gaps("raise")
+        without_gaps(cycle.run(places, signal.name), "raise")
         raise RequestError(
             Problem("bad-request", signal.name, "it has no value anywhere in the cycle")
         )
@@ -124,7 +125,7 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
             aside = ASIDE * closed
             inner += _inner(cycle, signal, Span(low - aside, high - aside, turn=closed))
             if not closed:
-                ends += [_end(cycle, signal, edge, high - low) for edge in (low, high)]
+                ends += [_end(cycle, signal, edge) for edge in (low, high)]
     found = [*inner, *ends]
     least = min(found, key=lambda t: t.value)
     most = max(found, key=lambda t: t.value)
@@ -222,7 +223,7 @@ def _wrapped(cycle: Cycle, s: float) -> float:
     return s - span if s >= cycle.high - SAME * span else s
 
 
-def _end(cycle: Cycle, signal: Signal, edge: float, length: float) -> Turn:
+def _end(cycle: Cycle, signal: Signal, edge: float) -> Turn:
     """The value at the end of a stretch: a limit, or without bound at a dead centre.
 
     Steps towards it shrink by 100 each: the value then settles, or it grows like
