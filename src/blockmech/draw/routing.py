@@ -109,14 +109,14 @@ def place(made: Layered, wires: Sequence[Ends]) -> Placed:
     placed.width = x
     _place_pins(made, wires, placed)
     for i, wire in enumerate(wires):
-        climbs = [(k, c) for k, found in enumerate(channels) for c in found if c.wire == i]
+        steps = [(k, c) for k, found in enumerate(channels) for c in found if c.wire == i]
         # A backward wire first goes down right of its source, then up left of its target.
-        climbs.sort(key=lambda at: (-at[0] if i in lanes else at[0], at[1].leg))
+        steps.sort(key=lambda at: (-at[0] if i in lanes else at[0], at[1].leg))
         placed.ways[i] = [
             placed.marker(i, wire.source),
             *(
                 (tracks[k] + c.track * TRACK, (row + 0.5) * ROW)
-                for k, c in climbs
+                for k, c in steps
                 for row in (c.start, c.end)
             ),
             placed.port(wire.target, wire.port),
