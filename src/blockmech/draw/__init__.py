@@ -239,7 +239,7 @@ def _pose(subject: Subject, at: Any, trace: Iterable[str] | None, degrees: bool)
 def _mechanism(subject: Subject) -> Compiled:
     from blockmech.compiled import Compiled
 
-    return subject if isinstance(subject, Compiled) else subject.compile()
+    return subject if isinstance(subject, Compiled) else Compiled.of(subject)
 
 
 def _svg(figure: Any) -> str:
