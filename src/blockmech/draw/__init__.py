@@ -38,17 +38,18 @@ __all__ = [
 
 STILL = (".png", ".svg", ".pdf")
 MOVING = (".gif", ".html")
-KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING}
+KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING, "schedule": STILL}
 
 
 def draw(
     subject: Subject,
     path: AnyPath,
-    kind: Literal["diagram", "mechanism", "animation"] | None = None,
+    kind: Literal["diagram", "mechanism", "animation", "schedule"] | None = None,
     at: Any = None,
     *,
     trace: Iterable[str] | None = None,
     degrees: bool = True,
+    want: Iterable[str] | str = "*",
 ) -> Path:
     """Draw a graph, a linkage or a mechanism; the suffix of the path says the format.
 
@@ -56,12 +57,14 @@ def draw(
     ----------
     subject : graph (for a diagram it need not be complete), linkage or mechanism
     path : .png, .svg or .pdf; .gif or .html for an animation
-    kind : "diagram" (default), "mechanism" at poses, "animation" (default for .gif, .html)
+    kind : "diagram" (default), "mechanism" at poses, "animation" (default for .gif, .html),
+        "schedule" of the kernel calls that some outputs take
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
     trace : names of markers whose paths are drawn; by default the user's markers
     degrees : angles in the picture in degrees
+    want : outputs of a schedule
 
     Raises
     ------
@@ -75,11 +78,18 @@ def draw(
         animate(subject, path, at, trace=trace, degrees=degrees)
         return Path(path)
     useless = "at" if at is not None else "trace" if trace is not None else ""
-    if what == "diagram" and useless:
+    if what != "mechanism" and useless:
         remedy = 'use it with kind="mechanism"'
-        found = "a block diagram has no poses"
+        found = f"a {'block diagram' if what == 'diagram' else what} has no poses"
         raise RequestError(Problem("useless-setting", useless, found, "", remedy))
-    figure = _diagram(subject) if what == "diagram" else _pose(subject, at, trace, degrees)
+    if what == "diagram":
+        figure = _diagram(subject)
+    elif what == "schedule":
+        from blockmech.draw.schedule import draw_schedule
+
+        figure = draw_schedule(_mechanism(subject).plan(want))
+    else:
+        figure = _pose(subject, at, trace, degrees)
     return write_figure(figure, path, suffix)
 
 
