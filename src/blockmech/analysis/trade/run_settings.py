@@ -84,7 +84,7 @@ def trade_run(
     )
     candidates = tuple(_candidates(sweep.samples.n, rubbing))
     points, skipped = measured(question, candidates, reference.floor, clock, say)
-    if points:
+    if points and clock.left > 0:
         notes += _single_precision(sweep, errors)
     names = plan.want if len(plan.want) <= 3 else (f"{len(plan.want)} outputs",)
     asked = f"run: {', '.join(names)} at {sweep.samples.n} samples"
