@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.analysis.trade.measure import Candidate, Clock, Question, Said, measured
-from blockmech.analysis.trade.points import Reference, Trade
+from blockmech.analysis.trade.points import Reference
 from blockmech.analysis.trade.reference_errors import (
     ReferenceErrors,
     comparable,
     compared,
     reference_errors,
 )
+from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.result import Result

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.analysis.trade.measure import Candidate, Clock, Question, Said, measured
-from blockmech.analysis.trade.points import NOTHING, Reference, Skipped, Trade
+from blockmech.analysis.trade.points import NOTHING, Reference, Skipped
 from blockmech.analysis.trade.reference_errors import ReferenceErrors, reference_errors
+from blockmech.analysis.trade.report import Trade
 from blockmech.dynamics.simulation import simulate
 from blockmech.errors import Problem, RequestError
 from blockmech.result import Result
