@@ -24,6 +24,7 @@ ROOMS = (
     "plane",
     "errors",
     "values",
+    "assur",
     "friction",
     "blocks",
     "loads",

@@ -318,7 +318,7 @@ def _group_problems(graph: Graph) -> Iterable[Problem]:
     """General groups whose pairs hold some links twice and leave others loose."""
     for name, block in graph.blocks.items():
         if isinstance(block, GeneralGroup):
-            from blockmech.model.determinacy import diagnose  # few graphs have such a group
+            from blockmech.assur.diagnosis import diagnose  # few graphs have such a group
 
             driven = [joint.name for joint in block.driven]
             for finding in diagnose(block.link_names, block.structural, {SUPPORTS}, driven):
@@ -338,7 +338,7 @@ def _cycles(graph: Graph) -> Iterable[Problem]:
             known = [b for name in blocks if isinstance(b := graph.blocks[name], Block)]
             links += sum(len(block.link_names) for block in known)
             few = links <= cycles.MOST_LINKS
-            yield cycles.diagnose_cycle(graph, blocks) if few else cycles.cycle(blocks)
+            yield cycles.cycle_problem(graph.blocks, graph.wires, blocks, told=few)
 
 
 def block_dag(graph: Graph) -> nx.DiGraph:

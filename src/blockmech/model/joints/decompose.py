@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+from blockmech.assur.formation import Formation, formation
+from blockmech.assur.groups import Unit
 from blockmech.errors import GraphError, Problem
-from blockmech.model.assur import Unit
-from blockmech.model.formation import Formation, formation
 from blockmech.model.joints.closing import Closing, Poses, given_poses
 from blockmech.model.joints.connections import (
     Connections,

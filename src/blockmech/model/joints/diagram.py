@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import GraphError
-from blockmech.model.assur import Unit
 from blockmech.model.contents import FORMAT
 from blockmech.model.coordinates import law_to_graph, signed, to_graph
 from blockmech.model.diagram import Wire

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from blockmech.model.assur import Unit
+from blockmech.assur.groups import Unit
 from blockmech.model.joints.connections import Connection, Connections, angle_of
 from blockmech.model.joints.frames import End, Made, Seat
 

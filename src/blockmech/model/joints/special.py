@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blockmech.model.formation import formation
+from blockmech.assur.formation import formation
+from blockmech.assur.pairs import Pair
 from blockmech.model.joints.closing import Closing, Floats, Poses
 from blockmech.model.joints.connections import Connections, structural
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.matrix import LEAST_SQUARES, SINGULAR
-from blockmech.model.rigidity import Pair
 
 STEP = 1e-3  # [-] of the size and of a radian: shows whether a structure really moves
 TAKES_PART = 1e-6  # [-] of the largest; smaller shares of a self-stress are rounding
