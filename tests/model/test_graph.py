@@ -364,7 +364,7 @@ def codes_in(module):
 
 
 REFUSED_AT_ONCE = {"bad-name", "duplicate-block", "not-a-block", "not-a-law", "wrong-type"}
-PASSED_ON = {"over-constrained", "too-few-drivers", "loose-links"}  # of model.rigidity
+PASSED_ON = {"over-constrained", "too-few-drivers", "loose-links"}  # of assur.diagnosis
 REMARKS = {"unreachable", "unused-marker", "idle-driver"}
 
 

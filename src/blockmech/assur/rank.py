@@ -62,7 +62,8 @@ class Pivot(NamedTuple):
 class Echelon:
     """Conditions in echelon form modulo the prime.
 
-    Columns are solved for in their order (`few_neighbours_first`). Raises `TooTangledError` after `MOST_WORK` steps.
+    Columns are solved for in their order (`few_neighbours_first`). Raises `TooTangledError`
+    after `MOST_WORK` steps.
     """
 
     def __init__(self, columns: int, conditions: Sequence[Row]) -> None:
