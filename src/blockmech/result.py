@@ -270,11 +270,10 @@ class Result(Exported):
 
         For a mechanism made from a graph, these are its own outputs.
         """
-        inner = self.mechanism.inner
-        samples = self.mechanism.inward(self.samples)
-        plan = inner.plan(want, **self.settings)
-        values, engine = inner.evaluate(plan, samples, self.engine)
-        return Result(inner, plan, samples, values, engine, self.settings, self.motion)
+        mechanism, samples = self.mechanism.of_blocks, self.samples
+        plan = mechanism.plan(want, **self.settings)
+        values, engine = mechanism.evaluate(plan, samples, self.engine)
+        return Result(mechanism, plan, samples, values, engine, self.settings, self.motion)
 
     def wire(self, source: str, target: str) -> dict[str, Any]:
         """What travels along a wire: forward motion, backward wrench; see `blockmech.wires`."""
