@@ -24,6 +24,7 @@ ROOMS = (
     "plane",
     "errors",
     "files",
+    "validation_errors",
     "values",
     "assur",
     "friction",

@@ -16,7 +16,8 @@ from blockmech.model.document import dumps, load, loads, save
 from blockmech.model.expect import Expectation
 from blockmech.model.migrations import VERSION, migrate
 from blockmech.model.opening import problems_in
-from blockmech.model.writing import WIDTH, canonical_text, field_order
+from blockmech.model.writing import WIDTH, canonical_text
+from blockmech.validation_errors import field_order
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 LEGACY = sorted((GRAPHS / "legacy").glob("*.json"))

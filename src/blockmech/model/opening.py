@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 from typing import TypeAlias
 
-from blockmech.errors import FormatError, GraphError, Problem
+from blockmech.errors import FormatError, GraphError, Problem, in_file
 from blockmech.model import document as graphs
 from blockmech.model.graph import Graph
 from blockmech.model.joints import document as linkages
 from blockmech.model.joints.contents import FORMAT
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.problems import in_file
 from blockmech.model.reading import data_of, text_of
 
 Opened: TypeAlias = Graph | Linkage

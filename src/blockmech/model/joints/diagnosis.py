@@ -16,13 +16,12 @@ from blockmech.assur.formation import formation
 from blockmech.assur.groups import Unit
 from blockmech.assur.rank import TooTangledError
 from blockmech.assur.rigidity import rigidity
-from blockmech.errors import Problem, listed
+from blockmech.errors import Problem, listed, path_text
 from blockmech.model.joints.closing import CLOSED, Closing, Poses
 from blockmech.model.joints.connections import Connections, structural
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.matrix import LEAST_SQUARES
 from blockmech.model.joints.special import Layout, Special, special_geometry
-from blockmech.model.problems import path_text
 
 CODES: Mapping[str, str] = {
     "unconnected-links": "links that no joint joins to the rest",

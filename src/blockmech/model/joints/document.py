@@ -13,9 +13,19 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import FormatError, Problem, close_match, listed
+from blockmech.errors import (
+    MOST,
+    FormatError,
+    Problem,
+    close_match,
+    in_file,
+    listed,
+    path_text,
+    said_already,
+    shown,
+)
 from blockmech.loads.contract import Element
-from blockmech.model.contents import FORMAT as GRAPH
+from blockmech.model.document import FORMAT as GRAPH
 from blockmech.model.joints.contents import (
     EXTRAS,
     FORMAT,
@@ -31,11 +41,10 @@ from blockmech.model.joints.contents import (
 from blockmech.model.joints.linkage import Linkage, bad_name, unknown_load
 from blockmech.model.joints.references import Known, reference_problems
 from blockmech.model.migrations import VERSION, version_problem
-from blockmech.model.problems import MOST, in_file, path_text, said_already
 from blockmech.model.reading import data_of, text_of
-from blockmech.model.refusals import validated
 from blockmech.model.writing import canonical_text, plain, write_checked
-from blockmech.values import Strictly, is_name, shown
+from blockmech.validation_errors import validated
+from blockmech.values import Strictly, is_name
 
 SECTIONS = ("links", "joints", "drivers", "loads")
 

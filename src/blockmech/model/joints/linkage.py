@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from blockmech.errors import GraphError, Problem, close_match, listed
+from blockmech.errors import GraphError, Problem, close_match, listed, shown
 from blockmech.loads.contract import Element
 from blockmech.model.attributes import KnownAttributes
 from blockmech.model.joints.contents import (
@@ -23,7 +23,7 @@ from blockmech.model.joints.contents import (
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
-from blockmech.values import NAME_RULE, Strictly, Vector, is_name, shown
+from blockmech.values import NAME_RULE, Strictly, Vector, is_name
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -240,7 +240,7 @@ def shortened(formula: str, most: int = 300) -> str:
 
 def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given]) -> Any:
     """A part of the document. Raises `GraphError` with places in the document."""
-    from blockmech.model.problems import path_text
+    from blockmech.errors import path_text
 
     try:
         return model(**given)

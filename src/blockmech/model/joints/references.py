@@ -7,9 +7,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from blockmech.errors import Problem, close_match, listed
+from blockmech.errors import Problem, close_match, listed, path_text
 from blockmech.model.joints.contents import FRAME
-from blockmech.model.problems import path_text
 from blockmech.values import NAME_RULE, is_name
 
 if TYPE_CHECKING:

@@ -26,7 +26,8 @@ from blockmech.model.joints.contents import (
     load_kinds,
     load_model,
 )
-from blockmech.model.schema import NAME, _InWrittenOrder
+from blockmech.model.schema import NAME
+from blockmech.validation_errors import InWrittenOrder
 
 
 def joints_schema() -> dict[str, Any]:
@@ -41,7 +42,7 @@ def joints_schema() -> dict[str, Any]:
     models: list[type[BaseModel]] = [JointsDocument, LinkGiven, driver_model()]
     models += [*kinds.values(), *laws.values(), *loads.values()]
     places, shared = models_json_schema(
-        [(model, "validation") for model in models], schema_generator=_InWrittenOrder
+        [(model, "validation") for model in models], schema_generator=InWrittenOrder
     )
     parts = shared["$defs"]
     ref = {model: places[model, "validation"]["$ref"] for model in models}
