@@ -74,11 +74,6 @@ def test_a_roller_that_spins_is_loose() -> None:
     assert "roller" in found[-1].text
 
 
-def test_a_driven_roller_leaves_the_mechanism_loose() -> None:
-    found = codes(FOUR_BAR + " R:rocker-roller", "R")
-    assert found["loose-links"] == ("crank", "rocker", "rod", "roller")
-
-
 def test_unconnected_links_are_named_and_kept_out_of_the_count() -> None:
     links, pairs = chain(FOUR_BAR + " X:u-w")
     found = diagnose([*links, "alone"], pairs, FRAME, ["O"])
@@ -120,13 +115,6 @@ def test_a_loop_of_slides_alone_holds_its_turning_twice() -> None:
     assert codes("A:frame-a:P B:a-b:P C:b-c:P D:c-frame:P E:a-c:P F:b-frame:P")[
         "turning-held-twice"
     ] == ("a", "b", "c", "frame")
-
-
-def test_slides_in_a_row_keep_two_freedoms_but_not_three() -> None:
-    table = "A:frame-a:P B:a-b:P"
-    assert rigidity(*chain(table), FRAME).mobility == 2
-    assert rigidity(*chain(table + " C:b-c:P"), FRAME).mobility == 3
-    assert rigidity(*chain(table + " C:b-frame:P"), FRAME).mobility == 1
 
 
 def test_turning_tied_twice_through_separate_parts_is_found() -> None:
