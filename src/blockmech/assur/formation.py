@@ -15,7 +15,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import networkx as nx
 import numpy as np
@@ -25,8 +25,8 @@ from blockmech.assur.pairs import Pair, sorted_parts
 from blockmech.assur.rank import TooTangledError
 from blockmech.assur.rigidity import rigidity
 
-GROUND = -1
-"""Number that stands for all earlier links together."""
+Edge: TypeAlias = tuple[int | None, int | None, int]
+"""Two nodes by number, None for all earlier links, and how many conditions join them."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,9 @@ def formation(
     """
     moving, ordered = sorted_parts(links, pairs, earlier, drivers)
     index = {a: v for v, a in enumerate(moving)}
-    edges = [(*_ends(p, index), 3 if p.name in drivers else 2) for p in ordered]
+    edges: list[Edge] = [
+        (index.get(p.first), index.get(p.second), 3 if p.name in drivers else 2) for p in ordered
+    ]
     given = _give([3] * len(moving), edges)
     parts = nx.condensation(given.waits)
     part_of: Mapping[int, int] = parts.graph["mapping"]
@@ -89,7 +91,7 @@ def formation(
     for pair, takers in zip(ordered, given.takers, strict=True):
         if takers:  # by both links: then they wait for each other and are one part
             own[part_of[min(takers)]].append(pair)
-    crowded = {v for e in given.spare for v in edges[e][:2] if v != GROUND}
+    crowded = {v for e in given.spare for v in edges[e][:2] if v is not None}
     unsound = crowded.union(given.short, *(nx.descendants(given.waits, v) for v in crowded))
     units: dict[int, Unit] = {}
     for n, members in parts.nodes(data="members"):
@@ -117,37 +119,42 @@ class _Given(NamedTuple):
     short: list[int]  # nodes with less than they need
 
 
-def _ends(pair: Pair, index: Mapping[str, int]) -> tuple[int, int]:
-    return index.get(pair.first, GROUND), index.get(pair.second, GROUND)
-
-
-def _give(need: Sequence[int], edges: Sequence[tuple[int, int, int]]) -> _Given:
+def _give(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
     """Give the conditions of edges to the nodes that they join, as many as these need.
 
-    An edge is two nodes, by number or ``GROUND``, and how many conditions it has.
+    A maximum flow from a source by the edges and the nodes to a sink. (SciPy's bipartite
+    matching takes minutes for a chain of 300 dyads.)
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import maximum_flow
 
-    # from a source by the edges, then by the nodes, to a sink
     n, source = len(need), len(need) + len(edges)
-    number = [number for *_, number in edges]
-    ways = [(n + e, v) for e, edge in enumerate(edges) for v in {*edge[:2]} - {GROUND}]
-    tails = [*[source] * len(edges), *(tail for tail, _ in ways), *range(n)]
-    heads = [*range(n, source), *(head for _, head in ways), *[source + 1] * n]
-    most = np.array([*number, *(number[tail - n] for tail, _ in ways), *need], dtype=np.int32)
-    network = coo_array((most, (tails, heads)), shape=(source + 2,) * 2).tocsr()
-    flow = maximum_flow(network, source, source + 1).flow
+    number = np.array([number for *_, number in edges], dtype=np.int32)
+    ways = [(e, v) for e, edge in enumerate(edges) for v in {*edge[:2]} - {None}]
+    along, into = np.array(ways, dtype=np.int32).reshape(-1, 2).T
+    tails = np.concatenate([np.full(len(edges), source), n + along, np.arange(n)])
+    heads = np.concatenate([np.arange(n, source), into, np.full(n, source + 1)])
+    most = np.concatenate([number, number[along], np.array(need, dtype=np.int32)])
+    network = coo_array((most, (tails, heads)), shape=(source + 2, source + 2)).tocsr()
+    flow = maximum_flow(network, source, source + 1).flow.tocoo()
     waits: nx.DiGraph[int] = nx.DiGraph()
     waits.add_nodes_from(range(n))
     takers: list[set[int]] = [set() for _ in edges]
-    for (tail, v), taken in zip(ways, flow[*zip(*ways, strict=True)] if ways else (), strict=True):
-        if taken:
-            takers[tail - n].add(v)
-            waits.add_edges_from((v, w) for w in edges[tail - n][:2] if w not in (GROUND, v))
-    placed, held = flow[[source]].toarray()[0, n:source], -flow[[source + 1]].toarray()[0, :n]
-    spare = np.flatnonzero(placed < np.array(number, dtype=int)).tolist()
-    return _Given(waits, takers, spare, np.flatnonzero(held < np.array(need, dtype=int)).tolist())
+    left, lacking = number.tolist(), list(need)
+    for tail, v, taken in zip(
+        flow.row.tolist(), flow.col.tolist(), flow.data.tolist(), strict=True
+    ):
+        if taken > 0 and v < n:
+            e = tail - n
+            takers[e].add(v)
+            left[e] -= taken
+            lacking[v] -= taken
+            waits.add_edges_from((v, w) for w in edges[e][:2] if w not in (None, v))
+    return _Given(waits, takers, _which(left), _which(lacking))
+
+
+def _which(numbers: Iterable[int]) -> list[int]:
+    return [k for k, number in enumerate(numbers) if number]
 
 
 def _in_order(parts: nx.DiGraph[int], rank: Mapping[int, object]) -> list[int]:
@@ -195,9 +202,12 @@ def reseat(
     pins = [pin for pin in _pins(ordered) if _is_tree(pin, earlier)]
     pinned = {p.name for pin in pins for p in pin}
     # a pin is a node of two freedoms that each of its links holds in place
-    edges = [(*_ends(p, index), (p.name not in pinned) * 2 + (p.name in drivers)) for p in ordered]
+    edges: list[Edge] = []
+    for p in ordered:
+        number = (p.name not in pinned) * 2 + (p.name in drivers)
+        edges.append((index.get(p.first), index.get(p.second), number))
     for v, pin in enumerate(pins, start=len(moving)):
-        edges += [(index.get(a, GROUND), v, 2) for a in sorted({a for p in pin for a in p.links})]
+        edges += [(index.get(a), v, 2) for a in sorted({a for p in pin for a in p.links})]
     given = _give([3] * len(moving) + [2] * len(pins), edges)
     parts = nx.condensation(given.waits)
     members: Mapping[int, set[int]] = dict(parts.nodes(data="members"))

@@ -19,8 +19,7 @@ from typing import Any
 
 from blockmech.errors import MOST, FormatError, Problem, in_file, path_text
 
-MEGABYTE = 1_000_000
-LARGEST = 4 * MEGABYTE  # bytes; thousands of blocks, and read in a second or two
+LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
 DEEPEST = 64  # nested objects and lists; a graph needs nine
 
 MARKS = (  # the longer ones first
@@ -54,8 +53,8 @@ def _bytes_of(path: Path) -> bytes:
         most = size or LARGEST  # what is no file on a disk tells no size
         raw = b"" if size > LARGEST else stream.read(most + 1)
     if size > LARGEST or len(raw) > LARGEST:
-        found = f"{size / MEGABYTE:.0f} MB" if size > LARGEST else "endless"
-        valid = f"a graph file has at most {LARGEST // MEGABYTE} MB"
+        found = f"{size / 1e6:.0f} MB" if size > LARGEST else "endless"
+        valid = f"a graph file has at most {LARGEST / 1e6:.0f} MB"
         remedy = "check that it is a graph file"
         raise FormatError(Problem("too-large", "", f"too large: {found}", valid, remedy))
     return raw

@@ -23,7 +23,7 @@ from blockmech.values import Pair
 
 WIDTH = 100  # characters of a line
 SECTIONS = 2  # levels that are always open: the document and its sections
-KEY_A_LINE = 3  # levels that are opened one item a line: to the keys of a block
+KEY_A_LINE = SECTIONS + 1  # levels that are opened one item a line: to the keys of a block
 
 
 def plain(value: Any, tag: str = "") -> Any:
