@@ -18,7 +18,6 @@ from blockmech.errors import GraphError, Problem
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
-from blockmech.outputs_by_link import blocks_by_link, joints_by_name
 from blockmech.plan import Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
@@ -114,12 +113,12 @@ class Compiled:
         """A block in a message: its name, and the links of a joint-based document in it."""
         if self.names is None:
             return block
-        return blocks_by_link(self.names).get(block, block)
+        return self.names.of_blocks.get(block, block)
 
     @cached_property
     def joint_names(self) -> Mapping[str, str]:
         """Joint of the graph -> its name in a joint-based document; empty without one."""
-        return {} if self.names is None else joints_by_name(self.names)
+        return {} if self.names is None else self.names.of_joints
 
     def plan(
         self,

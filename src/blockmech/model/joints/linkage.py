@@ -7,23 +7,21 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from blockmech.errors import GraphError, Problem, close_match, listed, shown
-from blockmech.loads.contract import Element
+from blockmech.errors import GraphError, Problem, listed
 from blockmech.model.attributes import KnownAttributes
 from blockmech.model.joints.contents import (
-    LOADS,
+    DriverGiven,
     GuideGiven,
     JointGiven,
     LinkGiven,
     PinGiven,
-    driver_model,
-    load_kinds,
-    load_model,
+    sections,
 )
+from blockmech.model.joints.references import bad_name, unknown_kind
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
-from blockmech.values import NAME_RULE, Strictly, Vector, is_name
+from blockmech.values import Strictly, Vector, is_name
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -110,7 +108,7 @@ class Linkage(KnownAttributes):
         """
         self._free("joint", name, self.joints)
         given = {"type": kind, "links": list(links), "at": list(at), **more}
-        model: type[Strictly] = GuideGiven if kind == "P" else PinGiven
+        model = GuideGiven if kind == "P" else PinGiven
         self.joints[name] = _made(model, ("joints", name), given)
 
     def add_driver(self, name: str, joint: str, law: LawOfMotion | None = None) -> None:
@@ -121,7 +119,7 @@ class Linkage(KnownAttributes):
         """
         self._free("driver", name, self.drivers)
         said = {} if law is None else plain(law, "law")
-        model = driver_model(said.pop("law", ""))
+        model = sections()["drivers"].models.get(said.pop("law", ""), DriverGiven)
         self.drivers[name] = _made(model, ("drivers", name), {"joint": joint, **said})
 
     def add_load(self, name: str, kind: str, **keys: Given) -> None:
@@ -129,13 +127,11 @@ class Linkage(KnownAttributes):
 
         Raises `GraphError` for an unknown kind or keys that do not fit.
         """
-        from blockmech.blocks.registry import REGISTRY
-
         self._free("load", name, self.loads)
-        cls = REGISTRY.get(f"{LOADS}{kind}")
-        if cls is None or not issubclass(cls, Element):
-            raise GraphError(unknown_load(kind, f"loads.{name}.type"))
-        self.loads[name] = _made(load_model(cls), ("loads", name), keys)
+        section = sections()["loads"]
+        if kind not in section.models:
+            raise GraphError(unknown_kind(kind, f"loads.{name}.type", section))
+        self.loads[name] = _made(section.models[kind], ("loads", name), keys)
 
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
@@ -249,18 +245,3 @@ def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given])
         raise GraphError(
             replace(p, where=p.where.replace(model.__name__, where, 1)) for p in error.problems
         ) from None
-
-
-def bad_name(what: str, name: str, where: str = "") -> Problem:
-    """The problem of a name that could not stand in an address."""
-    found = f"{shown(name)} is not a {what} name"
-    return Problem("bad-name", where or name or '""', found, NAME_RULE, "choose another name")
-
-
-def unknown_load(kind: Any, where: str) -> Problem:
-    """The problem that names an unknown kind of load and its nearest relatives."""
-    kinds = load_kinds()
-    remedy = close_match(kind, kinds) if isinstance(kind, str) else ""
-    return Problem(
-        "wrong-value", where, f"no type {shown(kind)}", f"types: {listed(kinds)}", remedy
-    )
