@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from blockmech.builders import Graph, opened
 from blockmech.cli.check import AsJson
 from blockmech.cli.output import refused, spare
 from blockmech.cli.terminal import say
-from blockmech.model.graph import Graph
 from blockmech.model.naming import JointName, Names
-from blockmech.model.opening import opened
 from blockmech.model.structure import Structure
 
 if TYPE_CHECKING:
-    from blockmech.model.joints.decompose import Decomposition
+    from blockmech.builders import Decomposition
 
 
 class General(StrEnum):

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
+from blockmech.builders import opened
 from blockmech.errors import GraphError, in_file
 from blockmech.mechanism import Mechanism
-from blockmech.model.opening import opened
 
 GraphFile = Annotated[
     str, typer.Argument(metavar="FILE", help="A graph of blocks, or links and joints (JSON).")

@@ -29,8 +29,8 @@ from blockmech.model.expect import Expectation
 from blockmech.validation_errors import validated
 
 if TYPE_CHECKING:
+    from blockmech.builders import Opened
     from blockmech.mechanism import Mechanism
-    from blockmech.model.opening import Opened
     from blockmech.result import Result
 
 NO_SIZE = "every expected number is 0, so only an atol allows an error"

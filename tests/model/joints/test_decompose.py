@@ -14,7 +14,7 @@ import pytest
 import blockmech as bm
 from blockmech.blocks.registry import REGISTRY
 from blockmech.model.joints.contents import load_kinds
-from blockmech.model.joints.document import loads
+from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import shuffled
 from tests.model.joints.machines import guide, joints_file, pin, turned_round

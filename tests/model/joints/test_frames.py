@@ -10,7 +10,7 @@ import random
 import numpy as np
 import pytest
 
-from blockmech.model.joints.document import loads
+from tests.doors import linkage_of as loads
 from tests.model.joints.chance import document, xy
 
 ROUNDING = 1e-11  # [-] of the largest force: roundings times a condition of some tens

@@ -56,7 +56,6 @@ from blockmech.model.joints.special import Layout
 from blockmech.model.naming import Names
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
     from blockmech.model.graph import Graph
 
 General = Literal["", "groups", "one"]
@@ -85,10 +84,6 @@ class Decomposition:
         from blockmech.model.joints.diagram import graph_of
 
         return graph_of(self.data)
-
-    def compile(self) -> Mechanism:
-        """A mechanism that computes, with the names of the document."""
-        return self.graph.compile(self.names)
 
 
 @dataclass(frozen=True)

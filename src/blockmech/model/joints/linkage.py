@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from blockmech.errors import GraphError, Problem, listed
 from blockmech.model.attributes import KnownAttributes
@@ -23,11 +22,6 @@ from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
 from blockmech.values import Strictly, Vector, is_name
 
-if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
-    from blockmech.model.joints.decompose import Decomposition
-
-General = Literal["", "groups", "one"]
 Given = Any
 """Numbers, pairs and arrays as `Graph` takes them."""
 
@@ -155,83 +149,10 @@ class Linkage(KnownAttributes):
                 )
             )
 
-    # -- checking and using -----------------------------------------------
-
     @property
     def driven(self) -> dict[str, str]:
         """Driven joint -> the driver's name."""
         return {driver.joint: name for name, driver in self.drivers.items()}
-
-    def check(self) -> list[Problem]:
-        """Everything that is wrong, as data; an empty list is a mechanism that works."""
-        from blockmech.model.joints.decompose import decompose
-
-        try:
-            return decompose(self).graph.check()
-        except GraphError as error:
-            return list(error.problems)
-
-    def decompose(self, general: General = "") -> Decomposition:
-        """Drivers and Assur groups in formation order, as blocks.
-
-        Parameters
-        ----------
-        general : "groups" makes every Assur group a general one, "one" puts all that is no
-            driver in one general group; for comparison
-
-        Raises `GraphError` with all problems.
-        """
-        from blockmech.model.joints.decompose import decompose
-
-        return decompose(self, general)
-
-    def compile(self) -> Mechanism:
-        """Decompose the linkage and freeze it into a mechanism that computes.
-
-        Its outputs have the names of the document. Raises `GraphError` with all problems.
-        """
-        return self.decompose().compile()
-
-    def run(self, **request: Any) -> Any:
-        """Compile and run; see `Mechanism.run`."""
-        return self.compile().run(**request)
-
-    # -- files ------------------------------------------------------------
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Linkage:
-        """Read a joint-based file. Raises `FormatError` with all problems of the file."""
-        from blockmech.model.joints.document import load
-
-        return load(path)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the canonical file, atomically."""
-        from blockmech.model.joints.document import save
-
-        save(self, path)
-
-    def to_json(self) -> str:
-        """The canonical text of the file."""
-        from blockmech.model.joints.document import dumps
-
-        return dumps(self)
-
-    def __repr__(self) -> str:
-        pairs = sum(len(joint.links) - 1 for joint in self.joints.values())
-        moving = len([name for name in self.links if name != "frame"])
-        counts = f"{moving} moving links, {pairs} pairs, {len(self.drivers)} driver"
-        counts += "s" * (len(self.drivers) != 1)
-        try:
-            formula = shortened(str(self.decompose().formation))
-        except GraphError:
-            formula = "not complete: see check()"
-        return f"<Linkage {self.name}: {counts}; {formula}>"
-
-
-def shortened(formula: str, most: int = 300) -> str:
-    """A structural formula that fits a few lines."""
-    return formula if len(formula) <= most else f"{formula[:most].rsplit(' -> ', 1)[0]} -> ..."
 
 
 def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given]) -> Any:
