@@ -30,7 +30,7 @@ from blockmech.export import (
     writing,
 )
 from examples.wire_ruiz import fourbar
-from tests.judge.linkages import fivebar
+from tests.analysis.linkages import fivebar
 
 BAR = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
 GAP = 4.0  # [rad] crank angle at which `short_fourbar` cannot close

@@ -231,7 +231,7 @@ class Compiled:
         """
         taken = make_samples(self, self.scene, at, samples, times, rates, accelerations)
         if accuracy is not None:
-            from blockmech.accuracy import refuse_settings, run_to
+            from blockmech.analysis.accuracy import refuse_settings, run_to
 
             given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
             refuse_settings(accuracy, **given, precision=precision)
@@ -309,7 +309,7 @@ class Compiled:
         ``held`` is driver -> coordinate [rad or m] where there are several drivers. Without
         it the answer is kept, so asking again is free.
         """
-        from blockmech.judge.limits import arcs_sentence
+        from blockmech.analysis.limits import arcs_sentence
 
         if held is not None:
             return f"{arcs_sentence(self, held, groups)}, each with the others held"
@@ -331,6 +331,6 @@ def _followed(structure: Structure, scene: Scene) -> Structure:
         isinstance(b, TwoModes) and b.follows for b in structure.blocks.values()
     ):
         return structure
-    from blockmech.judge.change_points import with_followed
+    from blockmech.analysis.change_points import with_followed
 
     return with_followed(structure, scene)

@@ -12,10 +12,10 @@ from blockmech.compiled import EVERYTHING, Compiled
 from blockmech.result import Result
 
 if TYPE_CHECKING:
-    from blockmech.judge.extremes import Extremes
-    from blockmech.judge.limits import Limits
-    from blockmech.judge.stroke import Stroke
-    from blockmech.judge.trade import Trade
+    from blockmech.analysis.extremes import Extremes
+    from blockmech.analysis.limits import Limits
+    from blockmech.analysis.stroke import Stroke
+    from blockmech.analysis.trade import Trade
     from blockmech.modes.found import Modes
 
 
@@ -34,8 +34,8 @@ class Mechanism(Compiled):
         return f"{self.plan(want, **settings).explain()}\n\n{cost_table(self, want, **settings)}"
 
     def verify(self, **request: Any) -> Any:
-        """Check the mechanism against itself; see `blockmech.judge.verify`."""
-        from blockmech.judge.verify import verify
+        """Check the mechanism against itself; see `blockmech.analysis.verify`."""
+        from blockmech.analysis.verify import verify
 
         return verify(self, **request)
 
@@ -46,14 +46,14 @@ class Mechanism(Compiled):
         return simulate(self, until, **request)
 
     def trade(self, question: Any = "run", want: Any = None, **request: Any) -> Trade:
-        """Measure speed against accuracy; see `blockmech.judge.trade.trade`."""
-        from blockmech.judge.trade import trade
+        """Measure speed against accuracy; see `blockmech.analysis.trade.trade`."""
+        from blockmech.analysis.trade import trade
 
         return trade(self, question, want, **request)
 
     def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
-        """Feasible arcs of a driver; see `blockmech.judge.limits.limits`."""
-        from blockmech.judge.limits import limits
+        """Feasible arcs of a driver; see `blockmech.analysis.limits.limits`."""
+        from blockmech.analysis.limits import limits
 
         return limits(self, driver, at, **more)
 
@@ -64,13 +64,13 @@ class Mechanism(Compiled):
         return modes(self, at, **more)
 
     def extremes(self, name: str, **request: Any) -> Extremes:
-        """Extremes of an output over the cycle; see `blockmech.judge.extremes.extremes`."""
-        from blockmech.judge.extremes import extremes
+        """Extremes of an output over the cycle; see `blockmech.analysis.extremes.extremes`."""
+        from blockmech.analysis.extremes import extremes
 
         return extremes(self, name, **request)
 
     def stroke(self, name: str, **request: Any) -> Stroke:
-        """Stroke of a marker or an output; see `blockmech.judge.stroke.stroke`."""
-        from blockmech.judge.stroke import stroke
+        """Stroke of a marker or an output; see `blockmech.analysis.stroke.stroke`."""
+        from blockmech.analysis.stroke import stroke
 
         return stroke(self, name, **request)

@@ -19,7 +19,7 @@ from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
-    from blockmech.accuracy import Accuracy
+    from blockmech.analysis.accuracy import Accuracy
     from blockmech.compiled import Compiled
     from blockmech.dynamics.motion import Motion
     from blockmech.outputs import Output

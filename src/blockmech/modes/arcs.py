@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from blockmech.judge.limits import Limits, limits
+from blockmech.analysis.limits import Limits, limits
 from blockmech.modes.closing import TriadMode
 from blockmech.modes.connection import DEAD, RANGE, WHOLE, ArcEnd, Connections, connect
 from blockmech.modes.groups import Outline

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from blockmech.analysis.arcs import SEAM, TURN, Bound, Margins
+from blockmech.analysis.peaks import Floats
 from blockmech.blocks.contract import BuiltIn, Moving
-from blockmech.judge.arcs import SEAM, TURN, Bound, Margins
-from blockmech.judge.peaks import Floats
 from blockmech.model.structure import JointRef
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.judge.limits import arcs_sentence, limits
+from blockmech.analysis.limits import arcs_sentence, limits
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
-from tests.judge.linkages import (
+from tests.analysis.linkages import (
     EPS,
     end_error,
     fivebar,

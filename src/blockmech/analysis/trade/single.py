@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.judge.trade.errors import Yardstick
+from blockmech.analysis.trade.errors import Yardstick
 
 if TYPE_CHECKING:
-    from blockmech.judge.trade.sweep import Sweep
+    from blockmech.analysis.trade.sweep import Sweep
 
 USABLE = 1e-3  # relative error up to which single precision is worth having
 DECADE = 10.0

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.judge.by_link import checks_said, run_of_blocks
-from blockmech.judge.free_bodies import Array, FreeBodies
+from blockmech.analysis.by_link import checks_said, run_of_blocks
+from blockmech.analysis.free_bodies import Array, FreeBodies
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:

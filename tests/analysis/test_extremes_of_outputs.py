@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.judge.extremes import extremes
-from blockmech.judge.stroke import stroke
-from tests.judge.linkages import EPS, fivebar, fourbar, slider_crank, slotted_lever, wired
+from blockmech.analysis.extremes import extremes
+from blockmech.analysis.stroke import stroke
+from tests.analysis.linkages import EPS, fivebar, fourbar, slider_crank, slotted_lever, wired
 
 TURN = 2 * math.pi
 PLACE = 1e-13

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from blockmech.analysis.arcs import TURN
+from blockmech.analysis.limits import limits
+from blockmech.analysis.peaks import Floats
 from blockmech.errors import Problem, RequestError
-from blockmech.judge.arcs import TURN
-from blockmech.judge.limits import limits
-from blockmech.judge.peaks import Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

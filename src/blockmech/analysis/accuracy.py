@@ -30,8 +30,8 @@ from blockmech.errors import Problem, RequestError, listed
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
+    from blockmech.analysis.trade.errors import Yardstick
     from blockmech.compiled import Compiled
-    from blockmech.judge.trade.errors import Yardstick
     from blockmech.plan import Plan
     from blockmech.result import Result
 
@@ -179,8 +179,8 @@ def look(
     The equations of friction amplify rounding, by no more than 1 / (1 - P): what double
     precision loses is measured with friction, where a wider number is at hand to tell.
     """
-    from blockmech.judge.trade.errors import comparable, yardstick
-    from blockmech.judge.trade.thinned import thinned
+    from blockmech.analysis.trade.errors import comparable, yardstick
+    from blockmech.analysis.trade.thinned import thinned
 
     few, _ = thinned(taken, PROBE)
     plan = mechanism.plan(want, static=static)
@@ -233,8 +233,8 @@ def _lost_in_wide(
 
     Kernels that iterate need not gain all the digits that a wider number has.
     """
-    from blockmech.judge.trade.errors import TurnedBack, yardstick
-    from blockmech.judge.trade.turned import turned_run
+    from blockmech.analysis.trade.errors import TurnedBack, yardstick
+    from blockmech.analysis.trade.turned import turned_run
 
     check, angle = turned_run(mechanism, few, "clongdouble", settings)
     stick = yardstick(wide, check, good, angle).without(left_out)
@@ -249,7 +249,7 @@ def _rounding(
     Where no wider number is at hand the error in double is inferred from the one in
     single precision: rounding is linear in the last digit.
     """
-    from blockmech.judge.trade.errors import yardstick
+    from blockmech.analysis.trade.errors import yardstick
 
     if wide is not None:
         stick = yardstick(wide, double, good)
@@ -293,7 +293,7 @@ def _method(k: int) -> tuple[str, int | None]:
 
 def _judged(result: Result, setting: Setting, probe: Probe, accuracy: float) -> Accuracy:
     """The estimate after the run, from its own residuals, contractions and margins."""
-    from blockmech.judge.trade.errors import comparable
+    from blockmech.analysis.trade.errors import comparable
 
     quality = result.quality
     good = comparable(result, probe.rubs)

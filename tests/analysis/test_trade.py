@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.judge.trade import Point, Reference, Skipped, Trade, front, order, trade
-from blockmech.judge.trade.turned import turned_run
+from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front, order, trade
+from blockmech.analysis.trade.turned import turned_run
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 from blockmech.samples import make_samples

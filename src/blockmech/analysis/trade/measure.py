@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
+from blockmech.analysis.trade.points import Point, Skipped
+from blockmech.analysis.trade.timing import FEWEST, RAN_OUT, Clock, OutOfTime, once, timed
 from blockmech.errors import RequestError
-from blockmech.judge.trade.points import Point, Skipped
-from blockmech.judge.trade.timing import FEWEST, RAN_OUT, Clock, OutOfTime, once, timed
 from blockmech.result import Result
 
 Said = Callable[[str, int, int], None]  # what is measured now, its number, of how many

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from blockmech.analysis.trade.errors import Yardstick, yardstick
+from blockmech.analysis.trade.points import Reference
+from blockmech.analysis.trade.timing import Clock, Guard, OutOfTime, once
 from blockmech.dynamics.simulation import simulate
 from blockmech.errors import RequestError
-from blockmech.judge.trade.errors import Yardstick, yardstick
-from blockmech.judge.trade.points import Reference
-from blockmech.judge.trade.timing import Clock, Guard, OutOfTime, once
 from blockmech.result import Result
 
 if TYPE_CHECKING:

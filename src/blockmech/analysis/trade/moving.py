@@ -1,7 +1,7 @@
 """The trade of a simulation: every method that applies, over its settings.
 
 The methods are those of `blockmech.dynamics`; the reference is the finest of them and
-is checked by one of another kind (`blockmech.judge.trade.agreed`).
+is checked by one of another kind (`blockmech.analysis.trade.agreed`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.judge.trade.agreed import (
+from blockmech.analysis.trade.agreed import (
     IMPLICIT,
     LEAST,
     UNSURE,
@@ -22,9 +22,9 @@ from blockmech.judge.trade.agreed import (
     distance,
     motion_of,
 )
-from blockmech.judge.trade.measure import RUNS, Candidate, Said, measured
-from blockmech.judge.trade.points import NOTHING, Skipped, Trade
-from blockmech.judge.trade.timing import Clock, once
+from blockmech.analysis.trade.measure import RUNS, Candidate, Said, measured
+from blockmech.analysis.trade.points import NOTHING, Skipped, Trade
+from blockmech.analysis.trade.timing import Clock, once
 from blockmech.result import Result
 
 if TYPE_CHECKING:

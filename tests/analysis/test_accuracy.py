@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.judge.trade.turned import turned_run
+from blockmech.analysis.trade.turned import turned_run
 from blockmech.mechanism import Mechanism
 from blockmech.samples import make_samples
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
 from tests.wiring import ruiz, watt, wire
 
-GRAPHS = Path(__file__).parents[1] / "graphs"
+GRAPHS = Path(__file__).parents[2] / "graphs"
 NAMES = sorted(p.stem for p in GRAPHS.glob("*.json"))
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 SAMPLES = 501

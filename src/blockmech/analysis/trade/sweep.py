@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from blockmech.analysis.trade.errors import TurnedBack, Yardstick, comparable, compared, yardstick
+from blockmech.analysis.trade.measure import RUNS, Candidate, Said, measured
+from blockmech.analysis.trade.points import NOTHING, Reference, Skipped, Trade
+from blockmech.analysis.trade.single import where_it_stops
+from blockmech.analysis.trade.thinned import thinned
+from blockmech.analysis.trade.timing import Clock, once
+from blockmech.analysis.trade.turned import turned_run
 from blockmech.errors import Problem, RequestError, listed
-from blockmech.judge.trade.errors import TurnedBack, Yardstick, comparable, compared, yardstick
-from blockmech.judge.trade.measure import RUNS, Candidate, Said, measured
-from blockmech.judge.trade.points import NOTHING, Reference, Skipped, Trade
-from blockmech.judge.trade.single import where_it_stops
-from blockmech.judge.trade.thinned import thinned
-from blockmech.judge.trade.timing import Clock, once
-from blockmech.judge.trade.turned import turned_run
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
 

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from blockmech.analysis.trade.points import Point, Reference, Skipped, Trade, front, order
+from blockmech.analysis.trade.timing import Clock
 from blockmech.errors import Problem, RequestError, close_match
-from blockmech.judge.trade.points import Point, Reference, Skipped, Trade, front, order
-from blockmech.judge.trade.timing import Clock
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -69,11 +69,11 @@ def trade(
     clock = Clock.started(budget)
     told = say or _silent
     if question == "run":
-        from blockmech.judge.trade.sweep import trade_sweep
+        from blockmech.analysis.trade.sweep import trade_sweep
 
         found = trade_sweep(mechanism, names or ("*",), clock, dict(request), static, told)
     else:
-        from blockmech.judge.trade.moving import trade_motion
+        from blockmech.analysis.trade.moving import trade_motion
 
         found = trade_motion(mechanism, names, clock, request, told)
     return replace(found, target=target, within=within, spent=clock.spent)

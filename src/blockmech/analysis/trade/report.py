@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.analysis.trade.points import USUAL
 from blockmech.export.files import writing
-from blockmech.judge.trade.points import USUAL
 
 if TYPE_CHECKING:
-    from blockmech.judge.trade.points import Point, Trade
+    from blockmech.analysis.trade.points import Point, Trade
 
 FASTER = 2.0  # an alternative is named if it is this many times faster
 

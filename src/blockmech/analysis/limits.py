@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.analysis.arcs import SEAM, TURN, Bound, Nearest, Piece, closed_pieces
+from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.judge.arcs import SEAM, TURN, Bound, Nearest, Piece, closed_pieces
-from blockmech.judge.closure import Closure, one_turn, travel
 from blockmech.model.coordinates import same, to_document, to_graph
 from blockmech.model.naming import DriverName
 from blockmech.model.structure import Structure

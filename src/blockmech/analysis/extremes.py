@@ -2,7 +2,7 @@
 
 The output is sampled (720 times a turn), and every turn of it between samples is closed
 in on with more poses of the mechanism. Where it is smooth, the place is a root of the
-derivative of an interpolant (`blockmech.judge.peaks`): the value is good to rounding, the
+derivative of an interpolant (`blockmech.analysis.peaks`): the value is good to rounding, the
 place to about 1e-13 rad times |value| / |second derivative|. At a kink (the magnitude of
 a vector that passes zero, a friction moment that changes its sign) the golden section
 takes over. Only extremes with less than a sample between them escape.
@@ -15,9 +15,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from blockmech.analysis.cycle import Cycle, cycle_of
+from blockmech.analysis.follow import Signal, Turn, signal_of, turns_of
 from blockmech.errors import Problem, RequestError
-from blockmech.judge.cycle import Cycle, cycle_of
-from blockmech.judge.follow import Signal, Turn, signal_of, turns_of
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

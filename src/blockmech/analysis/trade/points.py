@@ -148,7 +148,7 @@ class Trade:
     @property
     def recommendation(self) -> str:
         """The choice in one sentence."""
-        from blockmech.judge.trade.report import sentence
+        from blockmech.analysis.trade.report import sentence
 
         return sentence(self)
 
@@ -161,19 +161,19 @@ class Trade:
 
     def text(self) -> str:
         """The trade as a table with its recommendation."""
-        from blockmech.judge.trade.report import text
+        from blockmech.analysis.trade.report import text
 
         return text(self)
 
     def to_dict(self) -> dict[str, Any]:
         """The trade as JSON data."""
-        from blockmech.judge.trade.report import to_dict
+        from blockmech.analysis.trade.report import to_dict
 
         return to_dict(self)
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
         """The points as CSV text, written to a file if a path is given."""
-        from blockmech.judge.trade.report import to_csv
+        from blockmech.analysis.trade.report import to_csv
 
         return to_csv(self, path)
 

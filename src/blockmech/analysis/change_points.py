@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from blockmech.analysis.arcs import SEAM, TURN
+from blockmech.analysis.peaks import Floats
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines import NumpyEngine
 from blockmech.errors import GraphError, Problem
-from blockmech.judge.arcs import SEAM, TURN
-from blockmech.judge.peaks import Floats
 from blockmech.model.scene import Scene
 from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.analysis.cycle import Cycle
+from blockmech.analysis.peaks import Floats, last_place, least_place, turning_place
 from blockmech.errors import Problem, RequestError
-from blockmech.judge.cycle import Cycle
-from blockmech.judge.peaks import Floats, last_place, least_place, turning_place
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise

@@ -1,6 +1,6 @@
 """What a trade recommends, run afresh, against answers that are not blockmech's own way.
 
-Sweeps are judged by the tests' multibody solver, free motions by `tests/judge/outside.py`. A
+Sweeps are judged by the tests' multibody solver, free motions by `tests/analysis/outside.py`. A
 few graphs stand for all in the suite; ``BLOCKMECH_CAMPAIGN=1`` takes every graph of the gallery
 (some minutes).
 """
@@ -18,11 +18,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import blockmech as bm
-from blockmech.judge.trade import Trade, trade
+from blockmech.analysis.trade import Trade, trade
+from tests.analysis import outside
 from tests.blocks.twin import Twin
 from tests.dynamics import machines
 from tests.independent import multibody as mb
-from tests.judge import outside
 
 WHOLE = os.environ.get("BLOCKMECH_CAMPAIGN", "0") != "0"
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.analysis.verify import TOLERANCE, Verification, verify
 from blockmech.blocks import slide_drive
 from blockmech.blocks.contract import Kernels
 from blockmech.blocks.rrr import acceleration, position, reactions, transmission, velocity
 from blockmech.blocks.slide_drive import reactions as slide_reactions
-from blockmech.judge.verify import TOLERANCE, Verification, verify
 from blockmech.loads.spring import pull
 from blockmech.plane import hyp, imul, mul
 from blockmech.testing.strategies import Options, Seeded, random_mechanism

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.analysis.trade import trade
+from blockmech.analysis.trade.agreed import Agreed, Question, agreed
+from blockmech.analysis.trade.errors import Yardstick, yardstick
+from blockmech.analysis.trade.measure import Candidate
+from blockmech.analysis.trade.moving import settings_of
+from blockmech.analysis.trade.sweep import Request, Sweep
+from blockmech.analysis.trade.thinned import thinned
+from blockmech.analysis.trade.timing import Clock, Guard, timed
 from blockmech.draw.trade import trade_figure
-from blockmech.judge.trade import trade
-from blockmech.judge.trade.agreed import Agreed, Question, agreed
-from blockmech.judge.trade.errors import Yardstick, yardstick
-from blockmech.judge.trade.measure import Candidate
-from blockmech.judge.trade.moving import settings_of
-from blockmech.judge.trade.sweep import Request, Sweep
-from blockmech.judge.trade.thinned import thinned
-from blockmech.judge.trade.timing import Clock, Guard, timed
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples

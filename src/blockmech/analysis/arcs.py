@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blockmech.judge.peaks import Floats, last_place, least_place, turning_place
+from blockmech.analysis.peaks import Floats, last_place, least_place, turning_place
 
 TURN = 2 * math.pi
 SEAM = -math.pi / 2  # turns are cut there: arcs of symmetric mechanisms lie about 0 or pi

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.analysis.cycle import Cycle, cycle_of
+from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
+from blockmech.analysis.follow import EPS, Signal, Turn, signal_of, stretches, turns_of
+from blockmech.analysis.peaks import Floats, last_place, turning_place
 from blockmech.errors import Problem, RequestError
-from blockmech.judge.cycle import Cycle, cycle_of
-from blockmech.judge.extremes import Extreme, extreme_at, parts_of
-from blockmech.judge.follow import EPS, Signal, Turn, signal_of, stretches, turns_of
-from blockmech.judge.peaks import Floats, last_place, turning_place
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
