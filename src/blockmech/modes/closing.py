@@ -142,15 +142,20 @@ def poses(held: Placed) -> list[Poses]:
     loose = looseness(held.rows(row).conditions(x)[1])
     closed = has_closed(x, miss)
     found: list[list[_Known]] = [[] for _ in every]
+    tried: list[list[_Known]] = [[] for _ in every]
     # Where tau is larger than at the distance that `NEAR` means, both modes were closed from
     # directions of their own, if there are any.
     for k in np.flatnonzero(closed | ((loose <= NEAR) & (miss <= NEAR**2))).tolist():
-        beside: Iterable[_Known] = [_Known(x[k], False, False, float(loose[k]))]
-        if loose[k] <= NEAR:
-            beside = _about_fold(held.rows([row[k]]), *beside, bool(closed[k]))
+        here, start = row[k], _Known(x[k], False, False, float(loose[k]))
+        if any(map(start.same, tried[here])):
+            continue
+        tried[here].append(start)
+        beside: Iterable[_Known] = [start]
+        if start.loose <= NEAR:
+            beside = _about_fold(held.rows([here]), start, bool(closed[k]))
         for known in beside:
-            if not any(known.same(other) for other in found[row[k]]):
-                found[row[k]].append(known)
+            if not any(map(known.same, found[here])):
+                found[here].append(known)
     return [_sorted(known) for known in found]
 
 

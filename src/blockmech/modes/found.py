@@ -4,141 +4,53 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.modes.arcs import GroupArc
+
+TURN = 2 * math.pi
+DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
 
 
 @dataclass(frozen=True)
-class GroupMode:
-    """One mode of a group at one sample. Modes and arcs are numbered from 0.
+class ArcEnd:
+    """An end of an arc.
 
     Attributes
     ----------
-    links : link -> x [m], y [m], angle [rad] of its frame in ground axes
-    margin : of the group [-]; of a triad that of its platform, see `TriadMode`
-    sign : of the determinant: the branch of a dyad; 0 at a dead centre
-    double : whether modes merge here
-    chosen : whether it is the mode that the file has
-    put : what to put into the file to have it: keys of the block, or of the document
-    arc : number of the arc that it is on, if arcs were asked for
-    reach : driver coordinates [rad or m] from which to which it exists about this sample;
-        None if it goes round and round, or arcs were not asked for
-    after_turn : number of the mode at this sample that it is after a turn of the driver;
-        None if it ends before, or the driver was not followed over a turn
-    residual : of a triad, the largest miss of a leg, relative to its size [-]
+    q : driver coordinate [rad or m]
+    how : "dead centre"; "range" where the range that was asked for ends; "turn" where a
+        whole turn begins and ends; "earlier group" where one that holds it closes no
+        further; "lost" where the group could not be followed further
+    other : at a dead centre, the number of the arc that merges with this one
     """
 
-    links: Mapping[str, tuple[float, float, float]]
-    margin: float
+    q: float
+    how: str
+    other: int | None = None
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A stretch of the driver over which one mode of a group exists.
+
+    Attributes
+    ----------
+    start, end : its ends, start.q <= end.q; of a whole turn, ``turns`` turns apart
+    branch : of a dyad with two modes, else None
+    sign : of the determinant along it; 0 where a change point leaves it open
+    turns : after how many turns it closes; 0 if it has ends
+    change_points : [rad or m] dead centres that it passes
+    circuit : number of the circuit; arcs of one connect through dead centres
+    """
+
+    start: ArcEnd
+    end: ArcEnd
+    branch: int | None
     sign: int
-    double: bool
-    chosen: bool
-    put: Mapping[str, Any]
-    arc: int | None = None
-    reach: tuple[float, float] | None = None
-    after_turn: int | None = None
-    residual: float | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """The mode as a JSON object."""
-        found = {
-            "links": {name: list(pose) for name, pose in self.links.items()},
-            "margin": self.margin,
-            "sign": self.sign,
-            "double": self.double,
-            "chosen": self.chosen,
-            "put": dict(self.put),
-            "arc": self.arc,
-            "reach": None if self.reach is None else [_finite(q) for q in self.reach],
-            "after_turn": self.after_turn,
-        }
-        return found if self.residual is None else found | {"residual": self.residual}
+    turns: int
+    change_points: tuple[float, ...]
+    circuit: int
 
 
-@dataclass(frozen=True)
-class GroupModes:
-    """The modes of one group: at each sample, and their arcs.
-
-    Attributes
-    ----------
-    group : its name in messages
-    kind : e.g. "II RRR", "III triad"
-    samples : the modes at each sample; none where it or an earlier group cannot close
-    arcs : along the driver
-    note : what is not told, and why
-    """
-
-    group: str
-    kind: str
-    samples: tuple[tuple[GroupMode, ...], ...]
-    arcs: tuple[GroupArc, ...] = ()
-    note: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """The modes as a JSON object."""
-        return {
-            "group": self.group,
-            "kind": self.kind,
-            "samples": [[m.to_dict() for m in modes] for modes in self.samples],
-            "arcs": [arc.to_dict() for arc in self.arcs],
-            "note": self.note,
-        }
-
-
-@dataclass(frozen=True)
-class Modes:
-    """The modes of a mechanism's groups.
-
-    Attributes
-    ----------
-    drivers : driver -> its coordinate [rad or m] at each sample
-    units : of their coordinates
-    driver : the one along which the arcs are, or ""
-    groups : in formation order
-    """
-
-    drivers: Mapping[str, tuple[float, ...]]
-    units: Mapping[str, str]
-    driver: str
-    groups: tuple[GroupModes, ...]
-
-    def __getitem__(self, group: str) -> GroupModes:
-        """The modes of one group. Raises `RequestError` for an unknown name."""
-        for found in self.groups:
-            if found.group == group:
-                return found
-        names = [g.group for g in self.groups]
-        raise RequestError(
-            Problem(
-                "bad-request",
-                group,
-                "there is no such group",
-                f"groups: {listed(names)}",
-                close_match(group, names),
-            )
-        )
-
-    def text(self, degrees: bool = False) -> str:
-        """The modes as lines of text."""
-        from blockmech.modes.text import lines
-
-        return "\n".join(lines(self, degrees))
-
-    def __str__(self) -> str:
-        return self.text()
-
-    def to_dict(self) -> dict[str, Any]:
-        """The modes as a JSON object."""
-        return {
-            "drivers": {name: list(row) for name, row in self.drivers.items()},
-            "units": dict(self.units),
-            "driver": self.driver,
-            "groups": [group.to_dict() for group in self.groups],
-        }
-
-
-def _finite(q: float) -> float | None:
-    return q if math.isfinite(q) else None
