@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 from blockmech.errors import Problem, RequestError, close_match, listed
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
+TINY = 1e-12  # [rad or m] shown as zero
 
 
 @dataclass(frozen=True)
@@ -53,4 +55,191 @@ class Arc:
     change_points: tuple[float, ...]
     circuit: int
 
+    def after(self, arcs: int, circuits: int) -> Arc:
+        """The same arc, numbered after so many arcs and circuits."""
+        start, end = (
+            replace(e, other=None if e.other is None else e.other + arcs)
+            for e in (self.start, self.end)
+        )
+        return replace(self, start=start, end=end, circuit=self.circuit + circuits)
 
+
+@dataclass(frozen=True)
+class GroupMode:
+    """One mode of a group at one sample. Modes and arcs are numbered from 0.
+
+    Attributes
+    ----------
+    links : link -> x [m], y [m], angle [rad] of its frame in ground axes
+    margin : of the group [-]; of a triad that of its platform, see `TriadMode`
+    sign : of the determinant: the branch of a dyad; 0 at a dead centre
+    double : whether modes merge here
+    chosen : whether it is the mode that the file has
+    put : what to put into the file to have it: keys of the block, or of the document
+    arc : number of the arc that it is on, if arcs were asked for
+    reach : driver coordinates [rad or m] from which to which it exists about this sample;
+        None if it goes round and round, or arcs were not asked for
+    after_turn : number of the mode at this sample that it is after a turn of the driver;
+        None if it ends before, or the driver was not followed over a turn
+    residual : of a triad, the largest miss of a leg, relative to its size [-]
+    """
+
+    links: Mapping[str, tuple[float, float, float]]
+    margin: float
+    sign: int
+    double: bool
+    chosen: bool
+    put: Mapping[str, Any]
+    arc: int | None = None
+    reach: tuple[float, float] | None = None
+    after_turn: int | None = None
+    residual: float | None = None
+
+
+@dataclass(frozen=True)
+class GroupModes:
+    """The modes of one group: at each sample, and their arcs.
+
+    Attributes
+    ----------
+    group : its name in messages
+    kind : e.g. "II RRR", "III triad"
+    samples : the modes at each sample; none where it or an earlier group cannot close
+    arcs : along the driver
+    note : what is not told, and why
+    """
+
+    group: str
+    kind: str
+    samples: tuple[tuple[GroupMode, ...], ...]
+    arcs: tuple[Arc, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The modes of a mechanism's groups.
+
+    Attributes
+    ----------
+    drivers : driver -> its coordinate [rad or m] at each sample
+    units : of their coordinates
+    driver : the one along which the arcs are, or ""
+    groups : in formation order
+    """
+
+    drivers: Mapping[str, tuple[float, ...]]
+    units: Mapping[str, str]
+    driver: str
+    groups: tuple[GroupModes, ...]
+
+    def __getitem__(self, group: str) -> GroupModes:
+        """The modes of one group. Raises `RequestError` for an unknown name."""
+        for found in self.groups:
+            if found.group == group:
+                return found
+        names = [g.group for g in self.groups]
+        valid = f"groups: {listed(names)}"
+        told = "there is no such group"
+        raise RequestError(Problem("bad-request", group, told, valid, close_match(group, names)))
+
+    def text(self, degrees: bool = False) -> str:
+        """The modes as lines of text."""
+        return "\n".join(_lines(self, degrees))
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The modes as a JSON object; null stands for infinity."""
+        plain: dict[str, Any] = _plain(self)
+        return plain
+
+
+def _plain(value: Any) -> Any:
+    """A value of dictionaries, lists and finite numbers."""
+    if is_dataclass(value):
+        found = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+        if isinstance(value, GroupMode) and value.residual is None:
+            del found["residual"]
+        return found
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+# ---- text --------------------------------------------------------------------------------
+
+
+def _lines(modes: Modes, degrees: bool) -> Iterator[str]:
+    """All groups: modes by sample, then arcs."""
+    for group in modes.groups:
+        yield f"{group.group}  {group.kind}"
+        if group.note:
+            yield f"  {group.note}"
+        for n, found in enumerate(group.samples):
+            where = ", ".join(
+                f"{d}.q = {_coordinate(row[n], modes.units[d], degrees)}"
+                for d, row in modes.drivers.items()
+            )
+            yield f"  {where}: {_count(found, group)}" if where else f"  {_count(found, group)}"
+            for k, mode in enumerate(found, start=1):
+                yield from _mode_lines(k, mode, modes, degrees)
+        if group.arcs:
+            yield f"  along {modes.driver}.q:"
+            yield from _arc_lines(group, modes.units[modes.driver], degrees)
+
+
+def _count(found: tuple[GroupMode, ...], group: GroupModes) -> str:
+    if not found:
+        told = group.arcs or not group.note or any(group.samples)
+        return "no mode: it cannot close" if told else "none listed"
+    return f"{len(found)} mode{'s' if len(found) > 1 else ''}"
+
+
+def _mode_lines(number: int, mode: GroupMode, modes: Modes, degrees: bool) -> Iterator[str]:
+    unit = 180 / math.pi if degrees else 1.0
+    angles = ", ".join(
+        f"{link} {pose[2] * unit:.6g} {'deg' if degrees else 'rad'}"
+        for link, pose in mode.links.items()
+    )
+    said = f"margin {mode.margin:.4g}"
+    said += ", double: a dead centre" if mode.double else ""
+    if mode.arc is not None:
+        said += f", arc {mode.arc + 1}"
+    if mode.reach is not None:
+        low, high = (_coordinate(q, modes.units[modes.driver], degrees) for q in mode.reach)
+        said += f" (here from {low} to {high})"
+    if mode.after_turn not in (None, number - 1):
+        said += f", after a turn it is mode {(mode.after_turn or 0) + 1}"
+    said += ", the file's" if mode.chosen else ""
+    yield f"    {number}  {angles}; {said}"
+    if mode.put:
+        yield f"       {json.dumps(mode.put)[1:-1]}"
+
+
+def _arc_lines(group: GroupModes, unit: str, degrees: bool) -> Iterator[str]:
+    for n, arc in enumerate(group.arcs, start=1):
+        branch = "" if arc.branch is None else f" (branch {arc.branch:+d})"
+        if arc.start.how == WHOLE:
+            turns = "a turn" if arc.turns == 1 else f"{arc.turns} turns"
+            span = f"the whole turn, back to itself after {turns}"
+        else:
+            start, end = (
+                f"{_coordinate(e.q, unit, degrees)} "
+                f"({e.how if e.how != DEAD or e.other is None else f'merges with arc {e.other + 1}'})"
+                for e in (arc.start, arc.end)
+            )
+            span = f"from {start} to {end}"
+        yield f"    arc {n}{branch}: {span}"
+        for q in arc.change_points:
+            yield f"      change point at {_coordinate(q, unit, degrees)}"
+
+
+def _coordinate(q: float, unit: str, degrees: bool) -> str:
+    q = q if abs(q) > TINY else 0.0
+    if degrees and unit == "rad":
+        return f"{q * 180 / math.pi:.9g} deg"
+    return f"{q:.9g} {unit}"
