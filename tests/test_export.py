@@ -21,14 +21,13 @@ import blockmech as bm
 from blockmech.dynamics.motion import fact_unit
 from blockmech.export import (
     csv_chunks,
-    folder,
     html_table,
     json_chunks,
     result_schema,
     table,
     write_csv,
-    writing,
 )
+from blockmech.files import folder, writing
 from examples.wire_ruiz import fourbar
 from tests.analysis.linkages import fivebar
 

@@ -15,15 +15,8 @@ from blockmech.blocks.modes import TwoModes
 from blockmech.catalogue import Catalogue
 from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
 from blockmech.errors import GraphError, Problem
-from blockmech.model.coordinates import (
-    GraphInputs,
-    drivers_in_order,
-    law_to_graph,
-    same,
-    scene_of_document,
-)
-from blockmech.model.naming import DriverName, Names
-from blockmech.model.scene import Scene
+from blockmech.model.naming import Names
+from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
 from blockmech.outputs_by_link import blocks_by_link, joints_by_name
 from blockmech.plan import Plan
@@ -51,7 +44,6 @@ class Compiled:
     scene: Scene
     name: str
     names: Names | None
-    _scene_of_graph: Scene
     _plans: dict[Any, Plan]
     _engines: dict[Any, Any]
     _feasible: dict[frozenset[str], str]
@@ -65,16 +57,16 @@ class Compiled:
     ) -> None:
         """``structure`` and ``scene`` are those of a graph.
 
-        With ``names`` the mechanism speaks of the links, joints and drivers of the
-        joint-based document that the graph was made of: outputs, `drivers`, coordinates
-        and `scene` are the document's; `inner` is the mechanism of the graph.
+        With ``names`` outputs are those of the links, joints and drivers of the
+        joint-based document that the graph was made of.
         """
+        if names is not None and not isinstance(scene, SceneOfLinks):
+            scene = SceneOfLinks(**dict(scene))
         vars(self).update(
             structure=_followed(structure, scene),
             names=names,
-            scene=scene if names is None else scene_of_document(scene, names),
+            scene=scene,
             name=name,
-            _scene_of_graph=scene,
             _plans={},
             _engines={},
             _feasible={},
@@ -88,7 +80,7 @@ class Compiled:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as what it was compiled of; plans and programs are made again when asked for."""
         structure = replace(self.structure)  # without what was found from its fields
-        return type(self), (structure, self._scene_of_graph, self.name, self.names)
+        return type(self), (structure, self.scene, self.name, self.names)
 
     @cached_property
     def outputs(self) -> Catalogue:
@@ -96,27 +88,18 @@ class Compiled:
         return Catalogue(self.structure, self.names)
 
     @cached_property
-    def inner(self) -> Self:
-        """The mechanism of the graph, with the names and coordinates of blocks."""
-        if self.names is None:
-            return self
-        return type(self)(self.structure, self._scene_of_graph, self.name)
+    def of_blocks(self) -> Self:
+        """The same with the outputs of blocks, whatever a document calls its links."""
+        return self if self.names is None else type(self)(self.structure, self.scene, self.name)
 
-    @cached_property
+    @property
     def drivers(self) -> tuple[str, ...]:
         """Drivers in formation order."""
-        return tuple(self.driver_names)
-
-    @cached_property
-    def driver_names(self) -> Mapping[str, DriverName]:
-        """Driver -> its id in the graph, and how the two coordinates differ, if they do."""
-        if self.names is None:
-            return {d: DriverName(d, 1, 0.0) for d in self.structure.drivers}
-        return drivers_in_order(self.structure, self.names)
+        return self.structure.drivers
 
     def driver_joint(self, driver: str) -> Joint:
         """Declaration of the pair that a driver drives: units, kind."""
-        return self.structure.driver_joint(self.driver_names[driver].driver)
+        return self.structure.driver_joint(driver)
 
     def of_driver(self, driver: str, what: str) -> str:
         """Name of an output of a driver: ``"crank.q"``, or ``"driver.motor.q"`` of a document."""
@@ -137,19 +120,6 @@ class Compiled:
     def joint_names(self) -> Mapping[str, str]:
         """Joint of the graph -> its name in a joint-based document; empty without one."""
         return {} if self.names is None else joints_by_name(self.names)
-
-    def inward(self, taken: Samples) -> Samples:
-        """The same samples in the coordinates of the graph; see `inner`."""
-        if self._alike:
-            return taken
-        drivers = tuple(self.driver_names.values())
-        clock = None if taken.clock is None else law_to_graph(drivers[0], taken.clock)
-        return replace(taken, inputs=GraphInputs(taken.inputs, drivers), clock=clock)
-
-    @cached_property
-    def _alike(self) -> bool:
-        """Whether all coordinates are those of the graph."""
-        return all(map(same, self.driver_names.values()))
 
     def plan(
         self,
@@ -264,7 +234,7 @@ class Compiled:
         if engine == "auto":
             few = taken.n <= SCALAR_UP_TO and precision == "complex128"
             engine = "scalar" if few else "numpy"
-        inputs = self.inward(taken).given(plan.program.inputs)
+        inputs = taken.given(plan.program.inputs)
         if engine == "scalar" and precision == "complex128":
             scalar = self._engine(plan, "scalar", "")
             return scalar.run(inputs, taken.n), "scalar"
@@ -289,7 +259,7 @@ class Compiled:
         """The reduced system of forward dynamics; kept, so asking again costs nothing."""
         from blockmech.dynamics.system.reduction import reduced_system, reduced_systems
 
-        of = self.inner
+        of = self.of_blocks
         return reduced_system(of) if len(self.drivers) == 1 else reduced_systems(of)
 
     @cached_property

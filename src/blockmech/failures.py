@@ -19,7 +19,6 @@ from blockmech.errors import (
     SampleFailure,
     SingularError,
 )
-from blockmech.model.coordinates import to_document, to_graph
 from blockmech.passes.following import followed, last_good, path_of
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
 
@@ -92,13 +91,11 @@ def _came_as_far(mechanism: Compiled, block: str, drivers: Mapping[str, float]) 
     if not mechanism.structure.blocks[block].own_form:
         return ""
     path = path_of(mechanism.structure, block)
-    known = {where.driver: (name, where) for name, where in mechanism.driver_names.items()}
-    said = [known[driver] for driver in path.drivers]
-    q = [to_graph(where, drivers[mechanism.of_driver(name, "q")]) for name, where in said]
+    q = [drivers[mechanism.of_driver(name, "q")] for name in path.drivers]
     places = []
-    for (name, where), x in zip(said, last_good(path, np.array(q)), strict=True):
+    for name, x in zip(path.drivers, last_good(path, np.array(q)), strict=True):
         unit = mechanism.driver_joint(name).coordinate_unit
-        places.append(f"{name} = {to_document(where, x):.9g} {unit}")
+        places.append(f"{name} = {x:.9g} {unit}")
     return f"; followed from its home it comes as far as {', '.join(places)}"
 
 

@@ -25,8 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.model.coordinates import drivers_in_order, same, to_document
-from blockmech.model.naming import DriverName, JointName, LinkName, Names
+from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import LinkRef, Structure
 from blockmech.outputs import Output, Reader
 
@@ -36,7 +35,6 @@ TURN = 2 * math.pi
 OF_LINKS = ("angle", "omega", "alpha")
 OF_POINTS = ("p", "v", "a")
 OF_JOINTS = ("reaction", "N", "C", "friction", "slip", "friction_power")
-ALONG_DRIVER = ("rate", "acceleration", "drive", "drive_by_reduction", "tau_red", "dJ_red")
 OF_DRIVERS = (
     *("q", "rate", "acceleration", "drive", "drive_by_reduction"),
     *("power", "J_red", "tau_red", "dJ_red"),
@@ -60,30 +58,24 @@ def outputs_by_link(structure: Structure, names: Names, known: Known) -> Iterato
 
 def _renamed(structure: Structure, names: Names, known: Known) -> Iterator[Output]:
     pairs = {pair.joint: pair for pair in names.joints.values()}
-    for driver, where in names.drivers.items():
-        yield from _driver(driver, where, pairs.get(structure.driven[where.driver]), known)
+    for driver, driven in structure.driven.items():
+        yield from _driver(driver, pairs.get(driven), known)
     for link, place in names.links.items():
         yield from _link(link, place, structure.frame_link, known)
     for joint, pair in names.joints.items():
         yield from _joint(joint, pair, structure, names, known)
     yield from _loads(structure, names, known)
-    drivers = list(drivers_in_order(structure, names).values())
-    yield from (_whole(known[n], drivers) for n in known if n.startswith("mechanism."))
+    yield from (known[n] for n in known if n.startswith("mechanism."))
 
 
-def _driver(name: str, where: DriverName, pair: JointName | None, known: Known) -> Iterator[Output]:
+def _driver(name: str, pair: JointName | None, known: Known) -> Iterator[Output]:
     for what in OF_DRIVERS:
-        found = known.get(f"{where.driver}.{what}")
+        found = known.get(f"{name}.{what}")
         if found is None:
             continue
-        renamed = found._replace(name=f"driver.{name}.{what}")
-        if what == "q" and not same(where):
-            renamed = _read(renamed, lambda q: to_document(where, q))
-        if what in ALONG_DRIVER:
-            renamed = _turned(renamed, where.sign < 0)
         if found.by and pair is not None:
-            renamed = _between(renamed, pair)
-        yield renamed
+            found = _between(found, pair)
+        yield found._replace(name=f"driver.{name}.{what}")
 
 
 def _link(name: str, where: LinkName, frame: LinkRef, known: Known) -> Iterator[Output]:
@@ -177,15 +169,6 @@ def _loads(structure: Structure, names: Names, known: Known) -> Iterator[Output]
             parts = [outputs[element][what] for element in elements]
             found = first if len(parts) == 1 else _total(first, parts)
             yield found._replace(name=f"{load}.{what}", by=found.by and load)
-
-
-def _whole(output: Output, drivers: list[DriverName]) -> Output:
-    """An output of the whole; M and Q go with the signs of the drivers."""
-    signs = np.array([d.sign for d in drivers])
-    if output.kind != "matrix" or (signs > 0).all():
-        return output
-    both = np.outer(signs, signs)
-    return _read(output, lambda table: table * (both if table.ndim == 3 else signs))
 
 
 def _read(output: Output, more: Callable[[Any], Any]) -> Output:

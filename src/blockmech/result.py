@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from blockmech.engines.numpy import Planar
 from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
+from blockmech.export import Exported
 from blockmech.failures import failure_of
 from blockmech.plan import Plan
 from blockmech.quality import Flag, Quality, assess
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from blockmech.outputs import Output
 
 
-class Result(Mapping[str, NDArray[Any]]):
+class Result(Exported):
     """Outputs of a run by name.
 
     ``result["dyad.B.reaction"]`` is an array (n,): complex x + iy for vectors,
@@ -36,6 +36,9 @@ class Result(Mapping[str, NDArray[Any]]):
     keep numbers for long, export them.
     """
 
+    mechanism: Compiled
+    motion: Motion | None  # of a simulation: how it moved, its events and its error
+    accuracy: Accuracy | None  # of a run to an accuracy: what was chosen
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
 
     def __init__(
@@ -53,8 +56,8 @@ class Result(Mapping[str, NDArray[Any]]):
         self.samples = samples
         self.engine = engine
         self.settings = dict(settings)
-        self.motion = motion  # of a simulation: how it moved, its events and its error
-        self.accuracy: Accuracy | None = None  # of a run to an accuracy: what was chosen
+        self.motion = motion
+        self.accuracy = None
         self._values = values
         self._read: dict[str, Any] = {}
 
@@ -267,11 +270,10 @@ class Result(Mapping[str, NDArray[Any]]):
 
         For a mechanism made from a graph, these are its own outputs.
         """
-        inner = self.mechanism.inner
-        samples = self.mechanism.inward(self.samples)
-        plan = inner.plan(want, **self.settings)
-        values, engine = inner.evaluate(plan, samples, self.engine)
-        return Result(inner, plan, samples, values, engine, self.settings, self.motion)
+        mechanism, samples = self.mechanism.of_blocks, self.samples
+        plan = mechanism.plan(want, **self.settings)
+        values, engine = mechanism.evaluate(plan, samples, self.engine)
+        return Result(mechanism, plan, samples, values, engine, self.settings, self.motion)
 
     def wire(self, source: str, target: str) -> dict[str, Any]:
         """What travels along a wire: forward motion, backward wrench; see `blockmech.wires`."""
@@ -300,32 +302,6 @@ class Result(Mapping[str, NDArray[Any]]):
                 found[name] = float("inf") if one_sided else off
         return found
 
-    # -- leaving ---------------------------------------------------------------------
-
-    def to_dict(self) -> dict[str, Any]:
-        """The whole result as JSON data; see `blockmech.export`."""
-        from blockmech.export import to_dict
-
-        return to_dict(self)
-
-    def to_csv(self, path: str | os.PathLike[str] | None = None, separator: str = ",") -> str:
-        """CSV text, one column per component, units in the head; written if a path is given."""
-        from blockmech.export import to_csv
-
-        return to_csv(self, path, separator)
-
-    def to_npz(self, path: str | os.PathLike[str]) -> None:
-        """Write all arrays to one NumPy file."""
-        from blockmech.export import to_npz
-
-        to_npz(self, path)
-
-    def to_dataframe(self) -> Any:
-        """A pandas DataFrame; raises `MissingEngineError` without pandas."""
-        from blockmech.export import to_dataframe
-
-        return to_dataframe(self)
-
     def __repr__(self) -> str:
         gaps = len(self.quality.gaps)
         holes = f", {gaps} without an answer" if gaps else ""
@@ -333,16 +309,6 @@ class Result(Mapping[str, NDArray[Any]]):
             f"<Result of {self.mechanism.name}: {self.n} samples{holes}, {len(self)} outputs, "
             f"{self.plan.calls} kernel calls a sample, {self.engine} engine>"
         )
-
-    def __str__(self) -> str:
-        from blockmech.export import table
-
-        return table(self)
-
-    def _repr_html_(self) -> str:
-        from blockmech.export import html_table
-
-        return html_table(self)
 
 
 def _as_complex(z: Any) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""A driver's coordinate is the document's, also where the graph counts it another way."""
+"""A driver's coordinate is the document's, also where its joint counts another way."""
 
 from __future__ import annotations
 
@@ -9,40 +9,11 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.model.coordinates import law_to_document, law_to_graph
-from blockmech.model.laws_of_motion import Cycloidal, Harmonic, RateAcceleration, Table
-from blockmech.model.naming import DriverName
+from tests.gallery import GRAPHS
 from tests.model.documents import DOCUMENTS, flipped, linkage, reframed, slider_crank
 from tests.wiring import recorded
 
 ROUNDING = 1e-13  # [rad or m] of coordinates of size 1, a few operations apart
-
-LAWS = [
-    bm.ConstantRate(rate=-2.0, start=0.4, end=-1.0),
-    RateAcceleration(rate=1.0, acceleration=0.5, start=0.2, end=3.0),
-    Harmonic(mean=0.3, amplitude=0.7, frequency=0.4, phase=0.2),
-    Cycloidal(start=0.1, end=0.9, time=2.0),
-    Table(times=[0.0, 1.0, 2.0, 3.0], values=[0.0, 0.4, 0.2, 1.0]),
-    Table(times=[0.0, 1.0, 3.0], values=[0.0, 0.4, 1.0], interpolation="linear"),
-]
-
-
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.law)
-@pytest.mark.parametrize(("sign", "offset"), [(1, 0.0), (-1, 0.0), (1, 0.6), (-1, -2.5)])
-def test_a_law_of_motion_is_the_same_motion_in_the_other_coordinate(law, sign, offset):
-    name, t = DriverName("crank", sign, offset), np.linspace(0.05, 1.9, 9)
-    q, rate, acceleration = law.at_times(t)
-    turned = law_to_document(name, law)
-    for found, expected in zip(
-        turned.at_times(t), (sign * q + offset, sign * rate, sign * acceleration), strict=True
-    ):
-        assert np.abs(found - expected).max() <= ROUNDING
-    back = law_to_graph(name, turned)
-    assert all(
-        np.abs(a - b).max() <= ROUNDING
-        for a, b in zip(back.at_times(t), law.at_times(t), strict=True)
-    )
-    assert turned.duration() == pytest.approx(law.duration(), rel=ROUNDING)
 
 
 def test_given_rates_and_accelerations_are_the_documents():
@@ -210,3 +181,48 @@ def test_a_free_motion_of_several_drivers_is_told_by_each_drivers_coordinate():
     assert found.motion.q_end[k] == -one.motion.q_end[k]
     held = other.simulate(**asked, stops={"bend": (1.39, 1.41)})
     assert held.motion.end == "end stop of bend"
+
+
+# -- the graph of a document ----------------------------------------------------------------
+
+
+def test_a_saved_graph_counts_as_its_document(tmp_path):
+    """Its drivers have the document's names and coordinates, in general groups as well."""
+    document = flipped(DOCUMENTS["boom"](), "bore")
+    for general in ("", "groups"):
+        made = linkage(document).decompose(general)
+        made.graph.save(tmp_path / "boom.json")
+        graph = bm.Graph.load(tmp_path / "boom.json").compile()
+        one, other = made.compile(), graph
+        (driver,) = one.drivers
+        assert graph.drivers == (driver,)
+        want = [f"{driver}.{what}" for what in ("q", "rate", "drive", "J_red", "tau_red", "dJ_red")]
+        at = {"at": -0.9, "rates": -0.3, "accelerations": 0.1}
+        mine = one.run(**at, want=[f"driver.{name}" for name in want])
+        theirs = other.run(**at, want=want)
+        assert [mine[f"driver.{name}"] for name in want] == [theirs[name] for name in want]
+        assert theirs[f"{driver}.q"] == [-0.9]
+
+
+def test_what_a_driver_feels_turns_with_its_sign():
+    """Of the same joint counted the other way and from another place."""
+    one = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    other = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    other.blocks["crank"] = other.blocks["crank"].model_copy(update={"sign": -1, "offset": 0.4})
+    want = ["crank.drive", "crank.drive_by_reduction", "crank.tau_red", "crank.dJ_red"]
+    same = ["crank.J_red", "dyad.B.reaction", "dyad.i.alpha", "mechanism.drive_power"]
+    q = np.array([0.3, 2.0])
+    mine = one.run(at=q, rates=2.0, accelerations=-1.0, want=want + same)
+    theirs = other.run(at=0.4 - q, rates=-2.0, accelerations=1.0, want=want + same)
+    for name in (*want, *same):
+        sign = -1 if name in want else 1
+        assert np.abs(theirs[name] - sign * mine[name]).max() <= 1e-12 * np.abs(mine[name]).max()
+
+
+def test_a_driver_of_a_group_has_a_name_of_its_own():
+    graph = linkage(DOCUMENTS["boom"]()).decompose("groups").graph
+    assert graph.check() == []
+    ((block, pair),) = graph.structure().driven.values()
+    pairs = graph.blocks[block].pairs
+    pairs[pair] = pairs[pair].model_copy(update={"driver": block})
+    assert "taken-name" in {p.code for p in graph.check()}

@@ -136,7 +136,7 @@ def test_a_bare_pair_for_a_marker_is_refused_with_what_to_write():
 
 
 def test_own_keys_come_first_and_shared_ones_last():
-    assert field_order(bm.SlideDrive) == ["offset", "links", "friction", "slider"]
+    assert field_order(bm.SlideDrive) == ["offset", "sign", "links", "friction", "slider"]
     assert field_order(bm.Force) == ["force", "axes", "useful"]
     assert field_order(bm.ConstantRate) == ["law", "rate", "start", "end"]
 

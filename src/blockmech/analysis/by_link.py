@@ -25,7 +25,7 @@ def checks_said(mechanism: Compiled) -> dict[str, str]:
     found = {f"power through {b}": f"power through {mechanism.said(b)}" for b in blocks}
     for name, link in mechanism.names.links.items():
         found |= {f"{what} on {link.link}": f"{what} on {name}" for what in ("forces", "moments")}
-    for name, where in mechanism.driver_names.items():
+    for name in mechanism.drivers:
         drive = mechanism.of_driver(name, "drive")
-        found[f"two routes to {where.driver}.drive"] = f"two routes to {drive}"
+        found[f"two routes to {name}.drive"] = f"two routes to {drive}"
     return found

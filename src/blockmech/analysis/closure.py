@@ -141,8 +141,9 @@ def _sharp(mechanism: Compiled) -> Compiled:
     if not s.followed:
         return mechanism
     sharp = {name: there._replace(scale=0.0) for name, there in s.followed.items()}
-    scene = mechanism.inner.scene
-    return type(mechanism)(replace(s, followed=sharp), scene, mechanism.name, mechanism.names)
+    return type(mechanism)(
+        replace(s, followed=sharp), mechanism.scene, mechanism.name, mechanism.names
+    )
 
 
 def _never(k: int) -> Callable[[float], float]:

@@ -17,16 +17,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.analysis.arcs import SEAM, TURN, Bound, Nearest, Piece, closed_pieces
+from blockmech.analysis.arcs import TURN, Bound, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.model.coordinates import same, to_document, to_graph
-from blockmech.model.naming import DriverName
 from blockmech.model.structure import Structure
 
 if TYPE_CHECKING:
@@ -219,13 +217,11 @@ def limits(
     if samples < FEWEST:
         raise _error("samples", f"got {samples}", f"give at least {FEWEST}")
     moved, held = _request(mechanism, driver, dict(at or {}))
-    names, joint, inner = mechanism.driver_names, mechanism.driver_joint(moved), mechanism.inner
-    place = names[moved]
-    others = {names[d].driver: to_graph(names[d], q) for d, q in held.items()}
-    closure = Closure(inner, place.driver, others, _groups(mechanism.structure, blocks))
-    nodes = one_turn(samples) if joint.rotary else travel(inner, place.driver, samples)
+    joint = mechanism.driver_joint(moved)
+    closure = Closure(mechanism.of_blocks, moved, held, _groups(mechanism.structure, blocks))
+    nodes = one_turn(samples) if joint.rotary else travel(mechanism, moved, samples)
     pieces, nearest = closed_pieces(closure.margins(), nodes, joint.rotary)
-    found = Limits(
+    return Limits(
         driver=moved,
         unit=joint.coordinate_unit,
         held=held,
@@ -235,31 +231,6 @@ def limits(
         spacing=float(np.median(np.diff(nodes))),
         prefix=mechanism.driver_prefix,
     )
-    return found if same(place) else _of_document(found, place)
-
-
-def _of_document(found: Limits, place: DriverName) -> Limits:
-    """Limits in the coordinate of a joint-based document from those in the graph's."""
-
-    def wrapped(q: float) -> float:
-        return (q - SEAM) % TURN + SEAM if found.unit == "rad" else q
-
-    def turned(arc: Arc) -> Arc:
-        passes = [replace(p, q=to_document(place, p.q)) for p in arc.change_points]
-        if found.whole_turn:
-            passes = sorted((replace(p, q=wrapped(p.q)) for p in passes), key=lambda p: p.q)
-            return replace(arc, change_points=tuple(passes))
-        ends = [replace(e, q=to_document(place, e.q)) for e in (arc.start, arc.end)]
-        middle = (ends[0].q + ends[1].q) / 2
-        by = wrapped(middle) - middle if found.unit == "rad" else 0.0
-        start, end, *others = (replace(e, q=e.q + by) for e in (*ends[:: place.sign], *passes))
-        return Arc(start, end, tuple(others[:: place.sign]))
-
-    arcs = sorted(map(turned, found.arcs), key=lambda arc: arc.start.q)
-    near = found.nearest
-    if near is not None:
-        near = replace(near, q=wrapped(to_document(place, near.q)))
-    return replace(found, arcs=tuple(arcs), nearest=near)
 
 
 def arcs_sentence(

@@ -138,7 +138,7 @@ def _compared(found: list[Trade]) -> str:
 
 
 def _folder(found: Trade, out: str) -> list[Path]:
-    from blockmech.export import folder
+    from blockmech.files import folder
 
     with folder(out) as draft:
         found.to_csv(draft / "trade.csv")

@@ -84,7 +84,7 @@ class CostModel:
         )
         parameters = zip(program.parameters, engine.parameters, strict=True)
         space |= {name: _tables(value) for name, value in parameters}
-        probe = self.mechanism.inward(_probe(self.mechanism))
+        probe = _probe(self.mechanism)
         given = probe.given(program.inputs)
         for name in program.inputs:
             space[name] = np.asarray(given[name], dtype=float).view(Counted)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.export.files import AnyPath, writing
+from blockmech.files import AnyPath, writing
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -17,7 +17,7 @@ import numpy as np
 
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import new_figure, rendered, shown_name, styled, text_width, wrapped
-from blockmech.export.files import writing
+from blockmech.files import writing
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade.points import Point, Trade

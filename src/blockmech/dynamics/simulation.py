@@ -17,14 +17,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics.coordinates import (
-    accelerations_in_document,
-    goal_in_graph,
-    motion_in_document,
-    starts_in_graph,
-    stops_in_graph,
-    watch_in_graph,
-)
 from blockmech.dynamics.ends import DEAD_CENTRE, INTERRUPTED, TOO_MANY
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import Motion, Still
@@ -142,7 +134,7 @@ def _remarks(mechanism: Compiled, motion: Motion, goal: Until) -> list[str]:
     if motion.end == TOO_MANY and goal.goal not in ("time", "steady"):
         met = f"{goal.goal} was not reached in {motion.t_end - motion.t_start:.6g} s"
         said.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
-    if goal.forcing and "time" not in mechanism.inner.reduced.depends_on:
+    if goal.forcing and "time" not in mechanism.reduced.depends_on:
         said.append(f"no load follows the time: the period {goal.forcing:.9g} s is not used")
     return said
 
@@ -162,22 +154,11 @@ def _moved(
     mechanism: Compiled, starts: Starts, goal: Until, how: _How, stops: Starts | None
 ) -> Motion:
     """The motion of the drivers by the method asked for."""
-    drivers = mechanism.driver_names
     bounds = stops_of(mechanism.scene, mechanism.drivers, starts, stops)
-    found = _moved_in_graph(
-        mechanism.inner,
-        starts_in_graph(drivers, starts),
-        goal_in_graph(drivers, goal),
-        how._replace(watch=watch_in_graph(drivers, how.watch)),
-        stops_in_graph(drivers, bounds),
-    )
-    return motion_in_document(drivers, told_of_loads(mechanism.inner, found))
+    return told_of_loads(mechanism.of_blocks, _run(mechanism, starts, goal, how, bounds))
 
 
-def _moved_in_graph(
-    mechanism: Compiled, starts: Starts, goal: Until, how: _How, bounds: Starts
-) -> Motion:
-    """The same in the coordinates of the graph."""
+def _run(mechanism: Compiled, starts: Starts, goal: Until, how: _How, bounds: Starts) -> Motion:
     reduced = mechanism.reduced
     if "time" in reduced.depends_on:
         reduced = _timed(mechanism, reduced, goal)
@@ -296,25 +277,23 @@ class Along(Mapping[str, Any]):
     @cached_property
     def _accelerations(self) -> list[Array]:
         """q'' (n,) of each driver from M q'' = Q - c, the drives idle."""
-        mechanism, n = self._mechanism.inner, len(self._t)
+        mechanism, n = self._mechanism.of_blocks, len(self._t)
         drivers = mechanism.drivers
         rest = {f"qdd_{i}": np.zeros(n) for i in range(len(drivers))}
         idle = [f"{d}.drive_by_reduction" for d in drivers]  # c - Q, at q'' = 0
         mass = f"{drivers[0]}.J_red" if len(drivers) == 1 else "mechanism.M"
         plan = mechanism.plan((*idle, mass), friction="none")
-        samples = self._mechanism.inward(Samples(n, {**self._given, **rest}, self._t))
+        samples = Samples(n, {**self._given, **rest}, self._t)
         values, engine = mechanism.evaluate(plan, samples)
         found = Result(mechanism, plan, samples, values, engine, SETTINGS)
-        names = self._mechanism.driver_names
         if len(drivers) == 1:
-            return accelerations_in_document(names, [-found[idle[0]] / found[mass]])
+            return [-found[idle[0]] / found[mass]]
         right = -np.stack([found[name] for name in idle], axis=-1)
         M = found[mass]
         good = np.isfinite(M).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
         qdd = np.full(right.shape, np.nan)
         qdd[good] = np.linalg.solve(M[good], right[good][:, :, None])[:, :, 0]
-        columns = [np.ascontiguousarray(column) for column in qdd.T]
-        return accelerations_in_document(names, columns)
+        return [np.ascontiguousarray(column) for column in qdd.T]
 
 
 def result_along(

@@ -58,20 +58,6 @@ class JointName:
 
 
 @dataclass(frozen=True)
-class DriverName:
-    """A driver of the document: its coordinate is ``sign * q + offset`` of the graph's."""
-
-    driver: str
-    """Id of the driver in the graph."""
-
-    sign: int
-    """+1, or -1 where the graph counts the coordinate the other way."""
-
-    offset: float
-    """[rad] or [m] Coordinate of the document where that of the graph is 0."""
-
-
-@dataclass(frozen=True)
 class Names:
     """Everything the document named, found in the graph.
 
@@ -82,6 +68,5 @@ class Names:
 
     links: Mapping[str, LinkName]
     joints: Mapping[str, JointName]
-    drivers: Mapping[str, DriverName]
     loads: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Load -> the elements of the graph that it became; one, or two whose forces add."""

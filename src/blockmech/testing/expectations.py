@@ -183,15 +183,14 @@ def check_closing(mechanism: Mechanism) -> None:
     Raises `AssemblyError` if one does not. A mechanism of whose drivers nothing says where
     they begin is not tried.
     """
-    inner = mechanism.inner
-    drivers, scene = inner.drivers, inner.scene
-    want = [f"{name}.margin" for name, block in inner.structure.blocks.items() if block.closes]
+    drivers, scene, blocks = mechanism.drivers, mechanism.scene, mechanism.of_blocks
+    want = [f"{name}.margin" for name, block in blocks.structure.blocks.items() if block.closes]
     if not want:
         return
     if all(d in scene.drive for d in drivers):
-        inner.run(samples=1, want=want)
+        blocks.run(samples=1, want=want)
     elif all(d in scene.initial for d in drivers):
-        inner.run({d: scene.initial[d].q for d in drivers}, want=want)
+        blocks.run({d: scene.initial[d].q for d in drivers}, want=want)
 
 
 def as_numbers(values: Sequence[Any]) -> NDArray[Any]:

@@ -253,7 +253,9 @@ class _Maker:
             name = f"group{len(self.drafts) + 1}"
             cls = REGISTRY[kind]
             assert issubclass(cls, Moving)
-            drives = {cls.driver_name(name, joint): q for joint, q in made.drives.items()}
+            drives = {
+                f"{name}.{joint}" if cls.own_form else name: q for joint, q in made.drives.items()
+            }
             self.drafts[name] = _Draft(kind, made.numbers, made.places, feeds, drives)
             self.at |= drives
             if kind == "group.general":

@@ -157,7 +157,6 @@ def trade_motion(
 
 def _single(question: Question) -> float:
     """Time of one kernel evaluation [s]; 0 where the request does not say the start."""
-    from blockmech.dynamics.coordinates import starts_in_graph
     from blockmech.dynamics.system.reduced import ReducedSystem
 
     mechanism = question.mechanism
@@ -165,7 +164,7 @@ def _single(question: Question) -> float:
     starts |= dict(question.request.get("start") or {})
     if set(starts) != set(mechanism.drivers):
         return 0.0  # which the run will refuse
-    rows = np.array(list(starts_in_graph(mechanism.driver_names, starts).values()), dtype=float)
+    rows = np.array([starts[d] for d in mechanism.drivers], dtype=float)
     system = mechanism.reduced
     if isinstance(system, ReducedSystem):
         q, rate = rows[0].tolist()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.analysis.trade.points import USUAL
-from blockmech.export.files import writing
+from blockmech.files import writing
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade.points import Point, Trade

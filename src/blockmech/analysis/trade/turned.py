@@ -53,7 +53,7 @@ def turned_run(
         else _turned_number(engine, numbers.get(name, 1 + 0j), value, e)
         for name, value in plan.program.parameters.items()
     )  # fmt: skip
-    given = mechanism.inward(samples).given(plan.program.inputs)
+    given = samples.given(plan.program.inputs)
     values = engine.run(given, samples.n)
     full = {"friction": "newton", "tolerance": None, "iterations": None, "static": False}
     return Result(other, plan, samples, values, "numpy", full | how), real(ANGLE)
@@ -64,7 +64,7 @@ def turned(mechanism: Compiled, angle: float = ANGLE) -> Compiled:
     structure = mechanism.structure
     e = complex(math.cos(angle), math.sin(angle))
     graph = Graph(mechanism.name)
-    scene = mechanism.inner.scene
+    scene = mechanism.scene
     gravity = Vector(e * scene.gravity.z)
     graph.scene = scene.model_copy(update={"gravity": gravity})
     graph.blocks = {structure.frame: _turned_frame(structure.fixed, e)}

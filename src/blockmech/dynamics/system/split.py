@@ -131,9 +131,10 @@ def _way(structure: Structure, name: str, driver: str) -> int:
     if structure.earlier_link(ref) != structure.frame_link:
         return 0
     a, b = (structure.holds[JointRef(name, terminal)].on for terminal in ("a", "b"))
+    sign = structure.coordinate(driver).sign
     if (a, b) == (structure.frame_link, crank):
-        return 1
-    return -1 if (a, b) == (crank, structure.frame_link) else 0
+        return sign
+    return -sign if (a, b) == (crank, structure.frame_link) else 0
 
 
 # -- period ------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ that its coordinate is the document's.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from blockmech.model.assur import Unit
@@ -60,7 +60,7 @@ class Made:
     seats : link of the document -> its place in the block, the block's name left out
     ends : pair -> joint of the block
     points : (link, place in the document's frame) of the markers that it brings -> marker
-    drivers : driven pair -> sign and offset of its coordinate against the document's
+    drivers : driven pairs
     """
 
     type: str
@@ -68,7 +68,7 @@ class Made:
     seats: Mapping[str, Seat]
     ends: Mapping[str, End]
     points: Mapping[tuple[str, complex], str]
-    drivers: Mapping[str, tuple[int, float]] = field(default_factory=dict)
+    drivers: tuple[str, ...] = ()
 
 
 class DeadCentre(Exception):
@@ -89,11 +89,11 @@ def driving_link(c: Connection, own: str, pairs: Connections) -> Made:
             keys, points[own, ahead[0]] = {"length": (ahead[0] - at).real}, "B"
         return Made(
             "driver.crank",
-            keys,
+            keys | ({"sign": -1} if flipped else {}),
             {own: Seat("", "crank", at)},
             {c.name: End("A", own)},
             points,
-            {c.name: (-1 if flipped else 1, 0.0)},
+            (c.name,),
         )
     u = c.guide(own)
     return Made(
@@ -102,7 +102,7 @@ def driving_link(c: Connection, own: str, pairs: Connections) -> Made:
         {own: Seat("", "slider", at, -u if flipped else u)},
         {c.name: End("S", own, flipped)},
         {(own, at): "S"},
-        {c.name: (1, 0.0)},
+        (c.name,),
     )
 
 
@@ -246,7 +246,9 @@ def _cylinder(unit: Unit, pairs: Connections, at: Poses) -> Made | None:
     keys["branch"] = _branch(det, abs(c - b) * abs(arm_j), why)
     own = S.owner == rod
     keys |= {"x_S": ahead * x_r} if own else {"x_S": ahead * x_b, "slider": "i"}
-    sign = ahead if S.first == barrel else -ahead
+    keys["offset"] = ahead * (x_b - x_r) + 0.0  # no -0
+    if (S.first == barrel) != (ahead > 0):
+        keys["sign"] = -1
     return Made(
         "driven.rrr",
         keys,
@@ -267,5 +269,5 @@ def _cylinder(unit: Unit, pairs: Connections, at: Poses) -> Made | None:
             (j, D.on(j)): "D",
             (j, C.on(j)): "Cj",
         },
-        {S.name: (sign, sign * ahead * (x_r - x_b))},
+        (S.name,),
     )

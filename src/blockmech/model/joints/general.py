@@ -13,7 +13,7 @@ GENERAL = "group.general"
 
 
 def general_group(unit: Unit, pairs: Connections) -> Made:
-    """The general block of a unit; its ``home`` is added when the drivers are named.
+    """The general block of a unit; its ``home`` and the drivers' names are added later.
 
     Links keep their frames. A driven pair of an outer link whose links the document names
     the other way round is turned (P), or counts with the opposite sign (R).
@@ -23,7 +23,7 @@ def general_group(unit: Unit, pairs: Connections) -> Made:
     data: dict[str, Any] = {}
     ends: dict[str, End] = {}
     points: dict[tuple[str, complex], str] = {}
-    drivers: dict[str, tuple[int, float]] = {}
+    drivers: list[str] = []
     for p in sorted(unit.pairs, key=lambda p: p.name):
         c = pairs[p.name]
         name = free_name(c.name.replace(".", "_"), taken)
@@ -35,13 +35,15 @@ def general_group(unit: Unit, pairs: Connections) -> Made:
         data[name] = _inner(c) if inner else _outer(c, later, turned)
         if driven:
             data[name]["driven"] = True
-            drivers[c.name] = (-1 if c.kind == "R" and later == c.first else 1, 0.0)
+            if c.kind == "R" and later == c.first:
+                data[name]["sign"] = -1
+            drivers.append(c.name)
         ends[c.name] = End(name, later, turned)
         marked = c.first if inner else later
         points.setdefault((marked, c.on(marked)), name)
     seats = {link: Seat("", link) for link in unit.links}
     points.update({(link, 0j): link for link in unit.links})
-    return Made(GENERAL, {"pairs": data}, seats, ends, points, drivers)
+    return Made(GENERAL, {"pairs": data}, seats, ends, points, tuple(drivers))
 
 
 def _inner(c: Connection) -> dict[str, Any]:

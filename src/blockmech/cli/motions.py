@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from blockmech.dynamics.motion import Event
-    from blockmech.result import Result
+from blockmech.dynamics.motion import Event, fact_unit
+from blockmech.result import Result
 
 LINES = 8  # events shown
 DIGITS = 12
@@ -18,8 +16,6 @@ DIGITS = 12
 
 def motion_lines(result: Result, degrees: bool = False) -> list[str]:
     """Lines about a simulation; none for another run. ``degrees``: angles in deg."""
-    from blockmech.dynamics.motion import fact_unit
-
     motion = result.motion
     if motion is None:
         return []
