@@ -6,7 +6,8 @@ import math
 
 from blockmech.model.document import loads
 from blockmech.model.joints import document as linkages
-from blockmech.modes import Triad, triad_modes
+from blockmech.modes.closing import triad_modes
+from blockmech.modes.triad import Triad
 
 
 def stephenson(lengths, pins, at, crank, pivots, home=4.0, mode=0):

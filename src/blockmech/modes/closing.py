@@ -21,9 +21,10 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.modes.elimination import coefficients, directions, shifts
-from blockmech.modes.triad import Floats, Placed, Support, Triad, Vectors, placed
+from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
 from blockmech.plane import EPS
 
 STEPS = 40  # of Newton's method; halving its distance from a dead centre takes one each
@@ -141,22 +142,23 @@ def poses(held: Placed) -> list[Poses]:
     x, miss = newton(held.rows(row).conditions, start)
     loose = looseness(held.rows(row).conditions(x)[1])
     closed = has_closed(x, miss)
-    found: list[list[_Known]] = [[] for _ in every]
+    every_known: list[list[_Known]] = [[] for _ in every]
     tried: list[list[_Known]] = [[] for _ in every]
     # Where tau is larger than at the distance that `NEAR` means, both modes were closed from
     # directions of their own, if there are any.
     for k in np.flatnonzero(closed | ((loose <= NEAR) & (miss <= NEAR**2))).tolist():
-        here, start = row[k], _Known(x[k], False, False, float(loose[k]))
-        if any(map(start.same, tried[here])):
+        found, begun = every_known[row[k]], tried[row[k]]
+        first = _Known(x[k], False, False, float(loose[k]))
+        if any(map(first.same, begun)):
             continue
-        tried[here].append(start)
-        beside: Iterable[_Known] = [start]
-        if start.loose <= NEAR:
-            beside = _about_fold(held.rows([here]), start, bool(closed[k]))
+        begun.append(first)
+        beside: Iterable[_Known] = [first]
+        if first.loose <= NEAR:
+            beside = _about_fold(held.rows([row[k]]), first, bool(closed[k]))
         for known in beside:
-            if not any(map(known.same, found[here])):
-                found[here].append(known)
-    return [_sorted(known) for known in found]
+            if not any(map(known.same, found)):
+                found.append(known)
+    return [_sorted(known) for known in every_known]
 
 
 def newton(
@@ -197,7 +199,9 @@ def fold(system: System, x: Floats, parameter: float) -> Fold | None:
         v, w = (solved(m[None], np.eye(4)[3:])[0] for m in (border, border.T))
         turning = w[:3] @ ((rows[1:5] - rows[5:]) / (2 * DELTA)) @ v[:3]  # (4,)
         rate = (f[4] - f[8]) / (2 * DELTA)
-        last = Fold(z[0, :3], float(z[0, 3]), v[:3], float(turning[:3] @ v[:3]), float(w[:3] @ rate))
+        last = Fold(
+            z[0, :3], float(z[0, 3]), v[:3], float(turning[:3] @ v[:3]), float(w[:3] @ rate)
+        )
         matrix = np.vstack([np.column_stack([rows[0], rate]), -turning])
         return np.append(f[0], v[3])[None], matrix[None]
 
@@ -220,7 +224,7 @@ def looseness(rows: Floats) -> Floats:
     return np.asarray(values[:, 2] / values[:, 0])
 
 
-def has_closed(x: Floats, miss: Floats) -> Floats:
+def has_closed(x: Floats, miss: Floats) -> NDArray[np.bool_]:
     """Whether a miss (n,) is rounding at a pose; with guides it may be many sizes away."""
     return np.asarray(miss <= CLOSED * np.maximum(1.0, np.hypot(x[:, 0], x[:, 1])))
 

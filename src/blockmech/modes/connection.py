@@ -30,7 +30,6 @@ from blockmech.errors import Problem, RequestError
 from blockmech.modes.closing import (
     DELTA,
     LONGEST,
-    Fold,
     Poses,
     TriadMode,
     apart,
@@ -249,8 +248,8 @@ class _Line:
             row = np.repeat(np.arange(len(p)), [len(f.x) for f in found])
             x = np.concatenate([f.x for f in found])
             rows = held.rows(row).conditions(x)[1]
-            near = np.isnan(held.pivots).any(axis=1)
-            np.logical_or.at(near, row, looseness(rows) <= DELTA)
+            loose = np.bincount(row, looseness(rows) <= DELTA, len(p)) > 0
+            near = loose | np.isnan(held.pivots).any(axis=1)
             if not near.any():
                 break
             p[near] += nudge[near]
@@ -274,9 +273,7 @@ class _Line:
         """Whether it is known how the modes go on from node a to node b; it is recorded."""
         one, other, h = self.nodes[a], self.nodes[b], self._step(a, b)
         x, y = one.found.x[:, None], other.found.x[None]
-        miss = np.maximum(
-            apart(x + h * one.rate[:, None], y), apart(x, y - h * other.rate[None])
-        )
+        miss = np.maximum(apart(x + h * one.rate[:, None], y), apart(x, y - h * other.rate[None]))
         near = miss <= SHARE * np.minimum(_gaps(one)[:, None], _gaps(other)[None])
         on, back = near.sum(axis=1), near.sum(axis=0)
         ahead = self._merging(a, np.flatnonzero(on == 0).tolist(), 1, h)
@@ -295,7 +292,7 @@ class _Line:
         self, n: int, left: list[int], way: int, h: float
     ) -> dict[tuple[At, int], tuple[float, At]] | None:
         """The dead centres within a step h at which modes of a node end; None if in doubt."""
-        node, found = self.nodes[n], {}
+        node, found = self.nodes[n], dict[tuple[At, int], tuple[float, At]]()
         if len(left) % 2:
             return None
         while left:
@@ -362,7 +359,7 @@ class _Line:
         self, passes: list[At], places: list[float], ring: bool, of: dict[At, int]
     ) -> _Chain:
         signs = {self.nodes[n].sign[mode] for n, mode in passes}
-        ends = []
+        ends: list[tuple[float, str, int | None]] = []
         for way, border in enumerate(self.borders):
             at, p = passes[-way], places[-way]
             if ring:

@@ -132,7 +132,7 @@ def shifts(held: Placed, e: Vectors) -> Vectors:
     det = cross(n[a, row], n[b, row])
     cut = middle + 1j * (c[b, row] * n[a, row] - c[a, row] * n[b, row]) / det
     if len(n) == 3:
-        return cut[:, None]
+        return np.asarray(cut[:, None])
     better = np.abs(n).argmax(axis=0)
     length = np.abs(n[better, row])
     away, depth = n[better, row] / length, np.clip(c[better, row] / length, -radius, radius)

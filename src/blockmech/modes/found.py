@@ -228,11 +228,11 @@ def _arc_lines(group: GroupModes, unit: str, degrees: bool) -> Iterator[str]:
             span = f"the whole turn, back to itself after {turns}"
         else:
             start, end = (
-                f"{_coordinate(e.q, unit, degrees)} "
-                f"({e.how if e.how != DEAD or e.other is None else f'merges with arc {e.other + 1}'})"
+                (e.how if e.how != DEAD or e.other is None else f"merges with arc {e.other + 1}")
                 for e in (arc.start, arc.end)
             )
-            span = f"from {start} to {end}"
+            low, high = (_coordinate(e.q, unit, degrees) for e in (arc.start, arc.end))
+            span = f"from {low} ({start}) to {high} ({end})"
         yield f"    arc {n}{branch}: {span}"
         for q in arc.change_points:
             yield f"      change point at {_coordinate(q, unit, degrees)}"

@@ -139,9 +139,7 @@ class _Lister:
             told = zip(every or (), at, strict=True)
             samples.append(tuple(self._mode(name, m, drivers, found.arcs, on) for m, on in told))
         kind = f"{block.group_class} {block.kind}"
-        return GroupModes(
-            self.mechanism.said(name), kind, tuple(samples), found.arcs, found.note
-        )
+        return GroupModes(self.mechanism.said(name), kind, tuple(samples), found.arcs, found.note)
 
     def _mode(
         self,
@@ -170,7 +168,7 @@ class _Lister:
             arc=number,
             reach=reach,
             after_turn=then,
-            residual=mode.triad and mode.triad.residual,
+            residual=None if mode.triad is None else mode.triad.residual,
         )
 
     # -- dyads -----------------------------------------------------------------------------
@@ -448,7 +446,7 @@ def _pose(o: complex, e: complex) -> tuple[float, float, float]:
     return float(o.real), float(o.imag), float(angle(1 + 0j, e))
 
 
-def _begin(mechanism: Mechanism) -> dict[str, float]:
+def _begin(mechanism: Compiled) -> dict[str, float]:
     """Where the drivers stand if nothing is said."""
     found, problems = {}, []
     for driver in mechanism.drivers:
@@ -459,57 +457,39 @@ def _begin(mechanism: Mechanism) -> dict[str, float]:
         elif initial is not None:
             found[driver] = float(initial.q)
         else:
-            problems.append(
-                Problem(
-                    "bad-request",
-                    driver,
-                    "nothing says where this driver stands",
-                    "",
-                    "give its coordinate, or a law of motion by coordinate",
-                )
-            )
+            told = "nothing says where this driver stands"
+            remedy = "give its coordinate, or a law of motion by coordinate"
+            problems.append(Problem("bad-request", driver, told, "", remedy))
     if problems:
         raise RequestError(problems)
     return found
 
 
-def _moved(mechanism: Mechanism, driver: str | None) -> str:
+def _moved(mechanism: Compiled, driver: str | None) -> str:
     """The driver along which arcs are sought: the one named, or the only one; else none."""
     drivers = mechanism.drivers
     if driver is None:
         return drivers[0] if len(drivers) == 1 else ""
-    if driver not in drivers:
-        valid = f"drivers: {listed(drivers)}" if drivers else ""
-        raise RequestError(
-            Problem(
-                "bad-request",
-                driver,
-                "there is no such driver",
-                valid,
-                close_match(driver, drivers),
-            )
-        )
+    _known("driver", [driver], drivers)
     return driver
 
 
-def _wanted(mechanism: Mechanism, groups: Iterable[str] | None) -> tuple[str, ...]:
+def _wanted(mechanism: Compiled, groups: Iterable[str] | None) -> tuple[str, ...]:
     """Blocks that close, in formation order: all, or the named ones."""
-    known = {
-        mechanism.said(n): n for n, block in mechanism.structure.blocks.items() if block.closes
-    }
-    if groups is None:
-        return tuple(known.values())
-    wanted = set(groups)
+    blocks = mechanism.structure.blocks.items()
+    said = {mechanism.said(name): name for name, block in blocks if block.closes}
+    wanted = set(said if groups is None else groups)
+    _known("group", sorted(wanted), tuple(said))
+    return tuple(block for name, block in said.items() if name in wanted)
+
+
+def _known(kind: str, wanted: Iterable[str], known: Sequence[str]) -> None:
+    """Refuse unknown names."""
+    valid = f"{kind}s: {listed(known)}" if known else ""
     problems = [
-        Problem(
-            "bad-request",
-            name,
-            "there is no such group",
-            f"groups: {listed(known)}" if known else "",
-            close_match(name, known),
-        )
-        for name in sorted(wanted - set(known))
+        Problem("bad-request", name, f"there is no such {kind}", valid, close_match(name, known))
+        for name in wanted
+        if name not in known
     ]
     if problems:
         raise RequestError(problems)
-    return tuple(block for said, block in known.items() if said in wanted)

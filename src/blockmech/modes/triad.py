@@ -123,7 +123,9 @@ class Placed(NamedTuple):
 
     def rows(self, index: Any) -> Placed:
         """Some of the triads."""
-        return Placed(self.kinds, *(x[index] for x in self[1:7]), self.size, self.origin)
+        pins, reaches, alongs, pivots, guides, centres = (x[index] for x in self[1:7])
+        own = (self.kinds, pins, reaches, alongs, pivots, guides, centres)
+        return Placed(*own, self.size, self.origin)
 
     def pose(self, x: Floats) -> tuple[Vectors, Vectors]:
         """Origins (n,) [m] and directions (n,) of the platform's own frame, from x (n, 3)."""
