@@ -13,7 +13,7 @@ import pytest
 from blockmech.errors import RequestError
 from blockmech.modes.closing import triad_modes
 from blockmech.modes.connection import connect
-from blockmech.modes.triad import Leg, Triad
+from blockmech.modes.triad import Triad
 from blockmech.typing import Guide
 from tests.modes import chance
 from tests.modes.exact import count_exactly
@@ -239,9 +239,7 @@ def test_the_driver_may_be_a_slide_and_a_leg_may_slide():
     pins, o = [0, 1, 0.4 + 0.8j], 0.2 + 1j
     pivots = [0, 1.5, 0.5 + 3j]
     lengths = [0, abs(o + pins[1] - pivots[1]), abs(o + pins[2] - pivots[2])]
-    triad = Triad(
-        (Leg("PR", 0, 0), *(Leg("RR", p, l) for p, l in zip(pins[1:], lengths[1:], strict=True)))
-    )
+    triad = Triad(("PR", "RR", "RR"), pins, lengths)
 
     def outer(q):
         return Guide(1j * q, 1 + 0j), *pivots[1:]

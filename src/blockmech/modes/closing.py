@@ -52,8 +52,8 @@ class TriadMode:
         by the triad's size [-]; 0 at a dead centre
     sign : +1 or -1, of the determinant of the legs' unit forces (force x, y, moment);
         0 where it cannot be told. It keeps its value until a dead centre is passed.
-    double : whether two modes (or more) coincide here within rounding: a dead centre
-    movable : whether the platform can move here although the supports stand
+    double : whether two modes (or more) coincide here within rounding: a dead centre; or
+        the platform can move although the supports stand
     """
 
     o: complex
@@ -62,7 +62,6 @@ class TriadMode:
     margin: float
     sign: int
     double: bool = False
-    movable: bool = False
 
     @property
     def angle(self) -> float:
@@ -75,7 +74,6 @@ class Poses(NamedTuple):
 
     x: Floats  # (k, 3) centre [sizes] and angle [rad]
     double: list[bool]
-    movable: list[bool]
 
 
 class Fold(NamedTuple):
@@ -125,7 +123,7 @@ def modes_of(held: Placed, found: Poses) -> tuple[TriadMode, ...]:
     signs = np.where(found.double, 0, np.sign(np.linalg.det(rows))).astype(int)
     numbers = (o, e, np.abs(misses).max(axis=1), looseness(rows) ** 2, signs)
     columns = (x.tolist() for x in numbers)
-    return tuple(TriadMode(*m) for m in zip(*columns, found.double, found.movable, strict=True))
+    return tuple(TriadMode(*m) for m in zip(*columns, found.double, strict=True))
 
 
 def poses(held: Placed) -> list[Poses]:
@@ -148,7 +146,7 @@ def poses(held: Placed) -> list[Poses]:
     # directions of their own, if there are any.
     for k in np.flatnonzero(closed | ((loose <= NEAR) & (miss <= NEAR**2))).tolist():
         found, begun = every_known[row[k]], tried[row[k]]
-        first = _Known(x[k], False, False, float(loose[k]))
+        first = _Known(x[k], float(loose[k]))
         if any(map(first.same, begun)):
             continue
         begun.append(first)
@@ -237,12 +235,12 @@ def apart(one: Floats, other: Floats) -> Floats:
 
 class _Known(NamedTuple):
     x: Floats
-    double: bool
-    movable: bool
     loose: float
+    double: bool = False
+    flat: bool = False  # no parabola: three modes in one, or a platform that moves
 
     def same(self, other: _Known) -> bool:
-        if self.movable and other.movable:  # one of the poses between which the platform moves
+        if self.flat and other.flat:  # one of the poses between which the platform moves
             return True
         loose = min(self.loose, other.loose)
         within = SAME if self.double or other.double else min(SAME, 4 * CLOSED / loose)
@@ -262,38 +260,22 @@ def _about_fold(held: Placed, near_it: _Known, closed: bool) -> Iterator[_Known]
     near = fold(relaxed, x, float(f[0] @ lost))
     if near is None:  # three modes or more in one, or a platform that moves
         if closed:
-            double = near_it.loose <= CUSP
-            yield near_it._replace(double=double, movable=double and _moves(relaxed, x))
+            flat = near_it.loose <= CUSP
+            yield near_it._replace(double=flat, flat=flat)
         return
     half, miss = near.half(0.0), abs(near.parameter)
     hidden = max(CLOSED, abs(near.bend) * SAME**2)
     beside = closed and apart(x, near.x) > 4 * math.sqrt(hidden / abs(near.bend))
     if miss <= hidden or (math.isnan(half) and closed and not beside):
-        yield _Known(near.x, True, False, 0.0)
+        yield _Known(near.x, 0.0, double=True)
     elif not math.isnan(half):
         start = near.x + np.outer((half, -half), near.loose)
         y, misses = newton(held.rows([0, 0]).conditions, start)
         ratios = looseness(held.rows([0, 0]).conditions(y)[1])
         for k in np.flatnonzero(has_closed(y, misses)).tolist():
-            yield _Known(y[k], False, False, float(ratios[k]))
+            yield _Known(y[k], float(ratios[k]))
     if beside:
         yield near_it
-
-
-def _moves(relaxed: System, x: Floats) -> bool:
-    """Whether tau stays zero along the loose direction, not only at the pose."""
-    _, rows = relaxed(x[None], np.zeros(1))
-    left, _, right = np.linalg.svd(rows[0])
-    start = np.append(x + np.outer((-NEAR, NEAR), right[2]), np.zeros((2, 1)), axis=1)
-
-    def across(z: Floats) -> tuple[Floats, Floats]:
-        f, rows = relaxed(z[:, :3], z[:, 3])
-        border = np.zeros((2, 4, 4))
-        border[:, :3, :3], border[:, :3, 3], border[:, 3, :3] = rows, -left[:, 2], right[2]
-        return np.column_stack([f, (z - start)[:, :3] @ right[2]]), border
-
-    z, _ = newton(across, start)
-    return bool((np.abs(z[:, 3]) <= CLOSED).all())
 
 
 def _sorted(known: list[_Known]) -> Poses:
@@ -302,4 +284,4 @@ def _sorted(known: list[_Known]) -> Poses:
         k.x[2] = math.atan2(math.sin(k.x[2]), math.cos(k.x[2]))
     known = sorted(known, key=lambda k: (k.x[2], k.x[0], k.x[1]))
     x = np.array([k.x for k in known]).reshape(-1, 3)
-    return Poses(x, [k.double for k in known], [k.movable for k in known])
+    return Poses(x, [k.double for k in known])

@@ -16,59 +16,50 @@ import networkx as nx
 import numpy as np
 
 from blockmech.blocks.general import GeneralGroup, InnerPair
-from blockmech.modes.triad import Leg, LegKind, Support, Triad, place_of
+from blockmech.modes.triad import LegKind, Support, Triad
 from blockmech.plane import cross
-from blockmech.typing import LinkPosition
+from blockmech.typing import Guide, LinkPosition
 
 Body = Mapping[str, LinkPosition]
 """Links of one body -> their places in the frame of the first."""
 
 
-class Side(NamedTuple):
-    """One side of a pair on a body: place [m] and unit direction."""
-
-    at: Any
-    along: Any
-
-
 class LegBody(NamedTuple):
-    """The body of a leg: its outer pair, and both sides of its pair at the platform."""
+    """The body of a leg: places [m] and directions of its pairs.
+
+    foot, head : its outer pair and its pair at the platform, on the body
+    seat : the latter on the platform
+    """
 
     kind: LegKind
-    foot: Side
-    head: Side
-    seat: Side  # on the platform
+    foot: LinkPosition
+    head: LinkPosition
+    seat: LinkPosition
 
-    def leg(self) -> Leg:
-        """The leg as the platform sees it."""
-        arm = self.head.at - self.foot.at
+    def reach(self) -> Any:
+        """Its length, or the offset of its pin from the guide [m]."""
+        arm = self.head.o - self.foot.o
         if self.kind == "RR":
-            return Leg("RR", self.seat.at, abs(arm))
-        if self.kind == "RP":
-            return Leg("RP", self.seat.at, cross(self.head.along, -arm), self.seat.along)
-        return Leg("PR", self.seat.at, cross(self.foot.along, arm))
+            return abs(arm)
+        return cross(self.head.e, -arm) if self.kind == "RP" else cross(self.foot.e, arm)
 
     def place(self, support: Support, o: complex, e: complex) -> LinkPosition:
         """Where the body is, at a pose of the platform."""
-        p, u = place_of(support)
-        pin = o + e * self.seat.at
-        if self.kind == "RR":
-            turned = (pin - p) / (self.head.at - self.foot.at)
-        elif self.kind == "RP":
-            turned = e * self.seat.along / self.head.along
+        pin = o + e * self.seat.o
+        if isinstance(support, Guide):
+            turned = support.u / self.foot.e
+            return LinkPosition(pin - turned * self.head.o, turned)
+        if self.kind == "RP":
+            turned = e * self.seat.e / self.head.e
         else:
-            turned = u / self.foot.along
+            turned = (pin - support) / (self.head.o - self.foot.o)
         turned /= abs(turned)
-        at = pin - turned * self.head.at if self.kind == "PR" else p - turned * self.foot.at
-        return LinkPosition(at, turned)
+        return LinkPosition(support - turned * self.foot.o, turned)
 
 
-@dataclass(frozen=True)
-class TriadOfLinks:
+class TriadOfLinks(NamedTuple):
     """The triad that a group is at given coordinates of its own drivers.
 
-    Attributes
-    ----------
     legs : their bodies
     bodies : the platform, then each leg
     """
@@ -79,7 +70,9 @@ class TriadOfLinks:
     @property
     def triad(self) -> Triad:
         """The legs as the platform sees them."""
-        return Triad(tuple(body.leg() for body in self.legs))
+        numbers = zip(*((leg.seat.o, leg.reach(), leg.seat.e) for leg in self.legs), strict=True)
+        columns = (np.stack(np.broadcast_arrays(*row), axis=-1) for row in numbers)
+        return Triad([leg.kind for leg in self.legs], *columns)
 
     def places(
         self, supports: Sequence[Support], o: complex, e: complex
@@ -126,12 +119,12 @@ class Outline:
             legs.append(LegBody(kind, *sides))
         return TriadOfLinks(tuple(legs), bodies)
 
-    def _side(self, pair: str, body: Body) -> Side:
+    def _side(self, pair: str, body: Body) -> LinkPosition:
         link, marker = next(
             side for side in self.group.pairs[pair].sides.items() if side[0] in body
         )
         on = body[link]
-        return Side(on.o + on.e * marker.at.z, on.e * marker.direction)
+        return LinkPosition(on.o + on.e * marker.at.z, on.e * marker.direction)
 
     def _body(self, first: str, driven: Mapping[str, Any]) -> Body:
         """The links of one body, each seen over a driven pair from one already placed."""
@@ -175,22 +168,14 @@ def outline(group: GeneralGroup) -> Outline | None:
     seats = {name: ends for name, ends in pairs.items() if len(ends) == 2}
     platform = set.intersection(*map(set, seats.values())) if seats else set()
     feet = {ends[0]: name for name, ends in pairs.items() if len(ends) == 1}
-    bodies = list(dict.fromkeys(body_of[link] for link in group.link_names))
-    if len(bodies) != 4 or len(pairs) != 6 or len(seats) != 3 or len(platform) != 1:
+    if len(set(body_of.values())) != 4 or len(pairs) != 6 or len(seats) != 3 or len(platform) != 1:
         return None
     (center,) = platform
-    legs = [body for body in bodies if body != center]
+    legs = sorted(set(body_of.values()) - platform, key=group.link_names.index)
     seat_of = {body: name for name, ends in seats.items() for body in ends if body != center}
     if set(feet) != set(legs) or set(seat_of) != set(legs):
         return None
-    found = Outline(
-        group,
-        welded,
-        center,
-        tuple(legs),
-        tuple(feet[body] for body in legs),
-        tuple(seat_of[body] for body in legs),
-    )
-    kinds = zip(found.joints, found.seats, strict=True)
-    twice = any(group.pairs[a].type + group.pairs[b].type == "PP" for a, b in kinds)
-    return None if twice else found
+    if any(group.pairs[feet[body]].type + group.pairs[seat_of[body]].type == "PP" for body in legs):
+        return None
+    joints, ends = tuple(feet[body] for body in legs), tuple(seat_of[body] for body in legs)
+    return Outline(group, welded, center, tuple(legs), joints, ends)

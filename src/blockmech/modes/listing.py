@@ -38,7 +38,7 @@ from blockmech.modes.found import (
     Modes,
 )
 from blockmech.modes.groups import Outline, outline
-from blockmech.modes.triad import Support, place_of
+from blockmech.modes.triad import Support
 from blockmech.plane import angle
 from blockmech.samples import make_samples
 from blockmech.typing import Guide, LinkPosition
@@ -226,7 +226,7 @@ class _Lister:
         for drivers in self.samples:
             at = [_first(support) for support in supports(drivers)]
             every.append([])
-            if all(cmath.isfinite(z) for support in at for z in place_of(support)):
+            if all(np.isfinite(support).all() for support in at):
                 formed = group.at(self._driven(name, drivers))
                 every[-1] += [
                     _Mode(formed.places(at, m.o, m.e), m.margin, m.sign, m.double, None, m)

@@ -23,13 +23,11 @@ Source: [M96] Merlet, Direct kinematics of planar parallel manipulators, ICRA 19
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import Problem, RequestError
 from blockmech.plane import cross, dot
 from blockmech.typing import Guide
 
@@ -40,68 +38,24 @@ Support: TypeAlias = Any
 """Where an earlier link holds a leg: a pivot [m], or a `Guide` (leg PR); or (n,) of them."""
 
 
-@dataclass(frozen=True)
-class Leg:
-    """One leg of a triad, as the platform sees it; each number may be an array (n,).
+class Triad(NamedTuple):
+    """A platform and its three legs; numbers of legs are (3,), or (n, 3) for n triads.
 
-    Attributes
-    ----------
-    kind : letters of the outer pair and of the pair at the platform
-    pin : place [m] of the pin, or of a point of the guide line (RP), on the platform
-    reach : length l (RR), or offset h of the guide (RP, PR) to the left of its direction [m]
-    along : unit direction of the guide on the platform (RP)
+    kinds : letters of each leg's outer pair and of its pair at the platform
+    pins : places [m] of the pins, or of points of the guide lines (RP), on the platform
+    reaches : lengths l (RR), or offsets h from the guide (RP, PR) to the left of it [m]
+    alongs : unit directions of the guides on the platform (RP)
     """
 
-    kind: LegKind
-    pin: Any
-    reach: Any
-    along: Any = 1.0 + 0j
-
-    def problems(self, where: str) -> list[Problem]:
-        """What is wrong with the leg's numbers."""
-        if not all(map(_finite, (self.pin, self.reach, self.along))):
-            found = f"its numbers must be finite, got {self}"
-        elif self.kind == "RR" and not np.all(np.asarray(self.reach) > 0):
-            found = f"its length must be positive, got {self.reach}"
-        else:
-            return []
-        return [Problem("bad-triad", where, found)]
-
-
-@dataclass(frozen=True)
-class Triad:
-    """A platform and its three legs.
-
-    >>> Triad.rrr(lengths=(2, 2, 2), pins=(0, 1, 0.5 + 1j)).legs[1]
-    Leg(kind='RR', pin=1, reach=2, along=(1+0j))
-    """
-
-    legs: tuple[Leg, ...]
-
-    def __post_init__(self) -> None:
-        problems = [p for n, leg in enumerate(self.legs, 1) for p in leg.problems(f"leg {n}")]
-        if len(self.legs) != 3:
-            problems.append(Problem("bad-triad", "legs", f"a triad has 3, got {len(self.legs)}"))
-        elif not problems and all(leg.kind != "RP" for leg in self.legs):
-            first, *others = (leg.pin for leg in self.legs)
-            if np.any(np.all([np.equal(first, pin) for pin in others], axis=0)):
-                found = "all three pins coincide, so the platform can turn about them"
-                remedy = "give it pins at two places at least"
-                problems.append(Problem("bad-triad", "platform", found, "", remedy))
-        if problems:
-            raise RequestError(problems)
+    kinds: Sequence[LegKind]
+    pins: Any
+    reaches: Any
+    alongs: Any = (1, 1, 1)
 
     @classmethod
-    def rrr(cls, lengths: Sequence[Any], pins: Sequence[Any]) -> Triad:
-        """Legs of given lengths [m] at pins [m] of the platform.
-
-        Raises `RequestError` for a wrong number of legs, for lengths that are not
-        positive, and for three pins at one place.
-        """
-        if len(lengths) != 3 or len(pins) != 3:
-            found = f"got {len(lengths)} lengths and {len(pins)} pins"
-            raise RequestError(Problem("bad-triad", "legs", found, "a triad has 3 legs"))
-        return cls(tuple(Leg("RR", p, l) for p, l in zip(pins, lengths, strict=True)))
+    def rrr(cls, lengths: Any, pins: Any) -> Triad:
+        """Legs of given lengths [m] at pins [m] of the platform."""
+        return cls(("RR", "RR", "RR"), pins, lengths)
 
 
 class Placed(NamedTuple):
@@ -157,60 +111,21 @@ def placed(
 ) -> Placed:
     """Hold a triad at three supports, one a leg, in n places.
 
-    Lengths are measured by the largest one at the middle of these places, or as in ``like``.
-
-    Raises `RequestError` if a support does not fit its leg, is not finite where the
-    triad is measured, or if all pivots coincide.
+    Lengths are measured by the largest one at the first place, or as in ``like``.
     """
-    if len(supports) != 3:
-        found = f"a triad has 3 legs, got {len(supports)} supports"
-        raise RequestError(Problem("bad-triad", "supports", found))
-    problems = []
-    for k, (leg, support) in enumerate(zip(triad.legs, supports, strict=True), start=1):
-        if isinstance(support, Guide) != (leg.kind == "PR"):
-            what = "a guide" if leg.kind == "PR" else "a place"
-            problems.append(Problem("bad-triad", f"support {k}", f"leg {leg.kind} needs {what}"))
-        elif n == 1 and not all(map(_finite, place_of(support))):
-            problems.append(Problem("bad-triad", f"support {k}", f"it is not finite: {support}"))
-    if problems:
-        raise RequestError(problems)
-    pins, reaches, alongs = (
-        _columns((getattr(leg, name) for leg in triad.legs), n)
-        for name in ("pin", "reach", "along")
+    pins, reaches, alongs = (np.asarray(x) * np.ones((n, 1)) for x in triad[1:])
+    places = ((s.p, s.u) if isinstance(s, Guide) else (s, 1) for s in supports)
+    pivots, guides = (
+        np.stack([np.asarray(x, complex) * np.ones(n) for x in row], axis=-1)
+        for row in zip(*places, strict=True)
     )
-    pivots, guides = (_columns(row, n) for row in zip(*map(place_of, supports), strict=True))
     centres = pins.mean(axis=1)
     pins = pins - centres[:, None]
     if like is None:
-        if "PR" not in (leg.kind for leg in triad.legs) and not np.ptp(pivots[n // 2]):
-            found = "all three pivots coincide, so the triad can turn about them"
-            raise RequestError(Problem("bad-triad", "supports", found))
-        origin = complex(pivots[n // 2, 0])
-        size = max(float(np.abs(x[n // 2]).max()) for x in (pivots - origin, pins, reaches))
+        origin = complex(pivots[0, 0])
+        size = max(float(np.abs(x[0]).max()) for x in (pivots - origin, pins, reaches))
     else:
         size, origin = like.size, like.origin
-    return Placed(
-        tuple(leg.kind for leg in triad.legs),
-        pins / size,
-        reaches.real / size,
-        alongs,
-        (pivots - origin) / size,
-        guides,
-        centres,
-        size,
-        origin,
-    )
-
-
-def place_of(support: Support) -> tuple[Any, Any]:
-    """Place [m] and direction of a support; a pivot has the direction 1."""
-    return tuple(support) if isinstance(support, Guide) else (support, 1 + 0j)
-
-
-def _columns(numbers: Any, n: int) -> Vectors:
-    """Three numbers, or three arrays (n,) of them, as an array (n, 3)."""
-    return np.stack([np.broadcast_to(np.asarray(x, complex), n) for x in numbers], axis=-1)
-
-
-def _finite(numbers: Any) -> bool:
-    return bool(np.isfinite(numbers).all())
+    kinds = tuple(triad.kinds)
+    pins, reaches, pivots = pins / size, reaches / size, (pivots - origin) / size
+    return Placed(kinds, pins, reaches, alongs, pivots, guides, centres, size, origin)
