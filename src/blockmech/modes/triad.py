@@ -113,12 +113,10 @@ def placed(
 
     Lengths are measured by the largest one at the first place, or as in ``like``.
     """
-    pins, reaches, alongs = (np.asarray(x) * np.ones((n, 1)) for x in triad[1:])
-    places = ((s.p, s.u) if isinstance(s, Guide) else (s, 1) for s in supports)
-    pivots, guides = (
-        np.stack([np.asarray(x, complex) * np.ones(n) for x in row], axis=-1)
-        for row in zip(*places, strict=True)
-    )
+    pins, reaches, alongs = (_rows(x, n) for x in triad[1:])
+    guided = [isinstance(s, Guide) for s in supports]
+    pivots = _rows([s.p if g else s for s, g in zip(supports, guided, strict=True)], n)
+    guides = _rows([s.u if g else 1 for s, g in zip(supports, guided, strict=True)], n)
     centres = pins.mean(axis=1)
     pins = pins - centres[:, None]
     if like is None:
@@ -129,3 +127,10 @@ def placed(
     kinds = tuple(triad.kinds)
     pins, reaches, pivots = pins / size, reaches / size, (pivots - origin) / size
     return Placed(kinds, pins, reaches, alongs, pivots, guides, centres, size, origin)
+
+
+def _rows(numbers: Any, n: int) -> Any:
+    """Three numbers, three arrays (n,) of them, or one (n, 3), as an array (n, 3)."""
+    if isinstance(numbers, np.ndarray) and numbers.ndim == 2:
+        return numbers
+    return np.stack([np.broadcast_to(x, n) for x in numbers], axis=-1)
