@@ -217,12 +217,3 @@ def test_what_a_driver_feels_turns_with_its_sign():
     for name in (*want, *same):
         sign = -1 if name in want else 1
         assert np.abs(theirs[name] - sign * mine[name]).max() <= 1e-12 * np.abs(mine[name]).max()
-
-
-def test_a_driver_of_a_group_has_a_name_of_its_own():
-    graph = linkage(DOCUMENTS["boom"]()).decompose("groups").graph
-    assert graph.check() == []
-    ((block, pair),) = graph.structure().driven.values()
-    pairs = graph.blocks[block].pairs
-    pairs[pair] = pairs[pair].model_copy(update={"driver": block})
-    assert "taken-name" in {p.code for p in graph.check()}
