@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import coordinates
+from blockmech.cli.options import At, GraphFile, compiled
 from blockmech.cli.terminal import patience, say
 from blockmech.model.opening import opened
 

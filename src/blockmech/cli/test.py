@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.cli.check import AsJson
+from blockmech.cli.options import AsJson
 from blockmech.cli.terminal import note, patience, say
 from blockmech.errors import BlockmechError, Problem
 from blockmech.model.expect import Expectation

@@ -118,7 +118,7 @@ def directions(f: Vectors) -> Vectors:
 
 
 def shifts(held: Placed, e: Vectors) -> Vectors:
-    """Shifts (n, 1 or 3) of n triads that may go with directions e (n,), to start Newton's method.
+    """Shifts (n, 1 or 3) that may go with directions e (n,): starts of Newton's method.
 
     Where the two best lines cut each other; and where the better one cuts the circle, or
     comes nearest to it, for directions in which both nearly fall together.
