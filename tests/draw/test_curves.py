@@ -153,7 +153,7 @@ def test_peaks_near_a_dead_centre_are_cut_off_and_said():
     panel = Panel("reaction", "N", (Curve("a", values),))
     made = draw_panels([panel], Abscissa("x [m]", np.arange(100.0)))
     assert made.axes[0].get_ylim()[1] < 10
-    assert [t.get_text() for t in made.figure.texts] == ["a", "cut-off peaks up to 1 MN"]
+    assert [t.get_text() for t in made.legends] == ["a", "cut-off peaks up to 1 MN"]
     assert not Panel("reaction", "N", (Curve("a", values[:-1]),)).peak
 
 
@@ -165,7 +165,7 @@ def test_legends_cover_no_axes_and_stay_on_the_page(scene):
         with styled():
             made.figure.canvas.draw()
             renderer = made.figure.canvas.get_renderer()
-            words = [t.get_window_extent(renderer) for t in made.figure.texts]
+            words = [t.get_window_extent(renderer) for t in made.legends]
         frames = [a.get_window_extent() for a in made.axes]
         page = made.figure.bbox
         for word in words:

@@ -18,7 +18,6 @@ from blockmech.files import AnyPath, writing
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.draw.animation import Reel
-    from blockmech.draw.mechanism import Scale
     from blockmech.model.graph import Graph
     from blockmech.model.joints.linkage import Linkage
     from blockmech.model.naming import Names
@@ -120,25 +119,24 @@ def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None 
 class Animation:
     """An animation; a notebook shows its player. ``path`` is its file, if there is one."""
 
-    def __init__(self, reel: Reel, scale: Scale, path: Path | None = None) -> None:
+    def __init__(self, reel: Reel, path: Path | None = None) -> None:
         self.path = path
         self._reel = reel
-        self._scale = scale
 
     @cached_property
     def html(self) -> str:
         """The player as one HTML document that loads nothing from elsewhere."""
-        from blockmech.draw.animation import page
+        from blockmech.draw.animation import player
 
-        return page(self._reel, self._scale)
+        return player(self._reel)
 
     def save(self, path: AnyPath) -> Animation:
         """The animation in a .gif or .html file; raises the errors of `draw`."""
         from blockmech.draw.animation import gif
 
         suffix = _kind_and_suffix(path, "animation")[1]
-        data = self.html.encode() if suffix == ".html" else gif(self._reel, self._scale)
-        return Animation(self._reel, self._scale, _write(path, data))
+        data = self.html.encode() if suffix == ".html" else gif(self._reel)
+        return Animation(self._reel, _write(path, data))
 
     def _repr_html_(self) -> str:
         inside = html.escape(self.html, quote=True)
@@ -175,8 +173,8 @@ def animate(
     if path is not None:
         _kind_and_suffix(path, "animation")  # before anything is computed
     mover = subject if isinstance(subject, Result) else _mechanism(subject)
-    reel, scale = reel_of(mover, at, frames=frames, seconds=seconds, trace=trace, degrees=degrees)
-    made = Animation(reel, scale)
+    reel = reel_of(mover, at, frames=frames, seconds=seconds, trace=trace, degrees=degrees)
+    made = Animation(reel)
     return made if path is None else made.save(path)
 
 

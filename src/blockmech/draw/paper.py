@@ -10,7 +10,7 @@ import contextlib
 import io
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from blockmech.draw.palette import DPI, STYLE
@@ -47,12 +47,12 @@ def new_figure(width: float, height: float) -> Any:
     return figure
 
 
-def new_page(width: float, height: float) -> tuple[Any, Any]:
-    """A figure and axes that cover it, one unit a point, y downward."""
+def new_page(width: float, height: float, left: float, top: float) -> tuple[Any, Any]:
+    """A figure and axes that cover it from a corner on, one unit a point, y downward."""
     figure = new_figure(width, height)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_xlim(0, width)
-    axes.set_ylim(height, 0)
+    axes.set_xlim(left, left + width)
+    axes.set_ylim(top + height, top)
     axes.set_axis_off()
     return figure, axes
 
@@ -86,6 +86,18 @@ def wrapped(text: str, size: float, width: float, bold: bool = False) -> list[st
         else:
             lines.append(word)
     return lines
+
+
+def flowed(widths: Sequence[float], most: float) -> list[tuple[int, float]]:
+    """Row and x [pt] of things that stand side by side, in rows of at most a width."""
+    found: list[tuple[int, float]] = []
+    row, x = 0, 0.0
+    for wide in widths:
+        if x and x + wide > most:
+            row, x = row + 1, 0.0
+        found.append((row, x))
+        x += wide
+    return found
 
 
 def scaled_unit(unit: str, largest: float) -> tuple[float, str]:
