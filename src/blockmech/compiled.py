@@ -6,39 +6,34 @@ engine and wraps the arrays in a labelled result.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 
+from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
 from blockmech.catalogue import Catalogue
 from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
 from blockmech.errors import GraphError, Problem
+from blockmech.failures import without_gaps
+from blockmech.model.graph import Graph
+from blockmech.model.joints.linkage import Linkage
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
-from blockmech.outputs_by_link import blocks_by_link, joints_by_name
 from blockmech.plan import Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_chunk, friction_asked, unknown_engine
 
-if TYPE_CHECKING:
-    from blockmech.blocks.contract import Joint
-    from blockmech.dynamics.system.reduced import ReducedSystem, ReducedSystems
-
+T = TypeVar("T")
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 EVERYTHING = ("*",)
 
 
 class Compiled:
-    """A valid mechanism, compiled. What a plan runs on.
-
-    >>> import blockmech as bm
-    >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
-    >>> mech.run(at=[0.0, 1.0], want=["crank.drive"])  # doctest: +SKIP
-    """
+    """A valid mechanism, compiled. What every analysis takes, and what a plan runs on."""
 
     structure: Structure
     scene: Scene
@@ -46,7 +41,7 @@ class Compiled:
     names: Names | None
     _plans: dict[Any, Plan]
     _engines: dict[Any, Any]
-    _feasible: dict[frozenset[str], str]
+    _kept: dict[Any, Any]
 
     def __init__(
         self,
@@ -69,8 +64,28 @@ class Compiled:
             name=name,
             _plans={},
             _engines={},
-            _feasible={},
+            _kept={},
         )
+
+    @classmethod
+    def of(cls, document: Graph | Linkage, names: Names | None = None) -> Self:
+        """A snapshot of blocks or of links and joints, checked.
+
+        With ``names`` it speaks of the document that a graph was made of. Raises
+        `GraphError` with all problems.
+        """
+        from blockmech.passes.following import refuse_open_homes
+
+        if isinstance(document, Linkage):
+            from blockmech.model.joints.decompose import decompose
+
+            found = decompose(document)
+            graph, names = found.graph, found.names
+        else:
+            graph = document
+        structure = graph.structure()
+        refuse_open_homes(structure)
+        return cls(structure, graph.scene, graph.name, names)
 
     def __setattr__(self, name: str, value: object) -> None:
         where, found = f"Mechanism.{name}", "a compiled mechanism does not change"
@@ -114,12 +129,12 @@ class Compiled:
         """A block in a message: its name, and the links of a joint-based document in it."""
         if self.names is None:
             return block
-        return blocks_by_link(self.names).get(block, block)
+        return self.names.of_blocks.get(block, block)
 
     @cached_property
     def joint_names(self) -> Mapping[str, str]:
         """Joint of the graph -> its name in a joint-based document; empty without one."""
-        return {} if self.names is None else joints_by_name(self.names)
+        return {} if self.names is None else self.names.of_joints
 
     def plan(
         self,
@@ -161,52 +176,14 @@ class Compiled:
         friction: str | None = None,
         tolerance: float | None = None,
         iterations: int | None = None,
-        accuracy: float | None = None,
         static: bool = False,
         engine: Literal["auto", "scalar", "numpy"] = "auto",
         precision: str | None = None,
         chunk: int | None = None,
         on_gap: Literal["raise", "mark", "stop"] = "raise",
     ) -> Result:
-        """Compute the wanted outputs at given driver coordinates or times.
-
-        Parameters
-        ----------
-        at : float or (n,) [rad or m], or a mapping driver -> (n,)
-            Driver coordinates; rates follow from the scene's law of motion.
-        samples : int
-            That many equally spaced samples of the law's range; default 361.
-        times : (n,) [s]
-            Samples of the laws of motion by time.
-        rates, accelerations : like ``at``
-            Driver rates and accelerations, in place of the law's.
-        want, friction, tolerance, iterations, static : see `plan`
-        accuracy : float [- or rad]
-            Wanted error relative to each output's largest magnitude; chooses friction
-            method, iterations and precision, and ``result.accuracy`` says which.
-        engine : "scalar" for few samples, "numpy" for batches, "auto" by size
-        precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
-        chunk : samples per batch of the NumPy engine
-        on_gap : what to do at samples without an answer: raise, mark them as NaN,
-            or stop before the first
-
-        Returns
-        -------
-        Result, labelled, with units and quality
-
-        Raises
-        ------
-        RequestError for unknown names or settings that do not fit
-        AssemblyError, SingularError, FrictionError at gaps, unless marked
-        """
+        """Compute the wanted outputs; the parameters are those of `Mechanism.run`."""
         taken = make_samples(self, self.scene, at, samples, times, rates, accelerations)
-        if accuracy is not None:
-            from blockmech.analysis.accuracy import refuse_settings, run_to
-
-            given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-            refuse_settings(accuracy, **given, precision=precision)
-            chosen = run_to(self, taken, want, accuracy, static, engine, chunk)
-            return chosen if on_gap == "mark" else chosen.without_gaps(on_gap)
         friction = friction or "newton"
         plan = self.plan(
             want, friction=friction, tolerance=tolerance, iterations=iterations, static=static
@@ -219,7 +196,7 @@ class Compiled:
             "static": static,
         }
         result = Result(self, plan, taken, values, name, settings)
-        return result if on_gap == "mark" else result.without_gaps(on_gap)
+        return without_gaps(result, on_gap)
 
     def evaluate(
         self,
@@ -244,6 +221,13 @@ class Compiled:
         more = {} if chunk is None else {"chunk": int(chunk)}
         return batch.run(inputs, taken.n, **more), "numpy"
 
+    def once(self, make: Callable[[Self], T]) -> T:
+        """What an analysis makes of this mechanism, made once and kept."""
+        if make not in self._kept:
+            self._kept[make] = make(self)
+        found: T = self._kept[make]
+        return found
+
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
         key = (id(plan), name, precision)
         if key not in self._engines:
@@ -255,7 +239,7 @@ class Compiled:
         return self._engines[key]
 
     @cached_property
-    def reduced(self) -> ReducedSystem | ReducedSystems:
+    def reduced(self) -> Any:
         """The reduced system of forward dynamics; kept, so asking again costs nothing."""
         from blockmech.dynamics.system.reduction import reduced_system, reduced_systems
 
@@ -273,20 +257,6 @@ class Compiled:
         )
         return tuple(self.joint_names.get(joint, joint) for joint in found)
 
-    def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
-        """Where these groups close, in words for a message.
-
-        ``held`` is driver -> coordinate [rad or m] where there are several drivers. Without
-        it the answer is kept, so asking again is free.
-        """
-        from blockmech.analysis.limits import arcs_sentence
-
-        if held is not None:
-            return f"{arcs_sentence(self, held, groups)}, each with the others held"
-        if groups not in self._feasible:
-            self._feasible[groups] = arcs_sentence(self, {}, groups)
-        return self._feasible[groups]
-
     def __repr__(self) -> str:
         s = self.structure
         return (
@@ -301,6 +271,6 @@ def _followed(structure: Structure, scene: Scene) -> Structure:
         isinstance(b, TwoModes) and b.follows for b in structure.blocks.values()
     ):
         return structure
-    from blockmech.analysis.change_points import with_followed
+    from blockmech.passes.change_points import with_followed  # few mechanisms need it
 
     return with_followed(structure, scene)

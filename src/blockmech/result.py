@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +13,11 @@ from numpy.typing import NDArray
 from blockmech.engines.numpy import Planar
 from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
 from blockmech.export import Exported
-from blockmech.failures import failure_of
+from blockmech.outputs import Output
 from blockmech.plan import Plan
 from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
-
-if TYPE_CHECKING:
-    from blockmech.analysis.accuracy import Accuracy
-    from blockmech.compiled import Compiled
-    from blockmech.dynamics.motion import Motion
-    from blockmech.outputs import Output
+from blockmech.wires import travelling
 
 
 class Result(Exported):
@@ -36,20 +31,20 @@ class Result(Exported):
     keep numbers for long, export them.
     """
 
-    mechanism: Compiled
-    motion: Motion | None  # of a simulation: how it moved, its events and its error
-    accuracy: Accuracy | None  # of a run to an accuracy: what was chosen
+    mechanism: Any  # a `Compiled`, which stands above: it makes results
+    motion: Any  # of a simulation: how it moved, its events and its error
+    accuracy: Any  # of a run to an accuracy: what was chosen
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
 
     def __init__(
         self,
-        mechanism: Compiled,
+        mechanism: Any,
         plan: Plan,
         samples: Samples,
         values: tuple[Any, ...],
         engine: str,
         settings: Mapping[str, Any],
-        motion: Motion | None = None,
+        motion: Any = None,
     ) -> None:
         self.mechanism = mechanism
         self.plan = plan
@@ -81,7 +76,7 @@ class Result(Exported):
         Raises `RequestError` where another version of blockmech plans otherwise.
         """
         want, layout = self._planned
-        found = self.mechanism.plan(want, **self.settings)
+        found: Plan = self.mechanism.plan(want, **self.settings)
         if found.layout != layout:
             what = "it was pickled by a version of blockmech that orders its numbers otherwise"
             remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
@@ -123,7 +118,8 @@ class Result(Exported):
 
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
-        return self.mechanism.outputs[name]
+        found: Output = self.mechanism.outputs[name]
+        return found
 
     def unit(self, name: str) -> str:
         """Unit of an output; empty where dimensionless."""
@@ -200,34 +196,21 @@ class Result(Exported):
     def _not_finite(self) -> NDArray[np.bool_]:
         """(n,) whether a wanted value is not finite."""
         bad = np.zeros(self.n, dtype=bool)
-        for name in self.plan.want:
-            if self.output(name).kind == "number" or name.endswith("mechanical_advantage"):
-                continue
-            for i in self.plan.layout[name]:
-                column = self._column(i)
-                parts = (column.real, column.imag) if isinstance(column, Planar) else (column,)
-                for part in parts:
-                    good = np.isfinite(part)
-                    if not good.all():
-                        bad |= ~good
+        judged = [
+            name
+            for name in self.plan.want
+            if self.output(name).kind != "number" and not name.endswith("mechanical_advantage")
+        ]
+        for i in {i for name in judged for i in self.plan.layout[name]}:
+            column = self._column(i)
+            for part in (column.real, column.imag) if isinstance(column, Planar) else (column,):
+                with np.errstate(all="ignore"):
+                    whole = bool(np.isfinite(part.sum()))  # quicker than each by itself
+                if not whole:
+                    bad |= ~np.isfinite(part)
         return bad
 
-    def without_gaps(self, on_gap: str) -> Result:
-        """The result, unless it has gaps: raises, or is cut before the first (``"stop"``)."""
-        if on_gap not in ("raise", "stop"):
-            raise RequestError(
-                Problem("bad-value", "on_gap", f"got {on_gap!r}", "valid: raise, mark, stop", "")
-            )
-        if self._surely_whole():
-            return self
-        gaps = self.quality.gaps
-        if not gaps:
-            return self
-        if on_gap == "raise":
-            raise failure_of(self)
-        return self._first(gaps[0])
-
-    def _surely_whole(self) -> bool:
+    def surely_whole(self) -> bool:
         """A cheap sufficient test for one pose, so that it needs no report."""
         if self.n > 1 or self.engine != "scalar":
             return False
@@ -242,9 +225,10 @@ class Result(Exported):
 
     def unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate ``"crank.q"``."""
-        return self.mechanism.outputs[name].unit
+        return self.output(name).unit
 
-    def _first(self, n: int) -> Result:
+    def first(self, n: int) -> Result:
+        """The first n samples."""
         values = tuple(_cut(self._column(i), n) for i in range(len(self._values)))
         taken = self.samples.first(n)
         cut = Result(
@@ -277,9 +261,7 @@ class Result(Exported):
 
     def wire(self, source: str, target: str) -> dict[str, Any]:
         """What travels along a wire: forward motion, backward wrench; see `blockmech.wires`."""
-        from blockmech.wires import travelling
-
-        return travelling(self, source, target)
+        return travelling(self.mechanism.structure, self.inside, self.n, source, target)
 
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
         """Largest difference of each common output, relative to its largest size.

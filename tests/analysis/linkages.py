@@ -7,7 +7,7 @@ import math
 import mpmath
 
 import blockmech as bm
-from blockmech.model.graph import Graph
+from blockmech import Graph
 
 EPS = 2.220446049250313e-16
 

@@ -19,7 +19,7 @@ import pytest
 import blockmech as bm
 from blockmech.errors import FormatError, GraphError, SingularError
 from blockmech.loads.laws import DC
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 from tests.dynamics import machines
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"

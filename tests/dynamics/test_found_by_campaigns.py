@@ -16,7 +16,7 @@ from blockmech.dynamics.integration import replay
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.system.reduced import Metered
 from blockmech.dynamics.until import Start, Until
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 from tests.dynamics import linkages
 from tests.dynamics.honesty import GRAPHS, RUNS, TARGETS, Run, agree, mechanism, moved, sweep
 from tests.dynamics.scenes import motor, rod

@@ -20,7 +20,7 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics.path.massless import hollows, massless_between
 from blockmech.dynamics.system.reduced import Metered, ReducedSystem, Sample
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 MASS, RADIUS, FORCE = 2.0, 0.1, 100.0  # [kg], [m], [N], as in the graph

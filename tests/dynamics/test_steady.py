@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.until import Start
 from blockmech.errors import RequestError
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 from tests.dynamics.linkages import fourbar, guided
 from tests.dynamics.scenes import (
     JUDGE,

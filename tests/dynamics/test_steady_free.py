@@ -19,7 +19,7 @@ from blockmech.dynamics.path.patches import Path as Panels
 from blockmech.dynamics.system.reduced import Metered
 from blockmech.dynamics.until import Start
 from blockmech.errors import RequestError
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 from tests.dynamics.linkages import fourbar, motored, pendulum
 from tests.dynamics.scenes import (
     JUDGE,

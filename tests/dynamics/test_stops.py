@@ -22,7 +22,7 @@ from blockmech.dynamics.system.reduced import Metered
 from blockmech.dynamics.until import Start, Until
 from blockmech.dynamics.watching import stopped_motion
 from blockmech.errors import FormatError, GraphError, RequestError
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 from tests.dynamics.linkages import FourBar, guided, reduced
 from tests.dynamics.scenes import rod
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.peaks import Floats, last_place, least_place, turning_place
 from blockmech.errors import Problem, RequestError
+from blockmech.failures import without_gaps
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
@@ -128,7 +129,7 @@ class _Follower:
         self.good = np.isfinite(self.values)
         if not self.good.any():
             # The run's own error says which block fails, and where.
-            cycle.run(self.places, signal.name).without_gaps("raise")
+            without_gaps(cycle.run(self.places, signal.name), "raise")
             raise RequestError(
                 Problem("bad-request", signal.name, "it has no value anywhere in the cycle")
             )

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.model.structure import JointRef, LinkRef
+from blockmech.model.structure import JointRef, LinkRef, Structure
 
 if TYPE_CHECKING:
     from blockmech.result import Result
@@ -31,7 +31,7 @@ class FreeBodies:
 
     def __init__(self, run: Result) -> None:
         self.run = run
-        self.structure = run.mechanism.structure
+        self.structure: Structure = run.mechanism.structure
 
     def link(self, link: LinkRef) -> tuple[Array, Array, Array, Array]:
         """Place [m] and velocity [m/s] of a link's origin, its rate [rad/s] and unit direction."""

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from blockmech.builders import Graph, Opened, opened, problems_in
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import (
     AsJson,
@@ -19,8 +20,6 @@ from blockmech.cli.options import (
     switch,
 )
 from blockmech.cli.terminal import note, patience, say, say_data
-from blockmech.model.graph import Graph
-from blockmech.model.opening import Opened, opened, problems_in
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:

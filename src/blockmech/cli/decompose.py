@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from blockmech.builders import Graph, opened
 from blockmech.cli.options import AsJson, refused, spare
 from blockmech.cli.terminal import say, say_data
 from blockmech.export import aligned
-from blockmech.model.graph import Graph
 from blockmech.model.naming import JointName
-from blockmech.model.opening import opened
 from blockmech.model.structure import Structure
 
 if TYPE_CHECKING:
-    from blockmech.model.joints.decompose import Decomposition
+    from blockmech.builders import Decomposition
 
 
 class General(StrEnum):

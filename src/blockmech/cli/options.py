@@ -10,10 +10,10 @@ from typing import Annotated, Any
 
 import typer
 
+from blockmech.builders import opened
 from blockmech.cli.numbers import MOST
 from blockmech.errors import GraphError, Problem, RequestError
 from blockmech.mechanism import Mechanism
-from blockmech.model.opening import opened
 from blockmech.model.problems import in_file
 
 

@@ -261,7 +261,7 @@ def _diagram_of(subject: Subject) -> tuple[Graph, Names | None]:
 def _mechanism(subject: Subject) -> Compiled:
     from blockmech.compiled import Compiled
 
-    return subject if isinstance(subject, Compiled) else subject.compile()
+    return subject if isinstance(subject, Compiled) else Compiled.of(subject)
 
 
 def _kind_and_suffix(path: AnyPath, kind: str | None) -> tuple[str, str]:

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.builders import Opened, opened, problems_in
 from blockmech.errors import Problem, RequestError
-from blockmech.model.opening import Opened, opened, problems_in
 from blockmech.testing.expectations import compared, failure_table
 
 if TYPE_CHECKING:

@@ -23,8 +23,8 @@ from blockmech.model.refusals import validated
 from blockmech.values import shown
 
 if TYPE_CHECKING:
+    from blockmech.builders import Opened
     from blockmech.mechanism import Mechanism
-    from blockmech.model.opening import Opened
     from blockmech.result import Result
 
 NO_SIZE = "every expected number is 0, so only an atol allows an error"

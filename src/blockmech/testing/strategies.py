@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from blockmech.blocks import REGISTRY
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
+from blockmech.builders import Graph
 from blockmech.friction.laws import Coulomb
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
-from blockmech.model.graph import Graph
 from blockmech.model.structure import LinkRef
 from blockmech.testing.placers import PLACERS, SIZES, Placed, place_group, random_shape
 from blockmech.values import Link, Marker, Place, Vector

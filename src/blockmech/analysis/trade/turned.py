@@ -82,7 +82,7 @@ def turned(mechanism: Compiled, angle: float = ANGLE) -> Compiled:
         graph.blocks[name] = seen
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
-    compiled = graph.compile()
+    compiled = Compiled.of(graph)
     return Compiled(compiled.structure, compiled.scene, compiled.name, mechanism.names)
 
 

@@ -18,8 +18,7 @@ from blockmech.model.joints.closing import Poses, coordinate
 from blockmech.model.joints.connections import Connection, Connections, Seated, angle_of
 from blockmech.model.joints.contents import FRAME, LinkGiven
 from blockmech.model.joints.elements import Hold, element
-from blockmech.model.joints.frames import End, Made, Seat
-from blockmech.model.joints.general import GENERAL, free_name
+from blockmech.model.joints.frames import GENERAL, End, Made, Seat, free_name, xy
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.migrations import VERSION
@@ -32,7 +31,6 @@ from blockmech.model.writing import plain
 if TYPE_CHECKING:
     from blockmech.model.joints.decompose import Sequence
 
-TURN = 2 * math.pi
 MOST_IN_NAME = 3  # links that a group is named after
 
 
@@ -94,7 +92,7 @@ class Diagram:
             data["home"] = self._home(unit, upstream, found)
 
     def _name_of(self, unit: Unit, kind: str) -> str:
-        if unit.kind == "driver" or (unit.kind == "cylinder" and kind != GENERAL):
+        if unit.kind in ("driver", "cylinder") and kind != GENERAL:
             return self.drivers[unit.driven[0]]
         wish = "_".join(unit.links[:MOST_IN_NAME])
         if len(unit.links) > MOST_IN_NAME:
@@ -121,7 +119,7 @@ class Diagram:
         own: dict[str, Any] = {k: getattr(given, k) for k in ("mass", "inertia") if k in said}
         if "cm" in said:
             moved = seat.o != 0 or seat.e != 1
-            own["cm"] = _xy(seat.place(given.cm.z)) if moved else given.cm.written
+            own["cm"] = xy(seat.place(given.cm.z)) if moved else given.cm.written
         return own
 
     def _built_in(self, block: str, made: Made) -> None:
@@ -159,10 +157,10 @@ class Diagram:
         if wish in taken:
             wish = free_name(f"{link}_{wish}", taken)
         taken.add(wish)
-        data: dict[str, Any] = {"at": _xy(seat.place(at))}
+        data: dict[str, Any] = {"at": xy(seat.place(at))}
         direction = 1 + 0j if along is None else seat.direction(along)
         if direction != 1:
-            data["dir"] = _xy(direction)
+            data["dir"] = xy(direction)
         elif guide:
             data["angle"] = 0.0
         holder = self._blocks[seat.block]
@@ -193,7 +191,11 @@ class Diagram:
             q = coordinate(found.poses, c)
             start = self._start(driver)
             if c.kind == "R":  # poses need not count turns: home is near to where the way starts
-                q = math.fmod(q, TURN) if start is None else q - TURN * round((q - start) / TURN)
+                q = (
+                    math.fmod(q, math.tau)
+                    if start is None
+                    else q - math.tau * round((q - start) / math.tau)
+                )
             values[driver] = q
         return {"drivers": values, "poses": {link: _pose(found.poses, link) for link in unit.links}}
 
@@ -295,11 +297,7 @@ def _is_guide(marker: Any) -> bool:
 
 def _pose(poses: Poses, link: str) -> list[float]:
     o, theta = poses.of(link)
-    return [*_xy(o), theta]
-
-
-def _xy(z: complex) -> list[float]:
-    return [z.real + 0.0, z.imag + 0.0]  # no -0
+    return [*xy(o), theta]
 
 
 def graph_of(data: Mapping[str, Any]) -> Graph:

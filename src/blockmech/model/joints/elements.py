@@ -12,10 +12,8 @@ from typing import Any, NamedTuple
 
 from blockmech.model.joints.connections import Connection, Connections
 from blockmech.model.joints.contents import FRAME, HOLDS
-from blockmech.model.joints.frames import Seat
+from blockmech.model.joints.frames import Seat, xy
 from blockmech.model.writing import plain
-
-TURN = 2 * math.pi
 
 
 class Hold(NamedTuple):
@@ -74,7 +72,7 @@ def element(
     if "rest_angle" in type(load).model_fields:
         turn = _turn(seats[links[1]]) - _turn(seats[links[0]])
         if turn:
-            data["rest_angle"] = math.remainder(load.rest_angle + turn, TURN)
+            data["rest_angle"] = math.remainder(load.rest_angle + turn, math.tau)
     holds = tuple(
         Hold(terminal, link, places[k] if kind.kind == "point" else None)
         for k, ((terminal, kind), link) in enumerate(zip(terminals.items(), links, strict=True))
@@ -107,8 +105,7 @@ def _along_guide(
 
 
 def _turned(vector: complex, seat: Seat) -> list[float]:
-    z = seat.direction(vector)
-    return [z.real + 0.0, z.imag + 0.0]
+    return xy(seat.direction(vector))
 
 
 def _turn(seat: Seat) -> float:

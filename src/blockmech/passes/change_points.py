@@ -15,13 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
-from blockmech.analysis.arcs import SEAM, TURN
-from blockmech.analysis.peaks import Floats
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines import NumpyEngine
 from blockmech.errors import GraphError, Problem
@@ -30,6 +29,10 @@ from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.plan import Friction, Schedule
 
+Floats: TypeAlias = NDArray[np.float64]
+
+TURN = 2 * math.pi
+SEAM = -math.pi / 2  # where the scan of a turn begins
 SAMPLES = 720  # of a turn, or of the travel of a slide
 ASIDE = 0.382  # of a spacing: samples do not fall on the round angles of symmetric poses
 LOW = 0.3  # of the largest determinant: a minimum above it is none
