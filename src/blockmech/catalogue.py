@@ -120,7 +120,7 @@ class Catalogue(Mapping[str, Output]):
         entries = sorted(
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
         )
-        return Plan(names, tuple(entries), schedule.program(values), layout)
+        return Plan(names, tuple(entries), schedule.program(values), layout, tuple(schedule.shares))
 
 
 def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:

@@ -37,17 +37,18 @@ __all__ = [
 
 STILL = (".png", ".svg", ".pdf")
 MOVING = (".gif", ".html")
-KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING}
+KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING, "schedule": STILL}
 
 
 def draw(
     subject: Subject,
     path: AnyPath,
-    kind: Literal["diagram", "mechanism", "animation"] | None = None,
+    kind: Literal["diagram", "mechanism", "animation", "schedule"] | None = None,
     at: Any = None,
     *,
     trace: Iterable[str] | None = None,
     degrees: bool = True,
+    want: Iterable[str] | str = "*",
 ) -> Path:
     """Draw a graph, a linkage or a mechanism; the suffix of the path says the format.
 
@@ -55,12 +56,14 @@ def draw(
     ----------
     subject : graph (for a diagram it need not be complete), linkage or mechanism
     path : .png, .svg or .pdf; .gif or .html for an animation
-    kind : "diagram" (default), "mechanism" at poses, "animation" (default for .gif, .html)
+    kind : "diagram" (default), "mechanism" at poses, "animation" (default for .gif, .html),
+        "schedule" of the kernel calls that some outputs take
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
     trace : names of markers whose paths are drawn; by default the user's markers
     degrees : angles in the picture in degrees
+    want : outputs of a schedule
 
     Returns
     -------
@@ -74,12 +77,12 @@ def draw(
     AssemblyError, SingularError where the first pose does not exist
     """
     what, suffix = _kind_and_suffix(path, kind)
-    if what == "diagram" and (at is not None or trace is not None):
+    if what in ("diagram", "schedule") and (at is not None or trace is not None):
         raise RequestError(
             Problem(
                 "useless-setting",
                 "at" if at is not None else "trace",
-                "a block diagram has no poses",
+                f"a {'block diagram' if what == 'diagram' else what} has no poses",
                 "",
                 'use it with kind="mechanism"',
             )
@@ -93,6 +96,10 @@ def draw(
         from blockmech.draw.diagram import draw_diagram
 
         figure = draw_diagram(*_diagram_of(subject)).figure
+    elif what == "schedule":
+        from blockmech.draw.schedule import draw_schedule
+
+        figure = draw_schedule(_mechanism(subject).plan(want))
     else:
         from blockmech.draw.mechanism import draw_mechanism
 
