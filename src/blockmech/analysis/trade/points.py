@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+UNSURE = 1.0  # floor from which on nothing is claimed
 NEARLY = 1.5  # counts of evaluations within this factor are left to the stopwatch
 ALIKE = 1.25  # quickest runs within this factor are as quick
 
