@@ -7,8 +7,8 @@ says how to read them; nothing is computed for outputs that nobody wants.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -16,33 +16,8 @@ from blockmech.blocks.contract import Joint
 from blockmech.loads.contract import Element
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.passes import energy, forces, forward, loads, pairs, reduction
-from blockmech.plan import Schedule
+from blockmech.plan import Output, Schedule
 from blockmech.quality import at_most_one
-
-Reader = Callable[..., Any]
-
-
-class Output(NamedTuple):
-    """One thing that can be wanted.
-
-    Attributes
-    ----------
-    name : e.g. ``"dyad.B.reaction"``
-    unit : SI, ``""`` where dimensionless
-    kind : "real", "vector" (complex x + iy), "matrix" (square over the drivers) or
-        "number" (one per run)
-    ask : the rule's answer in a schedule: names of program values
-    read : arrays of those values -> the output's array
-    by, on : for what one link exerts on another, the two links
-    """
-
-    name: str
-    unit: str
-    kind: Literal["real", "vector", "matrix", "number"]
-    ask: Callable[[Schedule], Iterable[str]]
-    read: Reader
-    by: str = ""
-    on: str = ""
 
 
 def _same(x: Any) -> Any:
