@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from blockmech.errors import GraphError
 from blockmech.model.assur import Unit
 from blockmech.model.contents import FORMAT
 from blockmech.model.diagram import Wire
+from blockmech.model.formation import Formation
 from blockmech.model.graph import Graph
 from blockmech.model.joints.closing import Poses, coordinate
 from blockmech.model.joints.connections import Connection, Connections, Seated, angle_of
@@ -28,10 +30,17 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
 
-if TYPE_CHECKING:
-    from blockmech.model.joints.decompose import Sequence
-
 MOST_IN_NAME = 3  # links that a group is named after
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """A document taken apart, its joints closed, nothing of it made into blocks yet."""
+
+    pairs: Connections  # as the document names them
+    seats: Seated
+    formation: Formation
+    poses: Poses
 
 
 class Diagram:
