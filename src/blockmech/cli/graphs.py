@@ -10,9 +10,8 @@ from typing import Annotated
 import typer
 
 from blockmech.builders import opened
-from blockmech.errors import GraphError
+from blockmech.errors import GraphError, in_file
 from blockmech.mechanism import Mechanism
-from blockmech.model.problems import in_file
 
 GraphFile = Annotated[
     str, typer.Argument(metavar="FILE", help="A graph of blocks, or links and joints (JSON).")

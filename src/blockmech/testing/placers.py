@@ -13,10 +13,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from blockmech.assur.pairs import Pair
+from blockmech.assur.rigidity import rigidity
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.equations import ends
 from blockmech.blocks.general.kernels import jacobian
-from blockmech.model.rigidity import Pair, rigidity
 from blockmech.plane import spread
 from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link

@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from blockmech.blocks.mistakes import refuse
 from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import Problem, close_match, listed
+from blockmech.errors import Problem, close_match, listed, shown
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.contract import Element
 from blockmech.model.expect import Expectation
@@ -34,7 +34,6 @@ from blockmech.values import (
     Vector,
     default,
     mistake,
-    shown,
 )
 
 FORMAT = "blockmech/joints"
