@@ -18,7 +18,7 @@ from blockmech.draw.labels import Crowd, Label, Rect
 from blockmech.draw.mechanism import Picture, draw_mechanism
 from blockmech.draw.motion import moves
 from blockmech.draw.paper import rendered, styled
-from blockmech.draw.shapes import load_ways, stage_of, zigzag
+from blockmech.draw.shapes import Stage, load_ways, zigzag
 from blockmech.draw.sketch import hull, sketch_of
 from blockmech.model.structure import LinkRef
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
@@ -186,7 +186,7 @@ def test_a_couple_turns_the_way_of_its_sign(moment):
     g.add("couple", bm.Couple(moment=moment))
     g.connect("dyad.j", "couple.on")
     motion = moves(g.compile(), 1.0)
-    stage = stage_of(sketch_of(motion), motion, 0.01)
+    stage = Stage(sketch_of(motion), motion, 0.01)
     ((way),) = load_ways(stage, stage.sketch.loads[0], 0)
     middle = sum(way) / len(way)
     turned = sum(cmath.phase((b - middle) / (a - middle)) for a, b in itertools.pairwise(way))
@@ -309,8 +309,17 @@ def test_the_hull_is_convex_and_keeps_no_inner_point():
 def test_a_label_avoids_what_is_drawn_and_other_labels():
     crowd = Crowd(Rect(0, 0, 200, 100))
     crowd.add_line([100 + 50j, 200 + 50j], 5.0)
-    wanted = [Label("one", (100 + 50j,)), Label("two", (100 + 50j,))]
-    (_, one), (_, two) = crowd.place(wanted)
-    assert one.rect.overlap(two.rect) == 0
-    for spot in (one, two):
-        assert not (spot.rect.bottom < 50 < spot.rect.top and spot.rect.right > 100)
+    one, two = crowd.place([Label(name, [[100 + 50j]]) for name in ("one", "two")])
+    assert one.rect().overlap(np.array([two.centre()]), two.half) == 0
+    for r in (one.rect(), two.rect()):
+        assert not (r.bottom < 50 < r.top and r.right > 100)
+
+
+def test_a_label_that_moves_avoids_what_is_drawn_in_any_frame():
+    crowd = Crowd(Rect(0, 0, 200, 100), frames=2)
+    crowd.add_line([0 + 53j, 200 + 53j], 5.0, frame=0)
+    crowd.add_line([0 + 47j, 200 + 47j], 5.0, frame=1)
+    (spot,) = crowd.place([Label("one", [[100 + 50j, 90 + 50j]])])
+    assert spot.centre(1) - spot.centre(0) == -10
+    for frame, line in enumerate((53, 47)):
+        assert not spot.rect(frame).bottom < line < spot.rect(frame).top
