@@ -15,7 +15,7 @@ from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
 from blockmech.compiled import Compiled
 from blockmech.draw.layout import Box, Ends
-from blockmech.draw.palette import SMALL, TEXT
+from blockmech.draw.palette import SIZES, SMALL, TEXT
 from blockmech.draw.paper import shown_name, text_width
 from blockmech.errors import listed
 from blockmech.loads.contract import Element
@@ -26,7 +26,6 @@ from blockmech.model.structure import LinkRef, Structure
 
 Kind = Literal["frame", "driver", "group", "element", "unknown", "missing"]
 MOST = 40  # blocks in a diagram; a page holds no more
-PAD = 5.0  # [pt] between a box's edge and its words
 
 
 @dataclass(frozen=True)
@@ -57,11 +56,11 @@ class Shown:
         words = text_width(shown_name(self.words), SMALL)
         left = max((text_width(p.label, SMALL) for p in self.ports), default=0.0)
         right = max((text_width(shown_name(m, 16), SMALL) for m in self.markers), default=0.0)
-        gap = 2 * PAD if left and right else 0.0
-        inside = left + 2 * PAD + words if small else max(words, left + gap + right)
+        gap = 2 * SIZES.pad if left and right else 0.0
+        inside = left + 2 * SIZES.pad + words if small else max(words, left + gap + right)
         return Box(
             self.name,
-            max(name, inside) + 2 * PAD,
+            max(name, inside) + 2 * SIZES.pad,
             tuple(p.name for p in self.ports),
             head=1 if small else 2,
             above=2 if self.drive else 0,

@@ -15,16 +15,14 @@ from itertools import pairwise
 from typing import Any
 
 from blockmech.draw import palette as ink
-from blockmech.draw.boxes import PAD, Content, Flow, Port, Shown, content_of
+from blockmech.draw.boxes import Content, Flow, Port, Shown, content_of
 from blockmech.draw.layout import arrange
+from blockmech.draw.palette import ROW, SIZES
 from blockmech.draw.paper import flowed, new_page, shown_name, styled, text_width, wrapped
-from blockmech.draw.routing import ROW, Placed, Point, Rectangle, honour, place
+from blockmech.draw.routing import Placed, Point, Rectangle, honour, place
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 
-MARGIN = 6.0  # [pt] around everything
-HALF = 1.35  # [pt] half the distance of a wire's two lines
-PIN = 2.6  # [pt] radius of a port
 ARROWHEAD = "-|>,head_length=4.2,head_width=1.5"  # [pt]
 ARROWS = {"forward": ink.FORWARD, "back": ink.BACK, "cycle": ink.ALARM}
 GLYPHS = {"forward": 22.0, "back": 22.0, "cycle": 22.0, "unwired": 22.0}  # [pt] in the legend
@@ -75,10 +73,12 @@ class Diagram:
         fill = ink.INK if pair == "marker" else ink.PAPER
         style: dict[str, Any] = {"facecolor": fill, "edgecolor": colour, "lw": 0.9, "zorder": 5}
         if pair in ("R", "marker"):
-            patch: Patch = Circle((x, y), PIN if pair == "R" else PIN - 1, label=what, **style)
+            patch: Patch = Circle(
+                (x, y), SIZES.port if pair == "R" else SIZES.port - 1, label=what, **style
+            )
         else:  # a square, for a load on its corner
             turn = math.pi / 4 if pair == "P" else 0.0
-            size = PIN * math.sqrt(2) if pair == "P" else PIN + 0.4
+            size = SIZES.port * math.sqrt(2) if pair == "P" else SIZES.port + 0.4
             patch = RegularPolygon((x, y), 4, radius=size, orientation=turn, label=what, **style)
         self.axes.add_patch(patch)
 
@@ -87,7 +87,7 @@ class Diagram:
         for dx, dy in ((-10.0, -2.5), (-10.0, 2.5)):
             xs, ys = (x + dx, x + dx + 5), (y + dy, y - dy)
             self.axes.plot(xs, ys, color=ink.ALARM, lw=1.1, zorder=3)
-        self.axes.plot((x - 7.5, x - PIN), (y, y), color=ink.ALARM, lw=1.1, zorder=3)
+        self.axes.plot((x - 7.5, x - SIZES.port), (y, y), color=ink.ALARM, lw=1.1, zorder=3)
 
 
 def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
@@ -101,20 +101,20 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
     view = _view(graph)
     if view:
         honour(placed, view, wires, driven=any(b.drive for b in content.blocks))
-    width = max(placed.width + 2 * MARGIN, ink.COLUMN)
-    inside = width - 2 * MARGIN
+    width = max(placed.width + 2 * SIZES.margin, ink.COLUMN)
+    inside = width - 2 * SIZES.margin
     title = wrapped(shown_name(content.title, 90), ink.TEXT, inside, bold=True)
     subtitle = wrapped(shown_name(content.subtitle, 1200), ink.SMALL, inside)
     legend = _legend(content, bool(placed.backward))
     widths = [GLYPHS.get(kind, 10.0) + text_width(text, ink.SMALL) + 12 for kind, text in legend]
     spots = flowed(widths, inside)
-    head = MARGIN + (ROW + 1) * len(title) + ROW * len(subtitle) + MARGIN
-    foot = MARGIN + ROW * (spots[-1][0] + 1) + MARGIN
+    head = SIZES.margin + (ROW + 1) * len(title) + ROW * len(subtitle) + SIZES.margin
+    foot = SIZES.margin + ROW * (spots[-1][0] + 1) + SIZES.margin
     left = placed.corner[0] - (width - placed.width) / 2
     with styled():
         figure, axes = new_page(width, head + placed.height + foot, left, -head)
         drawn = Diagram(figure, axes, content, placed)
-        x, y = left + MARGIN, MARGIN + ROW / 2 - head
+        x, y = left + SIZES.margin, SIZES.margin + ROW / 2 - head
         for k, line in enumerate(title):
             drawn.write(x, y + (ROW + 1) * k, line, fontsize=ink.TEXT, weight="bold")
         colour = ink.INK if content.complete else ink.ALARM
@@ -128,9 +128,9 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
             at = placed.marker(i, flow.ends.source)
             what = f"marker:{flow.ends.source}.{flow.ends.marker}"
             drawn.pin(*at, "marker", ink.INK, what)
-            drawn.write(at[0] - PAD, at[1], shown_name(flow.word, 16), ha="right")
+            drawn.write(at[0] - SIZES.pad, at[1], shown_name(flow.word, 16), ha="right")
         for (kind, text), (row, shift) in zip(legend, spots, strict=True):
-            y = placed.height + MARGIN + ROW * (row + 0.5)
+            y = placed.height + SIZES.margin + ROW * (row + 0.5)
             _draw_glyph(drawn, kind, x + shift, y)
             drawn.write(x + shift + GLYPHS.get(kind, 10.0), y, text)
     return drawn
@@ -169,7 +169,7 @@ def _draw_block(drawn: Diagram, block: Shown) -> None:
     name, words = shown_name(block.name), shown_name(block.words)
     bold: dict[str, Any] = {"fontsize": size, "weight": "bold", "ha": "center", **backed}
     drawn.write(middle, r.y + 0.55 * ROW, name, **bold)
-    at, side = (r.x + r.width - PAD, "right") if small else (middle, "center")
+    at, side = (r.x + r.width - SIZES.pad, "right") if small else (middle, "center")
     grey = ink.ALARM if wrong else ink.GREY
     drawn.write(at, r.y + 1.5 * ROW, words, color=grey, ha=side, **backed)
     for port in block.ports:
@@ -183,7 +183,7 @@ def _draw_port(drawn: Diagram, block: Shown, port: Port, backed: dict[str, Any])
     colour = ink.INK if port.wired else ink.ALARM
     what = f"{'port' if port.wired else 'unwired'}:{block.name}.{port.name}"
     drawn.pin(x, y, port.pair, colour, what)
-    drawn.write(x + PAD, y, port.label, color=colour, **backed)
+    drawn.write(x + SIZES.pad, y, port.label, color=colour, **backed)
     if not port.wired:
         drawn.cross(x, y)
 
@@ -206,13 +206,13 @@ def _draw_drive(drawn: Diagram, r: Rectangle, labels: tuple[str, ...]) -> None:
 def _draw_wire(drawn: Diagram, flow: Flow, way: Sequence[Point], backward: bool) -> None:
     address = f"{flow.ends.source}.{flow.ends.marker} -> {flow.ends.target}.{flow.ends.port}"
     if backward:
-        drawn.arrow(shortened(way, PIN), ink.ALARM, f"cycle:{address}")
+        drawn.arrow(shortened(way, SIZES.port), ink.ALARM, f"cycle:{address}")
         return
-    distance = HALF if flow.forward else 0.0
+    distance = SIZES.aside if flow.forward else 0.0
     if flow.forward:
-        forward = shortened(shifted(way, distance), PIN)
+        forward = shortened(shifted(way, distance), SIZES.port)
         drawn.arrow(forward, ink.FORWARD, f"forward:{address}")
-    back = shortened(shifted(way, -distance)[::-1], PIN)
+    back = shortened(shifted(way, -distance)[::-1], SIZES.port)
     drawn.arrow(back, ink.BACK, f"back:{address}")
 
 

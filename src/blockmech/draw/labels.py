@@ -115,11 +115,12 @@ class Crowd:
             around = centre + r * np.exp(2j * math.pi * np.arange(n) / n)
             self._points[frame] += [(complex(z), weight) for z in around]
 
-    def place(self, labels: Iterable[Label]) -> list[Spot]:
-        """Places of the labels, in their order."""
-        return [self._place(label) for label in labels]
+    def place(self, labels: Iterable[Label], most: float = math.inf) -> list[Spot]:
+        """Places of the labels, in their order; of those none that would cost more."""
+        found = (self._place(label, most) for label in labels)
+        return [spot for spot in found if spot is not None]
 
-    def _place(self, label: Label) -> Spot:
+    def _place(self, label: Label, most: float) -> Spot | None:
         lines = label.text.split("\n")
         half = complex(max(text_width(line, SMALL) for line in lines), LINE * len(lines)) / 2
         turn = 2 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
@@ -138,6 +139,8 @@ class Crowd:
         cost = np.array(costs) + NEAR * gap + LEADER * (gap > FAR)
         if label.prefer is not None:
             cost += 1 - np.cos(np.angle(offsets) - label.prefer)
+        if cost.min() > most:
+            return None
         j, k = divmod(int(np.argmin(cost)), len(offsets))
         spot = Spot(label, j, complex(offsets[k]), half, bool(gap[k] > FAR))
         for frame, placed in enumerate(self._labels):

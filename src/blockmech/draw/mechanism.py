@@ -16,6 +16,7 @@ from blockmech.draw import shapes
 from blockmech.draw.labels import Crowd, Label, Rect, Spot
 from blockmech.draw.motion import Complex, Motion, marker_place, moves
 from blockmech.draw.motion import Spot as LinkSpot
+from blockmech.draw.palette import SIZES
 from blockmech.draw.paper import new_figure, scaled_unit, shown_name, styled, wrapped
 from blockmech.draw.shapes import Shape, Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
@@ -26,11 +27,6 @@ SWEEP = 241  # samples of a path
 PATHS = 8  # that are drawn if none are named
 CROWDED = 40  # joints from which they have no names
 MANY = 9  # labels from which the picture is two columns wide
-LEFT, RIGHT, BOTTOM, TOP = 41.0, 8.0, 27.0, 8.0  # [pt] around the axes
-LINE = 10.5  # [pt] height of a line of the caption
-HEIGHTS = (110.0, 330.0)  # [pt] of the axes, lowest and tallest
-EDGE = 16.0  # [pt] free inside the axes
-BESIDE = 5.0  # [pt] of a link's name from the middle of the link
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
 FAINT_POSES = (0.125, 0.375, 0.625, 0.875)  # of the range; the first is the main one
 
@@ -54,20 +50,20 @@ class Page:
     @property
     def width(self) -> float:
         """Width [pt] of the axes."""
-        return self.columns - LEFT - RIGHT
+        return self.columns - SIZES.left - SIZES.right
 
     @property
     def unit(self) -> float:
         """[m/pt] so that the corners fit."""
-        size, room = self.corners[1] - self.corners[0], self.width - 2 * EDGE
+        size, room = self.corners[1] - self.corners[0], self.width - 2 * SIZES.edge
         smallest = (max(size.real, size.imag) or 1.0) / room / 3
-        return max(size.real / room, size.imag / (HEIGHTS[1] - 2 * EDGE), smallest)
+        return max(size.real / room, size.imag / (SIZES.heights[1] - 2 * SIZES.edge), smallest)
 
     @property
     def height(self) -> float:
         """Height [pt] of the axes."""
         size = self.corners[1] - self.corners[0]
-        return float(np.clip(size.imag / self.unit + 2 * EDGE, *HEIGHTS))
+        return float(np.clip(size.imag / self.unit + 2 * SIZES.edge, *SIZES.heights))
 
     @property
     def corner(self) -> complex:
@@ -86,9 +82,14 @@ class Page:
         """Make the figure, with axes, the paths of markers and room for a caption."""
         columns = 4 if self.wide else 2
         rows = lines + math.ceil(len(paths) / columns)
-        total = BOTTOM + self.height + TOP + LINE * rows
+        total = SIZES.bottom + self.height + SIZES.top + ink.ROW * rows
         self.figure = new_figure(self.columns, total)
-        box = (LEFT / self.columns, BOTTOM / total, self.width / self.columns, self.height / total)
+        box = (
+            SIZES.left / self.columns,
+            SIZES.bottom / total,
+            self.width / self.columns,
+            self.height / total,
+        )
         axes = self.axes = self.figure.add_axes(box)
         far = self.metres(complex(self.width, self.height))
         axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", adjustable="box")
@@ -114,7 +115,12 @@ class Page:
         total = self.figure.get_size_inches()[1] * 72
         style = {"fontsize": ink.SMALL, "va": "top", "label": "caption"}
         return [
-            self.figure.text(LEFT / self.columns, 1 - (TOP + LINE * k) / total, line, **style)
+            self.figure.text(
+                SIZES.left / self.columns,
+                1 - (SIZES.top + ink.ROW * k) / total,
+                line,
+                **style,
+            )
             for k, line in enumerate(lines)
         ]
 
@@ -348,8 +354,8 @@ def leader(page: Page, spot: Spot, frame: int = 0) -> list[Shape]:
 def joint_labels(page: Page, stage: Stage, frames: Sequence[int]) -> list[Label]:
     """Names of the joints, which keep their places over all frames."""
     sketch = stage.sketch
-    named = [("\n".join(map(shown_name, pin.names)), pin.spot, shapes.PIN) for pin in sketch.pins]
-    named += [(shown_name(s.name), s.point, shapes.BLOCK[1] + 2) for s in sketch.sliders]
+    named = [("\n".join(map(shown_name, pin.names)), pin.spot, SIZES.pin) for pin in sketch.pins]
+    named += [(shown_name(s.name), s.point, SIZES.slider[1] + 2) for s in sketch.sliders]
     return [
         Label(text, [[page.points(stage.place(at, k)) for k in frames]], clearance=size)
         for text, at, size in named
@@ -365,7 +371,7 @@ def _labels(page: Page, stage: Stage, k: int) -> list[Label]:
             if body.name:
                 middle = sum(body.outline) / len(body.outline)
                 z = page.points(stage.place(LinkSpot(body.link, middle), k))
-                found.append(Label(shown_name(body.name), [[z]], ink.GREY, clearance=BESIDE))
+                found.append(Label(shown_name(body.name), [[z]], ink.GREY, clearance=SIZES.beside))
     for name, way in shapes.drive_ways(stage, k).items():
         text = "q" if len(stage.sketch.drives) == 1 else f"{shown_name(name)}.q"
         anchors = [[page.points(z)] for z in way[:: max(1, len(way) // 2)]]
@@ -398,4 +404,4 @@ def _load_label(page: Page, stage: Stage, load: LoadMark, k: int) -> list[Label]
     way = [page.points(z) for z in ways[0]]
     if load.unit == "N":
         return [Label(text, [[way[-1]], [way[0]]], ink.LOAD, cmath.phase(way[-1] - way[0]))]
-    return [Label(text, [[sum(way) / len(way)]], ink.LOAD, clearance=shapes.ARC)]
+    return [Label(text, [[sum(way) / len(way)]], ink.LOAD, clearance=SIZES.couple)]

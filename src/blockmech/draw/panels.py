@@ -7,28 +7,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.draw import palette as ink
-from blockmech.draw.paper import (
-    flowed,
-    new_figure,
-    scaled_unit,
-    shown_name,
-    styled,
-    text_width,
-)
+from blockmech.draw.paper import legend_above, new_figure, scaled_unit, shown_name, styled
 
 Array = NDArray[np.float64]
 
-PANEL = 118.0  # [pt] height of a panel's axes
-LEFT, RIGHT, TOP, BOTTOM, BETWEEN = 42.0, 10.0, 6.0, 29.0, 14.0  # [pt] around panels
-LINE = 9.5  # [pt] height of a row of the legend
-SAMPLE = 19.0  # [pt] length of a line in the legend
+PANEL = 128.0  # [pt] height of a panel's axes, and what is between two
+BOTTOM = 30.0  # [pt] for the words below the last one
 FEW = 25  # samples up to which they are marked
 TALL = 4  # panels up to which they stand below one another
 USUAL, PEAK = 0.95, 20.0  # peaks are what exceeds 20 times what 95 % of the samples stay below
@@ -97,11 +88,10 @@ class Abscissa:
 
 @dataclass
 class Plot:
-    """A drawn picture: the figure, its axes from top to bottom, its panels."""
+    """A drawn picture: the figure, and its axes from top to bottom."""
 
     figure: Any
-    axes: list[Any] = field(default_factory=list)
-    legends: list[Any] = field(default_factory=list)
+    axes: list[Any]
 
 
 def draw_panels(panels: Sequence[Panel], along: Abscissa) -> Plot:
@@ -109,34 +99,30 @@ def draw_panels(panels: Sequence[Panel], along: Abscissa) -> Plot:
 
     Many panels stand in two columns.
     """
-    half = math.ceil(len(panels) / 2)
-    columns = [panels] if len(panels) <= TALL else [panels[:half], panels[half:]]
-    heads = [[_head(_entries(p, along)) for p in column] for column in columns]
-    high = [sum(h) + PANEL * len(h) + BETWEEN * (len(h) - 1) for h in heads]
-    width, height = len(columns) * ink.COLUMN, TOP + max(high) + BOTTOM
-    inside = ink.COLUMN - LEFT - RIGHT
+    columns = 1 if len(panels) <= TALL else 2
+    rows = math.ceil(len(panels) / columns)
     with styled():
-        plot = Plot(new_figure(width, height))
-        for i, column in enumerate(columns):
-            top, x = height - TOP, i * ink.COLUMN + LEFT
-            made = []
-            for panel, head in zip(column, heads[i], strict=True):
-                top -= head + PANEL
-                box = (x / width, top / height, inside / width, PANEL / height)
-                axes = plot.figure.add_axes(box)
-                made.append(axes)
-                _draw_panel(axes, panel, along)
-                plot.legends += legend_above(axes, _entries(panel, along), inside, PANEL)
-                axes.tick_params(labelbottom=panel is column[-1])
-                top -= BETWEEN
-            made[-1].set_xlabel(along.words, labelpad=2)
-            plot.figure.align_ylabels(made)
-            plot.axes += made
+        width = columns * ink.COLUMN
+        figure = new_figure(width, BOTTOM + rows * PANEL, layout="constrained")
+        grid = figure.subplots(rows, columns, squeeze=False)
+        plot = Plot(figure, list(grid.T.flat)[: len(panels)])
+        lines = [0] * rows
+        for k, (panel, axes) in enumerate(zip(panels, plot.axes, strict=True)):
+            _draw_panel(axes, panel, along)
+            lines[k % rows] = max(lines[k % rows], legend_above(axes, ink.COLUMN))
+            last = k % rows == rows - 1 or k == len(panels) - 1
+            axes.tick_params(labelbottom=last)
+            if last:
+                axes.set_xlabel(along.words, labelpad=2)
+        figure.set_figheight(figure.get_figheight() + sum(lines) * ink.ROW / 72)
+        for axes in grid.T.flat[len(panels) :]:
+            axes.remove()
+        figure.align_ylabels(plot.axes)
     return plot
 
 
 def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
-    """Draw the curves of a panel; label in the legend -> its line and dashes."""
+    """Draw the curves of a panel, with labels for the legend."""
     order = np.arange(len(along.values))
     step = np.diff(along.values)
     if np.any(step > 0) and np.any(step < 0):
@@ -146,22 +132,27 @@ def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
     alone = len(panel.curves) == 1
     for i, (curve, label) in enumerate(zip(panel.curves, panel.labels, strict=True)):
         colour, dashes = ink.curve_style(i)
-        if curve.without is not None:
-            # One pair of curves differs in colour and dashes; of many, the thin ones.
-            style = {"color": ink.SERIES[1] if alone else colour, "lw": 1.1 if alone else 0.5}
-            style |= {"zorder": 3 if alone else 2, "label": WITHOUT}
-            _line(axes, x, curve.without[order] * factor, TWIN if alone else (), "s", style)
         style = {"color": colour, "lw": 1.2, "zorder": 2.5, "label": label}
         _line(axes, x, curve.values[order] * factor, dashes, "o", style)
+    for i, curve in enumerate(panel.curves):
+        if curve.without is not None:
+            # One pair of curves differs in colour and dashes; of many, the thin ones.
+            colour = ink.SERIES[1] if alone else ink.curve_style(i)[0]
+            style = {"color": colour, "lw": 1.1 if alone else 0.5, "label": WITHOUT}
+            style["zorder"] = 3 if alone else 2
+            _line(axes, x, curve.without[order] * factor, TWIN if alone else (), "s", style)
     _shade_gaps(axes, x, np.vstack([row[order] for row in panel.rows]))
-    for at, _ in along.events:
-        axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1)
+    for at, words in along.events:
+        axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1, label=words)
     axes.set_ylabel(f"{panel.quantity} [{unit or '–'}]", labelpad=3)
     axes.margins(x=0.01 if len(x) > 1 else 0.5)
     axes.grid(True, color=ink.PALE, lw=0.3)
     axes.set_axisbelow(True)
     _ticks(axes, along, x)
     if panel.peak:
+        factor, unit = scaled_unit(panel.unit, panel.peak)
+        axes.plot([], [], " ", label=f"cut-off peaks up to {panel.peak * factor:.3g} {unit}")
+        factor, _ = scaled_unit(panel.unit, max(map(abs, panel.shown)))
         low, high = (factor * y for y in panel.shown)
         air = 0.05 * (high - low or 1.0)
         axes.set_ylim(low - air, high + air)
@@ -203,53 +194,3 @@ def _ticks(axes: Any, along: Abscissa, x: Array) -> None:
     wide = MultipleLocator(whole[0]) if whole else MaxNLocator(7, steps=round_numbers)
     axes.xaxis.set_major_locator(wide)
     axes.yaxis.set_major_locator(MaxNLocator(6, steps=round_numbers))
-
-
-# -- legend ----------------------------------------------------------------------------
-
-
-def _entries(panel: Panel, along: Abscissa) -> dict[str, float]:
-    """Words of the legend -> room [pt] for a sample of the line; none for a nameless curve."""
-    twins = any(c.without is not None for c in panel.curves)
-    words = [name for name in panel.labels if name or len(panel.curves) > 1 or twins]
-    found = dict.fromkeys([*words, *[WITHOUT] * twins], SAMPLE + 3)
-    if panel.peak:
-        factor, unit = scaled_unit(panel.unit, panel.peak)
-        found[f"cut-off peaks up to {panel.peak * factor:.3g} {unit}"] = 0.0
-    if along.events:
-        said = dict.fromkeys(word for _, word in along.events)
-        found[f"dotted: {', '.join(said)}"] = 0.0
-    return found
-
-
-def _spots(entries: dict[str, float]) -> list[tuple[int, float]]:
-    widths = [room + text_width(word, ink.SMALL) + 9 for word, room in entries.items()]
-    return flowed(widths, ink.COLUMN - LEFT - 2)
-
-
-def _head(entries: dict[str, float]) -> float:
-    """Height [pt] of a panel's legend."""
-    return LINE * (_spots(entries)[-1][0] + 1) + 3 if entries else 0.0
-
-
-def legend_above(axes: Any, entries: dict[str, float], width: float, height: float) -> list[Any]:
-    """Write words above axes [pt], with samples of the lines so labelled; the texts."""
-    from matplotlib.lines import Line2D
-
-    texts = []
-    lines = {line.get_label(): line for line in axes.get_lines()}
-    top = height + _head(entries) - 2
-    for (word, room), (row, x) in zip(entries.items(), _spots(entries), strict=True):
-        y = (top - LINE * (row + 0.5)) / height
-        if room:
-            line = lines[word]
-            many = word == WITHOUT and len(lines) > 2
-            sample = Line2D((x / width, (x + SAMPLE) / width), (y, y), transform=axes.transAxes)
-            sample.update_from(line)
-            sample.set(transform=axes.transAxes, clip_on=False, label="legend", marker="")
-            sample.set_color(ink.GREY if many else line.get_color())
-            axes.figure.add_artist(sample)
-        style = {"fontsize": ink.SMALL, "va": "center_baseline", "label": "legend"}
-        style |= {"color": ink.INK if room else ink.GREY, "transform": axes.transAxes}
-        texts.append(axes.text((x + room) / width, y, word, **style))
-    return texts

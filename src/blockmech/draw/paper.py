@@ -13,8 +13,9 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from blockmech.draw.palette import DPI, STYLE
+from blockmech.draw.palette import DPI, SMALL, STYLE
 
+LEGEND = 30.0  # [pt] beside a word of a legend: its line, and what is between columns
 PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
@@ -37,12 +38,12 @@ def _any_script() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float) -> Any:
+def new_figure(width: float, height: float, **more: Any) -> Any:
     """An empty figure of a size in points."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width / 72, height / 72))
+    figure = Figure(figsize=(width / 72, height / 72), **more)
     FigureCanvasAgg(figure)
     return figure
 
@@ -86,6 +87,29 @@ def wrapped(text: str, size: float, width: float, bold: bool = False) -> list[st
         else:
             lines.append(word)
     return lines
+
+
+def legend_above(axes: Any, width: float) -> int:
+    """A legend above axes, of what has a label there, once each; the number of its rows."""
+    lines, labels = axes.get_legend_handles_labels()
+    found = dict(zip(labels, lines, strict=True))
+    if not found:
+        return 0
+    widest = max(text_width(label, SMALL) for label in found)
+    columns = max(1, int((width - LEGEND) / (widest + LEGEND)))
+    axes.legend(
+        found.values(),
+        found,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.1,
+        borderpad=0.1,
+        labelspacing=0.3,
+        handlelength=2.5,
+        columnspacing=1.2,
+    )
+    return -(-len(found) // columns)
 
 
 def flowed(widths: Sequence[float], most: float) -> list[tuple[int, float]]:

@@ -18,10 +18,7 @@ from typing import NamedTuple
 import networkx as nx
 
 from blockmech.draw.layout import Ends, Layered, Node
-
-ROW = 11.0  # [pt] height of a row
-TRACK = 8.0  # [pt] distance of two tracks
-STUB = 13.0  # [pt] free way between a box and the nearest track, room for an arrowhead
+from blockmech.draw.palette import ROW, SIZES
 
 Point = tuple[float, float]
 
@@ -99,11 +96,11 @@ def place(made: Layered, wires: Sequence[Ends]) -> Placed:
     for k, climbs in enumerate(channels):
         count = assign_tracks(climbs)
         inner = 0 < k < len(channels) - 1
-        tracks.append(x + (STUB if inner else TRACK))
+        tracks.append(x + (SIZES.stub if inner else SIZES.track))
         if count:
-            x += (count - 1) * TRACK + (2 * STUB if inner else STUB + TRACK)
+            x += (count - 1) * SIZES.track + (2 * SIZES.stub if inner else SIZES.stub + SIZES.track)
         elif inner:
-            x += 2 * STUB
+            x += 2 * SIZES.stub
         if k < len(made.layers):
             x = _place_layer(made, made.layers[k], x, placed)
     placed.width = x
@@ -115,7 +112,7 @@ def place(made: Layered, wires: Sequence[Ends]) -> Placed:
         placed.ways[i] = [
             placed.marker(i, wire.source),
             *(
-                (tracks[k] + c.track * TRACK, (row + 0.5) * ROW)
+                (tracks[k] + c.track * SIZES.track, (row + 0.5) * ROW)
                 for k, c in steps
                 for row in (c.start, c.end)
             ),
@@ -214,9 +211,9 @@ def honour(placed: Placed, view: Mapping[str, Point], wires: Sequence[Ends], dri
     top = min((r.y for n, r in old.items() if n not in view), default=0.0)
     room = 2 * ROW if driven else 0.0
     placed.boxes = {
-        name: r._replace(x=view[name][0] - x0 + STUB, y=view[name][1] - y0 + room)
+        name: r._replace(x=view[name][0] - x0 + SIZES.stub, y=view[name][1] - y0 + room)
         if name in view
-        else r._replace(x=r.x + STUB, y=r.y - top + below + room)
+        else r._replace(x=r.x + SIZES.stub, y=r.y - top + below + room)
         for name, r in old.items()
     }
     for i, wire in enumerate(wires):
@@ -224,8 +221,8 @@ def honour(placed: Placed, view: Mapping[str, Point], wires: Sequence[Ends], dri
         placed.ways[i] = way_between(start, end, i, placed.boxes.values())
     corners = [p for way in placed.ways.values() for p in way]
     corners += [(r.x + r.width, r.y + r.height) for r in placed.boxes.values()]
-    placed.corner = (min(0.0, *(x - STUB / 2 for x, _ in corners)), 0.0)
-    placed.width = max(x for x, _ in corners) - placed.corner[0] + STUB / 2
+    placed.corner = (min(0.0, *(x - SIZES.stub / 2 for x, _ in corners)), 0.0)
+    placed.width = max(x for x, _ in corners) - placed.corner[0] + SIZES.stub / 2
     placed.height = max(y for _, y in corners)
 
 
@@ -237,10 +234,10 @@ def way_between(
     ``k`` sets wires side by side.
     """
     (x1, y1), (x2, y2) = start, end
-    boxes, aside = list(boxes), (k % 3 - 1) * TRACK / 2
-    out, into = x1 + STUB + aside, x2 - STUB + aside
+    boxes, aside = list(boxes), (k % 3 - 1) * SIZES.track / 2
+    out, into = x1 + SIZES.stub + aside, x2 - SIZES.stub + aside
     ways: list[list[Point]] = []
-    if x2 - x1 >= 2 * STUB:
+    if x2 - x1 >= 2 * SIZES.stub:
         if y1 == y2:
             ways.append([start, end])
         for j in (4, 3, 5, 2, 6, 1, 7, 0, 8):  # the middle first
@@ -253,7 +250,7 @@ def way_between(
 
 
 def _runs_through(way: Sequence[Point], r: Rectangle) -> bool:
-    near = STUB / 3  # so that ports beside the wire stay free
+    near = SIZES.stub / 3  # so that ports beside the wire stay free
     return any(
         min(xa, xb) < r.x + r.width + near
         and max(xa, xb) > r.x - near

@@ -19,13 +19,9 @@ from numpy.typing import NDArray
 
 from blockmech.draw import palette as ink
 from blockmech.draw.motion import Motion, Spot
+from blockmech.draw.palette import SIZES
 from blockmech.draw.sketch import LoadMark, Sketch, Slider
 
-BAR = 5.0  # [pt] width of a link
-PIN = 2.5  # [pt] radius of a revolute joint
-BLOCK = (8.0, 4.6)  # [pt] half length and half height of a slider
-ARROW = (12.0, 30.0)  # [pt] length of the smallest force that is shown, and of the largest
-ARC = 10.0  # [pt] radius of a couple's arc
 FAINT = ("#F1F1F1", "#BDBDBD")  # fill and edge of further poses
 
 
@@ -85,7 +81,9 @@ def pose(stage: Stage, k: int) -> list[Shape]:
     found = [*links(stage, k), *sliders(stage, k), *_centres(stage, k)]
     for pin in stage.sketch.pins:
         z = stage.place(pin.spot, k)
-        found.append(Shape(f"pin:{pin.names[0]}", "disc", (z,), 6, fill=ink.PAPER, radius=PIN))
+        found.append(
+            Shape(f"pin:{pin.names[0]}", "disc", (z,), 6, fill=ink.PAPER, radius=SIZES.pin)
+        )
     for load in stage.sketch.loads:
         found += _load(stage, load, k)
     for name, way in drive_ways(stage, k).items():
@@ -103,7 +101,7 @@ def links(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
         points = [stage.place(Spot(body.link, p), k) for p in body.outline]
         points = points if len(points) > 1 else points * 2
         fill, edge = _colours(body.number, faint)
-        bar = BAR * body.width
+        bar = SIZES.link * body.width
         order = 1.5 if faint else 4 + 0.01 * body.number
         if body.width != 1 and not faint:  # cylinders lie on plates, a rod goes into its barrel
             order = (4.9 if body.width > 1 else 4.85) + 1e-4 * body.number
@@ -125,7 +123,7 @@ def sliders(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
         if slider.inside:
             continue
         z, u = stage.place(slider.point, k), along(stage, slider, k) * stage.unit
-        a, b = BLOCK[0] * u, BLOCK[1] * 1j * u
+        a, b = SIZES.slider[0] * u, SIZES.slider[1] * 1j * u
         corners = (z + a + b, z - a + b, z - a - b, z + a - b)
         fill, edge = _colours(stage.motion.structure.links[slider.point.link], faint)
         name = f"{'faint' if faint else 'slider'}:{slider.name}"
@@ -153,9 +151,9 @@ def _centres(stage: Stage, k: int) -> list[Shape]:
         if body.cm is None:
             continue
         z, name = stage.place(Spot(body.link, body.cm), k), f"cm:{body.link}"
-        found.append(Shape(name, "disc", (z,), 5.5, fill=ink.PAPER, width=0.6, radius=PIN))
+        found.append(Shape(name, "disc", (z,), 5.5, fill=ink.PAPER, width=0.6, radius=SIZES.pin))
         for turn in (0.0, math.pi):
-            quarter = (z, *arc(z, PIN * stage.unit, turn, math.pi / 2))
+            quarter = (z, *arc(z, SIZES.pin * stage.unit, turn, math.pi / 2))
             found.append(Shape("quarter", "area", quarter, 5.6, fill=ink.INK, width=0.0))
     return found
 
@@ -176,7 +174,7 @@ def ground(stage: Stage, k: int) -> list[Shape]:
             found += _hatched(z - complex(9.5, 9) * unit, z + complex(9.5, -9) * unit, unit)
     for slider in stage.sketch.sliders:
         u = along(stage, slider, k)
-        below, beyond = -1j * u * (BLOCK[1] + 0.4) * unit, (BLOCK[0] + 3) * unit
+        below, beyond = -1j * u * (SIZES.slider[1] + 0.4) * unit, (SIZES.slider[0] + 3) * unit
         if slider.guide.link == frame:
             ends = (slider.end(0, beyond), slider.end(1, beyond))
         elif slider.point.link == frame:
@@ -232,12 +230,12 @@ def load_ways(stage: Stage, load: LoadMark, k: int) -> list[list[complex]]:
             continue
         if load.unit == "N":
             z = stage.place(spot, k)
-            length = max(ARROW[0], ARROW[1] * abs(value) / stage.largest) * stage.unit
+            length = max(SIZES.force[0], SIZES.force[1] * abs(value) / stage.largest) * stage.unit
             found.append([z, z + value / abs(value) * length])
         else:
             z = stage.place(_middle(stage.sketch, spot), k)
             turn = math.copysign(1.5 * math.pi, value.real)
-            found.append(arc(z, ARC * stage.unit, -0.4 * turn, turn))
+            found.append(arc(z, SIZES.couple * stage.unit, -0.4 * turn, turn))
     return found
 
 
@@ -283,10 +281,10 @@ def drive_ways(stage: Stage, k: int) -> dict[str, list[complex]]:
         z, e = stage.place(mark.spot, k), complex(stage.motion.axis[mark.driven][k])
         if mark.rotary:
             found[mark.name] = arc(
-                z, (ARC + 3) * stage.unit, cmath.phase(e) + 0.45 * sense, 1.2 * sense
+                z, (SIZES.couple + 3) * stage.unit, cmath.phase(e) + 0.45 * sense, 1.2 * sense
             )
         else:
-            beside = z + 1j * e * (BLOCK[1] + 4) * stage.unit
-            half = (ARC - 1) * sense * e * stage.unit
+            beside = z + 1j * e * (SIZES.slider[1] + 4) * stage.unit
+            half = (SIZES.couple - 1) * sense * e * stage.unit
             found[mark.name] = [beside - half, beside + half]
     return found

@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.draw import write_figure
 from blockmech.draw.animation import FRICTION_POWER, gif, player, reel_of
 from blockmech.draw.curves import friction_panels, reaction_panels
 from blockmech.draw.panels import Abscissa, Curve, Panel, draw_panels
-from blockmech.draw.paper import rendered, shown_name
+from blockmech.draw.paper import shown_name
 from blockmech.dynamics.simulation import result_along
-from blockmech.files import AnyPath, writing
+from blockmech.files import AnyPath
+from blockmech.files import folder as whole_folder
 from blockmech.result import Result
 
 Array = NDArray[np.float64]
@@ -49,14 +51,11 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True
 
     Raises `RequestError` where the folder cannot be written.
     """
-    motion = result.motion
+    motion, mechanism = result.motion, result.mechanism
     assert motion is not None
-    home = Path(folder)
-    home.mkdir(parents=True, exist_ok=True)
     if not motion.t_end > motion.t_start:
         return []
-    mechanism, named = result.mechanism, result.mechanism.drivers
-    drivers = [mechanism.of_driver(d, what) for d in named for what in ("q", "rate")]
+    drivers = [mechanism.of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
     others = [n for n in mechanism.outputs if n.endswith(_endings(result))]
     t = motion.times(CURVE)
     fine = result_along(mechanism, motion, t, (*drivers, *others))
@@ -69,12 +68,13 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True
     }
     figures = {name: draw_panels(panels, over).figure for name, panels in drawn.items() if panels}
     figures |= phase_plots(fine, degrees)
-    files = {name: rendered(figure, ".png") for name, figure in figures.items()}
-    files |= animated(result, degrees)
-    for name, data in files.items():
-        with writing(home / name) as stream:
-            stream.write(data)
-    return [home / name for name in files]
+    films = animated(result, degrees)
+    with whole_folder(folder) as home:
+        for name, figure in figures.items():
+            write_figure(figure, home / name)
+        for name, data in films.items():
+            (home / name).write_bytes(data)
+    return [Path(folder) / name for name in (*figures, *films)]
 
 
 def _endings(result: Result) -> tuple[str, ...]:

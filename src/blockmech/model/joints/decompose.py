@@ -51,7 +51,7 @@ from blockmech.model.joints.frames import (
     general_group,
 )
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.references import Known, reference_problems
+from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.special import Layout
 from blockmech.model.naming import Names
 from blockmech.model.problems import in_file
@@ -118,7 +118,7 @@ def decompose(linkage: Linkage, general: General = "") -> Decomposition:
 
 def sequence(linkage: Linkage) -> Sequence:
     """The formation sequence of a document and its pose, refined. Raises like `decompose`."""
-    wrong = list(reference_problems(linkage, Known.of(linkage)))
+    wrong = list(reference_problems(linkage))
     if wrong:
         raise GraphError(wrong)
     pairs, size = connections(linkage), size_of(linkage)

@@ -23,7 +23,7 @@ from blockmech.model.joints.contents import (
     sections,
 )
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.references import Known, bad_name, reference_problems, unknown_kind
+from blockmech.model.joints.references import bad_name, reference_problems, unknown_kind
 from blockmech.model.migrations import VERSION, version_problem
 from blockmech.model.problems import MOST, in_file, path_text, said_already
 from blockmech.model.reading import data_of, text_of
@@ -146,8 +146,7 @@ def _read(text: str) -> _Draft:
             part = _part(draft, (name, item), said, section)
             if part is not None:
                 getattr(linkage, name)[item] = part
-    known = Known(*(set(given[key]) for key in ("links", "joints", "drivers")))
-    draft.note(reference_problems(linkage, known))
+    draft.note(reference_problems(linkage, given))
     return draft
 
 
