@@ -20,7 +20,7 @@ from blockmech.analysis.trade.moving import settings_of
 from blockmech.analysis.trade.sweep import Request, Sweep
 from blockmech.analysis.trade.thinned import thinned
 from blockmech.analysis.trade.timing import Clock, Guard, timed
-from blockmech.draw.trade import trade_figure
+from blockmech.draw.trade import draw_trade, trade_figure
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
@@ -99,7 +99,7 @@ def test_a_budget_without_a_reference_says_so_and_claims_nothing(tmp_path: Path)
     figure = trade_figure(found)
     assert not any(axes.get_xticks().size + axes.get_yticks().size for axes in figure.axes)
     assert "Nothing was measured" in " ".join(t.get_text() for t in figure.texts)
-    assert found.plot(tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
+    assert draw_trade(found, tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_reference_that_was_stopped_is_named_and_its_floor_is_higher() -> None:

@@ -14,6 +14,7 @@ import typer
 from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import MOST, coordinates, row, times
 from blockmech.cli.terminal import note, patience, say
+from blockmech.draw.trade import draw_trade
 from blockmech.errors import Problem, RequestError
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def _show(found: list[Trade], json: bool, out: str | None, plot: str | None) -> 
         if out is not None:
             lines += [f"wrote {path}" for path in _folder(found[0], out)]
         elif plot is not None:
-            lines.append(f"wrote {found[0].plot(plot)}")
+            lines.append(f"wrote {draw_trade(found[0], plot)}")
     say("\n".join(lines))
 
 
@@ -143,7 +144,7 @@ def _folder(found: Trade, out: str) -> list[Path]:
     with folder(out) as draft:
         found.to_csv(draft / "trade.csv")
         (draft / "trade.json").write_text(text_of.dumps(found.to_dict(), indent=2), "utf-8")
-        found.plot(draft / "trade.png")
+        draw_trade(found, draft / "trade.png")
         names = sorted(p.name for p in draft.iterdir())
     return [Path(out) / name for name in names]
 
