@@ -8,9 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from blockmech.builders import opened
-from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.output import names_of
+from blockmech.cli.options import At, GraphFile, compiled, names_of
 from blockmech.cli.terminal import patience, say
 
 Picture = Annotated[

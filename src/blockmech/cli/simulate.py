@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
-from blockmech.cli.graphs import GraphFile, compiled
 from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
-from blockmech.cli.output import (
+from blockmech.cli.options import (
     Csv,
     Decimal,
     Degrees,
+    Explain,
+    GraphFile,
     Json,
     Out,
     Plot,
@@ -21,13 +22,12 @@ from blockmech.cli.output import (
     Times,
     Want,
     check_ways,
+    compiled,
     names_of,
     option,
     spelled,
-    switch,
-    written,
 )
-from blockmech.cli.terminal import note, pour, progress_bar, say
+from blockmech.cli.terminal import note, pour, progress_bar, say, written
 from blockmech.compiled import EVERYTHING
 from blockmech.export import csv_chunks, gap_lines, json_chunks, table
 from blockmech.result import Result
@@ -53,7 +53,6 @@ Method = Annotated[
 ]
 Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]
 Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
-Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 
 INTERRUPTED = 130
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
@@ -110,9 +109,8 @@ def simulate(
         pour(json_chunks(result) if json else csv_chunks(result, **spelling))
         note(*gaps)
     else:
-        paths = written(result, spelling, out, csv, plot, _pictures)
-        shown = [table(result, degrees=deg), "", *lines, *(f"wrote {path}" for path in paths)]
-        say("\n".join(shown))
+        files = written(result, spelling, out, csv, plot, _pictures)
+        say("\n".join([table(result, degrees=deg), "", *lines, *files]))
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):

@@ -1,20 +1,19 @@
-"""What `run` and `simulate` share: options of output, and the files that they write."""
+"""The arguments and options of all commands, what does not go together, and their file.
+
+A file is a graph of blocks or links and joints; every command takes either.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import typer
 
-from blockmech.cli.terminal import patience
-from blockmech.errors import Problem, RequestError
-from blockmech.export import csv_chunks, json_chunks, write_csv
-from blockmech.files import folder, writing
-from blockmech.result import Result
-
-Pictures: TypeAlias = Callable[..., Any]  # (result, folder, degrees=) -> files drawn
+from blockmech.builders import opened
+from blockmech.cli.numbers import MOST
+from blockmech.errors import GraphError, Problem, RequestError, in_file
+from blockmech.mechanism import Mechanism
 
 
 def option(help: str, metavar: str | None = None, **more: Any) -> Any:
@@ -27,57 +26,48 @@ def switch(name: str, help: str) -> Any:
     return typer.Option(f"--{name}", help=help)  # named, or typer adds --no-name
 
 
+GraphFile = Annotated[
+    str, typer.Argument(metavar="FILE", help="A graph of blocks, or links and joints (JSON).")
+]
+At = Annotated[
+    list[str] | None,
+    option(
+        "Driver coordinates, e.g. 0,1,60deg or 0:360deg:37; once for each driver.",
+        "[DRIVER=]NUMBERS",
+    ),
+]
+Samples = Annotated[int | None, option("Samples of the file's range (361).", "N", min=1, max=MOST)]
 Times = Annotated[
     str | None, typer.Option("--times", metavar="TIMES", help="Times [s], e.g. 0:2:201.")
 ]
 Want = Annotated[
     list[str] | None, option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")
 ]
+Static = Annotated[bool, switch("static", "Leave inertia out.")]
+Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
+AsJson = Annotated[bool, switch("json", "Print as JSON.")]
 Json = Annotated[bool, switch("json", "Print the result as JSON.")]
 Out = Annotated[str | None, option("Write results.csv, result.json and the pictures.", "DIR")]
 Csv = Annotated[str | None, option("Write a CSV file; - prints it.", "FILE")]
 Plot = Annotated[str | None, option("Draw the wanted outputs (png, svg, pdf).", "FILE")]
 Degrees = Annotated[bool, switch("deg", "Angles in degrees in the table, CSV and plots.")]
+DegreesOfText = Annotated[bool, switch("deg", "Angles in degrees in the text.")]
 Separator = Annotated[str, option('Of CSV cells: "," ";" "|" or tab.', "SIGN")]
 Decimal = Annotated[str, option('Of CSV numbers: "." or ",".', "SIGN")]
+
+
+def compiled(file: str) -> Mechanism:
+    """The mechanism in a file. Raises `FormatError`, `GraphError` that name the file."""
+    found = opened(file)
+    try:
+        return found.compile()
+    except GraphError as error:
+        raise GraphError(in_file(error.problems, file)) from error.__cause__
 
 
 def names_of(want: list[str] | None) -> tuple[str, ...]:
     """Outputs and patterns from the ``--want`` options."""
     return tuple(n for part in want or () for n in part.split(",") if n)
-
-
-def written(
-    result: Result,
-    spelling: dict[str, Any],
-    out: str | None,
-    csv: str | None,
-    plot: str | None,
-    pictures: Pictures,
-) -> list[Path]:
-    """Write what is asked for; the paths written. ``pictures`` draws into a folder."""
-    if csv is not None:
-        with patience("writing"):
-            write_csv(csv_chunks(result, **spelling), csv)
-        return [Path(csv)]
-    if plot is not None:
-        from blockmech.draw import plot as plotted
-
-        with patience("drawing"):
-            return [plotted(result, plot, degrees=spelling["degrees"])]
-    return [] if out is None else _folder(result, spelling, out, pictures)
-
-
-def _folder(result: Result, spelling: dict[str, Any], out: str, pictures: Pictures) -> list[Path]:
-    """Write results.csv, result.json and the pictures, all or none."""
-    with patience("writing and drawing"), folder(out) as draft:
-        write_csv(csv_chunks(result, **spelling), draft / "results.csv")
-        with writing(draft / "result.json") as stream:
-            for chunk in json_chunks(result):
-                stream.write(chunk.encode())
-        pictures(result, draft, degrees=spelling["degrees"])
-        names = sorted(path.name for path in draft.iterdir())
-    return [Path(out) / name for name in names]
 
 
 def check_ways(
