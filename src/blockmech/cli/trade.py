@@ -21,7 +21,6 @@ from blockmech.cli.options import (
     switch,
 )
 from blockmech.cli.terminal import note, patience, progress_bar, say
-from blockmech.draw.trade import draw_trade
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade import Trade
@@ -106,7 +105,7 @@ def _show(found: list[Trade], json: bool, out: str | None, plot: str | None) -> 
         if out is not None:
             lines += [f"wrote {path}" for path in _folder(found[0], out)]
         elif plot is not None:
-            lines.append(f"wrote {draw_trade(found[0], plot)}")
+            lines.append(f"wrote {found[0].plot(plot)}")
     say("\n".join(lines))
 
 
@@ -129,7 +128,7 @@ def _folder(found: Trade, out: str) -> list[Path]:
     with folder(out) as draft:
         found.to_csv(draft / "trade.csv")
         (draft / "trade.json").write_text(text_of.dumps(found.to_dict(), indent=2), "utf-8")
-        draw_trade(found, draft / "trade.png")
+        found.plot(draft / "trade.png")
         names = sorted(p.name for p in draft.iterdir())
     return [Path(out) / name for name in names]
 

@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
@@ -175,6 +176,12 @@ class Trade:
         from blockmech.analysis.trade.report import to_csv
 
         return to_csv(self, path)
+
+    def plot(self, path: str | os.PathLike[str]) -> Path:
+        """Draw the work-precision diagram (png, svg or pdf)."""
+        from blockmech.draw.trade import draw_trade
+
+        return draw_trade(self, path)
 
     def __str__(self) -> str:
         return self.text()
