@@ -20,7 +20,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import CodeType
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
@@ -283,6 +283,32 @@ def _followed(s: Schedule, block: str) -> str:
     from blockmech.passes.following import guess  # few mechanisms need it
 
     return s.ask(guess, block)
+
+
+Reader = Callable[..., Any]
+
+
+class Output(NamedTuple):
+    """One thing that can be wanted.
+
+    Attributes
+    ----------
+    name : e.g. ``"dyad.B.reaction"``
+    unit : SI, ``""`` where dimensionless
+    kind : "real", "vector" (complex x + iy), "matrix" (square over the drivers) or
+        "number" (one per run)
+    ask : the rule's answer in a schedule: names of program values
+    read : arrays of those values -> the output's array
+    by, on : for what one link exerts on another, the two links
+    """
+
+    name: str
+    unit: str
+    kind: Literal["real", "vector", "matrix", "number"]
+    ask: Callable[[Schedule], Iterable[str]]
+    read: Reader
+    by: str = ""
+    on: str = ""
 
 
 @functools.cache

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from blockmech.engines.numpy import Planar
 from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
 from blockmech.export import Exported
-from blockmech.outputs import Output
-from blockmech.plan import Plan
+from blockmech.plan import Output, Plan
 from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
 from blockmech.wires import travelling

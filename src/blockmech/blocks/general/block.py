@@ -27,6 +27,7 @@ from blockmech.blocks.contract import (
     Kernels,
     inner_joint,
     outer_joint,
+    wrong_friction,
 )
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
@@ -35,7 +36,6 @@ from blockmech.blocks.mistakes import (
     bad_name,
     refuse,
     unknown_name,
-    wrong_friction,
     wrong_links,
 )
 from blockmech.friction.laws import Coulomb
