@@ -27,7 +27,12 @@ General = Literal["", "groups", "one"]
 
 
 class Graph(graph.Graph):
-    __doc__ = graph.Graph.__doc__
+    """A mechanism as a diagram of blocks, with the doors that load, save, compile and run it.
+
+    >>> import blockmech as bm
+    >>> bm.Graph("fourbar").name
+    'fourbar'
+    """
 
     @classmethod
     def of(cls, made: graph.Graph) -> Self:
@@ -114,7 +119,12 @@ class Decomposition:
 
 
 class Linkage(linkage.Linkage):
-    __doc__ = linkage.Linkage.__doc__
+    """A mechanism said in links and joints, with the doors that load, save, compile and run it.
+
+    >>> import blockmech as bm
+    >>> bm.Linkage("crank_rocker").name
+    'crank_rocker'
+    """
 
     @classmethod
     def of(cls, made: linkage.Linkage) -> Self:

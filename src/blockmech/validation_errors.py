@@ -36,6 +36,7 @@ class InWrittenOrder(GenerateJsonSchema):
     """A JSON Schema whose keys stand in the order in which they are written."""
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
+        """The schema of a model, its properties in the order of the fields."""
         found = super().model_schema(schema)
         if "properties" in found:
             model = schema["cls"]

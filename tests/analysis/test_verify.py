@@ -109,7 +109,7 @@ class AtTheEdge(Seeded):
 
     def uniform(self, low, high):
         edges = [low, high, *([0.0] if low <= 0 <= high else [])]
-        return self.pick([*edges, super().uniform(low, high)])
+        return self.choice([*edges, super().uniform(low, high)])
 
 
 def into_the_pin(kind=bm.RRR):
@@ -331,6 +331,10 @@ class Tampered:
 
     def __getattr__(self, name):
         return getattr(self._mechanism, name)
+
+    @property
+    def of_blocks(self):
+        return self
 
     def run(self, **request):
         result = self._mechanism.run(**request)

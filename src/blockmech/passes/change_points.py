@@ -8,6 +8,8 @@ about 1e-14 rad, though no pose nearer than 1e-2 is looked at: close to the poin
 size has lost its digits.
 
 Two change points between the same three samples of the scan are taken for none.
+
+Source: the search is blockmech's own.
 """
 
 from __future__ import annotations
