@@ -6,10 +6,10 @@ engine and wraps the arrays in a labelled result.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
 from blockmech.blocks.modes import TwoModes
 from blockmech.catalogue import Catalogue
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from blockmech.blocks.contract import Joint
     from blockmech.dynamics.system.reduced import ReducedSystem, ReducedSystems
 
+T = TypeVar("T")
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 EVERYTHING = ("*",)
 
@@ -273,6 +274,13 @@ class Compiled:
         batch = self._engine(plan, "numpy", precision)
         more = {} if chunk is None else {"chunk": int(chunk)}
         return batch.run(inputs, taken.n, **more), "numpy"
+
+    def once(self, make: Callable[[Self], T]) -> T:
+        """What an analysis makes of this mechanism, made once and kept."""
+        if make not in self._engines:
+            self._engines[make] = make(self)
+        found: T = self._engines[make]
+        return found
 
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
         key = (id(plan), name, precision)
