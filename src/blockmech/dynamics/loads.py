@@ -118,6 +118,12 @@ def _turns(period: float) -> int:
     return 1 if abs(1 / ratio - round(1 / ratio)) <= SAME / ratio else 0
 
 
+def time_periods(structure: Structure) -> list[float]:
+    """Periods [s] of the loads that follow the time and tell one."""
+    laws = (_law(element) for element in structure.elements.values())
+    return [law.whole for law in laws if getattr(law, "whole", 0.0) and law.of == "time"]
+
+
 # -- kinks ---------------------------------------------------------------------------------
 
 
@@ -247,7 +253,8 @@ def load_size(structure: Structure, scene: Any, driver: str) -> Callable[[float]
             marker = structure.holds[ref]
             given = s.ask(terminal_term, ref)
             if declared.kind == "point":
-                v, nothing, kernel = s.ask(marker_velocity, marker, driver), ZERO, work_at_most
+                v, nothing = s.ask(marker_velocity, marker, driver), ZERO
+                kernel: Callable[..., Real] = work_at_most
             else:
                 v, nothing = s.ask(link_velocity, marker.on, driver).scalar, "0.0"
                 kernel = turn_at_most
