@@ -8,7 +8,7 @@ inertia (`closeness`) may also dip and come back within a step: their smallest v
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -252,9 +252,9 @@ def _dip(
 # -- events of a user on a motion that is known --------------------------------------------
 
 
-def watched(motion: Motion, watches: Iterable[Watch]) -> Motion:
+def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     """The motion of one driver with the watches' events, cut at the first terminal one."""
-    if motion.t_end <= motion.t_start:
+    if motion.t_end <= motion.t_start or not watches:
         return motion
     swing = motion.facts.get("swing_time") or motion.facts.get("period") or 0.0
     span = motion.t_end - motion.t_start

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
+SMALLEST = 5e-324  # the smallest number above zero
 
 
 class Rule(NamedTuple):
@@ -37,28 +38,41 @@ class Rule(NamedTuple):
     to_series : (n, n) values -> Chebyshev coefficients in 2 v - 1
     average : p -> (n, n) averages over [0, v_i] with weight p s^(p-1)
     whole : p -> (n,) the same over [0, 1]
+    integral : (n + 1, n) coefficients of a series -> those of its integral from v = 0
     """
 
     v: Floats
     to_series: Floats
     average: dict[int, Floats]
     whole: dict[int, Floats]
+    integral: Floats
+
+
+def basis(v: Floats, n: int) -> Floats:
+    """Chebyshev polynomials (m, n) in 2 v - 1 at v (m,); exact beside v = 0.
+
+    By the angle: v = sin^2(a / 2), and T_k(2 v - 1) = cos k (pi - a).
+    """
+    angle = math.pi - 2 * np.arcsin(np.sqrt(v))
+    found: Floats = np.cos(np.multiply.outer(angle, np.arange(n)))
+    return found
 
 
 @cache
 def rule(n: int) -> Rule:
     """The rule with n nodes; v_i = sin^2((i + 1/2) pi / 2n), small ones to full accuracy."""
     v = np.sin((np.arange(n) + 0.5) * math.pi / (2 * n)) ** 2
-    to_series = np.linalg.inv(chebyshev.chebvander(2 * v - 1, n - 1))
+    to_series = np.linalg.inv(basis(v, n))
     x, weights = leggauss(n + 1)
     s = (x + 1) / 2
     places = np.append(v, 1.0)[:, None] * s
-    values = chebyshev.chebvander(2 * places - 1, n - 1)  # (n + 1, gauss, n)
+    values = basis(places, n)  # (n + 1, gauss, n)
     average, whole = {}, {}
     for p in (1, 2):
         rows = np.einsum("g,igk->ik", weights / 2 * p * s ** (p - 1), values) @ to_series
         average[p], whole[p] = rows[:-1], rows[-1]
-    return Rule(v, to_series, average, whole)
+    integral = chebyshev.chebint(np.eye(n), lbnd=-1) / 2
+    return Rule(v, to_series, average, whole, integral)
 
 
 def tail(series: Floats) -> Floats:
@@ -81,7 +95,7 @@ def tail(series: Floats) -> Floats:
 
 
 def roots(series: Floats) -> Floats:
-    """Real roots in [-1, 1] of a Chebyshev series, ascending.
+    """Places v in [0, 1] at which a series in 2 v - 1 is zero, ascending.
 
     Coefficients that are rounding are left out: they would make roots of their own.
     """
@@ -91,7 +105,7 @@ def roots(series: Floats) -> Floats:
     found = chebyshev.chebroots(kept)
     near = math.sqrt(EPS)  # a double root comes as a pair that is apart by that much
     real = found.real[(np.abs(found.imag) <= near) & (np.abs(found.real) <= 1 + near)]
-    return np.sort(np.clip(real, -1.0, 1.0))
+    return np.sort((np.clip(real, -1.0, 1.0) + 1) / 2)
 
 
 @dataclass(frozen=True)
@@ -131,29 +145,25 @@ class PlaceData:
         return nodes(self.low, self.high, self.limit, n)
 
     def variable(self, q: Floats) -> Floats:
-        """The series' own variable in [-1, 1] at places q."""
+        """v in [0, 1] at places q."""
         if self.limit > 0:
-            v = np.sqrt(np.maximum(self.high - q, 0.0) / self.length)
-        elif self.limit < 0:
-            v = np.sqrt(np.maximum(q - self.low, 0.0) / self.length)
-        else:
-            v = (q - self.low) / self.length
-        found: Floats = 2 * v - 1
-        return found
+            return np.sqrt(np.maximum(self.high - q, 0.0) / self.length)
+        if self.limit < 0:
+            return np.sqrt(np.maximum(q - self.low, 0.0) / self.length)
+        return np.clip((q - self.low) / self.length, 0.0, 1.0)
 
     def at(self, q: Floats) -> Floats:
         """All rows (r, m) at places (m,) inside."""
-        x = self.variable(q)
-        found: Floats = self.series @ chebyshev.chebvander(x, self.series.shape[1] - 1).T
+        v = self.variable(q)
+        found: Floats = self.series @ basis(v, self.series.shape[1]).T
         if self.limit:
-            v = np.maximum((x + 1) / 2, math.sqrt(5e-324))
+            v = np.maximum(v, math.sqrt(SMALLEST))
             found[0] /= v * v
             found[1] /= v
         return found
 
-    def place(self, x: Floats) -> Floats:
-        """Driver coordinates of values x of the series' variable."""
-        v = (x + 1) / 2
+    def place(self, v: Floats) -> Floats:
+        """Driver coordinates of values v of the series' variable."""
         if self.limit > 0:
             return np.asarray(self.high - self.length * v * v)
         if self.limit < 0:
@@ -174,12 +184,18 @@ class PlaceData:
         (pi / 8)^2 / 2 of its largest value at one of 4 n nodes; only then its minima are found.
         """
         series = self.series[row]
-        values = chebyshev.chebval(2 * rule(4 * series.size).v - 1, series)
+        values = _finer(series.size) @ series
         if values.min() > (math.pi / 8) ** 2 / 2 * np.abs(values).max():
             return []
-        x = np.concatenate([[-1.0], roots(chebyshev.chebder(series)), [1.0]])
-        found: list[float] = self.place(x[chebyshev.chebval(x, series) <= level]).tolist()
+        v = np.concatenate([[0.0], roots(chebyshev.chebder(series)), [1.0]])
+        found: list[float] = self.place(v[basis(v, series.size) @ series <= level]).tolist()
         return found
+
+
+@cache
+def _finer(n: int) -> Floats:
+    """Values at 4 n nodes from n coefficients."""
+    return basis(rule(4 * n).v, n)
 
 
 def nodes(low: float, high: float, limit: int, n: int) -> Floats:
@@ -233,13 +249,13 @@ class Panel:
     @cached_property
     def clock(self) -> Floats:
         """Coefficients of the time since v = 0."""
-        whole = chebyshev.chebint(self.rate, lbnd=-1) / 2
-        return np.asarray(whole)
+        found: Floats = rule(self.w.size).integral @ self.rate
+        return found
 
     @cached_property
     def duration(self) -> float:
         """[s]"""
-        return float(chebyshev.chebval(1.0, self.clock))
+        return float(self.clock.sum())
 
     @property
     def t1(self) -> float:
@@ -249,41 +265,49 @@ class Panel:
     def state(self, t: Floats) -> tuple[Floats, Floats]:
         """Driver coordinate and rate (m,) at times (m,) [s] within it."""
         since = self.t1 - t if self.backward else t - self.t0
-        v = self._v(np.clip(since, 0.0, self.duration))
+        v, slope = self._moved(np.clip(since, 0.0, self.duration))
         way = self.q1 - self.q0
         u = way * v**self.p
         q = self.q1 - u if self.backward else self.q0 + u
-        slope = chebyshev.chebval(2 * v - 1, self.rate)
         with np.errstate(all="ignore"):
             qd = np.where(slope > 0, self.p * way * v ** (self.p - 1) / slope, 0.0)
         return q, qd
 
-    def _v(self, since: Floats) -> Floats:
-        """v at times since v = 0, by Newton's method kept within a bracket."""
+    @cached_property
+    def _timed(self) -> tuple[Floats, Floats, Floats]:
+        """Times since v = 0 and v at the nodes and ends; coefficients (n + 1, 2) of t and dt/dv."""
         r = rule(self.w.size)
-        at_nodes = chebyshev.chebval(2 * r.v - 1, self.clock)
-        times = np.concatenate([[0.0], np.maximum.accumulate(at_nodes), [self.duration]])
-        v = np.interp(since, times, np.concatenate([[0.0], r.v, [1.0]]))
+        both = np.stack([self.clock, np.append(self.rate, 0.0)], axis=1)
+        v = np.concatenate([[0.0], r.v, [1.0]])
+        times = basis(v, self.w.size + 1) @ both[:, 0]
+        return np.maximum.accumulate(times), v, both
+
+    def _moved(self, since: Floats) -> tuple[Floats, Floats]:
+        """v and dt/dv at times since v = 0, by Newton's method kept within a bracket."""
+        times, at_nodes, both = self._timed
+        v = np.interp(since, times, at_nodes)
         low, high = np.zeros(since.shape), np.ones(since.shape)
         for _ in range(60):  # bisection alone would end then
-            x = 2 * v - 1
-            miss = chebyshev.chebval(x, self.clock) - since
+            found, slope = (basis(v, self.w.size + 1) @ both).T
+            miss = found - since
+            if (np.abs(miss) <= 2 * EPS * since).all():
+                break
             low, high = np.where(miss <= 0, v, low), np.where(miss >= 0, v, high)
             with np.errstate(all="ignore"):
-                new = v - miss / chebyshev.chebval(x, self.rate)
+                new = v - miss / slope
             new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
-            done = np.abs(new - v) <= 2 * EPS * v
-            v = new
-            if done.all():
+            if (np.abs(new - v) <= 4 * EPS * v).all():
+                v = new
                 break
-        return v
+            v = new
+        return v, basis(v, self.w.size + 1) @ both[:, 1]
 
     def at_place(self, q: float) -> float:
         """Time [s] at which it passes a place."""
         way = self.q1 - self.q0
         share = (self.q1 - q) / way if self.backward else (q - self.q0) / way
         v = min(max(share, 0.0), 1.0) ** (1 / self.p)
-        since = float(chebyshev.chebval(2 * v - 1, self.clock))
+        since = float((basis(np.array([v]), self.w.size + 1) @ self.clock)[0])
         return self.t1 - since if self.backward else self.t0 + since
 
 

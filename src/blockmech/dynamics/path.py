@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
+from blockmech.dynamics.estimate import missed, refined
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
     DEAD_CENTRE,
@@ -34,7 +34,7 @@ from blockmech.dynamics.motion import (
     Motion,
     Status,
 )
-from blockmech.dynamics.panels import EPS, Floats, Panel, final_energy, roots, rule, tail
+from blockmech.dynamics.panels import EPS, Floats, Panel, basis, final_energy, roots, rule, tail
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.road import SLIPS, Piece, Road
 from blockmech.dynamics.track import Leg, PathTrack, Pattern, Standing, durations
@@ -45,6 +45,9 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 TURN = 2 * math.pi
+NODES, MORE, LARGEST = 40, 8, 64  # of a panel: to begin with, more each time, at most
+FINEST = 64 * EPS  # what series of that length leave of rounding; asked for without a target
+COARSEST = 1e-5  # relative, of series: a looser one saves no node
 MOST = 20_000  # panels of a run; half a minute of work
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
 SHORT = 8  # a piece is made anew if what happens in it needs no more than this part of it
@@ -168,13 +171,22 @@ class PathRun:
             return
         ahead = [*piece.cuts, *self.goal_places(), piece.end(self.sign)]
         if self.mark is not None and self.place_only and self.system.period is not None:
-            ahead.append(self.mark[2] + self.sign * self.system.period)
-        ahead = [x for x in ahead if self.sign * (x - self.q) > 0]
+            ahead.append(self.turned(self.system.period))
+        ahead = [x for x in ahead if self.sign * (x - self.q) > CLOSE * max(abs(x), abs(self.q))]
+        if not ahead:  # but for rounding it is at the end of the piece
+            self.q = piece.end(self.sign)
+            self.passed(piece)
+            return
         end = min(ahead, key=lambda x: self.sign * x)
         panel = self.panel(piece, end)
         if panel is not None:
             self.take(panel)
             self.passed(piece)
+
+    def turned(self, period: float) -> float:
+        """The place one period beyond the mark."""
+        assert self.mark is not None
+        return self.mark[2] + self.sign * period
 
     def take(self, panel: Panel) -> None:
         """The motion goes over a panel."""
@@ -196,9 +208,10 @@ class PathRun:
             self.arrive(piece.what_ends(self.sign))
         elif self.q in piece.cuts and self.system.friction is not None:
             self.events.append(Event("joint reverses", self.t, self.q, self.rate()))
-        if not self.end and self.mark is not None and self.system.period is not None:
-            if self.q == self.mark[2] + self.sign * self.system.period and self.place_only:
-                self.repeat_turn(self.system.period)
+        period = self.system.period
+        repeats = not self.end and self.mark is not None and self.place_only
+        if repeats and period is not None and self.q == self.turned(period):
+            self.repeat_turn(period)
 
     def rate(self) -> float:
         """Rate of the driver."""
@@ -313,7 +326,10 @@ class PathRun:
         count = math.inf if turn.starts is None else turn.starts.size - 1
         way = min((abs(x - q) for x in places), default=math.inf)
         last = turn.begins(int(count)) if count < math.inf else math.inf
-        if way <= count * abs(turn.step) and turn.at_way(math.copysign(way, turn.step)) < self.t_goal:
+        if (
+            way <= count * abs(turn.step)
+            and turn.at_way(math.copysign(way, turn.step)) < self.t_goal
+        ):
             self.t = turn.at_way(math.copysign(way, turn.step))
             self.stop(self.request.until.goal, "reached")
         elif self.t_goal <= last and self.t_goal < math.inf:
@@ -438,10 +454,10 @@ class PathRun:
         q, sign = self.q, self.sign
         if self.K == 0:
             return None
-        last, n = math.inf, self.n
+        last, n, w = math.inf, self.n, None
         for _ in range(STEPS):
             length = sign * (guess - q)
-            if length <= CLOSE * max(abs(q), 1.0) and self.K <= 1e3 * EPS * self.largest_energy():
+            if length <= CLOSE * max(abs(q), 1.0) and 1e3 * EPS * self.largest_energy() >= self.K:
                 self.K = 0.0
                 self.stand()
                 return None
@@ -449,8 +465,8 @@ class PathRun:
                 return None
             span = Span(guess, length, 2, True, False, 0.0)
             work, J = self.work(piece, span)
-            w, K = settled(work, span, n)
-            at_rest = float(chebyshev.chebval(-1.0, rule(n).to_series @ w))
+            w, K = settled(work, span, n, w)
+            at_rest = float((basis(np.zeros(1), n) @ rule(n).to_series @ w)[0])
             if not (np.isfinite(w).all() and at_rest < 0):
                 return None
             start = final_energy(n, 2, length, True, False, 0.0, w)
@@ -495,11 +511,40 @@ class PathRun:
                 continue
             N, C = work.loads[:, j].real, work.loads[:, j].imag
             for series in (N + C, N - C) if np.abs(C).max() > 0 else (N,):
-                x = roots(rule(self.n).to_series @ series)
-                v = (x[np.abs(x) < 1 - math.sqrt(EPS)] + 1) / 2
+                v = roots(rule(self.n).to_series @ series)
+                v = v[(v > math.sqrt(EPS)) & (v < 1 - math.sqrt(EPS))]
                 way = (panel.q1 - panel.q0) * v**panel.p
                 found += (panel.q1 - way if panel.backward else panel.q0 + way).tolist()
         return min(found, key=lambda x: self.sign * x) if found else None
+
+
+class Setting(NamedTuple):
+    """Nodes of a panel, what its series may leave out, and whether it starts an ulp beside."""
+
+    n: int
+    tolerance: float
+    beside: bool
+
+
+def along_path(system: System, request: SimulationRequest) -> Motion:
+    """The motion by the path method, with its error (`estimate`)."""
+    target = request.accuracy or FINEST
+    share = min(max(target / 8, FINEST), COARSEST)
+
+    def run(setting: Setting) -> Motion:
+        start = request.start
+        q = math.nextafter(start.q, math.inf) if setting.beside else start.q
+        moved = replace(request, start=start._replace(q=q))
+        path = PathRun(system, moved, setting.n, setting.tolerance)
+        path.run()
+        return path_motion(path)
+
+    def finer(setting: Setting, apart: float) -> Setting | None:
+        n = setting.n + MORE
+        return Setting(n, max(setting.tolerance / 8, FINEST), False) if n <= LARGEST else None
+
+    motion = refined(run, Setting(NODES, share, True), finer, target, request.times)
+    return motion if request.accuracy is None else missed(motion, request.accuracy)
 
 
 def path_motion(run: PathRun) -> Motion:
@@ -531,7 +576,7 @@ def path_motion(run: PathRun) -> Motion:
         track=track,
         events=events,
         error=math.nan,
-        time_error=math.nan,
+        time_error=0.0,
         accuracy=request.accuracy,
         cost=system.cost,
         notes=tuple(run.notes),
