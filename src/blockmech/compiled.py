@@ -33,7 +33,6 @@ from blockmech.settings import check_chunk, friction_asked, unknown_engine
 
 if TYPE_CHECKING:
     from blockmech.blocks.contract import Joint
-    from blockmech.dynamics.system.reduced import ReducedSystem, ReducedSystems
 
 T = TypeVar("T")
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
@@ -291,14 +290,6 @@ class Compiled:
                 else NumpyEngine(plan.program, precision)
             )
         return self._engines[key]
-
-    @cached_property
-    def reduced(self) -> ReducedSystem | ReducedSystems:
-        """The reduced system of forward dynamics; kept, so asking again costs nothing."""
-        from blockmech.dynamics.system.reduction import reduced_system, reduced_systems
-
-        of = self.inner
-        return reduced_system(of) if len(self.drivers) == 1 else reduced_systems(of)
 
     @cached_property
     def frictional_joints(self) -> tuple[str, ...]:

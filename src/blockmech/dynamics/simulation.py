@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.methods import move, standing
 from blockmech.dynamics.motion import (
     DEAD_CENTRE,
@@ -41,7 +42,6 @@ from blockmech.dynamics.request import (
     times_of,
     watches_of,
 )
-from blockmech.dynamics.system import System
 from blockmech.engines.numpy import Planar
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.result import Result
@@ -50,6 +50,7 @@ from blockmech.settings import friction_asked
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
+    from blockmech.dynamics.system import System
 
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
 OUTPUTS = 201  # output times where none are named
@@ -124,7 +125,7 @@ def simulate(
     request = SimulationRequest(
         _start(starts), goal, target, method, size, tuple(shown.tolist()), events
     )
-    system = System(mechanism, bounds, how, told)
+    system = system_of(mechanism, stops=bounds, method=how, progress=told)
     motion = with_undefined_loads(mechanism, _moved(system, request))
     motion = replace(motion, notes=(*motion.notes, *_remarks(system, motion, goal)))
     return _at_times(mechanism, motion, wanted, want, settings)
@@ -257,17 +258,19 @@ def result_along(
     motion: Motion,
     t: Floats,
     want: Iterable[str] | str,
-    friction: str = "none",
+    friction: str | None = None,
     tolerance: float | None = None,
     iterations: int | None = None,
 ) -> Result:
     """The wanted outputs at times (n,) [s] of a motion.
 
-    Interrupted, it gives them at the times until then, and says so.
+    Joint friction is that of the motion, if nothing else is said. Interrupted, it gives the
+    outputs at the times until then, and says so.
     """
+    friction = friction or ("newton" if "friction_work" in motion.facts else "none")
     given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     plan = mechanism.plan(want, **given)  # type: ignore[arg-type]
-    system = System(mechanism, method=friction_asked(friction, tolerance, iterations))
+    system = system_of(mechanism, method=friction_asked(friction, tolerance, iterations))
     parts: list[tuple[Any, ...]] = []
     engine, done = "numpy", 0
     try:
