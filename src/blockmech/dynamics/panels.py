@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
+NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero
 SMALLEST = 5e-324  # the smallest number above zero
 
 
@@ -75,12 +76,13 @@ def rule(n: int) -> Rule:
     return Rule(v, to_series, average, whole, integral)
 
 
-def tail(series: Floats) -> Floats:
+def tail(series: Floats, noise: float = 0.0) -> Floats:
     """What a series (..., n) leaves out, relative to its largest coefficient.
 
     The largest of the last quarter. Where that is no smaller than a third of the quarter before
     and below the square root of rounding, the coefficients have stopped falling: what is left
-    is rounding of the values, which no shorter piece makes smaller, and it counts as none.
+    is rounding of the values, which no shorter piece makes smaller, and it counts as none; so
+    does what is below the relative noise of the values, where that is known.
     """
     n = series.shape[-1]
     size = np.abs(series)
@@ -90,7 +92,7 @@ def tail(series: Floats) -> Floats:
     with np.errstate(all="ignore"):
         left = np.where(top > 0, last / top, 0.0)
     flat = (3 * last >= before) & (left <= math.sqrt(EPS))
-    found: Floats = np.where(flat, 0.0, left)
+    found: Floats = np.where(flat | (left <= noise), 0.0, left)
     return found
 
 
@@ -138,7 +140,13 @@ class PlaceData:
     def tail(self) -> float:
         """What the series leave out, of the worst row."""
         rows = np.delete(self.series, 2, axis=0)  # the smallest of several margins has kinks
-        return float(np.max(tail(rows)))
+        return float(np.max(tail(rows, self.noise)))
+
+    @property
+    def noise(self) -> float:
+        """Relative rounding of rates and inertia: a margin m is exact to rounding, they to 1/m."""
+        least = float(self.rows[2].min())
+        return NOTHING / least if least > 0 else math.inf
 
     def places(self, n: int) -> Floats:
         """Driver coordinates of n nodes."""

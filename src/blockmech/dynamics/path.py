@@ -36,7 +36,7 @@ from blockmech.dynamics.motion import (
 )
 from blockmech.dynamics.panels import EPS, Floats, Panel, basis, final_energy, roots, rule, tail
 from blockmech.dynamics.rest import equilibrium, start_failure
-from blockmech.dynamics.road import SLIPS, Piece, Road
+from blockmech.dynamics.road import CLOSE, SLIPS, Piece, Road
 from blockmech.dynamics.track import Leg, PathTrack, Pattern, Standing, durations
 from blockmech.dynamics.work import STEPS, OfFriction, OfPlace, OfRate, Span, Work, settled
 
@@ -48,8 +48,7 @@ TURN = 2 * math.pi
 NODES, MORE, LARGEST = 40, 8, 64  # of a panel: to begin with, more each time, at most
 FINEST = 64 * EPS  # what series of that length leave of rounding; asked for without a target
 COARSEST = 1e-5  # relative, of series: a looser one saves no node
-MOST = 20_000  # panels of a run; half a minute of work
-CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
+MOST = 8_000  # panels of a run; ten seconds of work and more
 SHORT = 8  # a piece is made anew if what happens in it needs no more than this part of it
 
 
@@ -170,9 +169,9 @@ class PathRun:
             self.arrive(piece)
             return
         ahead = [*piece.cuts, *self.goal_places(), piece.end(self.sign)]
-        if self.mark is not None and self.place_only and self.system.period is not None:
+        if self.mark is not None and self.system.period is not None:
             ahead.append(self.turned(self.system.period))
-        ahead = [x for x in ahead if self.sign * (x - self.q) > CLOSE * max(abs(x), abs(self.q))]
+        ahead = [x for x in ahead if self.sign * (x - self.q) > 0 and not self.here(x)]
         if not ahead:  # but for rounding it is at the end of the piece
             self.q = piece.end(self.sign)
             self.passed(piece)
@@ -182,6 +181,10 @@ class PathRun:
         if panel is not None:
             self.take(panel)
             self.passed(piece)
+
+    def here(self, x: float) -> bool:
+        """Whether a place is where the motion is, but for rounding."""
+        return abs(x - self.q) <= CLOSE * max(abs(x), abs(self.q))
 
     def turned(self, period: float) -> float:
         """The place one period beyond the mark."""
@@ -202,15 +205,15 @@ class PathRun:
             self.stop("time", "reached")
         elif self.K == 0:
             self.stand()
-        elif self.q in self.goal_places():
+        elif any(map(self.here, self.goal_places())):
             self.stop(self.request.until.goal, "reached")
-        elif self.q == piece.end(self.sign) and piece.what_ends(self.sign):
+        elif self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
             self.arrive(piece.what_ends(self.sign))
-        elif self.q in piece.cuts and self.system.friction is not None:
+        elif self.system.friction is not None and any(map(self.here, piece.cuts)):
             self.events.append(Event("joint reverses", self.t, self.q, self.rate()))
         period = self.system.period
-        repeats = not self.end and self.mark is not None and self.place_only
-        if repeats and period is not None and self.q == self.turned(period):
+        repeats = not self.end and self.mark is not None
+        if repeats and period is not None and self.here(self.turned(period)):
             self.repeat_turn(period)
 
     def rate(self) -> float:
@@ -268,7 +271,10 @@ class PathRun:
         self.finish(swing, until.value if status == "reached" else math.inf, 1.0 + more)
 
     def repeat_turn(self, period: float) -> None:
-        """A turn without a standstill: it repeats, with more energy or less each time."""
+        """A turn without a standstill: it repeats, with more energy or less each time.
+
+        Loads of the rate and friction repeat once the energy is what it was a turn before.
+        """
         assert self.mark is not None
         first, t, q, K = self.mark
         panels = tuple(replace(p, t0=p.t0 - t) for p in self.legs[first:] if isinstance(p, Panel))
@@ -280,6 +286,9 @@ class PathRun:
         gain = self.K - K
         if self.system.lossless or abs(gain) <= 64 * EPS * size:  # a sum of some hundred terms
             gain = 0.0
+        if gain != 0 and not self.place_only:  # what the rate takes changes from turn to turn
+            self.mark = turned
+            return
         turn = Pattern(t, panels, self.sign * period, gain)
         if gain == 0:
             self.regime = "rotation"
@@ -326,11 +335,11 @@ class PathRun:
         count = math.inf if turn.starts is None else turn.starts.size - 1
         way = min((abs(x - q) for x in places), default=math.inf)
         last = turn.begins(int(count)) if count < math.inf else math.inf
-        if (
-            way <= count * abs(turn.step)
-            and turn.at_way(math.copysign(way, turn.step)) < self.t_goal
-        ):
-            self.t = turn.at_way(math.copysign(way, turn.step))
+        there = math.inf
+        if way < math.inf and way <= count * abs(turn.step):
+            there = turn.at_way(math.copysign(way, turn.step))
+        if there < self.t_goal:
+            self.t = there
             self.stop(self.request.until.goal, "reached")
         elif self.t_goal <= last and self.t_goal < math.inf:
             self.t = self.t_goal
@@ -557,7 +566,7 @@ def path_motion(run: PathRun) -> Motion:
     q, qd = float(state.q[0]), float(state.qd[0])
     if standing:
         q, qd = run.events[-1].q, run.events[-1].qd
-    elif run.q in run.goal_places() and run.end == request.until.goal:
+    elif run.end == request.until.goal and any(map(run.here, run.goal_places())):
         q = run.q
     events = tuple(e._replace(t=start.t + e.t) for e in run.events)
     facts = dict(run.facts)

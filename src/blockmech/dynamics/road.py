@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics.motion import DEAD_CENTRE, END_STOP, IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
-from blockmech.dynamics.panels import EPS, Floats, PlaceData, nodes, rule
+from blockmech.dynamics.panels import EPS, NOTHING, Floats, PlaceData, nodes, rule, tail
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
 PARTS = 16  # a search for the last possible pose asks at that many places at a time
 HALVINGS = 60  # of a piece: a double has no more digits
-NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero
+CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
 J, TAU, MARGIN, SLIPS = 0, 1, 2, 3  # rows of place data; slips and what follows with friction
 
 
@@ -48,10 +48,12 @@ class Piece:
         """What ends the road there, or nothing."""
         return self.ends[sign > 0]
 
-    def holds(self, q: float, sign: int) -> bool:
-        """Whether there is a way ahead of q in it, q a place of the data."""
+    def holds(self, q: float, sign: int, near: float) -> bool:
+        """Whether there is a way ahead of q in it, q a place of the data; no nearer than that."""
         low, high = self.data.low, self.data.high
-        return low <= q < high if sign > 0 else low < q <= high
+        if sign > 0:
+            return low - near <= q < high - near
+        return low + near < q <= high + near
 
 
 @dataclass
@@ -70,10 +72,11 @@ class Road:
         if (q >= high and sign > 0) or (q <= low and sign < 0):
             return END_STOP
         shift = self._shift(q)
+        near = CLOSE * max(abs(q), abs(shift))
         for k in (0.0, 1.0, -1.0):  # a place at an edge of a period may be its neighbour's
             move = shift + k * (self.system.period or 0.0)
             for piece in self.pieces:
-                if piece.holds(q - move, sign):
+                if piece.holds(q - move, sign, near):
                     return self._cut_at_stops(Piece(piece.data, piece.ends, piece.cuts, move))
             if self.system.period is None:
                 break
@@ -119,13 +122,13 @@ class Road:
             rows = self._rows(*_ordered(q, far), limit)
         for _ in range(HALVINGS):
             data = PlaceData(*_ordered(q, far), limit, rows)
-            if data.tail <= self.tolerance:
-                touched = self._touched(data, sign)
-                if touched is None or abs(touched[0] - far) <= math.sqrt(EPS) * data.length:
-                    return self._finished(data, sign, what)
+            touched = self._touched(data, sign)
+            if touched is not None and abs(touched[0] - far) > math.sqrt(EPS) * data.length:
                 far, what, limit = *touched, 0
                 if far == q:
                     return what
+            elif data.tail <= self.tolerance:
+                return self._finished(data, sign, what)
             else:
                 middle = (q + far) / 2
                 if middle in (q, far):
@@ -203,6 +206,8 @@ class Road:
             return None
         found = []
         for row, what in ((MARGIN, DEAD_CENTRE), (J, NO_INERTIA)):
+            if tail(data.series[row]) > self.tolerance:
+                continue
             nothing = NOTHING * float(np.abs(data.rows[row]).max())
             found += [(q, what) for q in data.touches(row, nothing)]
         return min(found, key=lambda x: sign * x[0]) if found else None
