@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics.until import Until, Watch
+from blockmech.dynamics.request import Until, Watch
 from blockmech.errors import RequestError
 from tests.dynamics import scenes
 from tests.dynamics.scenes import at_rest, motor, rod
