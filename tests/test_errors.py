@@ -18,11 +18,12 @@ from hypothesis import strategies as st
 
 import blockmech
 from blockmech.blocks.registry import REGISTRY
+from blockmech.builders import problems_in
 from blockmech.errors import BlockmechError, FormatError, listed
-from blockmech.model.document import dumps, load, loads
-from blockmech.model.opening import problems_in
+from blockmech.model.document import dumps, load
 from blockmech.model.problems import FILE_CODES, LONGEST, MOST
 from blockmech.model.reading import LARGEST
+from tests.doors import graph_of as loads
 from tests.soon import answered
 from tests.spoilt import any_data, spoilt
 
@@ -281,7 +282,7 @@ def test_a_made_document_is_read_or_refused(document, tmp_path_factory):
     graph, refusal = None, None
     with answered():
         try:
-            graph = load(path)
+            graph = blockmech.Graph.load(path)
         except BlockmechError as error:
             refusal = error
     if graph is None:

@@ -21,16 +21,15 @@ import blockmech as bm
 from blockmech.dynamics.motion import fact_unit
 from blockmech.export import (
     csv_chunks,
-    folder,
     html_table,
     json_chunks,
     result_schema,
     table,
     write_csv,
-    writing,
 )
+from blockmech.files import folder, writing
 from examples.wire_ruiz import fourbar
-from tests.judge.linkages import fivebar
+from tests.analysis.linkages import fivebar
 
 BAR = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
 GAP = 4.0  # [rad] crank angle at which `short_fourbar` cannot close

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.model.joints.document import loads
 from blockmech.model.joints.schema import joints_schema
+from tests.doors import linkage_of as loads
 from tests.gallery import GRAPHS, JOINTS, TWINS
 from tests.independent import multibody as mb
 from tests.model.joints.chance import judged, shuffled
@@ -169,7 +169,7 @@ def test_both_forms_give_the_same_outputs(name, friction):
 @pytest.mark.parametrize("general", ["groups", "one"])
 @pytest.mark.parametrize("name", [name for name in TWINS if len(TWINS[name].links) < LONG])
 def test_general_groups_in_place_of_dyads_give_the_same_outputs(name, general):
-    types = {str(type(b).type_name) for b in joined(name, general).inner.structure.blocks.values()}
+    types = {str(type(b).type_name) for b in joined(name, general).structure.blocks.values()}
     assert not any(t.startswith(("dyad.", "driven.")) for t in types)
     assert_same(name, general, "newton")
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.builders import opened
 from blockmech.dynamics.until import Watch
-from blockmech.model.opening import opened
 from blockmech.result import Result
 from tests.wiring import ruiz, same_bits
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 import blockmech as bm
+from blockmech import Graph
 from blockmech.blocks.contract import Block, Moving
-from blockmech.model.graph import Graph
 from blockmech.testing.strategies import Case
 from blockmech.values import Marker
 

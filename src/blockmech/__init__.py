@@ -12,6 +12,7 @@ from blockmech.blocks import (
     GeneralGroup,
     SlideDrive,
 )
+from blockmech.builders import Graph, Linkage
 from blockmech.errors import (
     AssemblyError,
     BlockmechError,
@@ -25,8 +26,6 @@ from blockmech.errors import (
 )
 from blockmech.friction.laws import Coulomb
 from blockmech.loads import Couple, Force, Motor, Spring, Thrust, TorsionSpring, laws
-from blockmech.model.graph import Graph
-from blockmech.model.joints import Linkage
 from blockmech.model.laws_of_motion import (
     ConstantRate,
     Cycloidal,

@@ -9,30 +9,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
+from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
 from blockmech.catalogue import Catalogue
 from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
 from blockmech.errors import GraphError, Problem
-from blockmech.model.coordinates import (
-    GraphInputs,
-    drivers_in_order,
-    law_to_graph,
-    same,
-    scene_of_document,
-)
-from blockmech.model.naming import DriverName, Names
-from blockmech.model.scene import Scene
+from blockmech.failures import without_gaps
+from blockmech.model.graph import Graph
+from blockmech.model.joints.linkage import Linkage
+from blockmech.model.naming import Names
+from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
-from blockmech.outputs_by_link import blocks_by_link, joints_by_name
 from blockmech.plan import Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_chunk, friction_asked, unknown_engine
-
-if TYPE_CHECKING:
-    from blockmech.blocks.contract import Joint
 
 T = TypeVar("T")
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
@@ -40,21 +33,15 @@ EVERYTHING = ("*",)
 
 
 class Compiled:
-    """A valid mechanism, compiled. What a plan runs on.
-
-    >>> import blockmech as bm
-    >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
-    >>> mech.run(at=[0.0, 1.0], want=["crank.drive"])  # doctest: +SKIP
-    """
+    """A valid mechanism, compiled. What every analysis takes, and what a plan runs on."""
 
     structure: Structure
     scene: Scene
     name: str
     names: Names | None
-    _scene_of_graph: Scene
     _plans: dict[Any, Plan]
     _engines: dict[Any, Any]
-    _feasible: dict[frozenset[str], str]
+    _kept: dict[Any, Any]
 
     def __init__(
         self,
@@ -65,20 +52,40 @@ class Compiled:
     ) -> None:
         """``structure`` and ``scene`` are those of a graph.
 
-        With ``names`` the mechanism speaks of the links, joints and drivers of the
-        joint-based document that the graph was made of: outputs, `drivers`, coordinates
-        and `scene` are the document's; `inner` is the mechanism of the graph.
+        With ``names`` outputs are those of the links, joints and drivers of the
+        joint-based document that the graph was made of.
         """
+        if names is not None and not isinstance(scene, SceneOfLinks):
+            scene = SceneOfLinks(**dict(scene))
         vars(self).update(
             structure=_followed(structure, scene),
             names=names,
-            scene=scene if names is None else scene_of_document(scene, names),
+            scene=scene,
             name=name,
-            _scene_of_graph=scene,
             _plans={},
             _engines={},
-            _feasible={},
+            _kept={},
         )
+
+    @classmethod
+    def of(cls, document: Graph | Linkage, names: Names | None = None) -> Self:
+        """A snapshot of blocks or of links and joints, checked.
+
+        With ``names`` it speaks of the document that a graph was made of. Raises
+        `GraphError` with all problems.
+        """
+        from blockmech.passes.following import refuse_open_homes
+
+        if isinstance(document, Linkage):
+            from blockmech.model.joints.decompose import decompose
+
+            found = decompose(document)
+            graph, names = found.graph, found.names
+        else:
+            graph = document
+        structure = graph.structure()
+        refuse_open_homes(structure)
+        return cls(structure, graph.scene, graph.name, names)
 
     def __setattr__(self, name: str, value: object) -> None:
         where, found = f"Mechanism.{name}", "a compiled mechanism does not change"
@@ -88,7 +95,7 @@ class Compiled:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as what it was compiled of; plans and programs are made again when asked for."""
         structure = replace(self.structure)  # without what was found from its fields
-        return type(self), (structure, self._scene_of_graph, self.name, self.names)
+        return type(self), (structure, self.scene, self.name, self.names)
 
     @cached_property
     def outputs(self) -> Catalogue:
@@ -96,27 +103,18 @@ class Compiled:
         return Catalogue(self.structure, self.names)
 
     @cached_property
-    def inner(self) -> Self:
-        """The mechanism of the graph, with the names and coordinates of blocks."""
-        if self.names is None:
-            return self
-        return type(self)(self.structure, self._scene_of_graph, self.name)
+    def of_blocks(self) -> Self:
+        """The same with the outputs of blocks, whatever a document calls its links."""
+        return self if self.names is None else type(self)(self.structure, self.scene, self.name)
 
-    @cached_property
+    @property
     def drivers(self) -> tuple[str, ...]:
         """Drivers in formation order."""
-        return tuple(self.driver_names)
-
-    @cached_property
-    def driver_names(self) -> Mapping[str, DriverName]:
-        """Driver -> its id in the graph, and how the two coordinates differ, if they do."""
-        if self.names is None:
-            return {d: DriverName(d, 1, 0.0) for d in self.structure.drivers}
-        return drivers_in_order(self.structure, self.names)
+        return self.structure.drivers
 
     def driver_joint(self, driver: str) -> Joint:
         """Declaration of the pair that a driver drives: units, kind."""
-        return self.structure.driver_joint(self.driver_names[driver].driver)
+        return self.structure.driver_joint(driver)
 
     def of_driver(self, driver: str, what: str) -> str:
         """Name of an output of a driver: ``"crank.q"``, or ``"driver.motor.q"`` of a document."""
@@ -131,25 +129,12 @@ class Compiled:
         """A block in a message: its name, and the links of a joint-based document in it."""
         if self.names is None:
             return block
-        return blocks_by_link(self.names).get(block, block)
+        return self.names.of_blocks.get(block, block)
 
     @cached_property
     def joint_names(self) -> Mapping[str, str]:
         """Joint of the graph -> its name in a joint-based document; empty without one."""
-        return {} if self.names is None else joints_by_name(self.names)
-
-    def inward(self, taken: Samples) -> Samples:
-        """The same samples in the coordinates of the graph; see `inner`."""
-        if self._alike:
-            return taken
-        drivers = tuple(self.driver_names.values())
-        clock = None if taken.clock is None else law_to_graph(drivers[0], taken.clock)
-        return replace(taken, inputs=GraphInputs(taken.inputs, drivers), clock=clock)
-
-    @cached_property
-    def _alike(self) -> bool:
-        """Whether all coordinates are those of the graph."""
-        return all(map(same, self.driver_names.values()))
+        return {} if self.names is None else self.names.of_joints
 
     def plan(
         self,
@@ -191,52 +176,14 @@ class Compiled:
         friction: str | None = None,
         tolerance: float | None = None,
         iterations: int | None = None,
-        accuracy: float | None = None,
         static: bool = False,
         engine: Literal["auto", "scalar", "numpy"] = "auto",
         precision: str | None = None,
         chunk: int | None = None,
         on_gap: Literal["raise", "mark", "stop"] = "raise",
     ) -> Result:
-        """Compute the wanted outputs at given driver coordinates or times.
-
-        Parameters
-        ----------
-        at : float or (n,) [rad or m], or a mapping driver -> (n,)
-            Driver coordinates; rates follow from the scene's law of motion.
-        samples : int
-            That many equally spaced samples of the law's range; default 361.
-        times : (n,) [s]
-            Samples of the laws of motion by time.
-        rates, accelerations : like ``at``
-            Driver rates and accelerations, in place of the law's.
-        want, friction, tolerance, iterations, static : see `plan`
-        accuracy : float [- or rad]
-            Wanted error relative to each output's largest magnitude; chooses friction
-            method, iterations and precision, and ``result.accuracy`` says which.
-        engine : "scalar" for few samples, "numpy" for batches, "auto" by size
-        precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
-        chunk : samples per batch of the NumPy engine
-        on_gap : what to do at samples without an answer: raise, mark them as NaN,
-            or stop before the first
-
-        Returns
-        -------
-        Result, labelled, with units and quality
-
-        Raises
-        ------
-        RequestError for unknown names or settings that do not fit
-        AssemblyError, SingularError, FrictionError at gaps, unless marked
-        """
+        """Compute the wanted outputs; the parameters are those of `Mechanism.run`."""
         taken = make_samples(self, self.scene, at, samples, times, rates, accelerations)
-        if accuracy is not None:
-            from blockmech.accuracy import refuse_settings, run_to
-
-            given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-            refuse_settings(accuracy, **given, precision=precision)
-            chosen = run_to(self, taken, want, accuracy, static, engine, chunk)
-            return chosen if on_gap == "mark" else chosen.without_gaps(on_gap)
         friction = friction or "newton"
         plan = self.plan(
             want, friction=friction, tolerance=tolerance, iterations=iterations, static=static
@@ -249,7 +196,7 @@ class Compiled:
             "static": static,
         }
         result = Result(self, plan, taken, values, name, settings)
-        return result if on_gap == "mark" else result.without_gaps(on_gap)
+        return without_gaps(result, on_gap)
 
     def evaluate(
         self,
@@ -264,7 +211,7 @@ class Compiled:
         if engine == "auto":
             few = taken.n <= SCALAR_UP_TO and precision == "complex128"
             engine = "scalar" if few else "numpy"
-        inputs = self.inward(taken).given(plan.program.inputs)
+        inputs = taken.given(plan.program.inputs)
         if engine == "scalar" and precision == "complex128":
             scalar = self._engine(plan, "scalar", "")
             return scalar.run(inputs, taken.n), "scalar"
@@ -276,9 +223,9 @@ class Compiled:
 
     def once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
-        if make not in self._engines:
-            self._engines[make] = make(self)
-        found: T = self._engines[make]
+        if make not in self._kept:
+            self._kept[make] = make(self)
+        found: T = self._kept[make]
         return found
 
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
@@ -302,20 +249,6 @@ class Compiled:
         )
         return tuple(self.joint_names.get(joint, joint) for joint in found)
 
-    def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
-        """Where these groups close, in words for a message.
-
-        ``held`` is driver -> coordinate [rad or m] where there are several drivers. Without
-        it the answer is kept, so asking again is free.
-        """
-        from blockmech.judge.limits import arcs_sentence
-
-        if held is not None:
-            return f"{arcs_sentence(self, held, groups)}, each with the others held"
-        if groups not in self._feasible:
-            self._feasible[groups] = arcs_sentence(self, {}, groups)
-        return self._feasible[groups]
-
     def __repr__(self) -> str:
         s = self.structure
         return (
@@ -330,6 +263,6 @@ def _followed(structure: Structure, scene: Scene) -> Structure:
         isinstance(b, TwoModes) and b.follows for b in structure.blocks.values()
     ):
         return structure
-    from blockmech.judge.change_points import with_followed
+    from blockmech.passes.change_points import with_followed  # few mechanisms need it
 
     return with_followed(structure, scene)

@@ -6,8 +6,8 @@ close, stands at a dead centre or locks itself, and on which arcs it would close
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -15,22 +15,38 @@ from blockmech.errors import (
     AssemblyError,
     FrictionError,
     Problem,
+    RequestError,
     SampleError,
     SampleFailure,
     SingularError,
 )
-from blockmech.model.coordinates import to_document, to_graph
 from blockmech.passes.following import followed, last_good, path_of
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
-
-if TYPE_CHECKING:
-    from blockmech.compiled import Compiled
-    from blockmech.result import Result
+from blockmech.result import Result
 
 MOST_GROUPS = 8  # whose limits take a few milliseconds
 
+Feasible: TypeAlias = Callable[[frozenset[str], Mapping[str, float] | None], str]
+"""Where groups close, in words, as the analyses above can tell; see `Mechanism.feasible`."""
 
-def failure_of(result: Result) -> SampleError:
+
+def without_gaps(result: Result, on_gap: str, feasible: Feasible | None = None) -> Result:
+    """The result; one with gaps raises, is handed out or is cut before the first of them."""
+    if on_gap not in ("raise", "mark", "stop"):
+        raise RequestError(
+            Problem("bad-value", "on_gap", f"got {on_gap!r}", "valid: raise, mark, stop", "")
+        )
+    if on_gap == "mark" or result.surely_whole():
+        return result
+    gaps = result.quality.gaps
+    if not gaps:
+        return result
+    if on_gap == "raise":
+        raise failure_of(result, feasible)
+    return result.first(gaps[0])
+
+
+def failure_of(result: Result, feasible: Feasible | None) -> SampleError:
     """The error of a result that has gaps, about the first of them."""
     quality, mechanism = result.quality, result.mechanism
     first = quality.gaps[0]
@@ -49,7 +65,7 @@ def failure_of(result: Result) -> SampleError:
             code,
             f"{failing} at {place} (sample {first} of {result.n})",
             f"{found}; {count} affected",
-            _arcs(result, first) if block and error is not FrictionError else "",
+            _arcs(result, first, feasible) if block and error is not FrictionError else "",
             'choose other samples, or pass on_gap="mark" to keep the rest',
         ),
         SampleFailure(block, same, drivers, margin),
@@ -87,33 +103,31 @@ def _what(
     return AssemblyError, status, f"the group cannot close, {why}{far}"
 
 
-def _came_as_far(mechanism: Compiled, block: str, drivers: Mapping[str, float]) -> str:
+def _came_as_far(mechanism: Any, block: str, drivers: Mapping[str, float]) -> str:
     """Where the way from home of a group without closed form ends, in words."""
     if not mechanism.structure.blocks[block].own_form:
         return ""
     path = path_of(mechanism.structure, block)
-    known = {where.driver: (name, where) for name, where in mechanism.driver_names.items()}
-    said = [known[driver] for driver in path.drivers]
-    q = [to_graph(where, drivers[mechanism.of_driver(name, "q")]) for name, where in said]
+    q = [drivers[mechanism.of_driver(name, "q")] for name in path.drivers]
     places = []
-    for (name, where), x in zip(said, last_good(path, np.array(q)), strict=True):
+    for name, x in zip(path.drivers, last_good(path, np.array(q)), strict=True):
         unit = mechanism.driver_joint(name).coordinate_unit
-        places.append(f"{name} = {to_document(where, x):.9g} {unit}")
+        places.append(f"{name} = {x:.9g} {unit}")
     return f"; followed from its home it comes as far as {', '.join(places)}"
 
 
-def _arcs(result: Result, sample: int) -> str:
+def _arcs(result: Result, sample: int, feasible: Feasible | None) -> str:
     """Where the groups of this run close, in words, if that is found in an instant.
 
     Of several drivers each is moved by itself, the others held as in the sample.
     """
     mechanism = result.mechanism
     groups, drivers = frozenset(result.quality.margin), mechanism.drivers
-    if len(groups) > MOST_GROUPS:
+    if feasible is None or len(groups) > MOST_GROUPS:
         return ""
     if len(drivers) == 1:
-        return mechanism.feasible(groups)
+        return feasible(groups, None)
     if followed(mechanism.structure):
         return ""  # each sample of an arc would be followed from home by itself
     held = {d: float(q[sample]) for d, q in zip(drivers, result.drivers.values(), strict=True)}
-    return mechanism.feasible(groups, held)
+    return feasible(groups, held)

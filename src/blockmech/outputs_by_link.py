@@ -1,7 +1,7 @@
 """Outputs of a joint-based document: its own links, joints and drivers, whatever the blocks.
 
-Every output here is one of the graph's (`blockmech.outputs`), read with the sign, the frame
-and the name of the document. Nothing is computed anew.
+Every output here is a sum of some of the graph's (`blockmech.outputs`), each with a sign, read
+in the frame and under the name of the document: one table says which (`readings`).
 
 Signs. The graph reports a pair's reaction, friction and slip on its later link; a document
 wants them on the joint's second link. Where the second is the earlier one (``flipped``), all
@@ -17,211 +17,147 @@ the pin on another link, the forces of several pairs add up to it.
 
 from __future__ import annotations
 
-import functools
 import math
-import operator
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.model.coordinates import drivers_in_order, same, to_document
-from blockmech.model.naming import DriverName, JointName, LinkName, Names
-from blockmech.model.structure import LinkRef, Structure
-from blockmech.outputs import Output, Reader
+from blockmech.model.naming import JointName, Names
+from blockmech.model.structure import Structure
+from blockmech.outputs import Output
 
-Known = Mapping[str, Output]
-
-TURN = 2 * math.pi
 OF_LINKS = ("angle", "omega", "alpha")
 OF_POINTS = ("p", "v", "a")
 OF_JOINTS = ("reaction", "N", "C", "friction", "slip", "friction_power")
-ALONG_DRIVER = ("rate", "acceleration", "drive", "drive_by_reduction", "tau_red", "dJ_red")
 OF_DRIVERS = (
     *("q", "rate", "acceleration", "drive", "drive_by_reduction"),
     *("power", "J_red", "tau_red", "dJ_red"),
 )
 
 
-def outputs_by_link(structure: Structure, names: Names, known: Known) -> Iterator[Output]:
+class Reading(NamedTuple):
+    """How an output of the document is read.
+
+    name : in the document
+    parts : outputs of the graph that add up to it, each with its sign +1 or -1
+    turn : [rad] what is added to an angle, which stays between -pi and pi
+    between : the links that exert it and that it acts on, if it is other than the first part's
+    """
+
+    name: str
+    parts: tuple[tuple[str, int], ...]
+    turn: float = 0.0
+    between: tuple[str, str] | None = None
+
+
+def outputs_by_link(
+    structure: Structure, names: Names, known: Mapping[str, Output]
+) -> Iterator[Output]:
     """Every output of a joint-based document, in its own order.
 
     Parameters
     ----------
     structure : of the graph that was made of the document
-    names : where links, joints and drivers of the document are in the graph
+    names : where links and joints of the document are in the graph
     known : the graph's outputs by name
     """
     said = {str(name.link): link for link, name in names.links.items()}
     said[str(structure.frame_link)] = "frame"
-    for found in _renamed(structure, names, known):
-        yield found._replace(by=said.get(found.by, found.by), on=said.get(found.on, found.on))
-
-
-def _renamed(structure: Structure, names: Names, known: Known) -> Iterator[Output]:
-    pairs = {pair.joint: pair for pair in names.joints.values()}
-    for driver, where in names.drivers.items():
-        yield from _driver(driver, where, pairs.get(structure.driven[where.driver]), known)
-    for link, place in names.links.items():
-        yield from _link(link, place, structure.frame_link, known)
-    for joint, pair in names.joints.items():
-        yield from _joint(joint, pair, structure, names, known)
-    yield from _loads(structure, names, known)
-    drivers = list(drivers_in_order(structure, names).values())
-    yield from (_whole(known[n], drivers) for n in known if n.startswith("mechanism."))
-
-
-def _driver(name: str, where: DriverName, pair: JointName | None, known: Known) -> Iterator[Output]:
-    for what in OF_DRIVERS:
-        found = known.get(f"{where.driver}.{what}")
-        if found is None:
+    for reading in readings(structure, names, known):
+        parts = [(known[name], sign) for name, sign in reading.parts if name in known]
+        if not parts:
             continue
-        renamed = found._replace(name=f"driver.{name}.{what}")
-        if what == "q" and not same(where):
-            renamed = _read(renamed, lambda q: to_document(where, q))
-        if what in ALONG_DRIVER:
-            renamed = _turned(renamed, where.sign < 0)
-        if found.by and pair is not None:
-            renamed = _between(renamed, pair)
-        yield renamed
+        found = _sum(parts) if len(parts) > 1 or parts[0][1] < 0 else parts[0][0]
+        if reading.turn:
+            found = _rotated(found, reading.turn)
+        by, on = (said.get(link, link) for link in (found.by, found.on))
+        if by and reading.between:
+            by, on = (x or y for x, y in zip(reading.between, (by, on), strict=True))
+        yield found._replace(name=reading.name, by=by, on=on)
 
 
-def _link(name: str, where: LinkName, frame: LinkRef, known: Known) -> Iterator[Output]:
-    """Motion of a link's own frame, and of its markers; of the fixed link its markers only."""
-    if where.link != frame:
-        origin = {what: known[f"{where.marker}.{what}"] for what in OF_POINTS}
-        turning = {what: known[f"{where.link}.{what}"] for what in OF_LINKS}
-        turning["angle"] = _rotated(turning["angle"], where.turn)
-        for point, turn in zip(OF_POINTS, OF_LINKS, strict=True):
-            yield origin[point]._replace(name=f"link.{name}.{point}")
-            yield turning[turn]._replace(name=f"link.{name}.{turn}")
-    for marker, ref in where.markers.items():
-        for what in OF_POINTS:
-            yield known[f"{ref}.{what}"]._replace(name=f"link.{name}.{marker}.{what}")
+def readings(structure: Structure, names: Names, known: Mapping[str, Output]) -> Iterator[Reading]:
+    """The name table of a document: drivers, links, joints, loads, the whole."""
+    pairs = {pair.joint: pair.links for pair in names.joints.values()}
+    for driver, driven in structure.driven.items():
+        for what in OF_DRIVERS:
+            parts = ((f"{driver}.{what}", 1),)
+            yield Reading(f"driver.{driver}.{what}", parts, between=pairs.get(driven))
+    for link, at in names.links.items():
+        if at.link != structure.frame_link:
+            for point, turn in zip(OF_POINTS, OF_LINKS, strict=True):
+                yield Reading(f"link.{link}.{point}", ((f"{at.marker}.{point}", 1),))
+                more = at.turn if turn == "angle" else 0.0
+                yield Reading(f"link.{link}.{turn}", ((f"{at.link}.{turn}", 1),), more)
+        for marker, ref in at.markers.items():
+            for what in OF_POINTS:
+                yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
+    for name, pair in names.joints.items():
+        for what in OF_JOINTS:
+            if f"{pair.joint}.{what}" in known:
+                own = _of_joint(what, pair, structure, names)
+                yield Reading(f"joint.{name}.{what}", own, between=pair.links)
+    yield from _of_loads(structure, names, known)
+    for name in known:
+        if name.startswith("mechanism."):
+            yield Reading(name, ((name, 1),))
 
 
-def _joint(
-    name: str, where: JointName, structure: Structure, names: Names, known: Known
-) -> Iterator[Output]:
-    guided = structure.joint(where.joint).kind == "P"
-    for what in OF_JOINTS:
-        found = known.get(f"{where.joint}.{what}")
-        if found is None:
-            continue
-        if what == "reaction":
-            found = _sum_of(found, where, known)
-        elif what == "slip" and _seated_elsewhere(where, structure, names):
-            found = _difference(found, where, names, known)
-        elif what != "friction_power":
-            along = guided and what != "C"
-            found = _turned(found, where.flipped ^ (along and where.turned))
-        if found.by:
-            found = _between(found, where)
-        yield found._replace(name=f"joint.{name}.{what}")
+def _of_joint(
+    what: str, pair: JointName, structure: Structure, names: Names
+) -> tuple[tuple[str, int], ...]:
+    """What an output of a joint is the sum of."""
+    one = (f"{pair.joint}.{what}", -1 if pair.flipped else 1)
+    if what == "reaction":
+        return one, *((f"{ref}.{what}", -1 if back else 1) for ref, back in pair.others)
+    if what == "friction_power":
+        return ((one[0], 1),)
+    along = structure.joint(pair.joint).kind == "P" and what != "C"
+    ends = {structure.earlier_link(pair.joint), structure.later_link(pair.joint)}
+    frame = structure.frame_link
+    mine = [names.links[a].link if a in names.links else frame for a in pair.links]
+    if what == "slip" and set(mine) != ends:  # of a pin that is seated on other links
+        rates = zip(mine, (-1, 1), strict=True)
+        return tuple((f"{link}.omega", sign) for link, sign in rates if link != frame)
+    return ((one[0], -one[1] if along and pair.turned else one[1]),)
 
 
-def _between(output: Output, where: JointName) -> Output:
-    """What the first link of a joint does to its second."""
-    if any(where.links):
-        by, on = where.links
-    else:
-        by, on = (output.on, output.by) if where.flipped else (output.by, output.on)
-    return output._replace(by=by, on=on)
-
-
-def _sum_of(reaction: Output, where: JointName, known: Known) -> Output:
-    """The force that several pairs of one pin add up to."""
-    pairs = [(where.joint, where.flipped), *where.others]
-    parts = [_turned(known[f"{ref}.reaction"], flipped) for ref, flipped in pairs]
-    return parts[0] if len(parts) == 1 else _total(reaction, parts)
-
-
-def _total(output: Output, parts: list[Output]) -> Output:
-    """The sum of outputs of one value each, declared like ``output``."""
-
-    def total(*columns: Any) -> Any:
-        each = (part.read(x) for part, x in zip(parts, columns, strict=True))
-        return functools.reduce(operator.add, each)
-
-    return output._replace(ask=lambda s: [v for p in parts for v in p.ask(s)], read=total)
-
-
-def _seated_elsewhere(where: JointName, structure: Structure, names: Names) -> bool:
-    """Whether a pair of a pin joins other links in the graph than in the document."""
-    if not any(where.links):
-        return False
-    mine = {names.links[n].link if n in names.links else structure.frame_link for n in where.links}
-    return mine != {structure.earlier_link(where.joint), structure.later_link(where.joint)}
-
-
-def _difference(slip: Output, where: JointName, names: Names, known: Known) -> Output:
-    """The rate of the second link less that of the first; the fixed link has none."""
-    signs, rates = [], []
-    for sign, link in zip((-1.0, 1.0), where.links, strict=True):
-        if link in names.links and (rate := known.get(f"{names.links[link].link}.omega")):
-            signs.append(sign)
-            rates.append(rate)
-
-    return _total(slip, [_turned(r, sign < 0) for sign, r in zip(signs, rates, strict=True)])
-
-
-def _loads(structure: Structure, names: Names, known: Known) -> Iterator[Output]:
+def _of_loads(structure: Structure, names: Names, known: Mapping[str, Output]) -> Iterator[Reading]:
     """What loads give at their terminals, and their power, under the document's names."""
-    outputs: dict[str, dict[str, Output]] = {}
-    for name, output in known.items():
+    outputs: dict[str, list[str]] = {}
+    for name in known:
         element, _, what = name.partition(".")
         if element in structure.elements:
-            outputs.setdefault(element, {})[what] = output
-    for load, elements in (names.loads or {e: (e,) for e in structure.elements}).items():
-        for what, first in outputs[elements[0]].items():
-            parts = [outputs[element][what] for element in elements]
-            found = first if len(parts) == 1 else _total(first, parts)
-            yield found._replace(name=f"{load}.{what}", by=found.by and load)
+            outputs.setdefault(element, []).append(what)
+    for load, elements in names.loads.items():
+        for what in outputs[elements[0]]:
+            parts = tuple((f"{element}.{what}", 1) for element in elements)
+            yield Reading(f"{load}.{what}", parts, between=(load, ""))
 
 
-def _whole(output: Output, drivers: list[DriverName]) -> Output:
-    """An output of the whole; M and Q go with the signs of the drivers."""
-    signs = np.array([d.sign for d in drivers])
-    if output.kind != "matrix" or (signs > 0).all():
-        return output
-    both = np.outer(signs, signs)
-    return _read(output, lambda table: table * (both if table.ndim == 3 else signs))
+def _sum(parts: list[tuple[Output, int]]) -> Output:
+    """A sum of outputs of one value each, declared like the first."""
+    first, sign = parts[0]
+    if len(parts) == 1:
+        return first._replace(read=lambda *values: _signed(first, first.read(*values), sign))
+
+    def total(*columns: Any) -> Any:
+        each = [_signed(p, p.read(x), n) for (p, n), x in zip(parts, columns, strict=True)]
+        return sum(each[1:], start=each[0])
+
+    return first._replace(ask=lambda s: [v for p, _ in parts for v in p.ask(s)], read=total)
 
 
-def _read(output: Output, more: Callable[[Any], Any]) -> Output:
-    """The same output, read and then changed."""
-    read: Reader = output.read
-    return output._replace(read=lambda *values: more(read(*values)))
-
-
-def _turned(output: Output, flipped: bool) -> Output:
-    if not flipped:
-        return output
-    return _read(output, lambda x: -x if output.kind == "vector" else 0.0 - x)  # no -0
+def _signed(output: Output, x: Any, sign: int) -> Any:
+    return x if sign > 0 else -x if output.kind == "vector" else 0.0 - x  # no -0
 
 
 def _rotated(angle: Output, turn: float) -> Output:
     """The angle [rad] of a frame that stands at ``turn`` in the link's, between -pi and pi."""
-    if turn == 0.0:
-        return angle
 
-    def within_a_turn(theta: Any) -> Any:
-        return theta - TURN * np.round(theta / TURN)
+    def read(*values: Any) -> Any:
+        theta = angle.read(*values) + turn
+        return theta - math.tau * np.round(theta / math.tau)
 
-    return _read(angle, lambda theta: within_a_turn(theta + turn))
-
-
-def blocks_by_link(names: Names) -> dict[str, str]:
-    """Block -> itself and the document's links in it, e.g. ``"g1 (rod, piston)"``."""
-    found: dict[str, list[str]] = {}
-    for link, where in names.links.items():
-        found.setdefault(where.link.block, []).append(link)
-    return {
-        block: f"{block} ({', '.join(links)})" if links != [block] else block
-        for block, links in found.items()
-    }
-
-
-def joints_by_name(names: Names) -> dict[str, str]:
-    """Joint of the graph -> ``"joint.<name>"`` of the document."""
-    return {str(where.joint): f"joint.{name}" for name, where in names.joints.items()}
+    return angle._replace(read=read)

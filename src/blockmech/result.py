@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.numpy import Planar
 from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
-from blockmech.failures import failure_of
+from blockmech.export import Exported
+from blockmech.outputs import Output
 from blockmech.plan import Plan
 from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
-
-if TYPE_CHECKING:
-    from blockmech.accuracy import Accuracy
-    from blockmech.compiled import Compiled
-    from blockmech.dynamics.motion import Motion
-    from blockmech.outputs import Output
+from blockmech.wires import travelling
 
 
-class Result(Mapping[str, NDArray[Any]]):
+class Result(Exported):
     """Outputs of a run by name.
 
     ``result["dyad.B.reaction"]`` is an array (n,): complex x + iy for vectors,
@@ -36,25 +31,28 @@ class Result(Mapping[str, NDArray[Any]]):
     keep numbers for long, export them.
     """
 
+    mechanism: Any  # a `Compiled`, which stands above: it makes results
+    motion: Any  # of a simulation: how it moved, its events and its error
+    accuracy: Any  # of a run to an accuracy: what was chosen
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
 
     def __init__(
         self,
-        mechanism: Compiled,
+        mechanism: Any,
         plan: Plan,
         samples: Samples,
         values: tuple[Any, ...],
         engine: str,
         settings: Mapping[str, Any],
-        motion: Motion | None = None,
+        motion: Any = None,
     ) -> None:
         self.mechanism = mechanism
         self.plan = plan
         self.samples = samples
         self.engine = engine
         self.settings = dict(settings)
-        self.motion = motion  # of a simulation: how it moved, its events and its error
-        self.accuracy: Accuracy | None = None  # of a run to an accuracy: what was chosen
+        self.motion = motion
+        self.accuracy = None
         self._values = values
         self._read: dict[str, Any] = {}
 
@@ -78,7 +76,7 @@ class Result(Mapping[str, NDArray[Any]]):
         Raises `RequestError` where another version of blockmech plans otherwise.
         """
         want, layout = self._planned
-        found = self.mechanism.plan(want, **self.settings)
+        found: Plan = self.mechanism.plan(want, **self.settings)
         if found.layout != layout:
             what = "it was pickled by a version of blockmech that orders its numbers otherwise"
             remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
@@ -120,7 +118,8 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
-        return self.mechanism.outputs[name]
+        found: Output = self.mechanism.outputs[name]
+        return found
 
     def unit(self, name: str) -> str:
         """Unit of an output; empty where dimensionless."""
@@ -197,34 +196,21 @@ class Result(Mapping[str, NDArray[Any]]):
     def _not_finite(self) -> NDArray[np.bool_]:
         """(n,) whether a wanted value is not finite."""
         bad = np.zeros(self.n, dtype=bool)
-        for name in self.plan.want:
-            if self.output(name).kind == "number" or name.endswith("mechanical_advantage"):
-                continue
-            for i in self.plan.layout[name]:
-                column = self._column(i)
-                parts = (column.real, column.imag) if isinstance(column, Planar) else (column,)
-                for part in parts:
-                    good = np.isfinite(part)
-                    if not good.all():
-                        bad |= ~good
+        judged = [
+            name
+            for name in self.plan.want
+            if self.output(name).kind != "number" and not name.endswith("mechanical_advantage")
+        ]
+        for i in {i for name in judged for i in self.plan.layout[name]}:
+            column = self._column(i)
+            for part in (column.real, column.imag) if isinstance(column, Planar) else (column,):
+                with np.errstate(all="ignore"):
+                    whole = bool(np.isfinite(part.sum()))  # quicker than each by itself
+                if not whole:
+                    bad |= ~np.isfinite(part)
         return bad
 
-    def without_gaps(self, on_gap: str) -> Result:
-        """The result, unless it has gaps: raises, or is cut before the first (``"stop"``)."""
-        if on_gap not in ("raise", "stop"):
-            raise RequestError(
-                Problem("bad-value", "on_gap", f"got {on_gap!r}", "valid: raise, mark, stop", "")
-            )
-        if self._surely_whole():
-            return self
-        gaps = self.quality.gaps
-        if not gaps:
-            return self
-        if on_gap == "raise":
-            raise failure_of(self)
-        return self._first(gaps[0])
-
-    def _surely_whole(self) -> bool:
+    def surely_whole(self) -> bool:
         """A cheap sufficient test for one pose, so that it needs no report."""
         if self.n > 1 or self.engine != "scalar":
             return False
@@ -239,9 +225,10 @@ class Result(Mapping[str, NDArray[Any]]):
 
     def unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate ``"crank.q"``."""
-        return self.mechanism.outputs[name].unit
+        return self.output(name).unit
 
-    def _first(self, n: int) -> Result:
+    def first(self, n: int) -> Result:
+        """The first n samples."""
         values = tuple(_cut(self._column(i), n) for i in range(len(self._values)))
         taken = self.samples.first(n)
         cut = Result(
@@ -267,17 +254,14 @@ class Result(Mapping[str, NDArray[Any]]):
 
         For a mechanism made from a graph, these are its own outputs.
         """
-        inner = self.mechanism.inner
-        samples = self.mechanism.inward(self.samples)
-        plan = inner.plan(want, **self.settings)
-        values, engine = inner.evaluate(plan, samples, self.engine)
-        return Result(inner, plan, samples, values, engine, self.settings, self.motion)
+        mechanism, samples = self.mechanism.of_blocks, self.samples
+        plan = mechanism.plan(want, **self.settings)
+        values, engine = mechanism.evaluate(plan, samples, self.engine)
+        return Result(mechanism, plan, samples, values, engine, self.settings, self.motion)
 
     def wire(self, source: str, target: str) -> dict[str, Any]:
         """What travels along a wire: forward motion, backward wrench; see `blockmech.wires`."""
-        from blockmech.wires import travelling
-
-        return travelling(self, source, target)
+        return travelling(self.mechanism.structure, self.inside, self.n, source, target)
 
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
         """Largest difference of each common output, relative to its largest size.
@@ -300,32 +284,6 @@ class Result(Mapping[str, NDArray[Any]]):
                 found[name] = float("inf") if one_sided else off
         return found
 
-    # -- leaving ---------------------------------------------------------------------
-
-    def to_dict(self) -> dict[str, Any]:
-        """The whole result as JSON data; see `blockmech.export`."""
-        from blockmech.export import to_dict
-
-        return to_dict(self)
-
-    def to_csv(self, path: str | os.PathLike[str] | None = None, separator: str = ",") -> str:
-        """CSV text, one column per component, units in the head; written if a path is given."""
-        from blockmech.export import to_csv
-
-        return to_csv(self, path, separator)
-
-    def to_npz(self, path: str | os.PathLike[str]) -> None:
-        """Write all arrays to one NumPy file."""
-        from blockmech.export import to_npz
-
-        to_npz(self, path)
-
-    def to_dataframe(self) -> Any:
-        """A pandas DataFrame; raises `MissingEngineError` without pandas."""
-        from blockmech.export import to_dataframe
-
-        return to_dataframe(self)
-
     def __repr__(self) -> str:
         gaps = len(self.quality.gaps)
         holes = f", {gaps} without an answer" if gaps else ""
@@ -333,16 +291,6 @@ class Result(Mapping[str, NDArray[Any]]):
             f"<Result of {self.mechanism.name}: {self.n} samples{holes}, {len(self)} outputs, "
             f"{self.plan.calls} kernel calls a sample, {self.engine} engine>"
         )
-
-    def __str__(self) -> str:
-        from blockmech.export import table
-
-        return table(self)
-
-    def _repr_html_(self) -> str:
-        from blockmech.export import html_table
-
-        return html_table(self)
 
 
 def _as_complex(z: Any) -> NDArray[Any]:

@@ -57,6 +57,9 @@ Angle = Annotated[Number, Field(json_schema_extra={"unit": "rad"})]
 Mass = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg"})]
 Inertia = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg m2"})]
 Branch = Annotated[Literal[-1, 1], Field(description="assembly mode"), BeforeValidator(_no_boolean)]
+Sign = Annotated[
+    Literal[-1, 1], Field(description="which way the driver counts"), BeforeValidator(_no_boolean)
+]
 
 
 def is_number(x: object) -> bool:

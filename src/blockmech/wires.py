@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from blockmech.errors import Problem, RequestError, listed
+from blockmech.model.structure import Structure
 
-if TYPE_CHECKING:
-    from blockmech.result import Result
+Read = Callable[..., Mapping[str, Any]]
+"""Outputs of the blocks by name at the samples of a run; see `Result.inside`."""
 
 
-def travelling(result: Result, source: str, target: str) -> dict[str, Any]:
-    """Quantities on the wire from a marker to a joint, at the samples of a result.
+def travelling(
+    structure: Structure, read: Read, n: int, source: str, target: str
+) -> dict[str, Any]:
+    """Quantities on the wire from a marker to a joint, at the n samples of a run.
 
     Returns
     -------
@@ -23,7 +27,6 @@ def travelling(result: Result, source: str, target: str) -> dict[str, Any]:
 
     Raises `RequestError` where there is no such wire.
     """
-    structure = result.mechanism.structure
     wires = {f"{m} -> {j}": (m, j) for j, m in structure.feeds.items()}
     if f"{source} -> {target}" not in wires:
         raise RequestError(
@@ -39,8 +42,8 @@ def travelling(result: Result, source: str, target: str) -> dict[str, Any]:
     names = [f"{marker}.{x}" for x in ("p", "v", "a")]
     fixed = marker.on == structure.frame_link
     rates = [] if fixed else [f"{marker.on}.omega", f"{marker.on}.alpha"]
-    found = result.inside(*names, *rates, f"{joint}.wrench_F", f"{joint}.wrench_M")
-    still = np.zeros(result.n)
+    found = read(*names, *rates, f"{joint}.wrench_F", f"{joint}.wrench_M")
+    still = np.zeros(n)
     wire = {
         "p": found[names[0]],
         "v": found[names[1]],

@@ -35,18 +35,7 @@ class Row:
     error: float | None = None
 
 
-@dataclass(frozen=True)
-class Saving:
-    """A saving that `explain` predicts, and what was measured."""
-
-    what: str
-    predicted: float
-    measured: float
-
-
 ROWS: list[Row] = []
-SAVINGS: list[Saving] = []
-WEIGHTS: list[tuple[str, float, float]] = []  # what, [ns] in the cost model, [ns] measured here
 NOTES: list[str] = []
 
 
@@ -63,22 +52,6 @@ def table() -> str:
             f"| {r.task} | {micro(r.seconds)} | {r.against} | {micro(r.yardstick)} "
             f"| {r.seconds / r.yardstick:.2f} | {goal} | {error} |"
         )
-    return "\n".join(lines)
-
-
-def savings() -> str:
-    """The predicted savings as Markdown."""
-    lines = ["| asked for in place of * | predicted | measured | quotient |", "|---|---|---|---|"]
-    for s in SAVINGS:
-        quotient = s.predicted / s.measured
-        lines.append(f"| {s.what} | {s.predicted:.2f} | {s.measured:.2f} | {quotient:.2f} |")
-    return "\n".join(lines)
-
-
-def weights() -> str:
-    """The cost model's weights as Markdown."""
-    lines = ["| operation on an element | model [ns] | here [ns] |", "|---|---|---|"]
-    lines += [f"| {what} | {model:.2f} | {here:.2f} |" for what, model, here in WEIGHTS]
     return "\n".join(lines)
 
 
@@ -99,23 +72,6 @@ def write(path: Path) -> None:
         "## Tasks",
         table(),
     ]
-    if SAVINGS:
-        quotients = [s.predicted / s.measured for s in SAVINGS]
-        parts += [
-            "## What `explain` predicts",
-            "How many times cheaper a batch of 1e5 samples becomes when less is asked for, on "
-            "graphs that have a law of motion and on random mechanisms (general groups, whose "
-            "samples are a hundred times dearer, by batches of 2,000); processor time, the "
-            "best of several rounds in turn. The weights below are of single array operations, "
-            "fitted to none of these mechanisms; that of a sample whose friction needs "
-            "continuation was read off ruiz_fourbar with larger pins. "
-            "The quotient should lie between 0.67 and 1.5: of "
-            f"{len(quotients)} cases here the least is {min(quotients):.2f} and the largest "
-            f"{max(quotients):.2f}.",
-            savings(),
-        ]
-    if WEIGHTS:
-        parts += ["## Weights of the cost model", weights()]
     if NOTES:
         parts += ["## Notes", "\n".join(f"- {n}" for n in NOTES)]
     path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")

@@ -11,8 +11,8 @@ import time
 import numpy as np
 import pytest
 
-from blockmech.model.joints.document import loads
 from blockmech.plan import Plan
+from tests.doors import linkage_of as loads
 from tests.proof import chain
 
 from .results import NOTES, ROWS, Row

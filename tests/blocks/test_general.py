@@ -11,12 +11,12 @@ import pytest
 
 import blockmech as bm
 from blockmech.draw import draw
-from blockmech.model.document import loads
 from blockmech.model.schema import graph_schema
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
 from tests.blocks import machines
 from tests.blocks.platforms import HOME, REACH, platform, stacked, triad, two_drivers
 from tests.blocks.test_against_the_judge import ROUNDING, Comparison, assert_the_judge_agrees
+from tests.doors import graph_of as loads
 
 TURN = 2 * np.pi
 CLOSED_FORM = 1e-12  # [-] of the largest of its kind, times the conditioning

@@ -12,7 +12,7 @@ import pytest
 import blockmech as bm
 from blockmech.cli import main
 from examples.wire_ruiz import fourbar
-from tests.judge import linkages
+from tests.analysis import linkages
 
 
 class Said(NamedTuple):

@@ -67,7 +67,7 @@ def test_decompose_prints_the_formula_and_what_became_of_links_and_joints(call, 
         ["piston", "rod_piston.j"],
         ["A", "rod_piston.B", "R"],
         ["S", "rod_piston.S", "P"],
-        ["motor", "motor.q"],
+        ["motor", "motor.A", "motor.q"],
     ):
         assert row in rows
 
@@ -100,7 +100,7 @@ def test_decompose_gives_data(call, joints):
     assert found["formation"] == "I(crank) -> II RRP(rod, piston)"
     assert found["links"]["rod"] == "rod_piston.i"
     assert found["joints"]["S"] == {"pairs": ["rod_piston.S"], "turned": False}
-    assert found["drivers"]["motor"] == {"driver": "motor", "sign": 1, "offset": 0.0}
+    assert found["drivers"]["motor"] == {"joint": "motor.A", "sign": 1, "offset": 0.0}
     assert found["mobility"] == 1
 
 

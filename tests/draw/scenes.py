@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import blockmech as bm
+from blockmech import Graph
 from blockmech.model.diagram import UnknownBlock
-from blockmech.model.graph import Graph
 from tests.wiring import wire
 
 

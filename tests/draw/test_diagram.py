@@ -12,11 +12,11 @@ import pytest
 from matplotlib.colors import to_hex
 
 import blockmech as bm
+from blockmech import Graph
 from blockmech.draw import diagram_svg, palette
 from blockmech.draw.diagram import PIN, Diagram, draw_diagram, shifted
 from blockmech.draw.paper import styled
 from blockmech.model.diagram import UnknownBlock
-from blockmech.model.graph import Graph
 from tests.draw.scenes import cyclic, quick_return, rocking_slide, slider_crank, unfinished
 from tests.wiring import chain, ruiz, toggle, watt, wire
 

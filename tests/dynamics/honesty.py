@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 import blockmech as bm
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 

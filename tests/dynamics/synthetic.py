@@ -72,8 +72,11 @@ class Synthetic(System):
             with np.errstate(all="ignore"):
                 found = self._given_batch(q, rates, t)
             return Sample(*(np.broadcast_to(x, q.shape).astype(float) for x in found))
-        rows = [self._given_one(float(a), float(b), t) for a, b in zip(q.flat, rates.flat)]
-        J, tau, _, margin = (np.array(c, dtype=float).reshape(q.shape) for c in zip(*rows))
+        rows = [
+            self._given_one(float(a), float(b), t) for a, b in zip(q.flat, rates.flat, strict=True)
+        ]
+        columns = zip(*rows, strict=True)
+        J, tau, _, margin = (np.array(c, dtype=float).reshape(q.shape) for c in columns)
         return Sample(J, tau, margin)
 
     def terms(self, q, qd, t=0.0):

@@ -20,7 +20,7 @@ import blockmech as bm
 from blockmech.dynamics.change_points import system_of
 from blockmech.errors import FormatError, GraphError, SingularError
 from blockmech.loads.laws import DC
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 from tests.dynamics import machines
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from blockmech.dynamics.request import Start
 from blockmech.errors import RequestError
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 from tests.dynamics.linkages import fourbar, motored, pendulum
 from tests.dynamics.scenes import (
     JUDGE,

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.model.document import loads
+from tests.doors import graph_of as loads
 from tests.dynamics.scenes import J, at_rest, motor, rod, slide
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"

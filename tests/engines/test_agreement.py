@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from blockmech.judge.verify import _Judge
+from blockmech.analysis.verify import _Judge
 from blockmech.testing.strategies import mechanisms
 from tests.wiring import EPS, chain, ruiz, same_bits, swept, toggle, watt
 

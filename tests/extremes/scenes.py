@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import blockmech as bm
-from blockmech.model.graph import Graph
+from blockmech import Graph
 
 GAPS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-15)
 

@@ -9,8 +9,8 @@ import random
 from collections.abc import Mapping
 from typing import Any
 
-from blockmech.model.joints.document import loads
-from blockmech.model.joints.linkage import Linkage
+from blockmech import Linkage
+from tests.doors import linkage_of as loads
 from tests.wiring import recorded
 
 Document = dict[str, Any]

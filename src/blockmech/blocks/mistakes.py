@@ -6,7 +6,7 @@ Each mistake has its own place in the model, so that all of them are told at onc
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, LiteralString, TypeAlias
+from typing import LiteralString, Protocol, TypeAlias
 
 from pydantic import ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -15,11 +15,15 @@ from blockmech.errors import close_match, listed
 from blockmech.friction.laws import Coulomb
 from blockmech.values import NAME_RULE, Link, is_name, mistake
 
-if TYPE_CHECKING:
-    from blockmech.blocks.contract import Joint
-
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
 """Where in a model, and what is wrong there."""
+
+
+class HasKind(Protocol):
+    """A declared joint."""
+
+    @property
+    def kind(self) -> str: ...
 
 
 def refuse(title: str, mistakes: Iterable[Mistake]) -> None:
@@ -49,7 +53,7 @@ def wrong_links(
 
 
 def wrong_friction(
-    friction: Mapping[str, Coulomb], joints: Mapping[str, Joint], what: str = "joint"
+    friction: Mapping[str, Coulomb], joints: Mapping[str, HasKind], what: str = "joint"
 ) -> Iterator[Mistake]:
     """Friction of joints that the block does not have, or that does not fit their kind."""
     for joint, law in friction.items():

@@ -6,22 +6,19 @@ Sources of the latter are the entry points of the group ``blockmech.blocks``.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import Any
 
 from blockmech.errors import GraphError, Problem, close_match, listed
-
-if TYPE_CHECKING:
-    from blockmech.blocks.contract import Block
 
 
 class Registry:
     """Block types by name: built-in ones, and those of installed packages."""
 
     def __init__(self) -> None:
-        self._types: dict[str, type[Block]] = {}
+        self._types: dict[str, type[Any]] = {}
         self._outside_loaded = False
 
-    def register(self, name: str, cls: type[Block]) -> None:
+    def register(self, name: str, cls: type[Any]) -> None:
         """Add a class. A notebook cell may define its class again; two modules may not."""
         known = self._types.get(name)
         if known is not None and known.__module__ != cls.__module__:
@@ -32,12 +29,12 @@ class Registry:
         cls.type_name = name
         self._types[name] = cls
 
-    def __getitem__(self, name: str) -> type[Block]:
+    def __getitem__(self, name: str) -> type[Any]:
         if name not in self._types:
             self._load_outside()
         return self._types[name]
 
-    def get(self, name: str) -> type[Block] | None:
+    def get(self, name: str) -> type[Any] | None:
         """The class of a type, or None."""
         try:
             return self[name]

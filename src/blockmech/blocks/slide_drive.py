@@ -26,7 +26,7 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Distance
+from blockmech.values import Distance, Sign
 
 
 class SlidePose(NamedTuple):
@@ -57,8 +57,8 @@ class SlideReactions(NamedTuple):
 
 
 def position(S: Guide, q: Real, p: SlideDrive) -> SlidePose:
-    """Move by q + offset [m] along the guide."""
-    arm = mul(S.u, q + p.offset)
+    """Move along the guide [m]."""
+    arm = mul(S.u, q)
     return SlidePose(LinkPosition(S.p + arm, S.u), arm)
 
 
@@ -92,12 +92,14 @@ class SlideDrive(DrivingLink, type="driver.slide"):
     ----------
     offset : float [m]
         Place of the slider along the guide at q = 0.
+    sign : +1 | -1
+        Which way q counts: the place is sign q + offset.
     slider : "later" | "earlier"
         Whether the slider's point, where the normal force acts, moves with the
         slider (its origin) or stays at the marker.
 
-    >>> SlideDrive(offset=0.1).parameters()
-    SlideDriveNumbers(offset=0.1)
+    >>> SlideDrive(offset=0.1).coordinate("S").of_joint(0.5)
+    0.6
     """
 
     kind = "slide"
@@ -107,4 +109,5 @@ class SlideDrive(DrivingLink, type="driver.slide"):
     kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions)
 
     offset: Distance = 0.0
+    sign: Sign = 1
     slider: Literal["later", "earlier"] = "later"

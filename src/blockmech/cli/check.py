@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from blockmech.builders import Graph, Opened, opened, problems_in
 from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.terminal import note, patience, say
-from blockmech.model.graph import Graph
-from blockmech.model.opening import Opened, opened, problems_in
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print as JSON.")]
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from blockmech.builders import Graph, opened
 from blockmech.cli.check import AsJson
 from blockmech.cli.output import refused, spare
 from blockmech.cli.terminal import say
-from blockmech.model.graph import Graph
-from blockmech.model.naming import DriverName, JointName, Names
-from blockmech.model.opening import opened
+from blockmech.model.naming import JointName, Names
+from blockmech.model.structure import Structure
 
 if TYPE_CHECKING:
-    from blockmech.model.joints.decompose import Decomposition
+    from blockmech.builders import Decomposition
 
 
 class General(StrEnum):
@@ -72,8 +72,8 @@ def as_data(made: Decomposition) -> dict[str, Any]:
             for name, where in names.joints.items()
         },
         "drivers": {
-            name: {"driver": where.driver, "sign": where.sign, "offset": where.offset}
-            for name, where in names.drivers.items()
+            name: {"joint": str(joint), **structure.coordinate(name)._asdict()}
+            for name, joint in structure.driven.items()
         },
     }
 
@@ -88,8 +88,10 @@ def as_text(made: Decomposition) -> Iterator[str]:
     )
     yield from _table(("link", "block.link"), _links(made.names))
     yield from _table(("joint", "block.joint", "kind", ""), _joints(made))
-    drivers = [(name, _coordinate(where)) for name, where in made.names.drivers.items()]
-    yield from _table(("driver", "coordinate"), drivers)
+    drivers = [
+        (name, str(joint), _counted(structure, name)) for name, joint in structure.driven.items()
+    ]
+    yield from _table(("driver", "block.joint", "coordinate of the joint"), drivers)
 
 
 def _links(names: Names) -> list[tuple[str, ...]]:
@@ -118,9 +120,10 @@ def _is_turned(where: JointName) -> bool:
     return where.flipped and not where.others
 
 
-def _coordinate(where: DriverName) -> str:
-    q = f"{'-' if where.sign < 0 else ''}{where.driver}.q"
-    return f"{q} {where.offset:+.9g}" if where.offset else q
+def _counted(structure: Structure, driver: str) -> str:
+    sign, offset = structure.coordinate(driver)
+    q = f"{'-' if sign < 0 else ''}{driver}.q"
+    return f"{q} {offset:+.9g}" if offset else q
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:

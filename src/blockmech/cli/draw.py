@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from blockmech.builders import opened
 from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.terminal import patience, say
-from blockmech.model.opening import opened
 
 Picture = Annotated[
     str,

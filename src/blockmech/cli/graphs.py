@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
+from blockmech.builders import opened
 from blockmech.errors import GraphError
 from blockmech.mechanism import Mechanism
-from blockmech.model.opening import opened
 from blockmech.model.problems import in_file
 
 GraphFile = Annotated[

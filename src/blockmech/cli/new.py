@@ -11,7 +11,7 @@ import blockmech
 from blockmech.cli.output import refused
 from blockmech.cli.terminal import say
 from blockmech.errors import close_match, listed
-from blockmech.export import writing
+from blockmech.files import writing
 from blockmech.testing.files import graphs_of
 
 

@@ -10,7 +10,8 @@ import typer
 
 from blockmech.cli.terminal import patience
 from blockmech.errors import Problem, RequestError
-from blockmech.export import csv_chunks, folder, json_chunks, write_csv, writing
+from blockmech.export import csv_chunks, json_chunks, write_csv
+from blockmech.files import folder, writing
 from blockmech.result import Result
 
 Pictures: TypeAlias = Callable[..., Any]  # (result, folder, degrees=) -> files drawn

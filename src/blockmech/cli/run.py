@@ -29,6 +29,7 @@ from blockmech.cli.output import (
 from blockmech.cli.terminal import note, patience, pour, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import csv_chunks, gap_lines, json_chunks, table
+from blockmech.failures import without_gaps
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 
@@ -108,7 +109,7 @@ def _computed(
     with patience("computing"):
         result = mechanism.run(**request, on_gap="mark")
         gaps = gap_lines(result, degrees)
-        return (result if on_gap == "mark" else result.without_gaps(on_gap)), gaps
+        return without_gaps(result, on_gap, mechanism.feasible), gaps
 
 
 def _pictures(result: Result, folder: Path, degrees: bool) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from blockmech.cli.graphs import GraphFile, compiled
+from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
 from blockmech.cli.output import (
     Csv,
@@ -29,7 +30,6 @@ from blockmech.cli.output import (
 from blockmech.cli.terminal import note, pour, progress_bar, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import csv_chunks, gap_lines, json_chunks, table
-from blockmech.export.motions import motion_lines
 from blockmech.result import Result
 
 Until = Annotated[

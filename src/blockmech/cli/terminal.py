@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-from blockmech.export import cannot_write
+from blockmech.files import cannot_write
 
 PATIENCE = 1.0  # [s] after which a reader wants to see that something happens
 

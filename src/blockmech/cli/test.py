@@ -11,11 +11,11 @@ from typing import Annotated, Any
 
 import typer
 
+from blockmech.builders import opened
 from blockmech.cli.check import AsJson
 from blockmech.cli.terminal import note, patience, say
 from blockmech.errors import BlockmechError, Problem
 from blockmech.model.expect import Expectation
-from blockmech.model.opening import opened
 from blockmech.testing.expectations import (
     Outcome,
     check_expectation,

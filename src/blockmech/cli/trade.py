@@ -17,7 +17,7 @@ from blockmech.cli.terminal import note, patience, say
 from blockmech.errors import Problem, RequestError
 
 if TYPE_CHECKING:
-    from blockmech.judge.trade import Trade
+    from blockmech.analysis.trade import Trade
 
 SPAN = {"": 1.0, "s": 1.0, "ms": 1e-3}
 
@@ -66,7 +66,7 @@ def trade(
     plot: Plot = None,
 ) -> None:
     """Measure speed against accuracy for this mechanism, and recommend a setting."""
-    from blockmech.judge.trade import trade as traded
+    from blockmech.analysis.trade import trade as traded
 
     asked = [n for n, on in (("--json", json), ("--out", out), ("--plot", plot)) if on]
     if len(asked) > 1:
@@ -126,7 +126,7 @@ def _show(found: list[Trade], json: bool, out: str | None, plot: str | None) -> 
 
 def _compared(found: list[Trade]) -> str:
     """The recommended settings of several requests beside each other."""
-    from blockmech.judge.trade.report import duration, size
+    from blockmech.analysis.trade.report import duration, size
 
     lines = ["", "requests compared"]
     for t in found:
@@ -138,7 +138,7 @@ def _compared(found: list[Trade]) -> str:
 
 
 def _folder(found: Trade, out: str) -> list[Path]:
-    from blockmech.export import folder
+    from blockmech.files import folder
 
     with folder(out) as draft:
         found.to_csv(draft / "trade.csv")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.export.files import AnyPath, writing
+from blockmech.files import AnyPath, writing
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -263,7 +263,7 @@ def _diagram_of(subject: Subject) -> tuple[Graph, Names | None]:
 def _mechanism(subject: Subject) -> Compiled:
     from blockmech.compiled import Compiled
 
-    return subject if isinstance(subject, Compiled) else subject.compile()
+    return subject if isinstance(subject, Compiled) else Compiled.of(subject)
 
 
 def _kind_and_suffix(path: AnyPath, kind: str | None) -> tuple[str, str]:

@@ -98,7 +98,7 @@ def graph_of(mechanism: Compiled) -> Graph:
     """The graph of a compiled mechanism."""
     structure = mechanism.structure
     graph = Graph(mechanism.name)
-    graph.scene = mechanism.inner.scene
+    graph.scene = mechanism.scene
     graph.blocks = {structure.frame: structure.fixed, **structure.blocks, **structure.elements}
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]

@@ -85,7 +85,7 @@ class Motion:
         program = schedule.program([schedule.ask(terminal_term, t) for t in terminals])
         if "t" in program.inputs and self.samples.time is None:
             return None
-        inputs = self.mechanism.inward(self.samples).given(program.inputs)
+        inputs = self.samples.given(program.inputs)
         found = NumpyEngine(program, "complex128").run(inputs, self.n)
         return tuple(np.broadcast_to(_as_complex(value), (self.n,)) for value in found)
 

@@ -21,7 +21,7 @@ from blockmech.draw.curves import reaction_panels
 from blockmech.draw.panels import Abscissa, Curve, Panel, draw_panels
 from blockmech.draw.paper import rendered, shown_name
 from blockmech.dynamics.simulation import result_along
-from blockmech.export.files import AnyPath, writing
+from blockmech.files import AnyPath, writing
 from blockmech.result import Result
 
 Array = NDArray[np.float64]

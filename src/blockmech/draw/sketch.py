@@ -353,11 +353,11 @@ def _load(s: Structure, name: str) -> LoadMark:
 
 def _drives(mechanism: Compiled) -> Iterable[DriveMark]:
     s = mechanism.structure
-    for name, where in mechanism.driver_names.items():
-        ref, joint = s.driven[where.driver], mechanism.driver_joint(name)
+    for name, ref in s.driven.items():
+        joint, sign = s.joint(ref), s.coordinate(name).sign
         own = s.later_link(ref)
         if not joint.rotary:
             at = s.blocks[ref.block].slider_place(ref.name, own.link)
-            yield DriveMark(name, False, Spot(own, at), own, where.sign)
+            yield DriveMark(name, False, Spot(own, at), own, sign)
         elif (spot := _pin_spot(s, ref)) is not None:
-            yield DriveMark(name, True, spot, own, where.sign)
+            yield DriveMark(name, True, spot, own, sign)

@@ -17,10 +17,10 @@ import numpy as np
 
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import new_figure, rendered, shown_name, styled, text_width, wrapped
-from blockmech.export.files import writing
+from blockmech.files import writing
 
 if TYPE_CHECKING:
-    from blockmech.judge.trade.points import Point, Trade
+    from blockmech.analysis.trade.points import Point, Trade
 
 PANEL = 150.0  # [pt] height of a panel's axes
 LEFT, RIGHT, TOP, BETWEEN = 37.0, 8.0, 5.0, 30.0  # [pt]

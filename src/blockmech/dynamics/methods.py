@@ -57,7 +57,8 @@ def move(system: System, request: SimulationRequest) -> Motion:
     motion = unmoved(system, request, method)
     if motion is None:
         motion = _automatic(system, request) if method == "auto" else _named(system, request)
-    return replace(motion, cost=system.cost)
+    status: Status = "failed" if motion.end == TOO_MANY else motion.status
+    return replace(motion, cost=system.cost, status=status)
 
 
 # -- refusals ------------------------------------------------------------------------------

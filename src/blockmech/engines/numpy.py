@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
-from blockmech.engines.memory import keep_freed_memory, room
-from blockmech.engines.releasing import releasing
 from blockmech.plan import Program
 from blockmech.plane import REST_SHARE
 
@@ -29,6 +27,7 @@ PRECISIONS: dict[str, Any] = {
     "clongdouble": np.longdouble,
 }
 ROUNDING_AT_REST = 100.0  # ulps of the largest speed that a rate of zero may come out as
+HEAP = 31 * 2**20  # [bytes] just below the largest threshold of glibc, see mallopt(3)
 CHUNK = 8192  # samples that stay in cache together
 
 
@@ -176,10 +175,12 @@ def primitives(dtype: Any) -> dict[str, Any]:
     def expi(t: Any) -> Planar:
         # Sine and cosine are taken in (at least) double before the cast.
         wide = np.asarray(t, dtype=np.promote_types(np.float64, dtype))
-        return Planar(np.cos(wide).astype(dtype), np.sin(wide).astype(dtype))
+        return Planar(
+            np.cos(wide).astype(dtype, copy=False), np.sin(wide).astype(dtype, copy=False)
+        )
 
     def planar(x: Any, y: Any) -> Planar:
-        return Planar(np.asarray(x).astype(dtype), np.asarray(y).astype(dtype))
+        return Planar(np.asarray(x, dtype), np.asarray(y, dtype))
 
     def matrix(rows: Any) -> NDArray[Any]:
         return linear.matrix(rows, dtype)
@@ -211,6 +212,16 @@ def primitives(dtype: Any) -> dict[str, Any]:
     }
 
 
+@cache
+def keep_freed_memory() -> None:
+    """Have the C library use freed memory again: new pages cost half as much as computing.
+
+    glibc gives back what is larger than the largest block that was freed so far, up to 32 MB.
+    This one is never written to; other libraries take no notice.
+    """
+    np.empty(HEAP, np.uint8)
+
+
 class NumpyEngine:
     """A program bound to arrays of one precision."""
 
@@ -226,7 +237,7 @@ class NumpyEngine:
             "ONE": self._cast(1 + 0j),
             "REST": max(REST_SHARE, ROUNDING_AT_REST * float(np.finfo(self.dtype).eps)),
         }
-        self._program = bind(releasing(program), primitives(self.dtype), self.constants)
+        self._program = bind(program, primitives(self.dtype), self.constants)
         self.parameters = tuple(self._cast(v) for v in program.parameters.values())
 
     def _cast(self, value: Any) -> Any:
@@ -267,7 +278,7 @@ def _rooms(values: tuple[Any, ...], n: int) -> tuple[Any, ...]:
     """Room for n samples of each value; all columns lie in one block."""
     parts = [x for v in values for x in ((v.real, v.imag) if isinstance(v, Planar) else (v,))]
     kinds = [x.dtype for x in parts if np.ndim(x)]
-    free = {kind: iter(room((kinds.count(kind), n), kind)) for kind in set(kinds)}
+    free = {kind: iter(np.empty((kinds.count(kind), n), kind)) for kind in set(kinds)}
 
     def column(x: Any) -> Any:
         return next(free[x.dtype]) if np.ndim(x) else np.broadcast_to(x, (n,))

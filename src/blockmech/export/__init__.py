@@ -1,22 +1,24 @@
 """How a result leaves: JSON, CSV, NumPy and pandas, and a short table for people.
 
-Every format is derived from the result's own declarations (`Output`), so names and
-units are the same everywhere.
+Every format is derived from the result's own declarations (`Output`), so names and units
+are the same everywhere. `Exported` are the doors that a result has.
 """
 
-from blockmech.export.columns import Column, columns
+from __future__ import annotations
+
+from typing import Any
+
+from blockmech.export.columns import AnyPath, Column, Labelled, columns
 from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz
-from blockmech.export.files import cannot_write, folder, writing
 from blockmech.export.schema import result_schema
 from blockmech.export.spreadsheet import csv_chunks, to_csv, write_csv
 from blockmech.export.tables import gap_lines, html_table, table
 
 __all__ = [
     "Column",
-    "cannot_write",
+    "Exported",
     "columns",
     "csv_chunks",
-    "folder",
     "gap_lines",
     "html_table",
     "json_chunks",
@@ -27,5 +29,30 @@ __all__ = [
     "to_dict",
     "to_npz",
     "write_csv",
-    "writing",
 ]
+
+
+class Exported(Labelled):
+    """What a result can do to leave."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The whole result as JSON data; see `blockmech.export`."""
+        return to_dict(self)
+
+    def to_csv(self, path: AnyPath | None = None, separator: str = ",") -> str:
+        """CSV text, one column per component, units in the head; written if a path is given."""
+        return to_csv(self, path, separator)
+
+    def to_npz(self, path: AnyPath) -> None:
+        """Write all arrays to one NumPy file."""
+        to_npz(self, path)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame; raises `MissingEngineError` without pandas."""
+        return to_dataframe(self)
+
+    def __str__(self) -> str:
+        return table(self)
+
+    def _repr_html_(self) -> str:
+        return html_table(self)

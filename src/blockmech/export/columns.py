@@ -2,17 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from blockmech.result import Result
+from blockmech.files import AnyPath
+from blockmech.outputs import Output
+from blockmech.quality import Quality
+
+__all__ = ["AnyPath", "Array", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
 
 Array = NDArray[np.float64]
+
+
+class Named(Protocol):
+    """What the exports need of a mechanism."""
+
+    name: str
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Drivers in formation order."""
+
+    def said(self, block: str) -> str:
+        """A block in a message."""
+
+
+class Labelled(Mapping[str, NDArray[Any]]):
+    """What the exports need of a result: outputs by name, and what they are.
+
+    ``motion`` is that of a simulation (`blockmech.dynamics`), ``accuracy`` what was chosen
+    for a wanted one (`blockmech.analysis`); both rooms lie above this one.
+    """
+
+    mechanism: Named
+    settings: dict[str, Any]
+    motion: Any
+    accuracy: Any
+
+    @property
+    @abstractmethod
+    def n(self) -> int:
+        """Number of samples."""
+
+    @property
+    @abstractmethod
+    def time(self) -> Array | None:
+        """Times (n,) [s] of the samples, where the request says them."""
+
+    @property
+    @abstractmethod
+    def drivers(self) -> dict[str, Array]:
+        """Driver coordinates by name of the output."""
+
+    @property
+    @abstractmethod
+    def quality(self) -> Quality:
+        """Status of each sample, margins, friction reports and flags."""
+
+    @abstractmethod
+    def output(self, name: str) -> Output:
+        """Declaration of an output: unit, kind, and who acts on whom."""
+
+    @abstractmethod
+    def unit_of_driver(self, name: str) -> str:
+        """Unit of a driver coordinate."""
+
+    def known_time(self) -> Array | None:
+        """Times (n,) [s], or None where the request does not say them."""
+        time = self.time
+        return time if time is not None and np.isfinite(time).any() else None
 
 
 @dataclass(frozen=True)
@@ -38,7 +101,7 @@ class Column:
         return f"{self.name} [{self.unit or '-'}]"
 
 
-def columns(result: Result, degrees: bool = False) -> list[Column]:
+def columns(result: Labelled, degrees: bool = False) -> list[Column]:
     """All columns: driver coordinates, time if it is known, then the wanted outputs.
 
     A number of the whole run, e.g. an efficiency, is repeated at every sample.
@@ -52,45 +115,33 @@ def columns(result: Result, degrees: bool = False) -> list[Column]:
     return found
 
 
-def driver_columns(result: Result, degrees: bool = False) -> list[Column]:
+def driver_columns(result: Labelled, degrees: bool = False) -> list[Column]:
     """Driver coordinates [rad or m], and time [s] if the request says it."""
     found = [
         _column(name, result.unit_of_driver(name), q, name, degrees)
         for name, q in result.drivers.items()
     ]
-    time = known_time(result)
-    if time is not None:
-        found.append(_column("time", "s", time, "time", degrees))
-    return found
+    time = result.known_time()
+    return found if time is None else [*found, Column("time", "s", time, "time")]
 
 
-def output_columns(result: Result, name: str, degrees: bool = False) -> list[Column]:
+def output_columns(result: Labelled, name: str, degrees: bool = False) -> list[Column]:
     """The columns of one output: one, two of a vector, or all entries of a matrix."""
-    unit = result.unit(name)
+    unit = result.output(name).unit
     return [
         _column(part, unit, values, name, degrees) for part, values in _components(result, name)
     ]
 
 
-def known_time(result: Result) -> Array | None:
-    """Times (n,) [s], or None where the request does not say them."""
-    time = result.time
-    return time if time is not None and np.isfinite(time).any() else None
-
-
-def _components(result: Result, name: str) -> Iterator[tuple[str, Any]]:
+def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
     values, kind = result[name], result.output(name).kind
     if kind == "vector":
-        yield f"{name}.x", values.real
-        yield f"{name}.y", values.imag
+        yield from ((f"{name}.x", values.real), (f"{name}.y", values.imag))
     elif kind == "matrix":
         drivers = result.mechanism.drivers
-        for i, row in enumerate(drivers):
-            if values.ndim == 2:
-                yield f"{name}.{row}", values[:, i]
-                continue
-            for j, column in enumerate(drivers):
-                yield f"{name}.{row}.{column}", values[:, i, j]
+        for index in np.ndindex(values.shape[1:]):
+            entry = ".".join(drivers[i] for i in index)
+            yield f"{name}.{entry}", values[:, *index]
     elif kind == "number":
         yield name, np.full(result.n, float(values))
     else:

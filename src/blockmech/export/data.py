@@ -5,24 +5,20 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic_core import to_json
 
 from blockmech.errors import MissingEngineError, Problem
-from blockmech.export.columns import columns, known_time
-from blockmech.export.files import AnyPath, writing
-
-if TYPE_CHECKING:
-    from blockmech.dynamics.motion import Motion
-    from blockmech.result import Result
+from blockmech.export.columns import Labelled, columns
+from blockmech.files import AnyPath, writing
 
 FORMAT, VERSION = "blockmech/result", 1
 
 
-def to_dict(result: Result) -> dict[str, Any]:
+def to_dict(result: Labelled) -> dict[str, Any]:
     """The whole result as JSON data; its schema is `result_schema`.
 
     SI units. Vectors are [x, y] pairs, matrices nested lists, a number of the whole
@@ -36,7 +32,7 @@ def to_dict(result: Result) -> dict[str, Any]:
     }
 
 
-def json_chunks(result: Result) -> Iterator[str]:
+def json_chunks(result: Labelled) -> Iterator[str]:
     """The JSON text of `to_dict` in pieces, one output after the other, in ASCII."""
     yield "{"
     for key, value in _head(result).items():
@@ -47,7 +43,7 @@ def json_chunks(result: Result) -> Iterator[str]:
     yield f'}},\n "quality": {_text(result.quality.to_dict())}}}\n'
 
 
-def to_npz(result: Result, path: AnyPath) -> None:
+def to_npz(result: Labelled, path: AnyPath) -> None:
     """Write all arrays to one NumPy file, atomically.
 
     The arrays have the outputs' names and the shapes of `Result`; ``time``, the
@@ -58,11 +54,11 @@ def to_npz(result: Result, path: AnyPath) -> None:
     """
     arrays: dict[str, Any] = dict(result.drivers)
     units = {name: result.unit_of_driver(name) for name in arrays}
-    time = known_time(result)
+    time = result.known_time()
     if time is not None:
         arrays["time"], units["time"] = time, "s"
     for name in result:
-        arrays[name], units[name] = np.asarray(result[name]), result.unit(name)
+        arrays[name], units[name] = np.asarray(result[name]), result.output(name).unit
     quality = result.quality
     arrays["quality.status"] = np.array(quality.status, dtype=str)
     for block, margin in quality.margin.items():
@@ -72,7 +68,7 @@ def to_npz(result: Result, path: AnyPath) -> None:
         np.savez(stream, **arrays)
 
 
-def to_dataframe(result: Result) -> Any:
+def to_dataframe(result: Labelled) -> Any:
     """The columns of the CSV as a pandas DataFrame; units are in ``attrs["units"]``.
 
     Raises `MissingEngineError` without pandas.
@@ -96,7 +92,7 @@ def to_dataframe(result: Result) -> Any:
     return frame
 
 
-def _head(result: Result) -> dict[str, Any]:
+def _head(result: Labelled) -> dict[str, Any]:
     head: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
@@ -104,7 +100,7 @@ def _head(result: Result) -> dict[str, Any]:
         "samples": result.n,
         "drivers": {name: _values(q) for name, q in result.drivers.items()},
     }
-    time = known_time(result)
+    time = result.known_time()
     if time is not None:
         head["time"] = _values(time)
     if result.motion is not None:
@@ -114,7 +110,7 @@ def _head(result: Result) -> dict[str, Any]:
     return head
 
 
-def _motion(result: Result, motion: Motion) -> dict[str, Any]:
+def _motion(result: Labelled, motion: Any) -> dict[str, Any]:
     """How a simulation moved: its events, and method, error and what ended it."""
     names = list(result.drivers)
     events = []
@@ -148,7 +144,7 @@ def _finite(x: float) -> float | None:
     return float(x) if np.isfinite(x) else None
 
 
-def _output(result: Result, name: str) -> dict[str, Any]:
+def _output(result: Labelled, name: str) -> dict[str, Any]:
     output = result.output(name)
     found = {"unit": output.unit, "values": _values(result[name])}
     if output.on:

@@ -5,17 +5,13 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic_core import to_json
 
 from blockmech.errors import Problem, RequestError
-from blockmech.export.columns import columns
-from blockmech.export.files import AnyPath, writing
-
-if TYPE_CHECKING:
-    from blockmech.result import Result
+from blockmech.export.columns import AnyPath, Labelled, columns
+from blockmech.files import writing
 
 ROWS = 2000  # rows that are turned into text at once
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
@@ -23,7 +19,7 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def to_csv(
-    result: Result, path: AnyPath | None = None, separator: str = ",", decimal: str = "."
+    result: Labelled, path: AnyPath | None = None, separator: str = ",", decimal: str = "."
 ) -> str:
     """CSV text: driver coordinates, time, wanted outputs, status; written if a path is given.
 
@@ -41,7 +37,7 @@ def to_csv(
 
 
 def csv_chunks(
-    result: Result, separator: str = ",", decimal: str = ".", degrees: bool = False
+    result: Labelled, separator: str = ",", decimal: str = ".", degrees: bool = False
 ) -> Iterator[str]:
     """The text of `to_csv` in pieces; ``degrees`` gives angles in deg."""
     _check(separator, decimal)
@@ -57,7 +53,7 @@ def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
             stream.write(chunk.encode())
 
 
-def _chunks(result: Result, separator: str, decimal: str, degrees: bool) -> Iterator[str]:
+def _chunks(result: Labelled, separator: str, decimal: str, degrees: bool) -> Iterator[str]:
     found = columns(result, degrees)
     head = io.StringIO()
     row = csv.writer(head, delimiter=separator, lineterminator="\n")

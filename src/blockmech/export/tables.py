@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import html
+import io
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.export.columns import Column, driver_columns, output_columns
+from blockmech.export.columns import Column, Labelled, driver_columns, output_columns
 from blockmech.quality import OK
 
 if TYPE_CHECKING:
-    from blockmech.result import Result
+    from rich.console import Console
 
 ROWS = 13  # of a turn in 361 samples these are steps of 30 degrees
 WIDTH = 100  # characters of a terminal line
@@ -30,17 +33,19 @@ class Selection:
     ----------
     columns : the columns that fit
     rows : indices of the samples shown
+    gaps : whether one of them has no answer
     numbers : outputs that are one number a run
     more : names of the wanted outputs that are not shown
     """
 
     columns: list[Column]
     rows: list[int]
+    gaps: bool
     numbers: list[str]
     more: list[str]
 
 
-def table(result: Result, degrees: bool = False, width: int = WIDTH) -> str:
+def table(result: Labelled, degrees: bool = False, width: int = WIDTH) -> str:
     """A text table: drivers and the outputs that fit, units in the head, gaps named.
 
     Parameters
@@ -49,18 +54,15 @@ def table(result: Result, degrees: bool = False, width: int = WIDTH) -> str:
     width : characters of a line
     """
     shown = _select(result, degrees, width)
-    status = result.quality.status
-    gaps = any(status[i] != OK for i in shown.rows)
-    blocks = [_block(column, shown.rows) for column in shown.columns]
-    lines = ["  ".join(cells).rstrip() for cells in zip(*blocks, strict=True)]
-    if gaps:
-        words = ["", "status", "", *(status[i] for i in shown.rows)]
-        lines = [f"{line}  {word}".rstrip() for line, word in zip(lines, words, strict=True)]
+    console = _console(width)
+    console.print(_grid(shown.columns, shown.rows, result.quality.status if shown.gaps else ()))
+    assert isinstance(console.file, io.StringIO)
+    lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
     footer = list(_footer(result, shown, degrees))
     return "\n".join([_title(result), "", *lines, *([""] if footer else []), *footer])
 
 
-def html_table(result: Result, degrees: bool = False) -> str:
+def html_table(result: Labelled, degrees: bool = False) -> str:
     """The same table as HTML, for notebooks; every name is escaped."""
     shown = _select(result, degrees, WIDTH)
     status = result.quality.status
@@ -77,76 +79,96 @@ def html_table(result: Result, degrees: bool = False) -> str:
     return "\n".join(lines)
 
 
-def gap_lines(result: Result, degrees: bool = False) -> list[str]:
-    """One line per stretch of samples without an answer: why, how many, where."""
+def gap_lines(result: Labelled, degrees: bool = False) -> list[str]:
+    """One line for neighbouring samples without an answer: why, how many, where."""
     quality = result.quality
     gaps = quality.gaps
     if not gaps:
         return []
     drivers = [c for c in driver_columns(result, degrees) if c.output in result.drivers]
     lines = [f"no answer at {len(gaps)} of {_count(result.n, 'sample')}:"]
-    stretches = list(_stretches([(i, quality.status[i], quality.blame[i]) for i in gaps]))
-    for (first, word, block), last in stretches[:LINES]:
+    found = groupby(
+        enumerate(gaps), lambda g: (g[1] - g[0], quality.status[g[1]], quality.blame[g[1]])
+    )
+    runs = [(word, block, [i for _, i in run]) for (_, word, block), run in found]
+    for word, block, run in runs[:LINES]:
         places = [
-            f"{c.name} = {_cell(c.values[first])}"
-            + (f" ... {_cell(c.values[last])}" if last > first else "")
-            + f" {c.unit}"
+            " ... ".join(dict.fromkeys(_cell(c.values[i]) for i in (run[0], run[-1])))
             for c in drivers
         ]
+        said = [f"{c.name} = {at} {c.unit}" for c, at in zip(drivers, places, strict=True)]
         place = f" at {result.mechanism.said(block)}" if block else ""
-        lines.append(f"  {word}{place}, {_count(last - first + 1, 'sample')}: {', '.join(places)}")
-    if len(stretches) > LINES:
-        lines.append(f"  and {_count(len(stretches) - LINES, 'stretch', 'stretches')} more")
+        lines.append(f"  {word}{place}, {_count(len(run), 'sample')}: {', '.join(said)}")
+    if len(runs) > LINES:
+        lines.append(f"  and {_count(len(runs) - LINES, 'stretch', 'stretches')} more")
     return lines
 
 
-def _select(result: Result, degrees: bool, width: int) -> Selection:
+# -- what is shown ---------------------------------------------------------------------
+
+
+def _select(result: Labelled, degrees: bool, width: int) -> Selection:
     chosen = driver_columns(result, degrees)
     first = {column.output for column in chosen}
     rest = [name for name in result if name not in first]
     numbers = [name for name in rest if result.output(name).kind == "number"]
-    rows = _some(result.n, ROWS)
-    more = []
-    status = result.quality.status
-    gaps = max((len(status[i]) + 2 for i in rows if status[i] != OK), default=0)
-    room = width - gaps - sum(_width(c, rows) for c in chosen)
+    step = max(1, -(-(result.n - 1) // (ROWS - 1)))
+    rows = sorted({*range(0, result.n, step), *range(result.n)[-1:]})
+    quality = result.quality
+    gaps = any(quality.status[i] != OK for i in rows)
+    status = quality.status if gaps else ()
+    more: list[str] = []
     shown_any = False
     for name in sorted((n for n in rest if n not in numbers), key=_rank):
-        if room <= 0 and shown_any:  # reading every output of a long run takes time
-            more.append(name)
-            continue
-        parts = output_columns(result, name, degrees)
-        need = sum(_width(c, rows) for c in parts)
-        if need <= room or not shown_any:
+        # Once one does not fit, smaller ones must not jump the queue.
+        parts = [] if more else output_columns(result, name, degrees)
+        if parts and (not shown_any or _wide([*chosen, *parts], rows, status) <= width):
             chosen += parts
             shown_any = True
         else:
             more.append(name)
-        room -= need  # once one does not fit, smaller ones must not jump the queue
-    return Selection(chosen, rows, numbers, more)
+    return Selection(chosen, rows, gaps, numbers, more)
 
 
 def _rank(name: str) -> int:
     return next((i for i, end in enumerate(FIRST) if name.endswith(end)), len(FIRST))
 
 
-def _some(n: int, most: int) -> list[int]:
-    """Equally spaced indices of n samples and the last one, about that many."""
-    step = max(1, -(-(n - 1) // (most - 1)))
-    return sorted({*range(0, n, step), *range(n)[-1:]})
+# -- text --------------------------------------------------------------------------------
 
 
-def _width(column: Column, rows: list[int]) -> int:
-    return len(_block(column, rows)[0]) + 2
+def _console(width: int) -> Console:
+    from rich.console import Console
+
+    plain: dict[str, Any] = dict.fromkeys(("markup", "emoji", "highlight", "legacy_windows"), False)
+    return Console(file=io.StringIO(), width=max(width, WIDTH), color_system=None, **plain)
 
 
-def _block(column: Column, rows: list[int]) -> list[str]:
-    """Cells of a column, aligned right, under a head of block, quantity and unit."""
-    block, _, quantity = column.output.rpartition(".")
-    quantity += column.name[len(column.output) :]
-    cells = [block, quantity, f"[{column.unit or '-'}]", *(_cell(column.values[i]) for i in rows)]
-    size = max(map(len, cells))
-    return [cell.rjust(size) for cell in cells]
+def _grid(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> Any:
+    """The table, each column under a head of block, quantity and unit."""
+    from rich.table import Table
+
+    grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+    for column in columns:
+        block, _, quantity = column.output.rpartition(".")
+        quantity += column.name[len(column.output) :]
+        head = f"{block}\n{quantity}\n[{column.unit or '-'}]"
+        grid.add_column(head, justify="right", no_wrap=True)
+    if status:
+        grid.add_column("\nstatus\n", no_wrap=True)
+    for i in rows:
+        cells = [_cell(column.values[i]) for column in columns]
+        grid.add_row(*cells, *([status[i]] if status else []))
+    return grid
+
+
+def _wide(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> int:
+    """Characters of a line of the table."""
+    from rich.measure import Measurement
+
+    console = _console(WIDTH)
+    wide = console.options.update(width=100 * WIDTH)
+    return int(Measurement.get(console, wide, _grid(columns, rows, status)).maximum)
 
 
 def _cell(x: float) -> str:
@@ -154,19 +176,20 @@ def _cell(x: float) -> str:
     return f"{x + 0.0:.6g}" if np.isfinite(x) else "-"
 
 
-def _title(result: Result) -> str:
+def _title(result: Labelled) -> str:
     settings = result.settings
     how = f"friction {settings['friction']}" + (", static" if settings["static"] else "")
     name = result.mechanism.name
     return f"{name}: {_count(result.n, 'sample')}, {_count(len(result), 'output')}; {how}"
 
 
-def _footer(result: Result, shown: Selection, degrees: bool) -> Iterator[str]:
+def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
     for name in shown.numbers:
-        unit = result.unit(name)
-        x = float(result[name])
-        value = f"{_cell(x)} {unit}".rstrip() if np.isfinite(x) else "not defined for this run"
-        yield f"{name} = {value}" if np.isfinite(x) else f"{name}: {value}"
+        x, unit = float(result[name]), result.output(name).unit
+        known = np.isfinite(x)
+        yield (
+            f"{name} = {_cell(x)} {unit}".rstrip() if known else f"{name}: not defined for this run"
+        )
     if len(shown.rows) < result.n:
         yield f"{len(shown.rows)} of {result.n} samples shown"
     yield from gap_lines(result, degrees)
@@ -176,27 +199,14 @@ def _footer(result: Result, shown: Selection, degrees: bool) -> Iterator[str]:
         yield f"{_count(len(shown.more), 'more output')}: {', '.join(shown.more[:LINES])}{rest}"
 
 
-def _flag_lines(result: Result) -> Iterator[str]:
-    counts: dict[tuple[str, str], list[int]] = {}
-    for flag in result.quality.flags:
-        counts.setdefault((flag.code, flag.where), []).append(flag.sample)
-    for (code, where), samples in list(counts.items())[:LINES]:
-        yield f"flag {code} at {where}: {_count(len(samples), 'sample')}, first {samples[0]}"
+def _flag_lines(result: Labelled) -> Iterator[str]:
+    flags = result.quality.flags
+    counts = Counter((flag.code, flag.where) for flag in flags)
+    for (code, where), count in list(counts.items())[:LINES]:
+        first = next(f.sample for f in flags if (f.code, f.where) == (code, where))
+        yield f"flag {code} at {where}: {_count(count, 'sample')}, first {first}"
     if len(counts) > LINES:
         yield f"and flags of {len(counts) - LINES} more kinds, see quality"
-
-
-def _stretches(
-    gaps: list[tuple[int, str, str]],
-) -> Iterator[tuple[tuple[int, str, str], int]]:
-    """Runs of neighbouring samples with one reason: (first gap, last index)."""
-    start, last = gaps[0], gaps[0]
-    for gap in gaps[1:]:
-        if gap[0] != last[0] + 1 or gap[1:] != start[1:]:
-            yield start, last[0]
-            start = gap
-        last = gap
-    yield start, last[0]
 
 
 def _count(n: int, one: str, many: str = "") -> str:

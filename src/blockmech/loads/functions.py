@@ -51,16 +51,6 @@ class Function:
             raise mistake("wrong-function", found, VALID, "e.g. lambda rate: -0.3 * rate")
         return cls(call, names)  # type: ignore[arg-type]
 
-    def moved(self, sign: int, offset: float) -> Function:
-        """The law of q that this law is of ``sign * q + offset``; of its rate likewise."""
-        steps = {"coordinate": (sign, offset), "rate": (sign, 0.0), "time": (1, 0.0)}
-
-        def moved(*given: float) -> float:
-            pairs = zip(given, self.of, strict=True)
-            return self.call(*(steps[what][0] * x + steps[what][1] for x, what in pairs))
-
-        return Function(moved, self.of)
-
     def variables(self) -> tuple[str, ...]:
         """What the law is a function of."""
         return self.of

@@ -6,6 +6,7 @@ and change nothing, and the numbers would be those of a mechanism without weight
 
 from __future__ import annotations
 
+import inspect
 from typing import Any
 
 from blockmech.errors import GraphError, Problem, close_match, listed
@@ -16,8 +17,9 @@ class KnownAttributes:
 
     def __setattr__(self, name: str, value: Any) -> None:
         cls = type(self)
-        known = [n for n in vars(cls).get("__annotations__", ()) if not n.startswith("_")]
-        known += [n for n, p in vars(cls).items() if isinstance(p, property) and p.fset]
+        declared = [n for c in cls.__mro__ for n in vars(c).get("__annotations__", ())]
+        known = [n for n in declared if not n.startswith("_")]
+        known += [n for n, p in inspect.getmembers(cls) if isinstance(p, property) and p.fset]
         if name not in known:
             raise GraphError(_unknown(cls, name, known))
         super().__setattr__(name, value)
@@ -25,12 +27,12 @@ class KnownAttributes:
 
 def _unknown(cls: type, name: str, known: list[str]) -> Problem:
     """The problem of an attribute that cannot be set."""
-    methods = [n for n, m in vars(cls).items() if callable(m) and not n.startswith("_")]
+    methods = [n for n, m in inspect.getmembers(cls, callable) if not n.startswith("_")]
     found = f'there is no attribute "{name}" to set'
     if name in methods:
         found = f"{name}() is called, not set"
-    elif name in vars(cls):
+    elif hasattr(cls, name):
         found = f"{name} follows from the rest, and is not set"
-    remedy = "" if name in vars(cls) else close_match(name, [*known, *methods])
+    remedy = "" if hasattr(cls, name) else close_match(name, [*known, *methods])
     valid = f"attributes: {listed(sorted(known))}"
     return Problem("unknown-attribute", f"{cls.__name__}.{name}", found, valid, remedy)

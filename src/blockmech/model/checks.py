@@ -38,6 +38,7 @@ def all_problems(graph: Graph) -> list[Problem]:
         problems += wire_problems(graph, wire, fed.get(wire.target), markers)
         fed.setdefault(wire.target, wire)
     problems += _unwired(graph)
+    problems += _driver_name_problems(graph)
     problems += _scene_problems(graph)
     problems += _driver_problems(graph)
     problems += _group_problems(graph)
@@ -265,6 +266,16 @@ def driver_names(graph: Graph) -> list[str]:
     """Names of all drivers, in the author's order of blocks."""
     moving = ((n, b) for n, b in graph.blocks.items() if isinstance(b, Moving))
     return [b.driver_name(name, joint.name) for name, b in moving for joint in b.driven]
+
+
+def _driver_name_problems(graph: Graph) -> Iterable[Problem]:
+    """Drivers of general groups that are called like a block or like each other."""
+    names = driver_names(graph)
+    for name, block in graph.blocks.items():
+        for pair, given in block.pairs.items() if isinstance(block, GeneralGroup) else ():
+            if given.driver and (given.driver in graph.blocks or names.count(given.driver) > 1):
+                where, found = f"{name}.pairs.{pair}.driver", f'"{given.driver}" is taken'
+                yield Problem("taken-name", where, found, "", "choose another name")
 
 
 def _scene_problems(graph: Graph) -> Iterable[Problem]:

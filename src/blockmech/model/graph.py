@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,10 +19,6 @@ from blockmech.values import Vector
 
 if TYPE_CHECKING:
     import networkx as nx
-
-    from blockmech.mechanism import Mechanism
-    from blockmech.model.naming import Names
-    from blockmech.result import Result
 
 
 class Graph(KnownAttributes):
@@ -196,45 +191,6 @@ class Graph(KnownAttributes):
             graph.edges[source, target]["wires"].append((wire.source, wire.target))
         return graph
 
-    # -- using ------------------------------------------------------------
-
-    def compile(self, names: Names | None = None) -> Mechanism:
-        """Check the graph and freeze it into a mechanism that computes.
-
-        The mechanism is a snapshot: the graph may be edited and compiled again. With
-        ``names`` it speaks of the document that the graph was made of.
-        Raises `GraphError` with all problems.
-        """
-        from blockmech.mechanism import Mechanism
-        from blockmech.passes.following import refuse_open_homes
-
-        structure = self.structure()
-        refuse_open_homes(structure)
-        return Mechanism(structure, self.scene, self.name, names)
-
-    def run(self, **request: Any) -> Result:
-        """Compile and run; see `Mechanism.run`."""
-        return self.compile().run(**request)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Graph:
-        """Read a graph file. Raises `FormatError` with all problems of the file."""
-        from blockmech.model.document import load
-
-        return load(path)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the canonical graph file, atomically."""
-        from blockmech.model.document import save
-
-        save(self, path)
-
-    def to_json(self) -> str:
-        """The canonical text of the graph file."""
-        from blockmech.model.document import dumps
-
-        return dumps(self)
-
     def __repr__(self) -> str:
         if self.check():
             return f"<Graph {self.name}: {len(self.blocks)} blocks, not complete: see check()>"
@@ -243,8 +199,3 @@ class Graph(KnownAttributes):
             f"<Graph {self.name}: {len(s.links) - 1} moving links, {s.pairs} pairs, "
             f"mobility {s.mobility}; {s.formula}>"
         )
-
-    def _repr_svg_(self) -> str:
-        from blockmech.draw import diagram_svg
-
-        return diagram_svg(self)

@@ -41,7 +41,7 @@ FILE_CODES: Mapping[str, str] = {
     "bad-place": "not [x, y] nor, on links, a polar place",
     "bad-direction": "a direction given twice, or zero",
     "bad-name": 'an empty name, or one with "." or "/"',
-    "taken-name": "two markers of a block with one name",
+    "taken-name": "two markers of a block, or a driver and another thing, with one name",
     "unknown-link": "a link that the block does not have",
     "friction-mismatch": "friction that does not fit the kind of pair",
     "bad-table": "a table that does not increase or has unequal columns",

@@ -60,3 +60,11 @@ class Scene(Strictly):
     def address(self, section: str, driver: str = "") -> str:
         """Where a file says something of a driver: ``"scene.drive.crank"``."""
         return f"scene.{section}.{driver}".rstrip(".")
+
+
+class SceneOfLinks(Scene):
+    """The scene of a joint-based document, which says laws of motion with the drivers."""
+
+    def address(self, section: str, driver: str = "") -> str:
+        """Where the file says something of a driver: ``"drivers.motor"``."""
+        return f"{'drivers' if section == 'drive' else section}.{driver}".rstrip(".")

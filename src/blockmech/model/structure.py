@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from blockmech.blocks.contract import Block, BuiltIn, Joint, Moving
+from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
 from blockmech.loads.contract import Element
 from blockmech.values import Link, Marker
 
@@ -117,6 +117,11 @@ class Structure:
     def driver_joint(self, driver: str) -> Joint:
         """Declaration of the pair that a driver drives: units, kind."""
         return self.joint(self.driven[driver])
+
+    def coordinate(self, driver: str) -> Coordinate:
+        """How the coordinate of the driven joint follows the driver's."""
+        block, joint = self.driven[driver]
+        return self.blocks[block].coordinate(joint)
 
     @cached_property
     def paths(self) -> dict[str, Any]:

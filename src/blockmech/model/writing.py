@@ -85,7 +85,7 @@ def write_checked(path: str | os.PathLike[str], text: str, loads: Callable[[str]
 
     Raises what ``loads`` raises, and `RequestError` where the place cannot be written.
     """
-    from blockmech.export.files import writing
+    from blockmech.files import writing
 
     loads(text)
     with writing(path) as stream:

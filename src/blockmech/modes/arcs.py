@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from blockmech.judge.limits import Limits, limits
+from blockmech.analysis.limits import Limits, limits
 from blockmech.modes.closing import TriadMode
 from blockmech.modes.connection import DEAD, RANGE, WHOLE, ArcEnd, Connections, connect
 from blockmech.modes.groups import Outline
@@ -44,14 +44,6 @@ class GroupArc:
     turns: int
     change_points: tuple[float, ...]
     circuit: int
-
-    def told_by(self, coordinate: Callable[[float], float]) -> GroupArc:
-        """The same arc in another coordinate of the driver, a monotone function of this one."""
-        start, end = sorted(
-            (replace(e, q=coordinate(e.q)) for e in (self.start, self.end)), key=lambda e: e.q
-        )
-        passed = tuple(sorted(map(coordinate, self.change_points)))
-        return replace(self, start=start, end=end, change_points=passed)
 
     def to_dict(self) -> dict[str, Any]:
         """The arc as a JSON object."""
@@ -163,7 +155,8 @@ def arcs_of_triad(
     own = mechanism.structure.drivers_of(group)
 
     def triad(q: float) -> Triad:
-        return found.at([q if d == driver else held[d] for d in own]).triad
+        at = {**held, driver: q}
+        return found.at([mechanism.structure.coordinate(d).of_joint(at[d]) for d in own]).triad
 
     stretches, note = _stretches(mechanism, group, driver, held)
     if note:

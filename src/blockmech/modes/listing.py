@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from blockmech.blocks.contract import AssurGroup, Moving
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.model.coordinates import to_document, to_graph
 from blockmech.model.structure import MarkerRef
 from blockmech.modes.arcs import Followed, GroupArc, OnArc, arcs_of_dyad, arcs_of_triad
 from blockmech.modes.closing import TriadMode, triad_modes
@@ -59,7 +58,6 @@ def modes(
     ------
     RequestError for unknown names, and where nothing says where the drivers stand
     """
-    inner, names = mechanism.inner, mechanism.driver_names
     taken = make_samples(
         mechanism,
         mechanism.scene,
@@ -67,12 +65,9 @@ def modes(
         rates=dict.fromkeys(mechanism.drivers, 0.0),
     )
     rows = {d: taken.coordinate(i).tolist() for i, d in enumerate(mechanism.drivers)}
-    inward = [
-        {names[d].driver: float(to_graph(names[d], row[n])) for d, row in rows.items()}
-        for n in range(taken.n)
-    ]
+    samples = tuple({d: row[n] for d, row in rows.items()} for n in range(taken.n))
     moved = _moved(mechanism, driver) if arcs else ""
-    lister = _Lister(mechanism, inner, tuple(inward), names[moved].driver if moved else "")
+    lister = _Lister(mechanism, samples, moved)
     found = tuple(lister.group(name) for name in _wanted(mechanism, groups))
     return Modes(
         {d: tuple(row) for d, row in rows.items()},
@@ -84,16 +79,15 @@ def modes(
 
 @dataclass(frozen=True)
 class _Lister:
-    """What all groups share: the mechanism of the graph, and samples in its coordinates."""
+    """What all groups share: the mechanism, samples, and the driver along which arcs lie."""
 
     mechanism: Compiled
-    inner: Compiled
     samples: tuple[Mapping[str, float], ...]
-    driver: str  # of the graph
+    driver: str
 
     def group(self, name: str) -> GroupModes:
         """All modes of a group."""
-        block = self.inner.structure.blocks[name]
+        block = self.mechanism.structure.blocks[name]
         kind = f"{block.group_class} {block.kind}"
         said = self.mechanism.said(name)
         if not isinstance(block, GeneralGroup):
@@ -109,15 +103,14 @@ class _Lister:
     def _dyad(self, name: str, said: str, kind: str, block: Moving) -> GroupModes:
         assert isinstance(block, AssurGroup)
         outer = [joint.name for joint in block.joints.values() if joint.outer]
-        supports = supports_of(self.inner, name, outer)
+        supports = supports_of(self.mechanism.of_blocks, name, outer)
         followed = Followed(())
         if self._follows(name):
             held = {d: q for d, q in self.samples[0].items() if d != self.driver}
-            followed = arcs_of_dyad(self.inner, name, self.driver, held)
+            followed = arcs_of_dyad(self.mechanism.of_blocks, name, self.driver, held)
         samples = []
         for drivers in self.samples:
-            own = [drivers[d] for d in self.inner.structure.drivers_of(name)]
-            found = dyad_modes(block, [*supports(drivers), *own])
+            found = dyad_modes(block, [*supports(drivers), *self._driven(name, drivers)])
             stands = self._own(name, drivers)
             samples.append(
                 tuple(
@@ -128,14 +121,15 @@ class _Lister:
         return GroupModes(said, kind, tuple(samples), self._arcs(followed), followed.note)
 
     def _triad(self, name: str, said: str, kind: str, group: Outline) -> GroupModes:
-        supports = supports_of(self.inner, name, group.joints)
-        own = self.inner.structure.drivers_of(name)
+        supports = supports_of(self.mechanism.of_blocks, name, group.joints)
         followed = Followed(())
         if self._follows(name):
             held = {d: q for d, q in self.samples[0].items() if d != self.driver}
             also = [s[self.driver] for s in self.samples if self._held(s)]
             try:
-                followed = arcs_of_triad(self.inner, name, group, self.driver, held, also)
+                followed = arcs_of_triad(
+                    self.mechanism.of_blocks, name, group, self.driver, held, also
+                )
             except RequestError as error:
                 followed = Followed((), note="; ".join(p.found for p in error.problems))
         samples: list[tuple[GroupMode, ...]] = []
@@ -144,7 +138,7 @@ class _Lister:
             if not all(cmath.isfinite(z) for support in at for z in place_of(support)):
                 samples.append(())
                 continue
-            formed = group.at([drivers[d] for d in own])
+            formed = group.at(self._driven(name, drivers))
             triad = formed.triad
             size, stands = size_of(triad, at), self._own(name, drivers)
             samples.append(
@@ -206,19 +200,20 @@ class _Lister:
         )
 
     def _on_arc(self, on: OnArc | None, followed: Followed) -> dict[str, Any]:
-        """What is told of a mode's arc, in the file's coordinate of the driver."""
+        """What is told of a mode's arc."""
         if on is None:
             return {}
         arc, reach = followed.arcs[on.arc], None
         if not arc.turns:
-            low, high = sorted(self._said(e.q + on.shift) for e in (arc.start, arc.end))
+            low, high = sorted(e.q + on.shift for e in (arc.start, arc.end))
             reach = (low, high)
         return {"arc": on.arc, "reach": reach, "after_turn": on.after_turn}
 
-    def _said(self, q: float) -> float:
-        """The driver's coordinate of the file from that of the graph."""
-        named = {where.driver: where for where in self.mechanism.driver_names.values()}
-        return float(to_document(named[self.driver], q))
+    def _driven(self, name: str, drivers: Mapping[str, float]) -> list[float]:
+        """Coordinates of the driven joints inside a group."""
+        structure = self.mechanism.structure
+        own = structure.drivers_of(name)
+        return [structure.coordinate(d).of_joint(drivers[d]) for d in own]
 
     def _poses(
         self, name: str, links: Mapping[str, LinkPosition]
@@ -241,10 +236,10 @@ class _Lister:
             stand = {link: list(pose) for link, pose in self._standing(drivers)} | poses
             self._turn_to(stand, drivers)
             return {"links": {link: {"pose": pose} for link, pose in stand.items()}}
-        if not isinstance(self.inner.structure.blocks[name], GeneralGroup):
+        if not isinstance(self.mechanism.structure.blocks[name], GeneralGroup):
             return {} if branch is None else {"branch": branch}
-        moving = self.inner.structure.upstream[name]
-        home = {d: drivers[d] for d in self.inner.drivers if d in moving}
+        moving = self.mechanism.structure.upstream[name]
+        home = {d: drivers[d] for d in self.mechanism.drivers if d in moving}
         return {"home": {"drivers": home, "poses": poses}}
 
     def _of_document(
@@ -261,39 +256,38 @@ class _Lister:
 
     def _at(self, ref: MarkerRef) -> complex:
         """Place [m] of a marker on its link."""
-        structure = self.inner.structure
+        structure = self.mechanism.structure
         return structure.block(ref.block).place_of(structure.marker(ref))
 
     def _standing(
         self, drivers: Mapping[str, float]
     ) -> Iterator[tuple[str, tuple[float, float, float]]]:
         """The document's links where the file's modes have them, if they close."""
-        for name in self.inner.structure.blocks:
+        for name in self.mechanism.structure.blocks:
             links = self._own(name, drivers)
             if all(cmath.isfinite(z) for place in links.values() for z in place):
                 yield from self._of_document(name, links)
 
     def _turn_to(self, poses: dict[str, list[float]], drivers: Mapping[str, float]) -> None:
         """Count driven links round so that the poses tell the drivers' coordinates."""
-        structure, names = self.inner.structure, self.mechanism.names
+        structure, names = self.mechanism.structure, self.mechanism.names
         assert names is not None
         called = {where.link: said for said, where in names.links.items()}
-        for driver in self.mechanism.driver_names.values():
-            ref = structure.driven[driver.driver]
+        for driver, ref in structure.driven.items():
             later = called.get(structure.later_link(ref))
             earlier = called.get(structure.earlier_link(ref))
             if not structure.joint(ref).rotary or later not in poses:
                 continue
             before = poses[earlier][2] if earlier in poses else 0.0
-            q = driver.sign * float(to_document(driver, drivers[driver.driver]))
+            q = structure.coordinate(driver).of_joint(drivers[driver])
             poses[later][2] += TURN * round((before + q - poses[later][2]) / TURN)
 
     def _own(self, name: str, drivers: Mapping[str, float]) -> dict[str, LinkPosition]:
         """How the links of a group stand in the file; NaN where they cannot."""
-        links = self.inner.structure.blocks[name].link_names
+        links = self.mechanism.structure.blocks[name].link_names
         want = [w for link in links for w in (f"{name}.{link}.p", f"{name}.{link}.angle")]
         rates = dict.fromkeys(drivers, 0.0)
-        run = self.inner.run(at=dict(drivers), rates=rates, want=want, on_gap="mark")
+        run = self.mechanism.of_blocks.run(at=dict(drivers), rates=rates, want=want, on_gap="mark")
         return {
             link: LinkPosition(
                 run[f"{name}.{link}.p"][0], cmath.exp(1j * run[f"{name}.{link}.angle"][0])
@@ -304,7 +298,7 @@ class _Lister:
     def _is_same(
         self, name: str, one: Mapping[str, LinkPosition], other: Mapping[str, LinkPosition]
     ) -> bool:
-        size = self.inner.structure.blocks[name].largest_length() or 1.0
+        size = self.mechanism.structure.blocks[name].largest_length() or 1.0
         return all(
             abs(place.e - other[link].e) <= CHOSEN and abs(place.o - other[link].o) <= CHOSEN * size
             for link, place in one.items()
@@ -318,10 +312,10 @@ class _Lister:
         )
 
     def _follows(self, name: str) -> bool:
-        return self.driver in self.inner.structure.upstream[name]
+        return self.driver in self.mechanism.structure.upstream[name]
 
     def _arcs(self, followed: Followed) -> tuple[GroupArc, ...]:
-        return tuple(arc.told_by(self._said) for arc in followed.arcs)
+        return followed.arcs
 
 
 def _pose(place: LinkPosition) -> tuple[float, float, float]:

@@ -19,7 +19,7 @@ Supports: TypeAlias = Callable[[Mapping[str, float]], tuple[Support, ...]]
 def supports_of(mechanism: Compiled, group: str, joints: Sequence[str]) -> Supports:
     """The supports of some outer joints of a group.
 
-    ``mechanism`` is one of a graph (`Compiled.inner`). Earlier groups stand as the file says.
+    ``mechanism`` is one of a graph (`Compiled.of_blocks`). Earlier groups stand as the file says.
     """
     structure = mechanism.structure
     feeds = [structure.feeds[JointRef(group, joint)] for joint in joints]

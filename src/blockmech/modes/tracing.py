@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from blockmech.analysis.peaks import turning_place
 from blockmech.errors import Problem, RequestError
-from blockmech.judge.peaks import turning_place
 from blockmech.modes.closing import CLOSED, Pose, apart, close, fold, looseness, poses, solved
 from blockmech.modes.elimination import EPS
 from blockmech.modes.triad import Floats, Placed, Support, Triad, hold, place_of, size_of

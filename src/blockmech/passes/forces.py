@@ -17,6 +17,7 @@ from blockmech.passes.forward import (
     marker_arm,
     parameters,
     position,
+    signed,
 )
 from blockmech.passes.loads import (
     NOTHING,
@@ -167,11 +168,16 @@ def reaction(s: Schedule, ref: JointRef) -> PairLoad | None:
 
 def drive(s: Schedule, driver: str) -> str:
     """Driving moment [N m] or force [N] by the force pass, friction included."""
-    joint = s.structure.driven[driver]
+    return signed(s, driver, s.ask(effort_in, s.structure.driven[driver]))
+
+
+def effort_in(s: Schedule, joint: JointRef) -> str:
+    """What drives a joint: moment [N m] or force [N] on the later link, friction included."""
     reactions = s.ask(smooth, joint.block)
     if reactions is None:
         return "0.0"
-    effort = f"{reactions}.{s.structure.blocks[joint.block].effort_field(joint.name)}"
+    block = s.structure.blocks[joint.block]
+    effort, driver = f"{reactions}.{block.effort_field(joint.name)}", block.driver_name(*joint)
     solved = s.ask(solution, joint.block)
     if solved is not None:
         units = s.ask(friction.coupled_joints, joint.block)
@@ -191,7 +197,7 @@ def wrench(s: Schedule, ref: JointRef) -> tuple[str, str]:
         return ZERO, "0.0"
     along = [s.ask(resisting, ref)]
     if s.structure.joint(ref).driven:
-        along.append(s.ask(drive, s.structure.blocks[ref.block].driver_name(*ref)))
+        along.append(s.ask(effort_in, ref))
     along = [x for x in along if x != "0.0"]
     total = s.sum(along, f"{ref}_along") if along else "0.0"
     if pair.force:

@@ -74,6 +74,19 @@ def guide_acceleration(a: Complex, al: Real) -> GuideAcceleration:
     return GuideAcceleration(a, al)
 
 
+# -- a driver's coordinate and its joint's -----------------------------------------
+
+
+def opposite(x: Real) -> Real:
+    """The same, counted the other way."""
+    return -x
+
+
+def shifted(q: Real, offset: Real) -> Real:
+    """The same, counted from another place."""
+    return q + offset
+
+
 # -- positions -----------------------------------------------------------------
 
 
@@ -87,12 +100,28 @@ def position(s: Schedule, block: str) -> str:
     s.ask_first(position, block, s.structure.supports)
     b = s.structure.blocks[block]
     args = [s.ask(joint_position, JointRef(block, j.name)) for j in b.joints.values() if j.outer]
-    args += [s.input("q", driver) for driver in s.structure.drivers_of(block)]
+    args += [s.ask(joint_coordinate, driver) for driver in s.structure.drivers_of(block)]
     if b.own_form:
         args.append(s.guess(s, block))
     numbers = s.ask(parameters, block)
     args.append(s.ask(followed, block, numbers) if block in s.structure.followed else numbers)
     return s.kernel(Entry(block, "position"), b.kernels.position, *args, name=f"{block}_pose")
+
+
+def joint_coordinate(s: Schedule, driver: str) -> str:
+    """Coordinate of a driven joint, from its driver's: sign q + offset."""
+    q, offset = signed(s, driver, s.input("q", driver)), s.structure.coordinate(driver).offset
+    if offset == 0:
+        return q
+    slot = s.parameter(("offset", driver), offset, f"{driver}_offset")
+    return s.emit(shifted, q, slot, name=f"{driver}_joint")
+
+
+def signed(s: Schedule, driver: str, value: str) -> str:
+    """A rate, acceleration or effort of a driven joint from its driver's, or the other way."""
+    if s.structure.coordinate(driver).sign > 0 or value == "0.0":
+        return value
+    return s.emit(opposite, value, name=f"minus_{value}")
 
 
 def margin(s: Schedule, block: str) -> str:
@@ -193,18 +222,18 @@ def velocity(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
     args += [
         s.ask(joint_velocity, JointRef(block, j.name), mode) for j in b.joints.values() if j.outer
     ]
-    args += [s.ask(driver_rate, driver, mode) for driver in s.structure.drivers_of(block)]
+    args += [s.ask(joint_rate, driver, mode) for driver in s.structure.drivers_of(block)]
     args.append(s.ask(parameters, block))
     stage = "unit velocity" if mode else "velocity"
     name = f"{block}_vel{_suffix(mode)}"
     return s.kernel(Entry(block, stage, mode), b.kernels.velocity, *args, name=name)
 
 
-def driver_rate(s: Schedule, driver: str, mode: str) -> str:
-    """Rate of a driver in a mode."""
+def joint_rate(s: Schedule, driver: str, mode: str) -> str:
+    """Rate of a driven joint in a mode."""
     if mode in (ACTUAL, BIAS):
-        return s.input("qd", driver)
-    return "1.0" if mode == driver else "0.0"
+        return signed(s, driver, s.input("qd", driver))
+    return f"{s.structure.coordinate(driver).sign:.1f}" if mode == driver else "0.0"
 
 
 def joint_velocity(s: Schedule, ref: JointRef, mode: str) -> str:
@@ -256,7 +285,7 @@ def acceleration(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
         if j.outer
     ]
     for driver in s.structure.drivers_of(block):
-        args.append("0.0" if mode else s.input("qdd", driver))
+        args.append("0.0" if mode else signed(s, driver, s.input("qdd", driver)))
     args.append(s.ask(parameters, block))
     stage = "unit acceleration" if mode else "acceleration"
     name = f"{block}_acc{_suffix(mode)}"
@@ -307,7 +336,7 @@ def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> str:
     """Relative rate of a pair: [rad/s] for R, sliding rate [m/s] for P; later on earlier."""
     block, joint = s.structure.blocks[ref.block], s.structure.joint(ref)
     if joint.driven:
-        return s.ask(driver_rate, block.driver_name(*ref), mode)
+        return s.ask(joint_rate, block.driver_name(*ref), mode)
     if joint.kind == "P":
         vel = s.ask(velocity, ref.block, mode)
         return "0.0" if vel is None else f"{vel}.{block.joint_field(ref.name)}"

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.builders import Opened, opened, problems_in
 from blockmech.errors import Problem, RequestError
-from blockmech.model.opening import Opened, opened, problems_in
 from blockmech.testing.expectations import compared, failure_table
 
 if TYPE_CHECKING:
-    from blockmech.judge.limits import Limits
+    from blockmech.analysis.limits import Limits
     from blockmech.mechanism import Mechanism
 
 ROUNDING = 8 * float(np.finfo(float).eps)
@@ -109,7 +109,7 @@ class GraphAssertion:
         other drivers stand, by default where their laws of motion begin.
         """
         __tracebackhide__ = True
-        from blockmech.judge.limits import limits
+        from blockmech.analysis.limits import limits
 
         found = limits(self._mechanism, driver, at)
         if not _holds(found, start, end):

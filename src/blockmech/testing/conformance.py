@@ -51,7 +51,8 @@ def conformance(
         cls = REGISTRY.get(block)
         if cls is None:
             raise RequestError(REGISTRY.unknown(block, "conformance"))
-        block = cls(**(example or {}))
+        made: Block = cls(**(example or {}))
+        block = made
     name = block.type_name or type(block).__name__
     if isinstance(block, Element):
         return ElementRules(block).report(name)

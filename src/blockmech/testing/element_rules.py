@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.slide_drive import SlideDrive
+from blockmech.builders import Graph
 from blockmech.loads.contract import POSITION_READS, Element, Following
 from blockmech.mechanism import Mechanism
-from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
 from blockmech.testing.batches import same_bits
 from blockmech.testing.rules import DERIVATIVE, Checks, derivative

@@ -23,8 +23,8 @@ from blockmech.model.refusals import validated
 from blockmech.values import shown
 
 if TYPE_CHECKING:
+    from blockmech.builders import Opened
     from blockmech.mechanism import Mechanism
-    from blockmech.model.opening import Opened
     from blockmech.result import Result
 
 NO_SIZE = "every expected number is 0, so only an atol allows an error"
@@ -183,15 +183,14 @@ def check_closing(mechanism: Mechanism) -> None:
     Raises `AssemblyError` if one does not. A mechanism of whose drivers nothing says where
     they begin is not tried.
     """
-    inner = mechanism.inner
-    drivers, scene = inner.drivers, inner.scene
-    want = [f"{name}.margin" for name, block in inner.structure.blocks.items() if block.closes]
+    drivers, scene, blocks = mechanism.drivers, mechanism.scene, mechanism.of_blocks
+    want = [f"{name}.margin" for name, block in blocks.structure.blocks.items() if block.closes]
     if not want:
         return
     if all(d in scene.drive for d in drivers):
-        inner.run(samples=1, want=want)
+        blocks.run(samples=1, want=want)
     elif all(d in scene.initial for d in drivers):
-        inner.run({d: scene.initial[d].q for d in drivers}, want=want)
+        blocks.run({d: scene.initial[d].q for d in drivers}, want=want)
 
 
 def as_numbers(values: Sequence[Any]) -> NDArray[Any]:

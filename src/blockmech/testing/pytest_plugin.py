@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from blockmech.builders import Opened, opened
 from blockmech.errors import BlockmechError
-from blockmech.model.opening import Opened, opened
 from blockmech.testing.expectations import (
     check_closing,
     check_expectation,

@@ -18,13 +18,13 @@ from blockmech.blocks.contract import Moving
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.slide_drive import SlideDrive
+from blockmech.builders import Graph
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.couple import Couple
 from blockmech.loads.force import Force
 from blockmech.mechanism import Mechanism
-from blockmech.model.graph import Graph
 from blockmech.typing import Guide, GuideAcceleration, GuideVelocity
 from blockmech.values import Link, Marker, Place, Vector
 

@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from blockmech.blocks import REGISTRY
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
+from blockmech.builders import Graph
 from blockmech.friction.laws import Coulomb
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
-from blockmech.model.graph import Graph
 from blockmech.model.structure import LinkRef
 from blockmech.testing.chance import Chance, Drawn, Seeded
 from blockmech.testing.placers import PLACERS, SIZES, Placed, place_group, random_shape
@@ -253,7 +253,9 @@ class _Maker:
             name = f"group{len(self.drafts) + 1}"
             cls = REGISTRY[kind]
             assert issubclass(cls, Moving)
-            drives = {cls.driver_name(name, joint): q for joint, q in made.drives.items()}
+            drives = {
+                f"{name}.{joint}" if cls.own_form else name: q for joint, q in made.drives.items()
+            }
             self.drafts[name] = _Draft(kind, made.numbers, made.places, feeds, drives)
             self.at |= drives
             if kind == "group.general":

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from blockmech.model.joints.document import loads
+from tests.doors import linkage_of as loads
 from tests.independent import multibody as mb
 from tests.model.joints.chance import judged
 

@@ -14,7 +14,7 @@ import pytest
 
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.connections import connections
-from blockmech.model.joints.document import loads
+from tests.doors import linkage_of as loads
 from tests.independent import multibody as mb
 from tests.model.joints.against import Comparison
 from tests.model.joints.chance import document, shuffled

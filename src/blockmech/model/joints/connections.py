@@ -23,8 +23,6 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.pins import Side, reseat
 from blockmech.model.rigidity import Pair
 
-MOST_ON_PIN = 100  # pairs of a pin that is seated elsewhere; larger ones stay as they are
-
 
 @dataclass(frozen=True)
 class Connection:
@@ -187,7 +185,7 @@ def seated(pairs: Connections, axis: Mapping[str, str], drivers: Collection[str]
 
 def _is_smooth(pin: list[Connection]) -> bool:
     """Whether a pin has no friction, one place only on each link, and is not on the frame."""
-    if len(pin) > MOST_ON_PIN or all(FRAME in c.links for c in pin):
+    if all(FRAME in c.links for c in pin):
         return False
     places: dict[str, set[complex]] = defaultdict(set)
     for c in pin:

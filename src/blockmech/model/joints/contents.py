@@ -9,7 +9,8 @@ from __future__ import annotations
 import cmath
 import functools
 import math
-from typing import Annotated, Any, Literal, TypeAlias, get_args
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
@@ -28,6 +29,7 @@ FORMAT = "blockmech/joints"
 FRAME = "frame"
 """Name of the fixed link."""
 
+LAWS: tuple[Any, ...] = get_args(get_args(AnyLaw)[0])
 EXTRAS = ("view", "expect", "source", "notes")
 """Sections that travel with a document and are not computed with."""
 
@@ -136,7 +138,7 @@ def _unit(z: complex) -> complex:
 JointGiven: TypeAlias = PinGiven | GuideGiven
 
 
-# Drivers: the joint, and the keys of its law of motion, if it has one.
+# Drivers take the keys of their law of motion, loads those of the block that they become.
 
 
 class _OfTheFile(Strictly):
@@ -151,24 +153,13 @@ class DriverGiven(Strictly):
     joint: str
 
 
-LAWS: dict[str, Any] = {
-    get_args(law.model_fields["law"].annotation)[0]: law for law in get_args(get_args(AnyLaw)[0])
-}
-"""Laws of motion by the word that files use."""
-
-
 @functools.cache
-def driver_model(law: str = "") -> type[Strictly]:
-    """The model of a driver with a law of motion, by the word of files; "" for none."""
-    if not law:
-        return DriverGiven
-    known: type[Strictly] = LAWS[law]
-    bases: tuple[type[Strictly], ...] = (known, _OfTheFile)
-    name = f"{known.__name__}Driver"
-    return create_model(name, __base__=bases, __doc__=known.__doc__, joint=(str, ...))
+def _driver_model(law: Any) -> type[Strictly]:
+    bases: tuple[type[Strictly], ...] = (law, _OfTheFile)
+    return create_model(
+        f"{law.__name__}Driver", __base__=bases, __doc__=law.__doc__, joint=(str, ...)
+    )
 
-
-# Loads: the keys of their block, and where they take hold.
 
 LOADS = "load."
 
@@ -179,7 +170,7 @@ def load_kinds() -> list[str]:
 
 
 @functools.cache
-def load_model(cls: type[Element]) -> type[Strictly]:
+def _load_model(cls: type[Element]) -> type[Strictly]:
     """The model of a load: its element's keys, and the links it takes hold of."""
     kinds = [terminal.kind for terminal in cls.terminals.values()]
     points, number = "point" in kinds, len(kinds)
@@ -191,8 +182,9 @@ def load_model(cls: type[Element]) -> type[Strictly]:
         both = Field(min_length=number, max_length=number)
         fields["links"] = (Annotated[list[str], both], ... if points else None)
         fields |= {"at": (Annotated[list[Place], both], ...)} if points else {"joint": (str, None)}
+    base: Any = (cls, _OnLinks) if kinds == ["link", "link"] else cls
     name = f"{cls.__name__}Load"
-    found: type[Strictly] = create_model(name, __base__=_base(cls), __doc__=cls.__doc__, **fields)
+    found: type[Strictly] = create_model(name, __base__=base, __doc__=cls.__doc__, **fields)
     return found
 
 
@@ -208,13 +200,46 @@ class _OnLinks(Strictly):
         return self
 
 
-def _base(cls: type[Element]) -> Any:
-    between_links = [t.kind for t in cls.terminals.values()] == ["link", "link"]
-    return (cls, _OnLinks) if between_links else cls
-
-
 HOLDS = ("link", "links", "at", "joint")
 """Keys that tell where a load takes hold; the others are those of its block."""
+
+
+class Section(NamedTuple):
+    """What the items of a section of a file are.
+
+    key : the key by which their kinds are told apart, "" where there is one kind
+    models : word of the file -> model of that kind
+    said : what an item is called in messages, "{}" for its word
+    plain : kind without the key, where it may be left out; or the only kind
+    plain_said : what that is called
+    """
+
+    key: str
+    models: Mapping[str, type[Strictly]]
+    said: str = ""
+    plain: type[Strictly] | None = None
+    plain_said: str = ""
+
+
+def sections() -> dict[str, Section]:
+    """The sections of a file by name, with all laws and loads that are registered."""
+    laws = {get_args(law.model_fields["law"].annotation)[0]: law for law in LAWS}
+    loads = {kind: REGISTRY[f"{LOADS}{kind}"] for kind in load_kinds()}
+    elements = {kind: cls for kind, cls in loads.items() if issubclass(cls, Element)}
+    return {
+        "links": Section("", {}, "", LinkGiven, "a link"),
+        "joints": Section("type", {"R": PinGiven, "P": GuideGiven}, "an {} joint"),
+        "drivers": Section(
+            "law",
+            {word: _driver_model(law) for word, law in laws.items()},
+            "the law {}",
+            DriverGiven,
+            "a driver without a law",
+        ),
+        "loads": Section(
+            "type", {kind: _load_model(cls) for kind, cls in elements.items()}, "a {}"
+        ),
+    }
 
 
 class JointsDocument(Strictly):

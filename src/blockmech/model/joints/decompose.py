@@ -18,6 +18,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from blockmech.errors import GraphError, Problem
 from blockmech.model.assur import Unit
 from blockmech.model.formation import Formation, formation
@@ -41,8 +43,13 @@ from blockmech.model.joints.diagnosis import (
 )
 from blockmech.model.joints.diagram import Diagram
 from blockmech.model.joints.elements import links_read_as_they_are
-from blockmech.model.joints.frames import DeadCentre, Made, closed_form, driving_link
-from blockmech.model.joints.general import general_group
+from blockmech.model.joints.frames import (
+    DeadCentre,
+    Made,
+    closed_form,
+    driving_link,
+    general_group,
+)
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import Known, reference_problems
 from blockmech.model.joints.special import Layout
@@ -50,10 +57,7 @@ from blockmech.model.naming import Names
 from blockmech.model.problems import in_file
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
     from blockmech.model.graph import Graph
-
-SMALLEST, LARGEST = 1e-100, 1e100  # [m] beyond which squares of lengths are no numbers
 
 General = Literal["", "groups", "one"]
 
@@ -81,10 +85,6 @@ class Decomposition:
         from blockmech.model.joints.diagram import graph_of
 
         return graph_of(self.data)
-
-    def compile(self) -> Mechanism:
-        """A mechanism that computes, with the names of the document."""
-        return self.graph.compile(self.names)
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,9 @@ def sequence(linkage: Linkage) -> Sequence:
     if wrong:
         raise GraphError(wrong)
     pairs, size = connections(linkage), size_of(linkage)
-    if not SMALLEST < size < LARGEST:
+    with np.errstate(over="ignore", under="ignore"):
+        measured = np.float64(size) ** 3  # products of lengths are to be numbers
+    if not np.finfo(float).tiny < measured < np.inf:
         large = f"the mechanism is {size:.3g} m large"
         problem = Problem("wrong-value", "joints", large, "lengths are in m", "check the places")
         raise GraphError(problem)
@@ -137,7 +139,7 @@ def sequence(linkage: Linkage) -> Sequence:
     closing = Closing(given.links, pairs, driven, size)
     poses = closing.refine(given)
     if not closing.closed(poses):
-        raise GraphError(does_not_close(closing, given, pairs))
+        raise GraphError(does_not_close(closing, given))
     away = list(far_off(given, poses, size))
     if away:
         raise GraphError(away)

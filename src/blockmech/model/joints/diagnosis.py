@@ -8,6 +8,7 @@ over-constrained, and move all the same.
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 
@@ -16,10 +17,9 @@ from blockmech.model.assur import Unit
 from blockmech.model.determinacy import Finding, diagnose
 from blockmech.model.elimination import MOST_WORK, TooTangledError
 from blockmech.model.formation import formation
-from blockmech.model.joints.closing import CLOSED, Closing, Poses
-from blockmech.model.joints.connections import Connections, structural
+from blockmech.model.joints.closing import CLOSED, FEW, Closing, Poses
+from blockmech.model.joints.connections import structural
 from blockmech.model.joints.contents import FRAME
-from blockmech.model.joints.matrix import LEAST_SQUARES
 from blockmech.model.joints.special import Layout, Special, special_geometry
 from blockmech.model.problems import path_text
 from blockmech.model.rigidity import rigidity
@@ -42,9 +42,6 @@ CODES: Mapping[str, str] = {
 }
 """What can be wrong with links and joints that are named well."""
 
-FAR_TURN, FAR_WAY = 1.5, 1.0  # [rad], [-] of the size: how far a pose may be off
-MOST = 12  # names in a message
-
 
 def why_not(layout: Layout) -> list[Problem]:
     """The reasons why a structure cannot be put in a formation sequence, one for each."""
@@ -64,7 +61,7 @@ def _by_count(layout: Layout) -> Problem:
     rest = formation(links, counted, (FRAME,), driven).rest
     mobility = 3 * len(links) - 2 * len(pairs)
     found = f"{len(links)} links and {len(pairs)} pairs, 3n - 2p is {mobility}, drivers "
-    found += f"{len(driven)}; {listed(rest, MOST) or 'some of them'} cannot be placed"
+    found += f"{len(driven)}; {listed(rest) or 'some of them'} cannot be placed"
     remedy = "take the mechanism apart, and check the parts"
     return Problem("too-tangled", "joints", found, "each freedom has one driver", remedy)
 
@@ -84,7 +81,7 @@ def _by_rank(layout: Layout) -> list[Problem]:
 
 def why_stuck(layout: Layout, stuck: Iterable[Unit]) -> list[Problem]:
     """Why groups that are sound by count cannot be placed in the given pose."""
-    if 3 * len(layout.links) <= LEAST_SQUARES:
+    if 3 * len(layout.links) <= FEW:
         state = rigidity(layout.links, layout.counted, (FRAME,))
         special = special_geometry(layout, state.mobility)
         if special is not None:
@@ -134,7 +131,7 @@ def _coincident(layout: Layout) -> list[Problem]:
         kind = pairs[names[0][0]].kind
         where = "lie in one point" if kind == "R" else "slide in one direction"
         loose = sorted({link for part in held.loose for link in part.links})
-        effect = f", so {listed(loose, MOST)} can move freely" if loose else ""
+        effect = f", so {listed(loose)} can move freely" if loose else ""
         found.append(
             Problem(
                 "coincident-joints",
@@ -145,6 +142,50 @@ def _coincident(layout: Layout) -> list[Problem]:
             )
         )
     return found
+
+
+EACH = "each freedom has one driver"
+FORMULA = "3n - 2p is {counted}, but the mobility is {mobility}"
+STATE = " (mobility {mobility}, drivers {drivers})"
+TEXTS: Mapping[str, tuple[str, str, str]] = {
+    "unconnected-links": (
+        "no joint leads from {links} to the frame",
+        "",
+        "add a joint, or remove them",
+    ),
+    "over-constrained": (
+        "{links} are over-constrained: their joints {pairs} hold them {times} too often{so}",
+        FORMULA,
+        "remove a joint or a link of them",
+    ),
+    "turning-held-twice": (
+        "{links} are joined in a loop by sliding joints alone ({pairs}), which hold their "
+        "relative turning {times} too often{so}",
+        FORMULA,
+        "make one of the joints a pin on a slider",
+    ),
+    "locked-driver": (
+        "{names} moves nothing: {pairs} cannot move, {links} lock it" + STATE,
+        "",
+        "drive a joint that can move",
+    ),
+    "conflicting-drivers": (
+        "{names} prescribe the motion of {links} {times} too often" + STATE,
+        EACH,
+        "remove one of {names}, or drive another freedom",
+    ),
+    "loose-links": (
+        "{links} can still move with every driver held: {number} freedom{s}" + STATE,
+        "",
+        "add a joint to them, or a driver",
+    ),
+    "too-many-drivers": (
+        "mobility {mobility}, drivers {drivers} ({names}): {number} too many",
+        EACH,
+        "remove {number} of them",
+    ),
+}
+"""What is found, what is valid and what helps, for every finding but missing drivers."""
 
 
 class _Words:
@@ -166,29 +207,25 @@ class _Words:
         by_code: dict[str, list[Finding]] = defaultdict(list)
         for finding in findings:
             by_code[finding.code].append(finding)
-        held = by_code["over-constrained"] + by_code["turning-held-twice"]
         locked = by_code["locked-driver"]
-        found = [self._unconnected(f) for f in by_code["unconnected-links"]]
-        for f in held:
+        found = [self._problem(f) for f in by_code["unconnected-links"]]
+        for f in by_code["over-constrained"] + by_code["turning-held-twice"]:
             moving = set(f.links) - {FRAME}
             own = [d for d in locked if moving & set(d.links)]
-            say = self._turning if f.code == "turning-held-twice" else self._overconstrained
-            found.append(say(f, [self.drivers[p] for d in own for p in d.pairs]))
+            stuck = listed([self.drivers[p] for d in own for p in d.pairs])
+            found.append(self._problem(f, f", so {stuck} cannot move" if own else ""))
             locked = [d for d in locked if d not in own]
-        found += [self._locked(f) for f in locked]
-        found += [self._conflicting(f) for f in by_code["conflicting-drivers"]]
+        found += [self._problem(f) for f in (*locked, *by_code["conflicting-drivers"])]
         loose = by_code["loose-links"]
         if by_code["too-few-drivers"]:
             found.append(self._missing(by_code["too-few-drivers"][0].number, loose))
         else:
-            found += [self._loose(f) for f in loose]
-        if not found:
-            found += [self._many(f.number, f.pairs) for f in by_code["too-many-drivers"]]
-        return found
+            found += [self._problem(f) for f in loose]
+        return found or [self._problem(f) for f in by_code["too-many-drivers"]]
 
     def special(self, special: Special) -> list[Problem]:
         """Links that move against the count."""
-        found = f"{listed(special.links, MOST)} are over-constrained but movable: by count their "
+        found = f"{listed(special.links)} are over-constrained but movable: by count their "
         found += f"joints leave mobility {self.mobility}, but their special lengths leave "
         found += f"{special.freedom}, as in a parallelogram with three equal cranks"
         valid = "the forces in such links are not determined by statics"
@@ -196,108 +233,69 @@ class _Words:
         if special.spare is not None:
             link, joints = special.spare
             remedy = f"remove {link} with its joints {listed(joints)}: the motion stays the same"
-        where = path_text(("links", next(a for a in special.links if a != FRAME)))
-        problems = [Problem("over-constrained", where, found, valid, remedy)]
+        problems = [Problem("over-constrained", _first_of(special.links), found, valid, remedy)]
         wanted = special.freedom - len(self.drivers)
         self.mobility = special.freedom
         if wanted > 0:
             problems.append(self._missing(wanted, ()))
         elif wanted < 0:
-            problems.append(self._many(-wanted, sorted(self.drivers)))
+            many = Finding("too-many-drivers", (), tuple(sorted(self.drivers)), -wanted, "")
+            problems.append(self._problem(many))
         return problems
-
-    def _unconnected(self, f: Finding) -> Problem:
-        found = f"no joint leads from {listed(f.links, MOST)} to the frame"
-        return Problem("unconnected-links", _links(f), found, "", "add a joint, or remove them")
-
-    def _overconstrained(self, f: Finding, locked: list[str]) -> Problem:
-        found = f"{listed(f.links, MOST)} are over-constrained: their joints "
-        found += f"{listed(f.pairs, MOST)} hold them {_times(f.number)} too often{_so(locked)}"
-        remedy = "remove a joint or a link of them"
-        return Problem("over-constrained", _links(f), found, self._formula(), remedy)
-
-    def _turning(self, f: Finding, locked: list[str]) -> Problem:
-        found = f"{listed(f.links, MOST)} are joined in a loop by sliding joints alone "
-        found += f"({listed(f.pairs, MOST)}), which hold their relative turning"
-        found += f" {_times(f.number)} too often{_so(locked)}"
-        remedy = "make one of the joints a pin on a slider"
-        return Problem("turning-held-twice", _links(f), found, self._formula(), remedy)
 
     def _missing(self, number: int, loose: Iterable[Finding]) -> Problem:
         found = f"mobility {self.mobility}, drivers {len(self.drivers)}: "
         found += f"{number} driver{'s are' if number > 1 else ' is'} missing"
         links = [link for f in loose for link in f.links]
         if links:
-            found += f"; {listed(links, MOST)} can still move with every driver held"
+            found += f"; {listed(links)} can still move with every driver held"
         remedy = "drive a joint of theirs, or add a joint" if links else "drive a joint of them"
-        return Problem("missing-driver", "drivers", found, "each freedom has one driver", remedy)
+        return Problem("missing-driver", "drivers", found, EACH, remedy)
 
-    def _many(self, number: int, pairs: Iterable[str]) -> Problem:
-        names = [self.drivers[p] for p in pairs]
-        found = f"mobility {self.mobility}, drivers {len(names)} ({listed(names)}): "
-        found += f"{number} too many"
-        valid = "each freedom has one driver"
-        return Problem("too-many-drivers", "drivers", found, valid, f"remove {number} of them")
-
-    def _locked(self, f: Finding) -> Problem:
-        (pair,) = f.pairs
-        name = self.drivers[pair]
-        found = f"{name} moves nothing: {pair} cannot move, {listed(f.links, MOST)} lock it"
-        found += f" (mobility {self.mobility}, drivers {len(self.drivers)})"
-        where = path_text(("drivers", name))
-        return Problem("locked-driver", where, found, "", "drive a joint that can move")
-
-    def _conflicting(self, f: Finding) -> Problem:
-        names = [self.drivers[p] for p in f.pairs]
-        found = f"{listed(names)} prescribe the motion of {listed(f.links, MOST)} "
-        found += f"{_times(f.number)} too often"
-        found += f" (mobility {self.mobility}, drivers {len(self.drivers)})"
-        where = path_text(("drivers", names[-1]))
-        remedy = f"remove one of {listed(names)}, or drive another freedom"
-        return Problem("conflicting-drivers", where, found, "each freedom has one driver", remedy)
-
-    def _loose(self, f: Finding) -> Problem:
-        found = f"{listed(f.links, MOST)} can still move with every driver held: "
-        found += f"{f.number} freedom{'s' * (f.number > 1)}"
-        found += f" (mobility {self.mobility}, drivers {len(self.drivers)})"
-        return Problem("loose-links", _links(f), found, "", "add a joint to them, or a driver")
-
-    def _formula(self) -> str:
-        return f"3n - 2p is {self.counted}, but the mobility is {self.mobility}"
+    def _problem(self, f: Finding, so: str = "") -> Problem:
+        names = [self.drivers[p] for p in f.pairs if p in self.drivers]
+        words = {
+            "links": listed(f.links),
+            "pairs": listed(f.pairs),
+            "names": listed(names),
+            "number": f.number,
+            "times": "once" if f.number == 1 else f"{f.number} times",
+            "s": "s" * (f.number > 1),
+            "so": so,
+            "mobility": self.mobility,
+            "counted": self.counted,
+            "drivers": len(self.drivers),
+        }
+        where = "drivers" if f.code == "too-many-drivers" else _first_of(f.links)
+        if f.code in ("locked-driver", "conflicting-drivers"):
+            where = path_text(("drivers", names[-1]))
+        return Problem(f.code, where, *(text.format(**words) for text in TEXTS[f.code]))
 
 
-def _so(locked: list[str]) -> str:
-    return f", so {listed(locked)} cannot move" if locked else ""
-
-
-def _times(number: int) -> str:
-    return "once" if number == 1 else f"{number} times"
-
-
-def _links(f: Finding) -> str:
-    moving = [link for link in f.links if link != FRAME]
+def _first_of(links: Iterable[str]) -> str:
+    """Where the first moving link stands in the document."""
+    moving = [link for link in links if link != FRAME]
     return path_text(("links", moving[0])) if moving else "links"
 
 
-def does_not_close(closing: Closing, given: Poses, pairs: Connections) -> list[Problem]:
+def does_not_close(closing: Closing, given: Poses) -> list[Problem]:
     """The joints that gape most in the given pose."""
-    gaps = [g for g in closing.gaps(given) if max(g.distance / closing.size, g.turn) > CLOSED]
-    worst, *others = gaps
-    c = pairs[worst.pair]
-    found = f"{worst.pair} gapes by {worst.distance:.3g} m in the given pose"
+    gaps = [g for g in closing.gaps(given) if max(g[1] / closing.size, g[2]) > CLOSED]
+    (c, distance, turn), *others = gaps
+    found = f"{c.name} gapes by {distance:.3g} m in the given pose"
     if c.kind == "P":
-        found = f"{worst.pair} is off its guide by {worst.distance:.3g} m"
-        found += f" and {worst.turn:.3g} rad in the given pose"
+        found = f"{c.name} is off its guide by {distance:.3g} m"
+        found += f" and {turn:.3g} rad in the given pose"
     if others:
-        found += f", {listed(_gape(g.pair, g.distance, g.turn) for g in others[:3])} as well"
+        found += f", {listed(_gape(d.name, *gap) for d, *gap in others[:3])} as well"
     found += ", and no nearby pose closes all joints"
     return [
         Problem(
             "does-not-close",
-            path_text(("joints", worst.pair.split(".")[0])),
+            path_text(("joints", c.name.split(".")[0])),
             found,
             '"pose" is approximate, "at" is exact',
-            f"check the places of {worst.pair} on {c.first} and {c.second}, or give better poses",
+            f"check the places of {c.name} on {c.first} and {c.second}, or give better poses",
         )
     ]
 
@@ -307,7 +305,7 @@ def far_off(given: Poses, closed: Poses, size: float) -> Iterator[Problem]:
     for k, link in enumerate(given.links):
         turn = abs(float(closed.theta[k] - given.theta[k]))
         way = abs(complex(closed.o[k] - given.o[k]))
-        if turn <= FAR_TURN and way <= FAR_WAY * size:
+        if turn < math.pi / 2 and way <= size:
             continue
         found = f"to close its joints {link} is turned by {turn:.3g} rad and moved by {way:.3g} m"
         valid = "the pose tells the assembly mode"
@@ -325,7 +323,7 @@ def dead_centre(links: Iterable[str], why: str) -> Problem:
     return Problem(
         "dead-centre",
         path_text(("links", names[0])),
-        f"{listed(names, MOST)} stand at a dead centre in the given pose: {why}",
+        f"{listed(names)} stand at a dead centre in the given pose: {why}",
         "the pose tells the assembly mode",
         "give the poses at another driver value, in which the group is bent",
     )

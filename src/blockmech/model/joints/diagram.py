@@ -12,19 +12,17 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import GraphError
 from blockmech.model.assur import Unit
 from blockmech.model.contents import FORMAT
-from blockmech.model.coordinates import law_to_graph, signed, to_graph
 from blockmech.model.diagram import Wire
 from blockmech.model.graph import Graph
 from blockmech.model.joints.closing import Poses, coordinate
 from blockmech.model.joints.connections import Connection, Connections, Seated, angle_of
 from blockmech.model.joints.contents import FRAME, LinkGiven
 from blockmech.model.joints.elements import Hold, element
-from blockmech.model.joints.frames import End, Made, Seat
-from blockmech.model.joints.general import GENERAL, free_name
+from blockmech.model.joints.frames import GENERAL, End, Made, Seat, free_name, xy
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.migrations import VERSION
-from blockmech.model.naming import DriverName, JointName, LinkName, Names
+from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.refusals import validated
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
@@ -33,7 +31,6 @@ from blockmech.model.writing import plain
 if TYPE_CHECKING:
     from blockmech.model.joints.decompose import Sequence
 
-TURN = 2 * math.pi
 MOST_IN_NAME = 3  # links that a group is named after
 
 
@@ -53,7 +50,6 @@ class Diagram:
         self._wires: list[Wire] = []
         self._seats: dict[str, Seat] = {}
         self._ends: dict[str, tuple[str, End]] = {}  # pair -> block and joint
-        self._driven: dict[str, DriverName] = {}
         self._loads: dict[str, tuple[str, ...]] = {}  # load -> its elements
         self._upstream: dict[str, dict[str, None]] = {}  # block -> drivers it depends on
         self._marked: dict[tuple[str, complex, complex | None], MarkerRef] = {}
@@ -84,7 +80,9 @@ class Diagram:
             data["friction"] = friction
         self._built_in(name, made)
         supports = [self._wire(name, made, found.seats.pairs[p.name]) for p in unit.outer]
-        self._name_drivers(name, made)
+        if made.type == GENERAL:
+            for pair in made.drivers:
+                data["pairs"][made.ends[pair].joint]["driver"] = self.drivers[pair]
         upstream: dict[str, None] = {}
         for support in sorted(supports):
             upstream |= self._upstream[support]
@@ -94,7 +92,7 @@ class Diagram:
             data["home"] = self._home(unit, upstream, found)
 
     def _name_of(self, unit: Unit, kind: str) -> str:
-        if unit.kind == "driver" or (unit.kind == "cylinder" and kind != GENERAL):
+        if unit.kind in ("driver", "cylinder") and kind != GENERAL:
             return self.drivers[unit.driven[0]]
         wish = "_".join(unit.links[:MOST_IN_NAME])
         if len(unit.links) > MOST_IN_NAME:
@@ -121,7 +119,7 @@ class Diagram:
         own: dict[str, Any] = {k: getattr(given, k) for k in ("mass", "inertia") if k in said}
         if "cm" in said:
             moved = seat.o != 0 or seat.e != 1
-            own["cm"] = _xy(seat.place(given.cm.z)) if moved else given.cm.written
+            own["cm"] = xy(seat.place(given.cm.z)) if moved else given.cm.written
         return own
 
     def _built_in(self, block: str, made: Made) -> None:
@@ -159,10 +157,10 @@ class Diagram:
         if wish in taken:
             wish = free_name(f"{link}_{wish}", taken)
         taken.add(wish)
-        data: dict[str, Any] = {"at": _xy(seat.place(at))}
+        data: dict[str, Any] = {"at": xy(seat.place(at))}
         direction = 1 + 0j if along is None else seat.direction(along)
         if direction != 1:
-            data["dir"] = _xy(direction)
+            data["dir"] = xy(direction)
         elif guide:
             data["angle"] = 0.0
         holder = self._blocks[seat.block]
@@ -184,23 +182,21 @@ class Diagram:
         self._wires.append(Wire(str(source), f"{block}.{end.joint}"))
         return source.block
 
-    def _name_drivers(self, block: str, made: Made) -> None:
-        for pair, (sign, offset) in made.drivers.items():
-            inside = f"{block}.{made.ends[pair].joint}"
-            driver = inside if made.type == GENERAL else block
-            self._driven[self.drivers[pair]] = DriverName(driver, sign, offset)
-
     def _home(self, unit: Unit, upstream: Mapping[str, None], found: Sequence) -> dict[str, Any]:
         """Driver values and poses of a general group in the refined pose."""
         joints = {driver: pair for pair, driver in self.drivers.items()}
         values = {}
         for driver in upstream:
-            c, where = found.pairs[joints[driver]], self._driven[driver]
+            c = found.pairs[joints[driver]]
             q = coordinate(found.poses, c)
             start = self._start(driver)
             if c.kind == "R":  # poses need not count turns: home is near to where the way starts
-                q = math.fmod(q, TURN) if start is None else q - TURN * round((q - start) / TURN)
-            values[where.driver] = float(to_graph(where, q))
+                q = (
+                    math.fmod(q, math.tau)
+                    if start is None
+                    else q - math.tau * round((q - start) / math.tau)
+                )
+            values[driver] = q
         return {"drivers": values, "poses": {link: _pose(found.poses, link) for link in unit.links}}
 
     def _start(self, driver: str) -> float | None:
@@ -215,7 +211,7 @@ class Diagram:
     def add_loads(self, pairs: Connections) -> None:
         """Add the loads as elements, in the order of the document."""
         for name, load in self.linkage.loads.items():
-            for made in element(name, load, pairs, self._seats, self._driven):
+            for made in element(name, load, pairs, self._seats):
                 block = free_name(made.name, {*self._blocks, *self.linkage.drivers})
                 self._blocks[block] = made.data
                 self._loads[name] = (*self._loads.get(name, ()), block)
@@ -233,22 +229,14 @@ class Diagram:
         scene: dict[str, Any] = {}
         if self.linkage.gravity.z:
             scene["gravity"] = self.linkage.gravity.written
-        drive, initial, stops = {}, {}, {}
-        for name, where in self._driven.items():
-            law = self.linkage.drivers[name]
+        drive = {}
+        for name, law in self.linkage.drivers.items():
             if isinstance(law, LawOfMotion):
-                said = plain(law_to_graph(where, law), "law")
-                drive[where.driver] = {"law": said.pop("law")} | {
+                said = plain(law, "law")
+                drive[name] = {"law": said.pop("law")} | {
                     key: value for key, value in said.items() if key != "joint"
                 }
-            if name in self.linkage.initial:
-                start = self.linkage.initial[name]
-                q, rate = to_graph(where, start.q), signed(where, start.rate)
-                initial[where.driver] = {"q": q, "rate": rate}
-            if name in self.linkage.stops:
-                ends = [to_graph(where, q) for q in self.linkage.stops[name].bounds][:: where.sign]
-                both = zip(("from", "to"), ends, strict=True)
-                stops[where.driver] = {key: q for key, q in both if math.isfinite(q)}
+        initial, stops = plain(self.linkage.initial), plain(self.linkage.stops)
         sections = {"drive": drive, "initial": initial, "stops": stops}
         return scene | {key: said for key, said in sections.items() if said}
 
@@ -279,7 +267,7 @@ class Diagram:
             turn = 0.0 if seat.e == 1 else -angle_of(seat.e)
             links[link] = LinkName(LinkRef(seat.block, seat.link), origin, turn, markers)
         joints = {name: self._joint(name, found) for name in found.pairs}
-        return Names(links, joints, dict(self._driven), dict(self._loads))
+        return Names(links, joints, dict(self._loads))
 
     def _joint(self, name: str, found: Sequence) -> JointName:
         links = found.pairs[name].links
@@ -309,11 +297,7 @@ def _is_guide(marker: Any) -> bool:
 
 def _pose(poses: Poses, link: str) -> list[float]:
     o, theta = poses.of(link)
-    return [*_xy(o), theta]
-
-
-def _xy(z: complex) -> list[float]:
-    return [z.real + 0.0, z.imag + 0.0]  # no -0
+    return [*xy(o), theta]
 
 
 def graph_of(data: Mapping[str, Any]) -> Graph:

@@ -8,34 +8,28 @@ joints make a mechanism is told by `Linkage.check`.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import FormatError, Problem, close_match, listed
-from blockmech.loads.contract import Element
+from blockmech.errors import FormatError, Problem
 from blockmech.model.contents import FORMAT as GRAPH
 from blockmech.model.joints.contents import (
     EXTRAS,
     FORMAT,
-    LAWS,
     LOADS,
-    GuideGiven,
     JointsDocument,
-    LinkGiven,
-    PinGiven,
-    driver_model,
-    load_model,
+    Section,
+    sections,
 )
-from blockmech.model.joints.linkage import Linkage, bad_name, unknown_load
-from blockmech.model.joints.references import Known, reference_problems
+from blockmech.model.joints.linkage import Linkage
+from blockmech.model.joints.references import Known, bad_name, reference_problems, unknown_kind
 from blockmech.model.migrations import VERSION, version_problem
 from blockmech.model.problems import MOST, in_file, path_text, said_already
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.refusals import validated
 from blockmech.model.writing import canonical_text, plain, write_checked
-from blockmech.values import Strictly, is_name, shown
+from blockmech.values import is_name, shown
 
 SECTIONS = ("links", "joints", "drivers", "loads")
 
@@ -67,14 +61,14 @@ def dumps(linkage: Linkage) -> str:
     data["links"] = _items(linkage.links, ("mass", "inertia", "cm", "pose", "markers"))
     order = ("type", "links", "at", "angle", "dir", "slider", "friction")
     data["joints"] = _items(linkage.joints, order)
-    sections = {
+    more = {
         "drivers": _items(linkage.drivers, ("joint", "law"), "law"),
         "loads": {name: load_data(load) for name, load in linkage.loads.items()},
         "initial": plain(linkage.initial),
         "stops": plain(linkage.stops),
         **{key: plain(linkage.extras.get(key)) for key in EXTRAS},
     }
-    return canonical_text(data | {key: said for key, said in sections.items() if said})
+    return canonical_text(data | {key: said for key, said in more.items() if said})
 
 
 def save(linkage: Linkage, path: str | os.PathLike[str]) -> None:
@@ -128,15 +122,15 @@ def _read(text: str) -> _Draft:
     draft = _Draft(odd, [*odd, *_identify(raw)])
     if any(p.code.endswith("-version") for p in draft.problems):
         raw = {**raw, "version": VERSION}
-    sections = {key: raw.get(key, {}) for key in SECTIONS}
+    given = {key: raw.get(key, {}) for key in SECTIONS}
     shell = {**raw, "format": FORMAT} | {key: {} for key in SECTIONS if key in raw}
     document, problems = validated(JointsDocument, shell, "a joint-based file")
     draft.note(problems)
-    for key, said in sections.items():
+    for key, said in given.items():
         if not isinstance(said, dict):
             found = f"{key} must be an object {{...}}, got {shown(said)}"
             draft.note([Problem("wrong-type", key, found)])
-            sections[key] = {}
+            given[key] = {}
     linkage = draft.linkage
     if document is not None:
         linkage.name, linkage.title = document.name, document.title
@@ -145,89 +139,48 @@ def _read(text: str) -> _Draft:
         for key in EXTRAS:
             if key in document.model_fields_set:
                 linkage.extras[key] = getattr(document, key)
-    for key, read in READERS.items():
-        into = getattr(linkage, key)
-        for name, item in sections[key].items():
+    for name, section in sections().items():
+        for item, said in given[name].items():
             if len(draft.problems) > MOST:
                 return draft
-            _add(draft, key, name, item, into, read)
-    known = Known(*(set(sections[key]) for key in ("links", "joints", "drivers")))
+            part = _part(draft, (name, item), said, section)
+            if part is not None:
+                getattr(linkage, name)[item] = part
+    known = Known(*(set(given[key]) for key in ("links", "joints", "drivers")))
     draft.note(reference_problems(linkage, known))
     return draft
 
 
-Reader = Callable[[dict[str, Any], tuple[str, str]], tuple[Any, list[Problem]]]
-
-
-def _add(
-    draft: _Draft, section: str, name: str, item: Any, into: dict[str, Any], read: Reader
-) -> None:
-    """Read one link, joint, driver or load; note what is wrong with it."""
-    where = path_text((section, name))
-    if not is_name(name):
-        draft.note([bad_name(section[:-1], name, where)])
-    if not isinstance(item, dict):
-        found = f"a {section[:-1]} must be an object {{...}}, got {shown(item)}"
+def _part(draft: _Draft, at: tuple[str, str], raw: Any, section: Section) -> Any:
+    """One link, joint, driver or load, or None; what is wrong with it is noted."""
+    where, what, key = path_text(at), at[0][:-1], section.key
+    if not is_name(at[1]):
+        draft.note([bad_name(what, at[1], where)])
+    if not isinstance(raw, dict):
+        found = f"a {what} must be an object {{...}}, got {shown(raw)}"
         draft.note([Problem("wrong-type", where, found)])
-        return
-    part, problems = read(item, (section, name))
+        return None
+    model, said = section.plain, section.plain_said
+    if (key and key in raw) or model is None:
+        word = raw.get(key)
+        model = section.models.get(word) if isinstance(word, str) else None
+        said = section.said.format(word)
+        if model is None:
+            draft.note([_no_kind(raw, (*at, key), section)])
+            return None
+        if key not in model.model_fields:  # the kind of a load is not among its own keys
+            raw = {k: item for k, item in raw.items() if k != key}
+    part, problems = validated(model, raw, said, at)
     draft.note(problems)
-    if part is not None:
-        into[name] = part
+    return part
 
 
-def _link(raw: dict[str, Any], at: tuple[str, str]) -> tuple[Any, list[Problem]]:
-    return validated(LinkGiven, raw, "a link", at)
-
-
-def _joint(raw: dict[str, Any], at: tuple[str, str]) -> tuple[Any, list[Problem]]:
-    kinds: dict[str, type[Strictly]] = {"R": PinGiven, "P": GuideGiven}
-    model, problems = _chosen(raw, at, "type", kinds)
-    return validated(model, raw, f"an {raw['type']} joint", at) if model else (None, problems)
-
-
-def _driver(raw: dict[str, Any], at: tuple[str, str]) -> tuple[Any, list[Problem]]:
-    if "law" not in raw:
-        return validated(driver_model(), raw, "a driver without a law", at)
-    model, problems = _chosen(raw, at, "law", {word: driver_model(word) for word in LAWS})
-    return validated(model, raw, f"the law {raw['law']}", at) if model else (None, problems)
-
-
-def _load(raw: dict[str, Any], at: tuple[str, str]) -> tuple[Any, list[Problem]]:
-    where, kind = path_text((*at, "type")), raw.get("type")
-    if "type" not in raw:
-        return None, [_missing(where, "a load", "type")]
-    cls = REGISTRY.get(f"{LOADS}{kind}") if isinstance(kind, str) else None
-    if cls is None or not issubclass(cls, Element):
-        return None, [unknown_load(kind, where)]
-    data = {key: said for key, said in raw.items() if key != "type"}
-    return validated(load_model(cls), data, f"a {kind}", at)
-
-
-def _chosen(
-    raw: dict[str, Any], at: tuple[str, str], key: str, kinds: Mapping[str, type[Strictly]]
-) -> tuple[Any, list[Problem]]:
-    """The model of the kind that the data names, or what is wrong with the name."""
-    where, said = path_text((*at, key)), raw.get(key)
+def _no_kind(raw: dict[str, Any], at: tuple[str, str, str], section: Section) -> Problem:
+    """The problem of an item that does not tell its kind."""
+    name, _, key = at
     if key not in raw:
-        return None, [_missing(where, f"a {at[0][:-1]}", key)]
-    if not isinstance(said, str) or said not in kinds:
-        remedy = close_match(said, kinds) if isinstance(said, str) else ""
-        found = f"no {key} {shown(said)}"
-        return None, [Problem("wrong-value", where, found, f"{key}s: {listed(kinds)}", remedy)]
-    return kinds[said], []
-
-
-def _missing(where: str, owner: str, key: str) -> Problem:
-    return Problem("missing-key", where, f'{owner} needs "{key}"', "", "add it")
-
-
-READERS: Mapping[str, Reader] = {
-    "links": _link,
-    "joints": _joint,
-    "drivers": _driver,
-    "loads": _load,
-}
+        return Problem("missing-key", path_text(at), f'a {name[:-1]} needs "{key}"', "", "add it")
+    return unknown_kind(raw[key], path_text(at), section)
 
 
 def _identify(raw: Mapping[str, Any]) -> Iterator[Problem]:

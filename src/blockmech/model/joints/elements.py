@@ -1,24 +1,19 @@
 """Loads of a document as elements of the graph, and what a law's argument becomes there.
 
 What is given in a link's frame is turned into that of its block. Springs and motors of a
-sliding joint become thrusts along its guide. A law of a driver's coordinate is rewritten
-where document and graph count it differently.
+sliding joint become thrusts along its guide.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from blockmech.loads.functions import Function
 from blockmech.model.joints.connections import Connection, Connections
 from blockmech.model.joints.contents import FRAME, HOLDS
-from blockmech.model.joints.frames import Seat
-from blockmech.model.naming import DriverName
+from blockmech.model.joints.frames import Seat, xy
 from blockmech.model.writing import plain
-
-TURN = 2 * math.pi
 
 
 class Hold(NamedTuple):
@@ -59,15 +54,10 @@ def element(
     load: Any,
     pairs: Connections,
     seats: Mapping[str, Seat],
-    drivers: Mapping[str, DriverName],
 ) -> Iterator[ElementMade]:
     """The element that a load becomes; two of them for a damped spring along a guide."""
     terminals = load.terminals
     data = {key: said for key, said in plain(load).items() if key not in HOLDS}
-    if data.get("driver") is not None:
-        where = drivers[data["driver"]]
-        data["driver"] = where.driver
-        data["law"] = law_of_graph(data["law"], where.sign, where.offset)
     joint = getattr(load, "joint", None)
     if joint is not None and pairs[joint].kind == "P":
         yield from _along_guide(name, load, data, pairs[joint], seats)
@@ -82,7 +72,7 @@ def element(
     if "rest_angle" in type(load).model_fields:
         turn = _turn(seats[links[1]]) - _turn(seats[links[0]])
         if turn:
-            data["rest_angle"] = math.remainder(load.rest_angle + turn, TURN)
+            data["rest_angle"] = math.remainder(load.rest_angle + turn, math.tau)
     holds = tuple(
         Hold(terminal, link, places[k] if kind.kind == "point" else None)
         for k, ((terminal, kind), link) in enumerate(zip(terminals.items(), links, strict=True))
@@ -115,64 +105,9 @@ def _along_guide(
 
 
 def _turned(vector: complex, seat: Seat) -> list[float]:
-    z = seat.direction(vector)
-    return [z.real + 0.0, z.imag + 0.0]
+    return xy(seat.direction(vector))
 
 
 def _turn(seat: Seat) -> float:
     """Angle [rad] of the block's link frame in the document's."""
     return math.atan2(seat.e.imag, seat.e.real)
-
-
-# Laws of a driver's coordinate x = sign q + offset, as laws of q.
-
-
-def law_of_graph(law: Mapping[str, Any] | Function, sign: int, offset: float) -> Any:
-    """The law of q that is a given law of ``sign * q + offset``; of a rate without offset."""
-    if isinstance(law, Function):
-        return law.moved(sign, offset)
-    found = dict(law)
-    rewrite = _REWRITE.get(law["kind"])
-    if (sign == 1 and offset == 0) or rewrite is None or law.get("of") == "time":
-        return found
-    return found | rewrite(law, sign, 0.0 if law.get("of") == "rate" else offset)
-
-
-def _polynomial(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
-    total = [0.0]
-    for c in reversed(law["coefficients"]):  # total = total * (sign q + offset) + c
-        shifted = [offset * x for x in total] + [0.0]
-        for k, x in enumerate(total):
-            shifted[k + 1] += sign * x
-        total = [shifted[0] + c, *shifted[1:]]
-    return {"coefficients": total[: len(law["coefficients"])]}
-
-
-def _table(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
-    rows = list(zip(law["arguments"], law["values"], strict=True))[::sign]
-    return {"arguments": [sign * (x - offset) for x, _ in rows], "values": [y for _, y in rows]}
-
-
-def _fourier(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
-    a, b = law.get("cosines", []), law.get("sines", [])
-    n = max(len(a), len(b))
-    a, b = ([*row, *[0.0] * (n - len(row))] for row in (a, b))
-    w = TURN / law["period"] if law.get("period") else 1.0 / (law.get("turns") or 1)
-    cosines, sines = [], []
-    for k in range(n):
-        c, s = math.cos((k + 1) * w * offset), math.sin((k + 1) * w * offset)
-        cosines.append(a[k] * c + b[k] * s)
-        sines.append(sign * (b[k] * c - a[k] * s))
-    return {"cosines": cosines, "sines": sines}
-
-
-def _dc(law: Mapping[str, Any], sign: int, offset: float) -> dict[str, Any]:
-    return {"no_load_speed": sign * law["no_load_speed"]}
-
-
-_REWRITE: Mapping[str, Callable[[Mapping[str, Any], int, float], dict[str, Any]]] = {
-    "polynomial": _polynomial,
-    "table": _table,
-    "fourier": _fourier,
-    "dc": _dc,
-}

@@ -1,28 +1,26 @@
-"""Closed-form blocks from links and joints: their frames, parameters and assembly modes.
+"""Blocks from links and joints: their frames, parameters and assembly modes.
 
 Lengths and offsets are computed from the places on the links, exactly as the document gives
 them; only the assembly mode is read off the pose. A guide of the block points as that of the
 document, but for a driven slide whose links are named the other way round: it is turned, so
-that its coordinate is the document's.
+that its coordinate is the document's. Links of general groups keep their frames.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from blockmech.model.assur import Unit
-from blockmech.model.joints.closing import Poses
+from blockmech.model.joints.closing import CLOSED, Poses
 from blockmech.model.joints.connections import Connection, Connections, angle_of
 from blockmech.plane import cross, dot
 
+GENERAL = "group.general"
 DEAD = 1e-12
 """[-] Margin (a squared sine) below which a pose does not tell the assembly mode: Newton finds
 a pose at a dead centre to half the digits only."""
-
-ON_LINE = 1e-12
-"""[-] of its arms: a pin that is nearer to a guide's line lies on it."""
 
 
 class Seat(NamedTuple):
@@ -60,7 +58,7 @@ class Made:
     seats : link of the document -> its place in the block, the block's name left out
     ends : pair -> joint of the block
     points : (link, place in the document's frame) of the markers that it brings -> marker
-    drivers : driven pair -> sign and offset of its coordinate against the document's
+    drivers : driven pairs
     """
 
     type: str
@@ -68,7 +66,7 @@ class Made:
     seats: Mapping[str, Seat]
     ends: Mapping[str, End]
     points: Mapping[tuple[str, complex], str]
-    drivers: Mapping[str, tuple[int, float]] = field(default_factory=dict)
+    drivers: tuple[str, ...] = ()
 
 
 class DeadCentre(Exception):
@@ -89,11 +87,11 @@ def driving_link(c: Connection, own: str, pairs: Connections) -> Made:
             keys, points[own, ahead[0]] = {"length": (ahead[0] - at).real}, "B"
         return Made(
             "driver.crank",
-            keys,
+            keys | ({"sign": -1} if flipped else {}),
             {own: Seat("", "crank", at)},
             {c.name: End("A", own)},
             points,
-            {c.name: (-1 if flipped else 1, 0.0)},
+            (c.name,),
         )
     u = c.guide(own)
     return Made(
@@ -102,7 +100,7 @@ def driving_link(c: Connection, own: str, pairs: Connections) -> Made:
         {own: Seat("", "slider", at, -u if flipped else u)},
         {c.name: End("S", own, flipped)},
         {(own, at): "S"},
-        {c.name: (1, 0.0)},
+        (c.name,),
     )
 
 
@@ -237,7 +235,7 @@ def _cylinder(unit: Unit, pairs: Connections, at: Poses) -> Made | None:
     b, c = at.point(barrel, B.on(barrel)), at.point(rod, C.on(rod))
     ahead = 1 if dot(at.direction(barrel, S.guide(barrel)), c - b) > 0 else -1
     (x_b, h_b), (x_r, h_r) = _line(S, barrel, B.on(barrel)), _line(S, rod, C.on(rod))
-    if max(abs(h_b), abs(h_r)) > ON_LINE * max(abs(x_b), abs(x_r), abs(c - b)):
+    if max(abs(h_b), abs(h_r)) > CLOSED * max(abs(x_b), abs(x_r), abs(c - b)):
         return None
     arm_j = C.on(j) - D.on(j)
     det = cross(at.point(j, D.on(j)) - b, c - b)
@@ -246,7 +244,9 @@ def _cylinder(unit: Unit, pairs: Connections, at: Poses) -> Made | None:
     keys["branch"] = _branch(det, abs(c - b) * abs(arm_j), why)
     own = S.owner == rod
     keys |= {"x_S": ahead * x_r} if own else {"x_S": ahead * x_b, "slider": "i"}
-    sign = ahead if S.first == barrel else -ahead
+    keys["offset"] = ahead * (x_b - x_r) + 0.0  # no -0
+    if (S.first == barrel) != (ahead > 0):
+        keys["sign"] = -1
     return Made(
         "driven.rrr",
         keys,
@@ -267,5 +267,68 @@ def _cylinder(unit: Unit, pairs: Connections, at: Poses) -> Made | None:
             (j, D.on(j)): "D",
             (j, C.on(j)): "Cj",
         },
-        {S.name: (sign, sign * ahead * (x_r - x_b))},
+        (S.name,),
     )
+
+
+def general_group(unit: Unit, pairs: Connections) -> Made:
+    """The general block of a unit; its ``home`` and the drivers' names are added later.
+
+    Links keep their frames. A driven pair of an outer link whose links the document names
+    the other way round is turned (P), or counts with the opposite sign (R).
+    """
+    own = set(unit.links)
+    taken = set(unit.links)
+    data: dict[str, Any] = {}
+    ends: dict[str, End] = {}
+    points: dict[tuple[str, complex], str] = {}
+    drivers: list[str] = []
+    for p in sorted(unit.pairs, key=lambda p: p.name):
+        c = pairs[p.name]
+        name = free_name(c.name.replace(".", "_"), taken)
+        taken.add(name)
+        driven = c.name in unit.driven
+        inner = c.first in own and c.second in own
+        later = c.second if inner or c.second in own else c.first
+        turned = driven and c.kind == "P" and later == c.first
+        data[name] = _inner(c) if inner else _outer(c, later, turned)
+        if driven:
+            data[name]["driven"] = True
+            if c.kind == "R" and later == c.first:
+                data[name]["sign"] = -1
+            drivers.append(c.name)
+        ends[c.name] = End(name, later, turned)
+        marked = c.first if inner else later
+        points.setdefault((marked, c.on(marked)), name)
+    seats = {link: Seat("", link) for link in unit.links}
+    points.update({(link, 0j): link for link in unit.links})
+    return Made(GENERAL, {"pairs": data}, seats, ends, points, tuple(drivers))
+
+
+def _inner(c: Connection) -> dict[str, Any]:
+    data: dict[str, Any] = {"type": c.kind, "links": list(c.links)}
+    data["at"] = [xy(z) for z in c.at]
+    if c.kind == "P":
+        data["angle"] = [angle_of(u) for u in c.along]
+        data["slider"] = "j" if c.slider else "i"
+    return data
+
+
+def _outer(c: Connection, own: str, turned: bool) -> dict[str, Any]:
+    data: dict[str, Any] = {"type": c.kind, "link": own, "at": xy(c.on(own))}
+    if c.kind == "P":
+        data["angle"] = angle_of(-c.guide(own) if turned else c.guide(own))
+        data["slider"] = "later" if c.owner == own else "earlier"
+    return data
+
+
+def xy(z: complex) -> list[float]:
+    """Two numbers as they stand in a file, without -0."""
+    return [z.real + 0.0, z.imag + 0.0]
+
+
+def free_name(wish: str, taken: set[str] | Mapping[str, Any]) -> str:
+    """The wished name, with underscores behind it until it is free."""
+    while wish in taken:
+        wish += "_"
+    return wish

@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
-from blockmech.errors import GraphError, Problem, close_match, listed
-from blockmech.loads.contract import Element
+from blockmech.errors import GraphError, Problem, listed
 from blockmech.model.attributes import KnownAttributes
 from blockmech.model.joints.contents import (
-    LOADS,
+    DriverGiven,
     GuideGiven,
     JointGiven,
     LinkGiven,
     PinGiven,
-    driver_model,
-    load_kinds,
-    load_model,
+    sections,
 )
+from blockmech.model.joints.references import bad_name, unknown_kind
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
-from blockmech.values import NAME_RULE, Strictly, Vector, is_name, shown
+from blockmech.values import Strictly, Vector, is_name
 
-if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
-    from blockmech.model.joints.decompose import Decomposition
-
-General = Literal["", "groups", "one"]
 Given = Any
 """Numbers, pairs and arrays as `Graph` takes them."""
 
@@ -110,7 +102,7 @@ class Linkage(KnownAttributes):
         """
         self._free("joint", name, self.joints)
         given = {"type": kind, "links": list(links), "at": list(at), **more}
-        model: type[Strictly] = GuideGiven if kind == "P" else PinGiven
+        model = GuideGiven if kind == "P" else PinGiven
         self.joints[name] = _made(model, ("joints", name), given)
 
     def add_driver(self, name: str, joint: str, law: LawOfMotion | None = None) -> None:
@@ -121,7 +113,7 @@ class Linkage(KnownAttributes):
         """
         self._free("driver", name, self.drivers)
         said = {} if law is None else plain(law, "law")
-        model = driver_model(said.pop("law", ""))
+        model = sections()["drivers"].models.get(said.pop("law", ""), DriverGiven)
         self.drivers[name] = _made(model, ("drivers", name), {"joint": joint, **said})
 
     def add_load(self, name: str, kind: str, **keys: Given) -> None:
@@ -129,13 +121,11 @@ class Linkage(KnownAttributes):
 
         Raises `GraphError` for an unknown kind or keys that do not fit.
         """
-        from blockmech.blocks.registry import REGISTRY
-
         self._free("load", name, self.loads)
-        cls = REGISTRY.get(f"{LOADS}{kind}")
-        if cls is None or not issubclass(cls, Element):
-            raise GraphError(unknown_load(kind, f"loads.{name}.type"))
-        self.loads[name] = _made(load_model(cls), ("loads", name), keys)
+        section = sections()["loads"]
+        if kind not in section.models:
+            raise GraphError(unknown_kind(kind, f"loads.{name}.type", section))
+        self.loads[name] = _made(section.models[kind], ("loads", name), keys)
 
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
@@ -159,83 +149,10 @@ class Linkage(KnownAttributes):
                 )
             )
 
-    # -- checking and using -----------------------------------------------
-
     @property
     def driven(self) -> dict[str, str]:
         """Driven joint -> the driver's name."""
         return {driver.joint: name for name, driver in self.drivers.items()}
-
-    def check(self) -> list[Problem]:
-        """Everything that is wrong, as data; an empty list is a mechanism that works."""
-        from blockmech.model.joints.decompose import decompose
-
-        try:
-            return decompose(self).graph.check()
-        except GraphError as error:
-            return list(error.problems)
-
-    def decompose(self, general: General = "") -> Decomposition:
-        """Drivers and Assur groups in formation order, as blocks.
-
-        Parameters
-        ----------
-        general : "groups" makes every Assur group a general one, "one" puts all that is no
-            driver in one general group; for comparison
-
-        Raises `GraphError` with all problems.
-        """
-        from blockmech.model.joints.decompose import decompose
-
-        return decompose(self, general)
-
-    def compile(self) -> Mechanism:
-        """Decompose the linkage and freeze it into a mechanism that computes.
-
-        Its outputs have the names of the document. Raises `GraphError` with all problems.
-        """
-        return self.decompose().compile()
-
-    def run(self, **request: Any) -> Any:
-        """Compile and run; see `Mechanism.run`."""
-        return self.compile().run(**request)
-
-    # -- files ------------------------------------------------------------
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Linkage:
-        """Read a joint-based file. Raises `FormatError` with all problems of the file."""
-        from blockmech.model.joints.document import load
-
-        return load(path)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the canonical file, atomically."""
-        from blockmech.model.joints.document import save
-
-        save(self, path)
-
-    def to_json(self) -> str:
-        """The canonical text of the file."""
-        from blockmech.model.joints.document import dumps
-
-        return dumps(self)
-
-    def __repr__(self) -> str:
-        pairs = sum(len(joint.links) - 1 for joint in self.joints.values())
-        moving = len([name for name in self.links if name != "frame"])
-        counts = f"{moving} moving links, {pairs} pairs, {len(self.drivers)} driver"
-        counts += "s" * (len(self.drivers) != 1)
-        try:
-            formula = shortened(str(self.decompose().formation))
-        except GraphError:
-            formula = "not complete: see check()"
-        return f"<Linkage {self.name}: {counts}; {formula}>"
-
-
-def shortened(formula: str, most: int = 300) -> str:
-    """A structural formula that fits a few lines."""
-    return formula if len(formula) <= most else f"{formula[:most].rsplit(' -> ', 1)[0]} -> ..."
 
 
 def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given]) -> Any:
@@ -249,18 +166,3 @@ def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given])
         raise GraphError(
             replace(p, where=p.where.replace(model.__name__, where, 1)) for p in error.problems
         ) from None
-
-
-def bad_name(what: str, name: str, where: str = "") -> Problem:
-    """The problem of a name that could not stand in an address."""
-    found = f"{shown(name)} is not a {what} name"
-    return Problem("bad-name", where or name or '""', found, NAME_RULE, "choose another name")
-
-
-def unknown_load(kind: Any, where: str) -> Problem:
-    """The problem that names an unknown kind of load and its nearest relatives."""
-    kinds = load_kinds()
-    remedy = close_match(kind, kinds) if isinstance(kind, str) else ""
-    return Problem(
-        "wrong-value", where, f"no type {shown(kind)}", f"types: {listed(kinds)}", remedy
-    )

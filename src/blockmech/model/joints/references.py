@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from blockmech.errors import Problem, close_match, listed
-from blockmech.model.joints.contents import FRAME
+from blockmech.model.joints.contents import FRAME, Section
 from blockmech.model.problems import path_text
-from blockmech.values import NAME_RULE, is_name
+from blockmech.values import NAME_RULE, is_name, shown
 
 if TYPE_CHECKING:
     from blockmech.model.joints.linkage import Linkage
@@ -42,6 +42,19 @@ def reference_problems(linkage: Linkage, known: Known) -> Iterator[Problem]:
         for name in getattr(linkage, section):
             if name not in known.drivers:
                 yield _unknown("driver", name, (section, name), known.drivers)
+
+
+def bad_name(what: str, name: str, where: str = "") -> Problem:
+    """The problem of a name that could not stand in an address."""
+    found = f"{shown(name)} is not a {what} name"
+    return Problem("bad-name", where or name or '""', found, NAME_RULE, "choose another name")
+
+
+def unknown_kind(word: Any, where: str, section: Section) -> Problem:
+    """The problem that names an unknown kind of an item and its nearest relatives."""
+    remedy = close_match(word, section.models) if isinstance(word, str) else ""
+    found, valid = f"no {section.key} {shown(word)}", f"{section.key}s: {listed(section.models)}"
+    return Problem("wrong-value", where, found, valid, remedy)
 
 
 def _links(linkage: Linkage) -> Iterator[Problem]:

@@ -6,57 +6,42 @@ is left to reading and to `Linkage.check`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from blockmech.blocks.registry import REGISTRY
-from blockmech.loads.contract import Element
-from blockmech.model.joints.contents import (
-    FRAME,
-    LAWS,
-    LOADS,
-    GuideGiven,
-    JointsDocument,
-    LinkGiven,
-    PinGiven,
-    driver_model,
-    load_kinds,
-    load_model,
-)
+from blockmech.model.joints.contents import FRAME, JointsDocument, Section, sections
 from blockmech.model.schema import NAME, _InWrittenOrder
 
 
 def joints_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of a joint-based file, with every registered load and law."""
-    kinds: dict[str, type[BaseModel]] = {"R": PinGiven, "P": GuideGiven}
-    laws: dict[str, type[BaseModel]] = {word: driver_model(word) for word in LAWS}
-    loads: dict[str, type[BaseModel]] = {
-        kind: load_model(cls)
-        for kind in load_kinds()
-        if issubclass(cls := REGISTRY[f"{LOADS}{kind}"], Element)
-    }
-    models: list[type[BaseModel]] = [JointsDocument, LinkGiven, driver_model()]
-    models += [*kinds.values(), *laws.values(), *loads.values()]
+    items = sections()
+    models: list[type[BaseModel]] = [JointsDocument]
+    for section in items.values():
+        models += [model for model in (section.plain, *section.models.values()) if model]
     places, shared = models_json_schema(
         [(model, "validation") for model in models], schema_generator=_InWrittenOrder
     )
     parts = shared["$defs"]
-    ref = {model: places[model, "validation"]["$ref"] for model in models}
-    for kind, model in loads.items():
-        _tagged(parts[_key(ref[model])], "type", kind)
-    document = parts.pop(_key(ref[JointsDocument]))
-    link = {"$ref": ref[LinkGiven]}
-    without_law = {"$ref": ref[driver_model()]}
-    document["properties"] |= {
-        "links": _named(link | {"required": ["pose"]})
-        | {"properties": {FRAME: link | {"propertyNames": {"const": "markers"}}}},
-        "joints": _named(_chosen("type", {k: ref[m] for k, m in kinds.items()})),
-        "drivers": _named(_chosen("law", {k: ref[m] for k, m in laws.items()}, without_law)),
-        "loads": _named(_chosen("type", {k: ref[m] for k, m in loads.items()})),
-    }
+    key = {model: places[model, "validation"]["$ref"].rsplit("/", 1)[-1] for model in models}
+    for kind, model in items["loads"].models.items():  # the key that names the kind
+        part = parts[key[model]]
+        part["properties"] = {"type": {"const": kind}, **part["properties"]}
+        part["required"] = ["type", *part.get("required", ())]
+    document = parts.pop(key[JointsDocument])
+    for name, section in items.items():
+        item = _item(section, {model: {"$ref": f"#/$defs/{part}"} for model, part in key.items()})
+        document["properties"][name] = {
+            "type": "object",
+            "propertyNames": NAME,
+            "additionalProperties": item,
+        }
+    links = document["properties"]["links"]
+    of_frame = links["additionalProperties"] | {"propertyNames": {"const": "markers"}}
+    links["additionalProperties"] |= {"required": ["pose"]}
+    links["properties"] = {FRAME: of_frame}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **document,
@@ -65,31 +50,23 @@ def joints_schema() -> dict[str, Any]:
     }
 
 
-def _key(ref: str) -> str:
-    return ref.rsplit("/", 1)[-1]
-
-
-def _tagged(schema: dict[str, Any], key: str, word: str) -> None:
-    """Add the key that names the kind."""
-    schema["properties"] = {key: {"const": word}, **schema["properties"]}
-    schema["required"] = [key, *schema.get("required", ())]
-
-
-def _named(item: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "object", "propertyNames": NAME, "additionalProperties": item}
-
-
-def _chosen(
-    key: str, refs: Mapping[str, str], otherwise: dict[str, Any] | None = None
-) -> dict[str, Any]:
-    """An object whose schema depends on one of its keys, which may be left out if so said."""
-    found: dict[str, Any] = {"type": "object", "properties": {key: {"enum": list(refs)}}}
+def _item(section: Section, ref: dict[Any, Any]) -> dict[str, Any]:
+    """An item, whose schema depends on the key of its kind."""
+    if not section.key:
+        return dict(ref[section.plain])
+    found: dict[str, Any] = {
+        "type": "object",
+        "properties": {section.key: {"enum": list(section.models)}},
+    }
     cases: list[dict[str, Any]] = [
-        {"if": {"properties": {key: {"const": word}}, "required": [key]}, "then": {"$ref": ref}}
-        for word, ref in refs.items()
+        {
+            "if": {"properties": {section.key: {"const": word}}, "required": [section.key]},
+            "then": ref[model],
+        }
+        for word, model in section.models.items()
     ]
-    if otherwise is None:
-        found["required"] = [key]
+    if section.plain is None:
+        found["required"] = [section.key]
     else:
-        cases.append({"if": {"not": {"required": [key]}}, "then": otherwise})
+        cases.append({"if": {"not": {"required": [section.key]}}, "then": ref[section.plain]})
     return found | {"allOf": cases}

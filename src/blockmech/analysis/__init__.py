@@ -1,0 +1,1 @@
+"""Analyses of a compiled mechanism: limits, extremes, balances, and the trade of speed."""

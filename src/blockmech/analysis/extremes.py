@@ -1,0 +1,188 @@
+"""Extremes: the smallest and largest values of an output over a cycle, and where.
+
+The output is sampled (720 times a turn), and every turn of it between samples is closed
+in on with more poses of the mechanism. Where it is smooth, the place is a root of the
+derivative of an interpolant (`blockmech.analysis.peaks`): the value is good to rounding, the
+place to about 1e-13 rad times |value| / |second derivative|. At a kink (the magnitude of
+a vector that passes zero, a friction moment that changes its sign) the golden section
+takes over. Only extremes with less than a sample between them escape.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from blockmech.analysis.cycle import Cycle, cycle_of
+from blockmech.analysis.follow import Signal, Turn, signal_of, turns_of
+from blockmech.errors import Problem, RequestError
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+    from blockmech.result import Result
+
+PARTS = ("x", "y", "magnitude")
+
+Kind = Literal["minimum", "maximum"]
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """One extreme value and where it is.
+
+    Attributes
+    ----------
+    kind : "minimum" or "maximum"
+    value : in the output's unit; infinite where the output grows without bound
+    at : ``"crank.q"`` -> driver coordinate [rad or m]
+    time : [s], where the law of motion says it
+    end : whether it is no turn of the output but an end of the range or of an arc
+    """
+
+    kind: Kind
+    value: float
+    at: Mapping[str, float]
+    time: float | None
+    end: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """The extreme as a JSON object; null stands for infinity."""
+        value = self.value if math.isfinite(self.value) else None
+        found: dict[str, Any] = {"kind": self.kind, "value": value, "drivers": dict(self.at)}
+        return found | {"time": self.time, "end": self.end}
+
+
+@dataclass(frozen=True)
+class Range:
+    """Smallest and largest value of one real quantity, and all its turns in between.
+
+    ``part`` is "x", "y" or "magnitude" of a vector, "" of a real output. ``turns`` are
+    the local extremes inside the range, in the order of the cycle.
+    """
+
+    part: str
+    minimum: Extreme
+    maximum: Extreme
+    turns: tuple[Extreme, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The range as a JSON object."""
+        return {
+            "minimum": self.minimum.to_dict(),
+            "maximum": self.maximum.to_dict(),
+            "turns": [t.to_dict() for t in self.turns],
+        }
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """Extremes of one output; of a vector those of x, y and its magnitude.
+
+    ``minimum``, ``maximum`` and ``turns`` are those of a real output, or of a vector's
+    magnitude; ``extremes["x"]`` is a part of a vector.
+    """
+
+    name: str
+    unit: str
+    ranges: Mapping[str, Range]
+
+    def __getitem__(self, part: str) -> Range:
+        return self.ranges[part]
+
+    @property
+    def _main(self) -> Range:
+        return self.ranges[""] if "" in self.ranges else self.ranges["magnitude"]
+
+    @property
+    def minimum(self) -> Extreme:
+        """The smallest value."""
+        return self._main.minimum
+
+    @property
+    def maximum(self) -> Extreme:
+        """The largest value."""
+        return self._main.maximum
+
+    @property
+    def turns(self) -> tuple[Extreme, ...]:
+        """All local extremes inside the range, in the order of the cycle."""
+        return self._main.turns
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        for part, found in self.ranges.items():
+            name = f"{self.name}.{part}".rstrip(".")
+            for one in (found.minimum, found.maximum):
+                place = ", ".join(f"{d} = {q:.9g}" for d, q in one.at.items())
+                yield f"{name}  {one.kind} {one.value:.9g} {self.unit} at {place}".rstrip()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The extremes as a JSON object."""
+        parts = {part or "value": r.to_dict() for part, r in self.ranges.items()}
+        return {"output": self.name, "unit": self.unit, **parts}
+
+
+def extremes(source: Compiled | Result, name: str, **settings: Any) -> Extremes:
+    """Smallest and largest values of an output over a cycle.
+
+    Parameters
+    ----------
+    source : a mechanism (followed over its law's range, or over a turn of its crank), or a
+        result (followed over its samples, with its settings)
+    name : a real output or a vector; ``"dyad.C.p.x"`` is one part of a vector
+    settings : friction, tolerance, iterations, static, as in `Compiled.run`
+
+    Returns
+    -------
+    Extremes; cost: one batch of 720 samples, one to eight of 32 for each turn
+
+    Raises
+    ------
+    RequestError for an unknown output, one that is not real, or no range to follow
+    SampleError where the output exists at no sample
+    """
+    cycle = cycle_of(source, settings)
+    output, parts = parts_of(cycle.mechanism, name)
+    ranges = {}
+    for part in parts:
+        signal = signal_of(cycle, output, part)
+        ranges["" if len(parts) == 1 else part] = range_of(cycle, signal, part)
+    return Extremes(name, cycle.mechanism.outputs[output].unit, ranges)
+
+
+def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
+    """The output and the parts of it that a name such as ``"dyad.C.p.x"`` means."""
+    output, part = name, ""
+    head, _, tail = name.rpartition(".")
+    if name not in mechanism.outputs and tail in PARTS and head in mechanism.outputs:
+        output, part = head, tail
+    mechanism.outputs.match([output])
+    kind = mechanism.outputs[output].kind
+    if kind not in ("real", "vector") or (part and kind == "real"):
+        what = {"real": "it is a real number without parts"}.get(kind, f"it is a {kind}")
+        raise RequestError(
+            Problem("bad-request", name, what, "", "name a real output, or a vector or its part")
+        )
+    return output, (part,) if part or kind == "real" else PARTS
+
+
+def range_of(cycle: Cycle, signal: Signal, part: str = "") -> Range:
+    """Smallest and largest value of a signal over a cycle, and all its turns."""
+    found = turns_of(cycle, signal)
+    return Range(
+        part,
+        extreme_at(cycle, found.low),
+        extreme_at(cycle, found.high),
+        tuple(extreme_at(cycle, t) for t in found.inner),
+    )
+
+
+def extreme_at(cycle: Cycle, turn: Turn) -> Extreme:
+    """A turn with the driver coordinates at its place."""
+    at, time = cycle.at(turn.s)
+    kind: Kind = "maximum" if turn.sign > 0 else "minimum"
+    return Extreme(kind, turn.value + 0.0, at, time, turn.end)  # no -0

@@ -1,0 +1,360 @@
+"""Limits: the arcs of a driver on which the mechanism closes, and what ends each.
+
+An end is a dead centre of one group: beyond it that group is out of reach. It is found
+to rounding, because the margin passes zero there with a slope (it is the *rates* that go
+to infinity). A change point is a dead centre that the mechanism can be driven through:
+the margin touches zero and grows again.
+
+What the scan can miss: margins are sampled (720 times a turn) and every place where a
+sampled margin could still reach zero is followed, so a gap or an arc far narrower than
+the samples is found, down to a width of about 1e-7 rad where rounding hides it. Two such
+places between the same three samples would be taken for one. The margin of an RRR dyad on
+a crank and a fixed pivot is a trigonometric polynomial of degree 2: nothing is missed
+there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from blockmech.analysis.arcs import TURN, Bound, Nearest, Piece, closed_pieces
+from blockmech.analysis.closure import Closure, one_turn, travel
+from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.model.structure import Structure
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+
+SAMPLES = 720  # of a turn: every half degree
+FEWEST = 16
+TURNS, UNLIMITED = "turn", "unlimited"
+TINY = 1e-13  # [rad or m] shown as zero
+SAME = 1e-9  # [rad or m] within which change points of several groups are shown as one
+
+
+@dataclass(frozen=True)
+class End:
+    """An end of an arc, or a change point.
+
+    Attributes
+    ----------
+    q : driver coordinate [rad or m]; infinite where no group ends the travel of a slide
+    block : the group whose margin is zero there, or ""
+    how : "extended" or "folded" (RRR), "tangent" (RRP, RPR), "parallel" (PRP),
+        "coincident" (the outer pins of an RRR or RPR meet), "dead centre" (other
+        groups); "turn" where a whole turn begins and ends, "unlimited" where no group
+        ends the travel within a million times the mechanism's size
+    """
+
+    q: float
+    block: str
+    how: str
+
+    def __str__(self) -> str:
+        return f"{self.block} {self.how}".strip()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The end as a JSON object; null stands for infinity."""
+        q = self.q if math.isfinite(self.q) else None
+        return {"q": q, "block": self.block, "how": self.how}
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A stretch of the driver on which every group closes, with its change points."""
+
+    start: End
+    end: End
+    change_points: tuple[End, ...] = ()
+
+    @property
+    def length(self) -> float:
+        """Length [rad or m] of the arc."""
+        return self.end.q - self.start.q
+
+    def __str__(self) -> str:
+        return f"[{_shown(self.start.q, 9)}, {_shown(self.end.q, 9)}]"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The arc as a JSON object."""
+        return {
+            "start": self.start.to_dict(),
+            "end": self.end.to_dict(),
+            "change_points": [p.to_dict() for p in self.change_points],
+        }
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The feasible arcs of one driver.
+
+    Attributes
+    ----------
+    driver : the driving link
+    unit : of its coordinate, "rad" or "m"
+    held : the other drivers -> where they stand
+    arcs : in rising order; of a crank, with their middles between -pi/2 and 3 pi/2
+    whole_turn : whether a crank turns fully
+    nearest : where there is no arc: the group that never closes, and where it nearly does
+    spacing : [rad or m] of the samples of the scan
+    prefix : what names of outputs put before the driver's, "driver." in a document of joints
+    """
+
+    driver: str
+    unit: str
+    held: Mapping[str, float]
+    arcs: tuple[Arc, ...]
+    whole_turn: bool
+    nearest: Nearest | None
+    spacing: float
+    prefix: str = ""
+
+    def _q(self, driver: str) -> str:
+        """Name of a driver's coordinate."""
+        return f"{self.prefix}{driver}.q"
+
+    def arc_at(self, q: float) -> Arc | None:
+        """The arc that holds a driver coordinate [rad or m], or None.
+
+        A crank's coordinate may be any number of turns away from the arc.
+        """
+        if self.unit == "rad":
+            return next((a for a in self.arcs if _turned_into(a, q)), None)
+        return next((a for a in self.arcs if a.start.q <= q <= a.end.q), None)
+
+    def sentence(self) -> str:
+        """The arcs in one sentence."""
+        name = self._q(self.driver)
+        if self.whole_turn:
+            return f"{name} turns fully"
+        if self.nearest:
+            return f"no feasible arc of {name}: {self.nearest.block} never closes"
+        word = "feasible arc" + ("s" if len(self.arcs) > 1 else "")
+        return f"{word} of {name}: {', '.join(map(str, self.arcs))} {self.unit}"
+
+    def text(self, degrees: bool = False) -> str:
+        """The arcs, their ends and change points, one a line."""
+        turned = degrees and self.unit == "rad"
+        return "\n".join(
+            self._lines(180 / math.pi if turned else 1.0, "deg" if turned else self.unit)
+        )
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _lines(self, scale: float, unit: str) -> Iterable[str]:
+        held = ", ".join(f"{self._q(d)} = {q:.9g}" for d, q in self.held.items())
+        count = "turns fully" if self.whole_turn else f"{len(self.arcs) or 'no'} feasible arc"
+        plural = "s" if len(self.arcs) > 1 else ""
+        yield f"{self._q(self.driver)}: {count}{plural}" + (f", with {held}" if held else "")
+        if self.nearest:
+            near = self.nearest
+            yield (
+                f"  {near.block} never closes; it comes nearest at {near.q * scale:.6g} {unit}, "
+                f"margin {near.margin:.4g}"
+            )
+        for arc in self.arcs:
+            if not self.whole_turn:
+                start, end = (_shown(e.q * scale) for e in (arc.start, arc.end))
+                yield (
+                    f"  from {start} ({arc.start}) to {end} ({arc.end}), "
+                    f"{arc.length * scale:.6g} {unit} long"
+                )
+            for first, *more in _together(arc.change_points):
+                others = f" and {len(more)} more" if more else ""
+                yield f"  change point at {_shown(first.q * scale)} {unit} ({first}{others})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The limits as a JSON object."""
+        near = self.nearest
+        return {
+            "driver": self._q(self.driver),
+            "unit": self.unit,
+            "held": {self._q(d): q for d, q in self.held.items()},
+            "whole_turn": self.whole_turn,
+            "arcs": [a.to_dict() for a in self.arcs],
+            "nearest": (
+                {"q": near.q, "block": near.block, "margin": near.margin} if near else None
+            ),
+            "spacing": self.spacing,
+        }
+
+
+def limits(
+    mechanism: Compiled,
+    driver: str | None = None,
+    at: Mapping[str, float] | None = None,
+    *,
+    blocks: Iterable[str] | None = None,
+    samples: int = SAMPLES,
+) -> Limits:
+    """The feasible arcs of a driver, the others held.
+
+    A crank is searched over one turn. A slide is searched over its law's range, over
+    twice the size of the mechanism, and thinly up to a million times that.
+
+    Parameters
+    ----------
+    driver : the driving link; not needed if there is one
+    at : driver -> coordinate [rad or m] of those that are held; by default where their
+        laws of motion, or else the scene's ``initial``, begin
+    blocks : only these groups and what they stand on; by default all
+    samples : of a turn, or of the range of a slide
+
+    Returns
+    -------
+    Limits; cost: a batch of all samples, one of each arc, about 60 single poses an end
+
+    Raises
+    ------
+    RequestError for an unknown driver, others without a place, or too few samples
+    """
+    if samples < FEWEST:
+        raise _error("samples", f"got {samples}", f"give at least {FEWEST}")
+    moved, held = _request(mechanism, driver, dict(at or {}))
+    joint = mechanism.driver_joint(moved)
+    closure = Closure(mechanism.of_blocks, moved, held, _groups(mechanism.structure, blocks))
+    nodes = one_turn(samples) if joint.rotary else travel(mechanism, moved, samples)
+    pieces, nearest = closed_pieces(closure.margins(), nodes, joint.rotary)
+    return Limits(
+        driver=moved,
+        unit=joint.coordinate_unit,
+        held=held,
+        arcs=tuple(_arc(closure, p) for p in pieces),
+        whole_turn=len(pieces) == 1 and pieces[0].start is None,
+        nearest=nearest,
+        spacing=float(np.median(np.diff(nodes))),
+        prefix=mechanism.driver_prefix,
+    )
+
+
+def arcs_sentence(
+    mechanism: Compiled, drivers: Mapping[str, float], blocks: Iterable[str] | None = None
+) -> str:
+    """The feasible arcs of every driver in words, the others held where they stand.
+
+    ``drivers`` is driver -> coordinate [rad or m]; ``blocks`` as in `limits`.
+    """
+    chosen = None if blocks is None else tuple(blocks)
+    sentences = []
+    for driver in mechanism.drivers:
+        others = {d: q for d, q in drivers.items() if d != driver}
+        sentences.append(limits(mechanism, driver, others, blocks=chosen).sentence())
+    return "; ".join(sentences)
+
+
+def _shown(q: float, digits: int = 15) -> str:
+    return f"{q if abs(q) > TINY else 0.0:.{digits}g}"
+
+
+def _together(points: Iterable[End]) -> list[list[End]]:
+    """Change points in rising order, those of several groups at one place together."""
+    found: list[list[End]] = []
+    for p in points:
+        if found and abs(p.q - found[-1][0].q) <= SAME:
+            found[-1].append(p)
+        else:
+            found.append([p])
+    return [sorted(row, key=lambda p: p.block) for row in found]
+
+
+def _turned_into(arc: Arc, q: float) -> bool:
+    middle = (arc.start.q + arc.end.q) / 2
+    return abs(math.remainder(q - middle, TURN)) <= arc.length / 2
+
+
+def _arc(closure: Closure, piece: Piece) -> Arc:
+    """A piece with its ends named."""
+    passes = tuple(_end(closure, p) for p in piece.passes)
+    if piece.start is None or piece.end is None:
+        return Arc(End(0.0, "", TURNS), End(TURN, "", TURNS), passes)
+    return Arc(_end(closure, piece.start), _end(closure, piece.end), passes)
+
+
+def _end(closure: Closure, bound: Bound) -> End:
+    if not bound.block:
+        return End(math.copysign(math.inf, bound.q), "", UNLIMITED)
+    return End(bound.q, bound.block, closure.how(bound))
+
+
+def _groups(structure: Structure, blocks: Iterable[str] | None) -> tuple[str, ...]:
+    """Groups in formation order: all, or the named ones and their ancestors."""
+    kept = set(structure.blocks) if blocks is None else set()
+    for name in blocks or ():
+        kept |= structure.ancestors(name)
+    return tuple(n for n, b in structure.blocks.items() if n in kept and b.closes)
+
+
+def _request(
+    mechanism: Compiled, driver: str | None, at: dict[str, float]
+) -> tuple[str, dict[str, float]]:
+    """The driver that moves, and where the others stand."""
+    drivers = mechanism.drivers
+    if driver is None:
+        if len(drivers) != 1:
+            found = f"the mechanism has {len(drivers)} drivers" if drivers else "it has no driver"
+            raise _error("limits", found, f"name one of: {listed(drivers)}" if drivers else "")
+        driver = drivers[0]
+    if driver not in drivers:
+        raise RequestError(
+            Problem(
+                "bad-request",
+                driver,
+                "there is no such driver",
+                f"drivers: {listed(drivers)}" if drivers else "",
+                close_match(driver, drivers),
+            )
+        )
+    problems = [
+        Problem(
+            "bad-request", f"at[{d}]", found, f"held: {listed(x for x in drivers if x != driver)}"
+        )
+        for d in at
+        if (found := _misplaced(d, driver, drivers, at[d]))
+    ]
+    held = {}
+    for other in drivers:
+        if other == driver:
+            continue
+        place = at[other] if other in at else _begin(mechanism, other)
+        if place is None:
+            problems.append(
+                Problem(
+                    "bad-request",
+                    other,
+                    "nothing says where this driver is held",
+                    "",
+                    f'give at={{"{other}": ...}}, or a law of motion by coordinate',
+                )
+            )
+        else:
+            held[other] = float(place)
+    if problems:
+        raise RequestError(problems)
+    return driver, held
+
+
+def _misplaced(name: str, driver: str, drivers: tuple[str, ...], place: Any) -> str:
+    if name not in drivers:
+        return "there is no such driver"
+    if name == driver:
+        return "this driver is the one that moves"
+    good = isinstance(place, int | float) and math.isfinite(place)
+    return "" if good else f"not a finite number: {place!r}"
+
+
+def _begin(mechanism: Compiled, driver: str) -> float | None:
+    law: Any = mechanism.scene.drive.get(driver)
+    if law is not None and law.by_coordinate:
+        return float(law.start)
+    initial = mechanism.scene.initial.get(driver)
+    return None if initial is None else float(initial.q)
+
+
+def _error(where: str, found: str, remedy: str) -> RequestError:
+    return RequestError(Problem("bad-request", where, found, "", remedy))

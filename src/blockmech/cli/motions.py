@@ -1,0 +1,59 @@
+"""How a simulation went, as lines for people: events, what ended it, method and error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from blockmech.dynamics.motion import Event, fact_unit
+from blockmech.result import Result
+
+LINES = 8  # events shown
+DIGITS = 12
+
+
+def motion_lines(result: Result, degrees: bool = False) -> list[str]:
+    """Lines about a simulation; none for another run. ``degrees``: angles in deg."""
+    motion = result.motion
+    if motion is None:
+        return []
+    names = list(result.drivers)
+    units = [result.unit_of_driver(name) for name in names]
+    shown = list(motion.events[:LINES])
+    lines = [f"{e.kind} at {_state(e, names, units, degrees)}" for e in shown]
+    if len(motion.events) > LINES:
+        lines.append(f"... and {len(motion.events) - LINES} events more")
+    goal = "reached" if motion.status == "reached" else motion.status
+    lines.append(f"{goal}: {motion.end}, after {_number(motion.t_end)} s")
+    why = f" ({motion.why})" if motion.why else ""
+    lines.append(f"method {motion.method}{why}, {motion.cost.evaluations} kernel evaluations")
+    if math.isfinite(motion.error):
+        unit = units[0] if len(set(units)) == 1 else "rad or m"
+        clock = f", {motion.time_error:.1e} s at the end" if motion.time_error > 0 else ""
+        lines.append(f"estimated error {motion.error:.1e} {unit}{clock}")
+    for name, x in motion.figures().items():
+        lines.append(f"{name.replace('_', ' ')} {_number(x)} {fact_unit(name, units[0])}".rstrip())
+    return [*lines, *(f"note: {text}" for text in motion.notes)]
+
+
+def _state(event: Event, names: list[str], units: list[str], degrees: bool) -> str:
+    values = np.atleast_1d(event.q)
+    parts = [f"{_number(event.t)} s"]
+    parts += list(_places(values.tolist(), names, units, degrees))
+    return ", ".join(parts)
+
+
+def _places(
+    values: list[float], names: list[str], units: list[str], degrees: bool
+) -> Iterator[str]:
+    for x, name, unit in zip(values, names, units, strict=True):
+        if degrees and unit == "rad":
+            yield f"{name} = {_number(math.degrees(x))} deg"
+        else:
+            yield f"{name} = {_number(x)} {unit}"
+
+
+def _number(x: float) -> str:
+    return f"{x:.{DIGITS}g}"

@@ -1,1 +1,0 @@
-"""Judges: a mechanism checked against itself, its limits and its trades."""

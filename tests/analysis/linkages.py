@@ -1,0 +1,105 @@
+"""Linkages with closed forms, for the tests of limits and extremes."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+
+import blockmech as bm
+from blockmech import Graph
+
+EPS = 2.220446049250313e-16
+
+
+def wired(graph: Graph, *wires: str) -> Graph:
+    """The graph with wires ``"frame.A crank.A"``."""
+    for wire in wires:
+        graph.connect(*wire.split())
+    return graph
+
+
+def fourbar(crank: float, coupler: float, rocker: float, frame: float, branch: int = 1) -> Graph:
+    """Crank at the origin, rocker's pivot D at [frame, 0]."""
+    g = Graph("fourbar")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (frame, 0.0)}))
+    g.add("crank", bm.Crank(length=crank))
+    g.add("dyad", bm.RRR(l_i=coupler, l_j=rocker, branch=branch))
+    return wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
+
+
+def slider_crank(crank: float, rod: float, offset: float = 0.0, law: object = None) -> Graph:
+    """Guide parallel to x at y = offset; the slider's pin is ``dyad.C``."""
+    g = Graph("slider_crank")
+    guide = bm.Marker(at=(0.0, offset), angle=0.0)
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide}))
+    g.add("crank", bm.Crank(length=crank))
+    g.add("dyad", bm.RRP(l=rod))
+    wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
+    if law is not None:
+        g.drive("crank", law)  # type: ignore[arg-type]
+    return g
+
+
+def slotted_lever(crank: float, frame: float, h: float = 0.0) -> Graph:
+    """A crank's pin in a guide of a lever that turns about D at [frame, 0]."""
+    g = Graph("slotted_lever")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (frame, 0.0)}))
+    g.add("crank", bm.Crank(length=crank))
+    g.add("dyad", bm.RPR(h_j=h))
+    return wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
+
+
+def turning_guide(turn: float = 0.0) -> Graph:
+    """PRP between a guide on the crank and one on the frame, turned by ``turn`` [rad]."""
+    g = Graph("turning_guide")
+    fixed = bm.Marker(at=(0.0, 1.0), angle=turn)
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": fixed}))
+    own = bm.Link(markers={"U": bm.Marker(at=(0.0, 0.0), angle=0.0)})
+    g.add("crank", bm.Crank(links={"crank": own}))
+    g.add("dyad", bm.PRP())
+    return wired(g, "frame.A crank.A", "crank.U dyad.S1", "frame.G dyad.S2")
+
+
+def pushed(coupler: float, rocker: float, x: float, y: float) -> Graph:
+    """A slide along x that pushes an RRR dyad on the pivot [x, y]."""
+    g = Graph("pushed")
+    markers = {"G": bm.Marker(at=(0.0, 0.0), angle=0.0), "D": bm.Marker(at=(x, y))}
+    g.add("frame", bm.Frame(markers=markers))
+    g.add("ram", bm.SlideDrive())
+    g.add("dyad", bm.RRR(l_i=coupler, l_j=rocker))
+    return wired(g, "frame.G ram.S", "ram.S dyad.B", "frame.D dyad.D")
+
+
+def fivebar(bar: bm.Link | None = None) -> Graph:
+    """Two cranks of 1 m, 4 m apart, and two rods of 3 m; each link a bar with these masses."""
+    bar = bar or bm.Link()
+    g = Graph("fivebar")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
+    for name, pivot in (("left", "A"), ("right", "D")):
+        g.add(name, bm.Crank(length=1.0, links={"crank": bar}))
+        g.connect(f"frame.{pivot}", f"{name}.A")
+    g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0, links={"i": bar, "j": bar}))
+    return wired(g, "left.B dyad.B", "right.B dyad.D")
+
+
+def fourbar_limits(crank: float, coupler: float, rocker: float, frame: float) -> list[float]:
+    """Crank angles in (0, pi) at which the dyad is folded or extended, by the cosine law.
+
+    cos q = (a^2 + d^2 - R^2) / (2 a d), R = |b -+ c|, in 40 digits.
+    """
+    with mpmath.workdps(40):
+        a, b, c, d = map(mpmath.mpf, (crank, coupler, rocker, frame))
+        cosines = [(a * a + d * d - R * R) / (2 * a * d) for R in (b - c, b + c)]
+        return [float(mpmath.acos(x)) for x in cosines if abs(x) < 1]
+
+
+def end_error(crank: float, frame: float, q: float) -> float:
+    """Error [rad] of an arc's end that one relative rounding of |BD| forces.
+
+    |BD|^2 = a^2 + d^2 - 2 a d cos q, so dq = (d|BD| / |BD|) |BD|^2 / (a d |sin q|); the
+    angle itself is rounded as well.
+    """
+    a, d = crank, frame
+    square = a * a + d * d - 2 * a * d * math.cos(q)
+    return EPS * (square / (a * d * abs(math.sin(q))) + abs(q))

@@ -1,0 +1,170 @@
+"""Asked for an accuracy, a run chooses its settings and tells the error it estimates."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.analysis.trade.turned import turned_run
+from blockmech.mechanism import Mechanism
+from blockmech.samples import make_samples
+from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
+from tests.wiring import ruiz, watt, wire
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
+NAMES = sorted(p.stem for p in GRAPHS.glob("*.json"))
+TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
+SAMPLES = 501
+WANT = ("*.drive", "*.omega", "*.alpha", "*.reaction", "*.J_red")
+ANGLE = 0.7  # by which the reference is turned
+DOUBLE = float(np.finfo(np.float64).eps)
+LONG = bool(np.finfo(np.longdouble).eps < DOUBLE)
+NOISE = 1e-9  # outputs this much smaller than others of their unit are zero up to rounding
+
+
+@cache
+def mechanism(name: str) -> Mechanism:
+    return bm.Graph.load(GRAPHS / f"{name}.json").compile()
+
+
+@cache
+def reference(name: str):
+    """The turned mechanism in the widest numbers, friction by 60 successive approximations."""
+    mech = mechanism(name)
+    samples = make_samples(mech.structure, mech.scene, samples=SAMPLES)
+    settings = {"want": WANT, "static": False, "friction": "successive", "iterations": 60}
+    other, _ = turned_run(mech, samples, "clongdouble", settings)
+    unsure = {f.sample for f in other.quality.flags}
+    good = [i for i in range(SAMPLES) if i not in unsure and other.quality.status[i] == "ok"]
+    return other, good
+
+
+def true_error(name: str, run: bm.result.Result) -> float:
+    other, good = reference(name)
+    rate = max(float(np.max(np.abs(v))) for k, v in run.samples.inputs.items() if k[:3] == "qd_")
+    found = {n: np.abs(other[n][good]) for n in run}
+    size = {n: float(np.max(x, initial=0.0)) for n, x in found.items()}
+    worst = 0.0
+    for name_, exact in found.items():
+        unit = run.unit(name_)
+        largest = max(size[n] for n in run if run.unit(n) == unit)
+        largest = max(largest, rate**2 if unit == "rad/s2" else 0.0)
+        scale = size[name_] if size[name_] > NOISE * largest else largest
+        # Magnitudes do not turn with the mechanism; the direction is judged by `trade`.
+        gap = np.abs(np.abs(run[name_][good]) - exact)
+        worst = max(worst, float(np.max(gap, initial=0.0)) / (scale or 1.0))
+    return worst
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("name", NAMES)
+def test_the_true_error_is_within_the_estimate_and_that_within_the_target(
+    name: str, target: float
+) -> None:
+    mech = mechanism(name)
+    if any(d not in mech.scene.drive for d in mech.drivers):
+        with pytest.raises(bm.RequestError, match="no law of motion"):
+            mech.run(samples=SAMPLES, want=WANT, accuracy=target)
+        return
+    run = mech.run(samples=SAMPLES, want=present(mech), accuracy=target, on_gap="mark")
+    assert run.accuracy is not None
+    assert true_error(name, run) <= run.accuracy.estimate
+    assert run.accuracy.reached == (run.accuracy.estimate <= target)
+    assert run.accuracy.reached or target < 1e-9
+
+
+def present(mech: Mechanism) -> tuple[str, ...]:
+    """The wanted patterns that match an output of this mechanism."""
+    return tuple(w for w in WANT if any(n.endswith(w[1:]) for n in mech.outputs))
+
+
+def test_a_loose_target_takes_fewer_approximations_than_a_tight_one() -> None:
+    mech = ruiz().compile()
+    chosen = [mech.run(samples=73, accuracy=a).accuracy for a in (1e-1, 1e-4, 1e-8, 1e-13)]
+    counts = {"none": 0, "single": 1, "newton": 99}
+    steps = [c.iterations or counts[c.friction] for c in chosen if c is not None]
+    assert steps == sorted(steps)
+    assert steps[0] <= 1
+    assert steps[-1] > 5
+
+
+def test_single_precision_is_taken_for_long_sweeps_without_friction_only() -> None:
+    mech = watt().compile()
+    sweep = mech.run(samples=5001, want="*.omega", accuracy=1e-3)
+    assert sweep.accuracy is not None
+    assert sweep.accuracy.precision == "complex64"
+    exact = mech.run(samples=5001, want="*.omega")
+    scale = max(float(np.abs(exact[n]).max()) for n in exact)
+    assert max(float(np.abs(sweep[n] - exact[n]).max()) for n in exact) / scale <= 1e-3
+    short = mech.run(samples=101, want="*.omega", accuracy=1e-3)
+    assert short.accuracy is not None
+    assert short.accuracy.precision == "complex128"
+
+
+@pytest.mark.skipif(not LONG, reason="no number here is wider than double")
+def test_rounding_is_estimated_with_the_friction_that_amplifies_it() -> None:
+    case = random_mechanism(Seeded(111), Options(kinds=KINDS, groups=(1, 4)))
+    mech = case.graph.compile()
+    home = {name: np.ravel(x)[0] for name, x in case.request["at"].items()}
+    request = {**case.request, "at": {d: q + np.linspace(-0.3, 0.3, 3001) for d, q in home.items()}}
+    run = mech.run(**request, want="*", accuracy=1e-6)
+    exact = mech.run(**request, want="*", precision="clongdouble", engine="numpy")
+    assert run.accuracy is not None
+    assert max(float(c.max()) for c in run.quality.contraction.values()) > 0.8
+    name = "mechanism.shaking_moment"
+    error = np.abs(run[name] - exact[name]).max() / np.abs(exact[name]).max()
+    assert 2 * DOUBLE < error <= run.accuracy.estimate <= 1e-6
+
+
+def test_what_cannot_be_reached_is_said() -> None:
+    run = ruiz().compile().run(samples=73, accuracy=1e-25)
+    assert run.accuracy is not None
+    assert not run.accuracy.reached
+    assert "accuracy not reached" in str(run.accuracy)
+    assert run.accuracy.estimate > 1e-25
+
+
+def test_where_iterations_may_not_converge_newton_is_taken() -> None:
+    run = ruiz(radius=0.5).compile().run(samples=37, accuracy=1e-2, on_gap="mark")
+    assert run.accuracy is not None
+    assert run.accuracy.friction == "newton"
+
+
+def test_the_choice_stands_in_the_json() -> None:
+    data = ruiz().compile().run(samples=5, want="crank.drive", accuracy=1e-6).to_dict()
+    assert data["accuracy"]["target"] == 1e-6
+    assert data["accuracy"]["estimate"] <= 1e-6
+    assert data["accuracy"]["friction"] == "successive"
+
+
+@pytest.mark.parametrize(
+    "setting", [{"friction": "none"}, {"iterations": 3}, {"precision": "complex64"}]
+)
+def test_an_accuracy_and_a_setting_that_it_chooses_exclude_each_other(setting) -> None:
+    with pytest.raises(bm.RequestError, match="give the accuracy or the setting"):
+        ruiz().compile().run(at=1.0, accuracy=1e-6, **setting)
+
+
+@pytest.mark.parametrize("accuracy", [0.0, -1.0, math.nan, math.inf])
+def test_an_accuracy_is_a_positive_number(accuracy: float) -> None:
+    with pytest.raises(bm.RequestError, match="must be > 0"):
+        ruiz().compile().run(at=1.0, accuracy=accuracy)
+
+
+def test_a_looser_accuracy_of_a_simulation_is_met_wherever_a_tighter_one_is() -> None:
+    graph = watt()
+    graph.add("motor", bm.Motor(law={"kind": "fourier", "of": "time", "period": 0.7, "sines": [9]}))
+    wire(graph, "frame.frame motor.a", "crank.crank motor.b")
+    mech, start = graph.compile(), {"crank": (0.3, 6.0)}
+    runs = [mech.simulate("time=2", start=start, accuracy=a) for a in (1e-3, 1e-6, 1e-9)]
+    motions = [run.motion for run in runs if run.motion is not None]
+    assert [m.reached for m in motions] == [True] * 3
+    # LSODA cannot tell its rounding better than to some 1e-5 here.
+    rough = mech.simulate("time=2", start=start, accuracy=1e-6, method="lsoda").motion
+    assert rough is not None
+    assert not rough.reached

@@ -1,0 +1,48 @@
+"""What `explain` tells: what each wanted output drags in, and what asking for less saves."""
+
+import blockmech as bm
+from blockmech.analysis.explain import shares, without_friction
+from tests.wiring import ruiz, watt
+
+
+def test_shares_name_the_blocks_and_stages_that_an_output_drags_in():
+    mech = watt().compile()
+    found = {s.name: s for s in shares(mech, ["first.C.p", "last.C.v", "crank.drive"])}
+    assert found["first.C.p"].blocks == ("crank", "first")
+    assert found["first.C.p"].stages == ("position",)
+    assert found["last.C.v"].blocks == ("crank", "first", "last")
+    assert "force" in found["crank.drive"].stages
+
+
+def test_the_dearest_output_saves_most_and_one_that_others_need_saves_little():
+    found = shares(ruiz().compile(), ["crank.drive", "dyad.j.alpha", "crank.q"])
+    assert found[0].name == "crank.drive"
+    assert found[0].saves > 2
+    assert all(s.saves < 1.5 for s in found[1:])  # the drive needs it anyway
+
+
+def test_many_outputs_are_told_by_the_stage_that_they_need():
+    names = [s.name for s in shares(ruiz().compile(), "*")]
+    assert {"positions", "velocities", "accelerations", "reactions and drives"} <= set(names)
+
+
+def test_friction_that_is_left_out_costs_nothing():
+    mech = ruiz().compile()
+    assert mech.plan("*.friction_power", friction="none").calls == 0
+    assert without_friction(mech, "*.reaction") > 1.5
+    assert without_friction(mech, "*.p") is None
+
+
+def test_explain_says_what_asking_for_less_would_save():
+    text = ruiz().compile().explain(["crank.drive", "dyad.j.alpha"])
+    assert "8 kernel calls for 2 outputs" in text
+    assert "without friction:" in text
+    assert "x faster" in text
+
+
+def test_explain_works_where_drivers_have_no_law_of_motion():
+    g = bm.Graph("pendulum", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("crank", bm.Crank(length=1.0, links={"crank": bm.Link(mass=1.0, cm=(0.5, 0.0))}))
+    g.connect("frame.A", "crank.A")
+    assert "crank.J_red" in g.compile().explain(["crank.J_red", "crank.tau_red"])

@@ -1,0 +1,373 @@
+"""Extremes and strokes against closed forms of slider-cranks, four-bars and levers."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.analysis.extremes import extremes
+from blockmech.analysis.stroke import stroke
+from tests.analysis.linkages import EPS, fivebar, fourbar, slider_crank, slotted_lever, wired
+
+TURN = 2 * math.pi
+PLACE = 1e-13
+"""Relative error of the place of an extreme, times |value| / |second derivative|: rounding
+of 32 values, magnified by their number and by 1 / width of the interpolant (at least 0.14 rad),
+2e-16 * 32 / 0.14 = 5e-14; twice that."""
+ROUNDINGS = 16
+"""Roundings between the lengths and a place of a dyad on a crank, magnified by
+1/sqrt(margin), which is below 2 for the linkages here unless a test says otherwise."""
+
+
+def apart(q, wanted):
+    """Distance of two crank angles, whole turns aside."""
+    return abs(math.remainder(q - wanted, TURN))
+
+
+# -- slider-cranks ----------------------------------------------------------------------
+
+
+def reach(l, r, e, sign):
+    """Slider's distance with crank and rod in line: (l +- r)^2 = x^2 + e^2."""
+    return math.sqrt((l + sign * r - e) * (l + sign * r + e))
+
+
+def in_line(l, r, e, sign):
+    """Crank angle with crank and rod in line: the ray from A to the slider, or its opposite."""
+    return math.atan2(sign * e, sign * reach(l, r, e, sign))
+
+
+def test_inline_slider_crank_has_a_stroke_of_two_cranks():
+    found = slider_crank(0.1, 0.35).compile().stroke("dyad.C.p")
+    assert abs(found.length - 0.2) <= ROUNDINGS * EPS * 0.45
+    assert found.path == "straight"
+    assert apart(found.high.at["crank.q"], 0.0) <= PLACE * 0.45 / 0.1
+    assert apart(found.low.at["crank.q"], math.pi) <= PLACE * 0.45 / 0.1
+    assert abs(found.time_ratio - 1) <= 2 * PLACE * 0.45 / 0.1
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_offset_slider_crank_obeys_the_stroke_formula_and_returns_quickly(seed):
+    chance = random.Random(seed)
+    r = chance.uniform(0.5, 2.0)
+    l = r * chance.uniform(2.0, 5.0)
+    e = chance.uniform(-0.7, 0.7) * (l - r)
+    found = slider_crank(r, l, e).compile().stroke("dyad.C.p")
+    high, low = reach(l, r, e, 1), reach(l, r, e, -1)
+    # The margin is at least 1 - (0.7 (l - r) + r)^2 / l^2 > 0.27, its root above 1/2.
+    assert abs(found.length - (high - low)) <= ROUNDINGS * EPS * (l + r)
+    # x'' at the ends is r (l +- r) / x' s lever: at least r (1 - r/l) / 1, x at most l + r.
+    place = PLACE * (l + r) / (r * (1 - r / l) / 2)
+    assert apart(found.high.at["crank.q"], in_line(l, r, e, 1)) <= place
+    assert apart(found.low.at["crank.q"], in_line(l, r, e, -1)) <= place
+    swing = abs(math.asin(e / (l - r)) - math.asin(e / (l + r)))
+    wanted = (math.pi + swing) / (math.pi - swing)
+    # d(ratio)/d(angle) = 2 pi / (pi - swing)^2, for two angles.
+    assert abs(found.time_ratio - wanted) <= 2 * place * TURN / (math.pi - swing) ** 2
+    assert abs(found.out + found.back - TURN) <= 2 * EPS * TURN
+
+
+def test_crank_that_runs_backwards_swaps_stroke_and_return():
+    forward = bm.ConstantRate(rate=2.0)
+    backward = bm.ConstantRate(rate=-2.0, start=0.0, end=-TURN)
+    one = slider_crank(1.0, 3.0, 0.8, forward).compile().stroke("dyad.C.p")
+    other = slider_crank(1.0, 3.0, 0.8, backward).compile().stroke("dyad.C.p")
+    place = 2 * PLACE * 4.0 / (1.0 - 1 / 3)
+    assert abs(one.out - one.back) > 0.1
+    assert abs(one.out - other.back) <= place
+    assert abs(one.time_ratio - other.time_ratio) <= place
+
+
+def test_slider_that_cannot_turn_has_its_stroke_between_arc_ends():
+    # The rod stands across the guide at both ends of the arc, at sin q = -1/2.
+    found = slider_crank(1.0, 3.0, 2.5).compile().stroke("dyad.C.p")
+    low, high = -math.cos(math.asin(0.5)), reach(3.0, 1.0, 2.5, 1)
+    # Near the end x = x_end + sqrt(margin) l: an end good to n EPS gives sqrt(n EPS).
+    assert abs(found.length - (high - low)) <= 3.0 * math.sqrt(ROUNDINGS * EPS)
+    assert found.time_ratio is None
+    assert found.low.end
+    assert not found.high.end
+
+
+# -- rockers ----------------------------------------------------------------------------
+
+
+def rocker_angles(a, b, c, d):
+    """Rocker's angles from the frame's x axis, folded and extended crank and coupler."""
+    found = []
+    for s in (b - a, b + a):
+        inside = math.acos((d * d + c * c - s * s) / (2 * c * d))
+        crank = math.acos((d * d + s * s - c * c) / (2 * d * s))
+        found.append((math.pi - inside, crank + (math.pi if s == b - a else 0.0)))
+    return found
+
+
+def crank_rockers(count):
+    """Random crank-rockers: the crank is the shortest link and Grashof's sum has room."""
+    chance = random.Random(3)
+    found = []
+    while len(found) < count:
+        a, b, c, d = (chance.uniform(0.5, 3.0) for _ in range(4))
+        if a < 0.8 * min(b, c, d) and a + max(b, c, d) < 0.9 * (b + c + d - max(b, c, d)):
+            found.append((a, b, c, d))
+    return found
+
+
+@pytest.mark.parametrize("lengths", crank_rockers(25), ids=str)
+def test_rocker_swings_between_crank_and_coupler_in_line(lengths):
+    c = lengths[2]
+    mechanism = fourbar(*lengths).compile()
+    folded, extended = rocker_angles(*lengths)
+    found = mechanism.extremes("dyad.j.angle")
+    # acos loses 1 / sin of its angle, the margin 1 / sqrt: together below 20 here.
+    worst = 20 * ROUNDINGS * EPS * math.pi
+    swing = folded[0] - extended[0]
+    turned = found.maximum.value - found.minimum.value
+    assert abs(abs(swing) - turned) <= worst
+    met = {found.minimum.at["crank.q"], found.maximum.at["crank.q"]}
+    for _, crank in (folded, extended):
+        assert min(apart(q, crank) for q in met) <= 20 * PLACE * math.pi
+    arc = mechanism.stroke("dyad.C.p")
+    assert arc.path == "curved"
+    assert abs(arc.length - c * turned) <= worst * c
+    assert abs(arc.chord - 2 * c * math.sin(turned / 2)) <= worst * c
+    slow = math.pi + abs(math.remainder(folded[1] - extended[1] - math.pi, TURN))
+    wanted = slow / (TURN - slow)
+    assert abs(arc.time_ratio - wanted) <= 100 * PLACE * wanted**2
+
+
+def test_slotted_lever_swings_by_the_tangents_and_returns_quickly():
+    crank, frame = 1.0, 2.5
+    mechanism = slotted_lever(crank, frame).compile()
+    half = math.asin(crank / frame)
+    found = mechanism.stroke("dyad.j.angle")
+    assert abs(found.length - 2 * half) <= ROUNDINGS * EPS * TURN
+    wanted = (math.pi + 2 * half) / (math.pi - 2 * half)
+    # phi'' at the tangents is crank / (frame^2 - crank^2)^(1/2) = 0.44, phi at most pi.
+    assert abs(found.time_ratio - wanted) <= 4 * PLACE * math.pi / 0.44 * wanted
+
+
+def test_transmission_angle_is_least_with_the_crank_on_the_frame():
+    a, b, c, d = 2.0, 6.0, 3.0, 5.5
+    found = fourbar(a, b, c, d).compile().extremes("dyad.transmission_angle")
+    wanted = math.acos((b * b + c * c - (d - a) ** 2) / (2 * b * c))
+    assert abs(found.minimum.value - wanted) <= ROUNDINGS * EPS / math.sin(wanted)
+    # gamma'' = a d / (b c sin gamma) = 1.5
+    assert apart(found.minimum.at["crank.q"], 0.0) <= PLACE * wanted / 1.5
+
+
+def test_right_transmission_angle_is_found_at_its_kink():
+    a, b, c, d = 2.0, 6.0, 3.0, 5.5
+    found = fourbar(a, b, c, d).compile().extremes("dyad.transmission_angle")
+    q = math.acos((a * a + d * d - b * b - c * c) / (2 * a * d))  # |BD|^2 = b^2 + c^2
+    # Both sides slope by a d sin q / (b c) = 0.53 per rad.
+    assert abs(found.maximum.value - math.pi / 2) <= ROUNDINGS * EPS
+    assert apart(abs(found.maximum.at["crank.q"]), q) <= ROUNDINGS * EPS * math.pi / 0.53
+    assert len([t for t in found.turns if t.kind == "maximum"]) == 2
+
+
+# -- any output -------------------------------------------------------------------------
+
+
+def scotch_yoke():
+    """A yoke that moves as r cos q; its marker is ``dyad.O``."""
+    g = bm.Graph("scotch_yoke")
+    guide = bm.Marker(at=(0.0, 0.0), angle=0.0)
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide}))
+    g.add("crank", bm.Crank(length=0.4))
+    g.add("dyad", bm.RPP(beta=math.pi / 2))
+    wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
+    g.drive("crank", bm.ConstantRate(rate=5.0))
+    return g.compile()
+
+
+@pytest.mark.parametrize(
+    ("what", "amplitude", "highest", "lowest"),
+    [
+        ("dyad.O.p.x", 0.4, 0.0, math.pi),
+        ("dyad.O.v.x", 0.4 * 5, 1.5 * math.pi, math.pi / 2),
+        ("dyad.O.a.x", 0.4 * 25, math.pi, 0.0),
+    ],
+)
+def test_harmonic_motion_turns_where_it_should(what, amplitude, highest, lowest):
+    found = scotch_yoke().extremes(what)
+    assert abs(found.maximum.value - amplitude) <= 4 * EPS * amplitude
+    assert abs(found.minimum.value + amplitude) <= 4 * EPS * amplitude
+    assert apart(found.maximum.at["crank.q"], highest) <= PLACE
+    assert apart(found.minimum.at["crank.q"], lowest) <= PLACE
+    assert apart(found.maximum.time * 5.0, found.maximum.at["crank.q"]) <= 4 * EPS * TURN
+    assert [t.kind for t in found.turns].count("maximum") == 1
+
+
+def test_vector_has_extremes_of_parts_and_of_its_magnitude():
+    found = scotch_yoke().extremes("crank.B.p")
+    assert found.unit == "m"
+    assert abs(found["x"].maximum.value - 0.4) <= 4 * EPS * 0.4
+    assert abs(found["y"].minimum.value + 0.4) <= 4 * EPS * 0.4
+    assert found["magnitude"].turns == ()  # the pin stays on its circle
+    assert abs(found.maximum.value - found.minimum.value) <= 4 * EPS * 0.4
+    assert set(found.to_dict()) == {"output", "unit", "x", "y", "magnitude"}
+
+
+def test_speed_is_zero_at_the_dead_centres():
+    found = scotch_yoke().extremes("dyad.O.v")
+    # 2 m/s times the error of the place, PLACE, at the zero of the velocity.
+    assert 0 <= found["magnitude"].minimum.value <= 2 * 5.0 * PLACE
+    assert abs(found["magnitude"].maximum.value - 2.0) <= 8 * EPS
+
+
+def test_samples_do_not_limit_an_extreme():
+    # Few samples of a result, the same extreme.
+    mechanism = scotch_yoke()
+    few = mechanism.run(samples=5, want="dyad.O.v")
+    found = extremes(few, "dyad.O.v.x")
+    assert abs(found.maximum.value - 2.0) <= 8 * EPS
+    assert apart(found.maximum.at["crank.q"], 1.5 * math.pi) <= PLACE
+
+
+def test_range_that_ends_early_has_its_extreme_at_the_end():
+    run = scotch_yoke().run(at=np.linspace(0.2, 1.0, 7), want="dyad.O.p")
+    found = extremes(run, "dyad.O.p.x")
+    assert found.maximum.end
+    assert found.minimum.end
+    assert found.maximum.at == {"crank.q": 0.2}
+    assert found.minimum.at == {"crank.q": 1.0}
+    assert found.turns == ()
+
+
+def test_full_turning_link_has_no_extreme_of_its_angle_inside():
+    found = fourbar(3.0, 5.0, 4.0, 1.0).compile().extremes("dyad.j.angle")
+    assert found.turns == ()
+    # One turn more after a turn of the crank.
+    assert abs(found.maximum.value - found.minimum.value - TURN) <= ROUNDINGS * EPS * TURN
+
+
+def test_rates_grow_without_bound_towards_a_dead_centre():
+    law = bm.ConstantRate(rate=10.0)
+    found = slider_crank(1.0, 3.0, 2.5, law).compile().extremes("dyad.i.omega")
+    assert {found.minimum.value, found.maximum.value} == {-math.inf, math.inf}
+    end = slider_crank(1.0, 3.0, 2.5).compile().limits().arcs[0].end.q
+    assert apart(found.maximum.at["crank.q"], end) <= 4 * EPS * TURN
+    assert found.to_dict()["value"]["maximum"]["value"] is None
+
+
+def test_extremes_are_followed_in_time_where_the_law_is_one_of_time():
+    law = bm.Harmonic(amplitude=1.0, frequency=2.0)
+    g = slider_crank(1.0, 3.0, 0.0, law)
+    found = g.compile().extremes("crank.rate")
+    assert abs(found.maximum.value - 4 * math.pi) <= 8 * EPS * 4 * math.pi
+    # A cosine through its whole period: the extreme is an end of the range, or half way.
+    assert min(abs(found.maximum.time - t) for t in (0.0, 0.5)) == 0.0
+    assert abs(found.minimum.time - 0.25) <= PLACE
+    slider = g.compile().extremes("dyad.C.p.x")
+    assert abs(slider.maximum.value - 4.0) <= ROUNDINGS * EPS * 4.0
+
+
+def test_two_drivers_are_followed_along_their_laws():
+    g = fivebar()
+    g.drive("left", bm.ConstantRate(rate=1.0, start=0.0, end=1.0))
+    g.drive("right", bm.ConstantRate(rate=2.0, start=0.0, end=2.0))
+    found = g.compile().extremes("right.B.p.y")
+    assert abs(found.maximum.value - 1.0) <= 4 * EPS
+    assert abs(found.maximum.at["right.q"] - math.pi / 2) <= 2 * PLACE
+    assert abs(found.maximum.at["left.q"] - math.pi / 4) <= PLACE
+
+
+def test_mechanical_advantage_is_useful_force_over_driving_moment():
+    g = slider_crank(0.1, 0.35, 0.0, bm.ConstantRate(rate=2.0))
+    g.add("work", bm.Force(force=(-800.0, 0.0), useful=True))
+    g.connect("dyad.C", "work.at")
+    mechanism = g.compile()
+    name = "mechanism.mechanical_advantage"
+    assert mechanism.outputs[name].unit == "N/(N m)"
+    q = [0.3, 1.0, 2.0, 4.0]
+    run = mechanism.run(at=q, want=[name, "dyad.C.v"], friction="none", static=True)
+    # No power is lost: |F| |v| = |tau| |rate|.
+    product = run[name] * np.abs(run["dyad.C.v"]) / 2.0
+    assert np.abs(product - 1).max() <= 2 * ROUNDINGS * EPS
+    at_rest = mechanism.run(at=[0.0, 1.0], want=[name], friction="none", static=True)
+    assert [(f.sample, f.code, f.where) for f in at_rest.quality.flags] == [(0, "infinite", name)]
+    least = mechanism.extremes(name, friction="none", static=True).minimum
+    fastest = mechanism.extremes("dyad.C.v.x")
+    both = (fastest.minimum, fastest.maximum)
+    assert abs(least.value - 2.0 / fastest.maximum.value) <= 4 * ROUNDINGS * EPS * least.value
+    # v''/v = 2 about, so the places of both agree to 2 PLACE.
+    assert min(apart(least.at["crank.q"], f.at["crank.q"]) for f in both) <= 4 * PLACE
+
+
+def test_rounding_about_zero_is_not_taken_for_a_motion():
+    """The pin of a yoke on a guide turned by 0.3 rad: across the guide it does not move."""
+    g = bm.Graph("yoke")
+    guide = bm.Marker(at=(0.0, 0.0), angle=0.3)
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide}))
+    across = bm.Link(markers={"T": bm.Marker(at=(0.0, 0.0))}, mass=1.0)
+    g.add("crank", bm.Crank(length=0.4))
+    g.add("dyad", bm.RPP(beta=math.pi / 2, links={"j": across}))
+    wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
+    g.drive("crank", bm.ConstantRate(rate=5.0))
+    found = g.compile().extremes("dyad.j.angle")
+    assert found.turns == ()
+    omega = g.compile().extremes("dyad.j.omega")
+    assert omega.minimum.value == omega.maximum.value == 0.0
+
+
+# -- what is said -----------------------------------------------------------------------
+
+
+def test_extremes_and_strokes_are_data_and_text():
+    mechanism = slider_crank(1.0, 3.0).compile()
+    found = mechanism.extremes("dyad.C.p.x")
+    assert json.loads(json.dumps(found.to_dict()))["value"]["maximum"]["end"] is False
+    assert str(found).splitlines()[0] == "dyad.C.p.x  minimum 2 m at crank.q = 3.14159265"
+    told = mechanism.stroke("dyad.C.p")
+    assert json.loads(json.dumps(told.to_dict()))["length"] == told.length
+    assert str(told).startswith("dyad.C.p  stroke 2 m, from crank.q = 3.14159265 to ")
+    assert str(told).endswith("; time ratio 1")
+
+
+WRONG = [
+    ("extremes", "dyad.X.p", "no output has that name"),
+    ("extremes", "mechanism.friction_efficiency", "it is a number"),
+    ("stroke", "crank.B.p", "runs round a closed path"),
+    ("stroke", "dyad.C.v", "it is no place of a marker"),
+    ("stroke", "frame.D.p", "the marker does not move"),
+]
+
+
+@pytest.mark.parametrize(("ask", "name", "found"), WRONG)
+def test_wrong_requests_are_named(ask, name, found):
+    mechanism = fourbar(2.0, 6.0, 3.0, 5.5).compile()
+    with pytest.raises(bm.RequestError) as caught:
+        getattr(mechanism, ask)(name)
+    assert found in caught.value.problems[0].found
+
+
+def test_stroke_of_what_grows_without_bound_is_refused():
+    law = bm.ConstantRate(rate=10.0)
+    with pytest.raises(bm.RequestError, match="grows without bound"):
+        stroke(slider_crank(1.0, 3.0, 2.5, law).compile(), "dyad.i.omega")
+
+
+def test_mechanism_that_never_closes_fails_by_name():
+    with pytest.raises(bm.AssemblyError) as caught:
+        fourbar(1.0, 1.0, 1.0, 10.0).compile().extremes("dyad.C.p")
+    assert caught.value.failure.block == "dyad"
+
+
+def test_slide_without_a_range_says_what_to_do():
+    g = bm.Graph("ram")
+    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
+    g.add("ram", bm.SlideDrive())
+    with pytest.raises(bm.RequestError, match="law of motion"):
+        wired(g, "frame.G ram.S").compile().extremes("ram.S.p")
+
+
+def test_result_with_many_rates_cannot_be_followed():
+    run = scotch_yoke().run(at=[0.0, 1.0], rates=[1.0, 2.0], want="dyad.O.v")
+    with pytest.raises(bm.RequestError, match="in place of rates"):
+        extremes(run, "dyad.O.v.x")

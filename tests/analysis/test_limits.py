@@ -1,0 +1,450 @@
+"""Feasible arcs against the cosine law and other closed forms."""
+
+from __future__ import annotations
+
+import cmath
+import itertools
+import json
+import math
+import random
+import time
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.analysis.limits import arcs_sentence, limits
+from blockmech.testing.strategies import Options, Seeded, random_mechanism
+from tests.analysis.linkages import (
+    EPS,
+    end_error,
+    fivebar,
+    fourbar,
+    fourbar_limits,
+    pushed,
+    slider_crank,
+    slotted_lever,
+    turning_guide,
+    wired,
+)
+
+TURN = 2 * math.pi
+ROUNDINGS = 8
+"""Roundings between the lengths and the sign of a margin: sine and cosine (2),
+two products (2), difference, squares, sum and root of |BD| (3), sum of the lengths (1)."""
+
+
+def arc_ends(found):
+    """Starts and ends of all arcs."""
+    return [(a.start.q, a.end.q) for a in found.arcs]
+
+
+def words(found):
+    """How the arcs end."""
+    return [(str(a.start), str(a.end)) for a in found.arcs]
+
+
+# -- four-bars ------------------------------------------------------------------------
+
+
+def wanted_arcs(a, b, c, d):
+    """Arcs by the cosine law: |BD| grows from |a - d| at q = 0 to a + d at q = pi."""
+    ends = fourbar_limits(a, b, c, d)
+    nearest, farthest = abs(a - d), a + d
+    opens, shuts = nearest >= abs(b - c), farthest <= b + c
+    if nearest > b + c or farthest < abs(b - c):
+        return []
+    if opens and shuts:
+        return [None]
+    if opens:
+        return [(-ends[-1], ends[-1])]
+    if shuts:
+        return [(ends[0], TURN - ends[0])]
+    return [(ends[0], ends[1]), (-ends[1], -ends[0])]
+
+
+def same_arc(found, wanted, tolerance):
+    """Whether two arcs are the same, whole turns apart."""
+    shift = TURN * round((sum(found) - sum(wanted)) / (2 * TURN))
+    return all(abs(x - y - shift) <= tolerance for x, y in zip(found, wanted, strict=True))
+
+
+def test_random_four_bars_obey_the_cosine_law():
+    chance = random.Random(20)
+    kinds = {0: 0, 1: 0, 2: 0, "turn": 0}
+    for _ in range(600):
+        lengths = [math.exp(chance.uniform(-1.5, 1.5)) for _ in range(4)]
+        found, wanted = limits(fourbar(*lengths).compile()), wanted_arcs(*lengths)
+        if wanted == [None]:
+            kinds["turn"] += 1
+            assert found.whole_turn, lengths
+            assert found.arcs[0].length == TURN
+            continue
+        kinds[len(wanted)] += 1
+        assert not found.whole_turn, lengths
+        assert len(found.arcs) == len(wanted), lengths
+        for arc in arc_ends(found):
+            allowed = ROUNDINGS * max(end_error(lengths[0], lengths[3], q) for q in arc)
+            assert any(same_arc(arc, w, allowed) for w in wanted), (lengths, arc, wanted)
+    assert min(kinds.values()) > 20, kinds
+
+
+def test_well_conditioned_ends_are_good_to_1e_12():
+    chance = random.Random(21)
+    errors = []
+    while len(errors) < 300:
+        a, b, c, d = (chance.uniform(0.5, 3.0) for _ in range(4))
+        ends = fourbar_limits(a, b, c, d)
+        if not ends or min(abs(math.sin(q)) for q in ends) < 1e-2:
+            continue
+        found = limits(fourbar(a, b, c, d).compile())
+        met = [q for arc in arc_ends(found) for q in arc]
+        errors += [min(abs(math.remainder(q - w, TURN)) for w in met) for q in ends]
+    assert max(errors) <= 1e-12
+
+
+def test_grashof_crank_turns_fully():
+    found = fourbar(2.0, 6.0, 3.0, 5.5).compile().limits()
+    assert found.whole_turn
+    assert found.sentence() == "crank.q turns fully"
+    assert found.arcs[0].change_points == ()
+    assert all(found.arc_at(q) is found.arcs[0] for q in (-100.0, 0.0, 1.0, 1e6))
+
+
+def test_double_rocker_has_two_arcs_that_end_folded_and_extended():
+    found = fourbar(4.0, 3.0, 2.0, 3.5).compile().limits()
+    assert words(found) == [
+        ("dyad extended", "dyad folded"),
+        ("dyad folded", "dyad extended"),
+    ]
+    assert found.arc_at(1.0) is found.arcs[1]
+    assert found.arc_at(1.0 - 3 * TURN) is found.arcs[1]
+    assert found.arc_at(0.0) is None
+
+
+def test_mechanism_closes_at_both_ends_of_an_arc_and_not_beyond():
+    mechanism = fourbar(4.0, 3.0, 2.0, 3.5).compile()
+    for start, end in arc_ends(mechanism.limits()):
+        margin = mechanism.run(at=[start, end], want="dyad.margin", on_gap="mark")["dyad.margin"]
+        assert (margin >= 0).all()
+        outside = [start - 1e-12, end + 1e-12]  # far beyond the rounding of an end
+        margin = mechanism.run(at=outside, want="dyad.margin", on_gap="mark")["dyad.margin"]
+        assert (margin < 0).all()
+
+
+def test_dyad_that_never_reaches_leaves_no_arc():
+    found = fourbar(1.0, 1.0, 1.0, 10.0).compile().limits()
+    assert found.arcs == ()
+    assert not found.whole_turn
+    assert found.nearest.block == "dyad"
+    assert found.nearest.q == 0.0  # B is nearest to D there
+    assert found.nearest.margin < 0
+    assert found.sentence() == "no feasible arc of crank.q: dyad never closes"
+    assert "dyad never closes; it comes nearest at 0 rad" in str(found)
+
+
+# -- double roots ---------------------------------------------------------------------
+
+TOUCH = 1e-12
+"""[rad] place of a change point: noise 16 EPS of the margin over its curvature (above 0.1
+here) and the width of the interpolant (0.14 rad), magnified by its 32 nodes."""
+
+
+def test_parallelogram_turns_through_two_change_points():
+    found = fourbar(1.0, 3.0, 1.0, 3.0).compile().limits()
+    assert found.whole_turn
+    (folded, extended) = found.arcs[0].change_points
+    assert (str(folded), str(extended)) == ("dyad folded", "dyad extended")
+    assert abs(folded.q) <= TOUCH
+    assert abs(extended.q - math.pi) <= TOUCH
+
+
+def decimal_linkages(count):
+    """Links of decimal lengths and like size, with a + d = b + c but for rounding."""
+    chance = random.Random(5)
+    found = []
+    while len(found) < count:
+        a, b, c = (chance.randint(10, 400) for _ in range(3))
+        d = b + c - a
+        if d > 0 and 20 * min(a, b, c, d) > max(a, b, c, d):
+            found.append((a / 100, b / 100, c / 100, d / 100))
+    return found
+
+
+@pytest.mark.parametrize("lengths", decimal_linkages(60), ids=str)
+def test_change_point_survives_decimal_lengths(lengths):
+    a, b, c, d = lengths
+    found = limits(fourbar(*lengths).compile())
+    points = [str(p) for arc in found.arcs for p in arc.change_points]
+    assert "dyad extended" in points  # at pi
+    if abs(a - d) > abs(b - c) + 1e-9:  # never folds
+        assert found.whole_turn
+        assert points == ["dyad extended"]
+    elif abs(a - d) < abs(b - c) - 1e-9:  # folds on the way
+        assert words(found) == [("dyad folded", "dyad folded")]
+    else:
+        assert sorted(points) == ["dyad extended", "dyad folded"]
+
+
+def test_rhombus_cannot_pass_where_its_pins_meet():
+    found = fourbar(2.0, 2.0, 2.0, 2.0).compile().limits()
+    assert not found.whole_turn
+    assert words(found) == [("dyad coincident", "dyad coincident")]
+    assert abs(found.arcs[0].length - TURN) <= 2 * TOUCH
+    assert [str(p) for p in found.arcs[0].change_points] == ["dyad extended"]
+
+
+def narrow(width, crank=1.0, frame=3.0):
+    """A four-bar that opens for ``width`` [rad] about pi only, and its folded distance."""
+    q = math.pi - width / 2
+    r = math.sqrt(crank**2 + frame**2 - 2 * crank * frame * math.cos(q))
+    rocker = 2.5
+    return (crank, rocker + r, rocker, frame), q
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-6])
+def test_arc_far_narrower_than_the_samples_is_found(width):
+    lengths, start = narrow(width)
+    found = limits(fourbar(*lengths).compile())
+    assert found.spacing > 8 * width
+    assert len(found.arcs) == 1
+    (arc,) = arc_ends(found)
+    # The lengths are rounded as well as what is computed from them, so twice.
+    allowed = 2 * ROUNDINGS * end_error(lengths[0], lengths[3], start)
+    assert same_arc(arc, (start, TURN - start), allowed)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-6])
+def test_gap_far_narrower_than_the_samples_is_found(width):
+    (a, b, c, d), start = narrow(width)
+    found = limits(fourbar(a, b - 2 * c, c, d).compile())  # extended at that distance
+    assert not found.whole_turn
+    (arc,) = arc_ends(found)
+    allowed = 2 * ROUNDINGS * end_error(a, d, start)
+    assert same_arc(arc, (-start, start), allowed)
+
+
+# -- other groups ---------------------------------------------------------------------
+
+
+def test_slider_crank_is_ended_where_its_rod_stands_across_the_guide():
+    found = slider_crank(1.0, 3.0, 2.5).compile().limits()
+    assert words(found) == [("dyad tangent", "dyad tangent")]
+    wanted = math.asin(-0.5)  # sin q = (offset - rod) / crank
+    # d(sin q) has 4 roundings of numbers below 3; dq = d(sin q) / cos q.
+    allowed = 4 * 3 * EPS / math.cos(wanted)
+    assert same_arc(arc_ends(found)[0], (wanted, math.pi - wanted), allowed)
+
+
+def test_rod_as_long_as_the_crank_makes_two_change_points():
+    found = slider_crank(1.0, 1.0).compile().limits()
+    assert found.whole_turn
+    points = found.arcs[0].change_points
+    assert [str(p) for p in points] == ["dyad tangent"] * 2
+    assert max(abs(abs(p.q) - math.pi / 2) for p in points) <= TOUCH
+
+
+def test_lever_with_offset_guide_is_ended_where_the_pin_comes_too_near():
+    crank, frame, h = 1.0, 2.0, 1.5
+    found = slotted_lever(crank, frame, h).compile().limits()
+    assert words(found) == [("dyad tangent", "dyad tangent")]
+    cosine = (crank**2 + frame**2 - h**2) / (2 * crank * frame)  # |BD| = h
+    q = math.acos(cosine)
+    assert same_arc(arc_ends(found)[0], (q, TURN - q), ROUNDINGS * end_error(crank, frame, q))
+
+
+def test_crank_pin_through_the_levers_pivot_ends_the_turn():
+    assert slotted_lever(1.0, 1.5).compile().limits().whole_turn
+    found = slotted_lever(1.0, 1.0).compile().limits()
+    assert words(found) == [("dyad coincident", "dyad coincident")]
+
+
+def test_parallel_guides_end_the_arcs_of_a_turning_guide():
+    found = turning_guide(0.4).compile().limits()
+    assert words(found) == [("dyad parallel", "dyad parallel")] * 2
+    (before, after) = arc_ends(found)
+    assert same_arc(before, (0.4 - math.pi, 0.4), TOUCH)
+    assert same_arc(after, (0.4, 0.4 + math.pi), TOUCH)
+
+
+def test_slide_is_ended_on_both_sides():
+    mechanism = pushed(2.0, 1.5, 3.0, 1.0).compile()
+    found = mechanism.limits()
+    assert found.unit == "m"
+    assert words(found) == [("dyad extended", "dyad extended")]
+    half = math.sqrt(3.5**2 - 1.0)
+    # |BD| = 3.5 with ROUNDINGS of it; dx = |BD| d|BD| / half.
+    allowed = ROUNDINGS * EPS * 3.5**2 / half
+    (start, end) = arc_ends(found)[0]
+    assert abs(start - (3.0 - half)) <= allowed
+    assert abs(end - (3.0 + half)) <= allowed
+
+
+def test_narrow_range_of_a_slides_law_does_not_hide_its_limits():
+    g = pushed(2.0, 1.5, 3.0, 1.0)
+    whole = g.compile().limits()
+    g.drive("ram", bm.ConstantRate(rate=1.0, start=0.1, end=0.1001))
+    assert len(g.compile().limits().arcs) == 1
+    for (a, b), (c, d) in zip(arc_ends(g.compile().limits()), arc_ends(whole), strict=True):
+        assert max(abs(a - c), abs(b - d)) <= ROUNDINGS * EPS * 3.5**2 / 3.3
+
+
+def test_slide_that_no_group_ends_is_unlimited():
+    g = bm.Graph("ram")
+    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
+    g.add("ram", bm.SlideDrive())
+    found = wired(g, "frame.G ram.S").compile().limits()
+    assert words(found) == [("unlimited", "unlimited")]
+    assert arc_ends(found) == [(-math.inf, math.inf)]
+    assert found.to_dict()["arcs"][0]["start"] == {"q": None, "block": "", "how": "unlimited"}
+
+
+# -- several groups, several drivers --------------------------------------------------
+
+
+def chain():
+    """A full-turning four-bar whose rocker works a second dyad that cannot follow."""
+    g = fourbar(2.0, 6.0, 3.0, 5.5)
+    frame = bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0), "F": (9.0, 0.0)})
+    links = {"j": bm.Link(markers={"E": (4.0, 1.0)})}
+    g.blocks["frame"] = frame
+    g.blocks["dyad"] = bm.RRR(l_i=6.0, l_j=3.0, links=links)
+    g.add("last", bm.RRR(l_i=3.5, l_j=2.5))
+    return wired(g, "dyad.E last.B", "frame.F last.D")
+
+
+def test_group_that_ends_an_arc_is_named():
+    mechanism = chain().compile()
+    found = mechanism.limits()
+    assert words(found) == [("last extended", "last extended")]
+    assert mechanism.limits(blocks=["dyad"]).whole_turn
+
+
+@pytest.mark.parametrize("seed", range(120))
+def test_random_mechanisms_close_on_their_arcs_and_nowhere_else(seed):
+    plain = {"masses": False, "loads": False, "springs": False, "friction": False}
+    case = random_mechanism(Seeded(seed), Options(groups=(1, 5), **plain))
+    mechanism = case.graph.compile()
+    for driver in mechanism.drivers:
+        own = case.request["at"][driver]
+        held = {d: q for d, q in case.request["at"].items() if d != driver}
+        found = mechanism.limits(driver, held)
+        assert found.arc_at(own) is not None, case
+        about = np.linspace(-math.pi, math.pi, 2001)
+        q = about if found.unit == "rad" else own + 2 * about
+        at = {**held, driver: q}
+        rates = dict.fromkeys(at, 0.0)
+        run = mechanism.run(at=at, rates=rates, want="*.margin", on_gap="mark")
+        closes = np.all([run[name] >= 0 for name in run], axis=0)
+        inside = np.array([found.arc_at(x) is not None for x in q.tolist()])
+        assert (closes == inside).all(), case
+
+
+def test_other_drivers_are_held():
+    mechanism = fivebar().compile()
+    found = mechanism.limits("left", at={"right": 0.0})
+    # The right pin is at [5, 0]; the left one may be 6 m away: it turns fully, touching pi.
+    assert found.whole_turn
+    (point,) = found.arcs[0].change_points
+    assert str(point) == "dyad extended"
+    assert abs(point.q - math.pi) <= TOUCH
+    assert mechanism.limits("left", at={"right": math.pi}).arcs[0].change_points == ()
+
+
+def test_other_drivers_begin_where_their_laws_do():
+    g = fivebar()
+    g.drive("right", bm.ConstantRate(rate=1.0, start=math.pi))
+    assert g.compile().limits("left").held == {"right": math.pi}
+    g = fivebar()
+    g.start("right", q=2.0)
+    assert g.compile().limits("left").held == {"right": 2.0}
+
+
+# -- what is said ---------------------------------------------------------------------
+
+
+def test_limits_are_data():
+    found = fourbar(4.0, 3.0, 2.0, 3.5).compile().limits()
+    told = json.loads(json.dumps(found.to_dict()))
+    assert told["driver"] == "crank.q"
+    assert told["unit"] == "rad"
+    assert told["whole_turn"] is False
+    assert [a["end"]["how"] for a in told["arcs"]] == ["folded", "extended"]
+    assert [a["end"]["q"] for a in told["arcs"]] == [a.end.q for a in found.arcs]
+    assert str(found).splitlines()[0] == "crank.q: 2 feasible arcs"
+    assert "deg long" in found.text(degrees=True)
+
+
+def test_assembly_error_names_the_feasible_arcs():
+    mechanism = fourbar(4.0, 3.0, 2.0, 3.5).compile()
+    with pytest.raises(bm.AssemblyError) as caught:
+        mechanism.run(at=[1.0, 2.0])
+    sentence = mechanism.limits().sentence()
+    assert sentence.startswith("feasible arcs of crank.q: [-1.45446268, -0.231974804], [0.23197")
+    assert f"{sentence}." in str(caught.value)
+    assert arcs_sentence(mechanism, {"crank": 2.0}) == sentence
+
+
+def test_error_of_an_early_group_does_not_blame_a_later_one():
+    mechanism = chain().compile()
+    with pytest.raises(bm.AssemblyError, match=r"feasible arc of crank\.q"):
+        mechanism.run(at=[3.0])
+    assert mechanism.run(at=[3.0], want="dyad.margin")["dyad.margin"][0] > 0
+
+
+WRONG = [
+    ({}, "limits", "the mechanism has 2 drivers"),
+    ({"driver": "crank"}, "crank", "there is no such driver"),
+    ({"driver": "left"}, "right", "nothing says where this driver is held"),
+    ({"driver": "left", "at": {"left": 1.0, "right": 1.0}}, "at[left]", "is the one that moves"),
+    ({"driver": "left", "at": {"right": math.nan}}, "at[right]", "not a finite number"),
+    ({"driver": "left", "at": {"right": 1.0, "x": 1.0}}, "at[x]", "there is no such driver"),
+    ({"driver": "left", "at": {"right": 1.0}, "samples": 3}, "samples", "got 3"),
+]
+
+
+@pytest.mark.parametrize(("request_", "where", "found"), WRONG)
+def test_wrong_requests_are_named(request_, where, found):
+    with pytest.raises(bm.RequestError) as caught:
+        fivebar().compile().limits(**request_)
+    assert any(p.where == where and found in p.found for p in caught.value.problems)
+
+
+def test_all_problems_of_a_request_come_at_once():
+    with pytest.raises(bm.RequestError) as caught:
+        fivebar().compile().limits("left", at={"left": 1.0, "x": 2.0})
+    assert [p.where for p in caught.value.problems] == ["at[left]", "at[x]", "right"]
+
+
+def test_failing_run_is_explained_in_under_50_ms():
+    mechanism = fourbar(4.0, 3.0, 2.0, 3.5).compile()
+    arcs_sentence(mechanism, {})  # imports and plans once
+    spent = []
+    for _ in itertools.repeat(None, 5):
+        start = time.process_time()
+        arcs_sentence(mechanism, {})
+        spent.append(time.process_time() - start)
+    assert min(spent) < 0.05
+
+
+def test_assembly_error_of_two_drivers_names_the_arcs_of_each_with_the_other_held():
+    g = bm.Graph("five-bar")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (3.0, 0.0)}))
+    g.add("a", bm.Crank(length=1.0))
+    g.add("b", bm.Crank(length=1.0))
+    g.add("dyad", bm.RRR(l_i=1.5, l_j=1.5))
+    for wire in ("frame.A a.A", "frame.E b.A", "a.B dyad.B", "b.B dyad.D"):
+        g.connect(*wire.split())
+    a, b = 2.0, math.pi / 2
+    with pytest.raises(bm.AssemblyError) as caught:
+        g.compile().run(at={"a": a, "b": b}, want="dyad.C.p")
+    # The pins are at most 3 m apart: |D - e^(i a)| <= 3 and |3 - B + e^(i b)| <= 3.
+    D, w = 3 + cmath.exp(1j * b), 3 - cmath.exp(1j * a)
+    half = math.acos((abs(D) ** 2 + 1 - 9) / (2 * abs(D)))
+    arc_a = [cmath.phase(D) - half, cmath.phase(D) + half]
+    half = math.acos((abs(w) ** 2 + 1 - 9) / (2 * abs(w)))
+    arc_b = [cmath.phase(-w) + sign * half for sign in (-1, 1)]
+    said = str(caught.value)
+    for driver, (start, end) in (("a", arc_a), ("b", arc_b)):
+        assert f"feasible arc of {driver}.q: [{start:.9g}, {end:.9g}] rad" in said
+    assert "each with the others held" in said

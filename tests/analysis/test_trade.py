@@ -1,0 +1,405 @@
+"""The trade of speed for accuracy: what is measured, what is claimed, what is recommended."""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import cache
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front, order, trade
+from blockmech.analysis.trade.turned import turned_run
+from blockmech.mechanism import Mechanism
+from blockmech.result import Result
+from blockmech.samples import make_samples
+from tests.wiring import ruiz, watt
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
+TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
+LONG = bool(np.finfo(np.longdouble).eps < np.finfo(np.float64).eps)
+PLENTY = 90.0  # [s] budget that no setting misses, even on a machine that does much else
+SLACK = 5.0  # [s] reference, check and one candidate that started within the budget
+
+
+def mechanism(name: str) -> Mechanism:
+    return bm.Graph.load(GRAPHS / f"{name}.json").compile()
+
+
+@cache
+def friction() -> Trade:
+    return trade(ruiz().compile(), budget=PLENTY, samples=501)
+
+
+@cache
+def motion() -> Trade:
+    return trade(mechanism("watt_sixbar"), "simulate", budget=PLENTY, until="time=2")
+
+
+def of(found: Trade, method: str) -> list[Point]:
+    return found.series()[method]
+
+
+# -- what is measured ----------------------------------------------------------------------
+
+
+def test_a_force_analysis_is_measured_with_every_friction_method_and_precision() -> None:
+    methods = set(friction().series())
+    assert {"numpy", "scalar", "friction none", "friction single", "successive"} <= methods
+    settings = [p.setting for p in of(friction(), "numpy")]
+    assert settings == ["complex64", "complex128"] + ["clongdouble"] * LONG
+    assert len(of(friction(), "successive")) == 5
+
+
+def test_a_simulation_is_measured_with_every_method_that_applies() -> None:
+    assert {"energy", "dop853", "lsoda", "rk4", "euler_q"} <= set(motion().series())
+    assert any(s.label == "spectral" and "does not apply" in s.why for s in motion().skipped)
+
+
+@pytest.mark.parametrize("found", [friction, motion])
+def test_nothing_is_claimed_below_the_floor(found) -> None:
+    floor = found().reference.floor
+    assert floor > 0
+    assert all(p.error >= floor for p in found().points)
+    assert all(p.error == floor for p in found().points if p.below)
+
+
+@pytest.mark.parametrize("found", [friction, motion])
+def test_times_are_medians_of_five_warm_repeats_at_least_with_their_spread(found) -> None:
+    assert all(p.repeats >= 5 for p in found().points)
+    assert all(0 < p.low <= p.seconds <= p.high for p in found().points)
+    assert all(p.evaluations > 0 for p in found().points)
+
+
+def test_more_successive_approximations_give_smaller_errors() -> None:
+    errors = [p.error for p in of(friction(), "successive")]
+    assert errors == sorted(errors, reverse=True)
+    single = of(friction(), "friction single")[0]
+    assert of(friction(), "friction none")[0].error > single.error > errors[0]
+
+
+def test_successive_approximations_contract_at_the_measured_rate() -> None:
+    run = ruiz().compile().run(samples=501, friction="successive", iterations=4)
+    rho = float(np.nanmax(run.quality.contraction["dyad"]))
+    two, three, four = (p.error for p in of(friction(), "successive")[:3])
+    # The worst sample of an error need not be the one that contracts worst; the rate is
+    # that of the last two changes there, which the error's ratio approaches from below.
+    assert 0.8 * rho <= three / two <= 1.1 * rho
+    assert 0.8 * rho <= four / three <= 1.1 * rho
+
+
+def test_fixed_steps_show_their_orders() -> None:
+    steps = [p.options["step"] for p in of(motion(), "rk4")][-3:]
+    assert order(of(motion(), "rk4")[-3:], steps, motion().reference.floor) == pytest.approx(
+        4.0, abs=0.3
+    )
+    steps = [p.options["step"] for p in of(motion(), "euler_q")][-2:]
+    assert order(of(motion(), "euler_q")[-2:], steps, motion().reference.floor) == pytest.approx(
+        1.0, abs=0.15
+    )
+
+
+@pytest.mark.parametrize("method", ["rk4", "euler_q", "dop853"])
+def test_refining_a_method_does_not_make_it_worse(method: str) -> None:
+    errors = [p.error for p in of(motion(), method)]
+    assert errors == sorted(errors, reverse=True)
+
+
+# -- the choice ------------------------------------------------------------------------------
+
+
+def test_without_a_target_the_usual_one_is_named_where_nothing_reaches_it() -> None:
+    said = by_hand(point("rk4", 1e-3, 10, 1e-6)).recommendation
+    assert said.startswith("no setting here gives an error of 1e-9; the closest is rk4")
+
+
+def point(method: str, seconds: float, evaluations: int, error: float) -> Point:
+    return Point(method, "", seconds, seconds, seconds, 5, evaluations, error)
+
+
+def by_hand(*points: Point, **more) -> Trade:
+    return Trade("m", "q", "e", "n", Reference("r", "c", 1e-15), points, **more)
+
+
+def test_the_front_holds_what_nothing_beats_in_both() -> None:
+    a, b, c = point("a", 1.0, 1, 1e-2), point("b", 2.0, 2, 1e-3), point("c", 3.0, 3, 1e-2)
+    assert front((c, a, b), "seconds") == (a, b)
+
+
+def test_evaluations_decide_before_the_stopwatch_does() -> None:
+    noisy = point("few evaluations, unlucky", 2.0, 100, 1e-8)
+    lucky = point("many evaluations", 1.0, 1000, 1e-8)
+    close = point("nearly as few", 1.5, 140, 1e-8)
+    assert by_hand(noisy, lucky).best(1e-6) == noisy
+    assert by_hand(noisy, lucky, close).best(1e-6) == close
+
+
+def spread(method: str, low: float, seconds: float, high: float, count: int, error: float) -> Point:
+    return Point(method, "", seconds, low, high, 5, count, error)
+
+
+def test_where_spreads_of_times_overlap_the_fewest_evaluations_win() -> None:
+    three = spread("3 iterations", 0.9, 1.2, 1.4, 100, 1e-7)
+    six = spread("6 iterations", 0.8, 1.0, 1.1, 130, 1e-9)
+    assert by_hand(six, three).best(1e-6) == three
+    late = spread("3 iterations", 1.15, 1.2, 1.4, 100, 1e-7)
+    assert by_hand(six, late).best(1e-6) == six
+
+
+def test_one_slow_run_of_the_fastest_makes_nothing_else_as_fast() -> None:
+    fast = spread("arrays", 0.9, 1.0, 500.0, 100, 1e-15)
+    slow = spread("one by one", 90.0, 100.0, 120.0, 100, 1e-16)
+    assert by_hand(fast, slow).best(1e-6) == fast
+
+
+def test_of_equal_evaluations_and_times_the_more_exact_wins() -> None:
+    single = spread("complex64", 0.9, 1.0, 1.3, 100, 1e-7)
+    double = spread("complex128", 1.0, 1.1, 1.3, 100, 1e-15)
+    assert by_hand(single, double).best(1e-6) == double
+    wide = spread("clongdouble", 1.4, 1.5, 1.6, 100, 1e-18)
+    double = spread("complex128", 1.0, 1.1, 1.5, 100, 1e-15)
+    assert by_hand(double, wide).best(1e-6) == double
+
+
+@pytest.mark.parametrize("target", [1e-4, 1e-6, 1e-8])
+def test_no_more_iterations_are_recommended_than_the_target_needs(target: float) -> None:
+    best = friction().best(target)
+    assert best is not None
+    suffice = [p for p in of(friction(), "successive") if p.error <= target]
+    fewest = min(p.evaluations for p in suffice)
+    # In single precision a run may be quicker for all its iterations.
+    assert best.evaluations <= fewest or best.options.get("precision") == "complex64"
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(2e-6, "less than a digit"), (1e-5, "1 digit"), (1e-3, "3 digits")]
+)
+def test_the_price_of_speed_is_told_in_digits(error: float, said: str) -> None:
+    found = by_hand(point("energy", 4e-4, 200, 1e-6), point("rk4", 4e-5, 100, error), target=1e-6)
+    assert f"costs {said} (rk4)" in found.recommendation
+
+
+def test_the_sentence_names_error_time_setting_and_the_price_of_speed() -> None:
+    found = by_hand(point("energy", 4e-4, 200, 1e-6), point("rk4", 4e-5, 100, 1e-3), target=1e-5)
+    said = found.recommendation
+    assert said == "for 1e-5, 1e-6 in 0.4 ms: energy; 10.0 times faster costs 3 digits (rk4)"
+
+
+def test_a_target_out_of_reach_is_refused_in_words() -> None:
+    assert (
+        "no setting here gives an error of 1e-9"
+        in by_hand(point("rk4", 1e-3, 10, 1e-6), target=1e-9).recommendation
+    )
+    below = by_hand(point("rk4", 1e-3, 10, 1e-6), target=1e-16).recommendation
+    assert "cannot be confirmed" in below
+
+
+def test_a_time_limit_chooses_the_most_exact_setting_within_it() -> None:
+    found = by_hand(point("slow", 2.0, 20, 1e-9), point("fast", 0.1, 10, 1e-4), within=1.0)
+    assert found.recommended is not None
+    assert found.recommended.method == "fast"
+
+
+def graphs() -> list[str]:
+    return sorted(p.stem for p in GRAPHS.glob("*.json"))
+
+
+@pytest.mark.parametrize("name", graphs())
+def test_the_recommended_setting_run_afresh_meets_its_target(name: str) -> None:
+    mech = mechanism(name)
+    if any(d not in mech.scene.drive for d in mech.drivers):
+        assert mech.scene.initial, f"{name} has neither a law of motion nor a start"
+        return  # it only moves freely
+    found = trade(mech, samples=101, budget=PLENTY)
+    for target in TARGETS:
+        best = found.best(target)
+        if best is None:
+            continue
+        fit = [p for p in found.points if p.error <= target]
+        assert best.evaluations <= 1.5 * min(p.evaluations for p in fit)
+        fresh = mech.run(samples=101, on_gap="mark", **best.options)
+        assert error_against_turned(mech, fresh) <= max(target, found.reference.floor)
+
+
+def error_against_turned(mech: Mechanism, run: Result) -> float:
+    """Largest error against a mechanism turned in the plane, computed in the widest numbers.
+
+    Written apart from the trade's own measure: outputs that turning leaves alone, relative
+    to their largest magnitude where that is above the smallest of their unit.
+    """
+    samples = make_samples(mech.structure, mech.scene, samples=run.n)
+    plain = [n for n in run if run.output(n).kind == "real" and n.endswith(JUDGED)]
+    other, _ = turned_run(mech, samples, "clongdouble", {"want": tuple(plain), "static": False})
+    unsure = {f.sample for f in other.quality.flags}
+    good = [i for i in range(run.n) if i not in unsure and other.quality.status[i] == "ok"]
+    size = {n: float(np.max(np.abs(other[n][good]), initial=0.0)) for n in plain}
+    worst = 0.0
+    for name in plain:
+        if size[name] > 1e-6 * max(size[n] for n in plain if run.unit(n) == run.unit(name)):
+            worst = max(worst, float(np.max(np.abs(run[name] - other[name])[good])) / size[name])
+    return worst
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_the_recommended_simulation_meets_its_target_against_an_outside_number(
+    target: float,
+) -> None:
+    asked = {"until": "time=2", "times": [2.0], "start": {"crank": (math.pi / 3, 0.0)}}
+    best = from_sixty_degrees().best(target)
+    assert best is not None
+    fresh = watt().compile().simulate(**asked, **best.options)
+    # Crank angle [rad] at 2 s by Runge and Kutta's method in long double, made outside.
+    error = abs(fresh["crank.q"][-1] + 4.375366616457432)
+    assert error <= max(target, from_sixty_degrees().reference.floor)
+
+
+@cache
+def from_sixty_degrees() -> Trade:
+    start = {"crank": (math.pi / 3, 0.0)}
+    asked = {"until": "time=2", "times": [2.0], "start": start}
+    return trade(watt().compile(), "simulate", "crank.q", budget=PLENTY, **asked)
+
+
+JUDGED = (".drive", ".omega", ".margin", ".slip", ".J_red")
+
+
+# -- single precision ------------------------------------------------------------------------
+
+
+def test_the_report_says_how_far_single_precision_is_usable() -> None:
+    assert any("single precision" in note and "margin" in note for note in friction().notes)
+
+
+def test_single_precision_stops_being_usable_near_a_dead_centre() -> None:
+    q = 9.0 - np.geomspace(1.0, 1e-5, 41)
+    found = trade(nearly_straight(), budget=PLENTY, at=q, rates=1.0)
+    (note,) = [n for n in found.notes if "single precision" in n]
+    assert "it stops being usable" in note
+
+
+def nearly_straight() -> Mechanism:
+    """A dyad of 6 m and 3 m whose outer joints a slide draws apart."""
+    g = bm.Graph("straight")
+    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0), "D": (0.0, 0.0)}))
+    g.add("slide", bm.SlideDrive())
+    g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0))
+    for source, target in (("frame.G", "slide.S"), ("slide.S", "dyad.B"), ("frame.D", "dyad.D")):
+        g.connect(source, target)
+    return g.compile()
+
+
+@pytest.mark.skipif(not LONG, reason="no number here is wider than double")
+def test_factored_kernels_keep_six_digits_in_single_precision_near_a_dead_centre() -> None:
+    # The distance is a number of single precision, so that only the kernel rounds.
+    q = float(np.float32(9.0 * (1.0 - 1e-4)))
+    want = ("dyad.C.p",)
+    mech = nearly_straight()
+    rough = mech.run(at=q, want=want, precision="complex64", engine="numpy")["dyad.C.p"][0]
+    exact = mech.run(at=q, want=want, precision="clongdouble", engine="numpy")["dyad.C.p"][0]
+    assert abs(rough.imag / exact.imag - 1) < 1e-6
+    assert abs(rough.real / exact.real - 1) < 1e-6
+
+
+# -- paper -----------------------------------------------------------------------------------
+
+
+def test_the_table_names_the_floor_the_front_and_what_was_skipped() -> None:
+    found = by_hand(point("a", 1.0, 1, 1e-2), skipped=(Skipped("b", "the budget is spent"),))
+    text = found.text()
+    assert "(the floor)" in text
+    assert "skipped: b: the budget is spent" in text
+    assert "*  a" in text
+
+
+def test_json_and_csv_hold_every_point() -> None:
+    data = json.loads(json.dumps(friction().to_dict()))
+    assert len(data["points"]) == len(friction().points)
+    assert data["reference"]["floor"] == friction().reference.floor
+    rows = friction().to_csv().splitlines()
+    assert len(rows) == len(friction().points) + 1
+    assert rows[0].count(",") == rows[1].count(",")
+
+
+def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
+    from blockmech.draw.trade import trade_figure
+
+    figure = trade_figure(friction())
+    assert [a.get_xlabel() for a in figure.axes] == [
+        "time of one run [s]",
+        "kernel evaluations [–]",
+    ]
+    assert all(a.get_xscale() == a.get_yscale() == "log" for a in figure.axes)
+    assert figure.get_size_inches()[0] == pytest.approx(8.5 / 2.54)
+    said = " ".join(t.get_text() for t in figure.texts)
+    assert "median" in said
+    assert "Pareto front" in said
+    floor = friction().reference.floor
+    assert all(a.get_ylim()[0] < floor for a in figure.axes)
+
+
+@pytest.mark.parametrize("found", [friction, motion])
+def test_labels_of_the_picture_do_not_overlap_and_stay_inside(found) -> None:
+    from blockmech.draw.trade import trade_figure
+
+    figure = trade_figure(found())
+    renderer = figure.canvas.get_renderer()
+    whole = figure.bbox
+    for axes in figure.axes:
+        labels = [t.get_window_extent(renderer) for t in axes.texts]
+        assert labels
+        assert not any(a.overlaps(b) for a, b in combinations(labels, 2))
+        ticks = [t.get_window_extent(renderer) for t in axes.get_xticklabels()]
+        assert len(ticks) >= 2
+        assert not any(a.overlaps(b) for a, b in combinations(ticks, 2))
+        for box in (*labels, *ticks):
+            assert whole.x0 <= box.x0 <= box.x1 <= whole.x1
+
+
+def test_the_picture_is_written(tmp_path: Path) -> None:
+    assert friction().plot(tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_observed_order_ignores_what_lies_at_the_floor() -> None:
+    rows = [point("m", 1, 1, h**2) for h in (1e-1, 1e-2)] + [point("m", 1, 1, 1e-9)]
+    assert order(rows, [1e-1, 1e-2, 1e-3], 1e-9) == pytest.approx(2.0)
+    assert math.isnan(order(rows[2:], [1e-3], 1e-9))
+
+
+# -- mistakes --------------------------------------------------------------------------------
+
+
+def test_an_unknown_question_names_the_known_ones() -> None:
+    with pytest.raises(bm.RequestError, match="questions: run, simulate"):
+        trade(ruiz().compile(), "simulation")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("name", ["budget", "target", "within"])
+def test_a_limit_must_be_positive(name: str, value: float) -> None:
+    with pytest.raises(bm.RequestError, match=f"{name}: must be > 0"):
+        trade(ruiz().compile(), **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("question", "given", "said"),
+    [
+        ("run", {"until": "time=2"}, "until: .* ask the question simulate"),
+        ("simulate", {"samples": 5}, "samples: .* ask the question run"),
+        ("simulate", {"static": True}, "static: .* ask the question run"),
+        ("run", {"sample": 5}, 'sample: .* did you mean "samples"'),
+        ("simulate", {"method": "rk4"}, "method: .* leave it out"),
+    ],
+)
+def test_what_a_question_does_not_take_is_refused_by_name(question, given, said: str) -> None:
+    with pytest.raises(bm.RequestError, match=said):
+        trade(ruiz().compile(), question, **given)
+
+
+def test_several_mistakes_are_told_at_once() -> None:
+    with pytest.raises(bm.RequestError) as refused:
+        trade(ruiz().compile(), "simulate", budget=-1.0, samples=5, at=1.0)
+    assert [p.where for p in refused.value.problems] == ["budget", "samples", "at"]
