@@ -18,13 +18,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-<<<<<<< HEAD
-from blockmech.model.document import loads
-=======
-from blockmech.dynamics.path.massless import hollows, massless_between
-from blockmech.dynamics.system.reduced import Metered, ReducedSystem, Sample
 from tests.doors import graph_of as loads
->>>>>>> main
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 MASS, RADIUS, FORCE = 2.0, 0.1, 100.0  # [kg], [m], [N], as in the graph

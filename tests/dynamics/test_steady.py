@@ -14,13 +14,8 @@ from scipy.integrate import solve_ivp
 
 from blockmech.dynamics.request import Start
 from blockmech.errors import RequestError
-<<<<<<< HEAD
-from blockmech.model.document import loads
-from tests.dynamics.linkages import fourbar
-=======
 from tests.doors import graph_of as loads
-from tests.dynamics.linkages import fourbar, guided
->>>>>>> main
+from tests.dynamics.linkages import fourbar
 from tests.dynamics.scenes import (
     JUDGE,
     LONG,

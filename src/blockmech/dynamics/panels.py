@@ -62,17 +62,18 @@ def basis(v: Floats, n: int) -> Floats:
 @cache
 def rule(n: int) -> Rule:
     """The rule with n nodes; v_i = sin^2((i + 1/2) pi / 2n), small ones to full accuracy."""
-    v = np.sin((np.arange(n) + 0.5) * math.pi / (2 * n)) ** 2
-    to_series = np.linalg.inv(basis(v, n))
+    v: Floats = np.asarray(np.sin((np.arange(n) + 0.5) * math.pi / (2 * n)) ** 2)
+    to_series: Floats = np.asarray(np.linalg.inv(basis(v, n)))
     x, weights = leggauss(n + 1)
     s = (x + 1) / 2
     places = np.append(v, 1.0)[:, None] * s
     values = basis(places, n)  # (n + 1, gauss, n)
-    average, whole = {}, {}
+    average: dict[int, Floats] = {}
+    whole: dict[int, Floats] = {}
     for p in (1, 2):
         rows = np.einsum("g,igk->ik", weights / 2 * p * s ** (p - 1), values) @ to_series
         average[p], whole[p] = rows[:-1], rows[-1]
-    integral = chebyshev.chebint(np.eye(n), lbnd=-1) / 2
+    integral: Floats = np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2)
     return Rule(v, to_series, average, whole, integral)
 
 

@@ -300,7 +300,7 @@ class PathRun:
             if count < 2:
                 self.mark = turned
                 return
-            energies = np.arange(count) * gain
+            energies: Floats = np.arange(count, dtype=np.float64) * gain
             starts = np.concatenate([[0.0], np.cumsum(durations(panels, energies))])
             turn = replace(turn, starts=starts)
         self.legs[first:] = [turn]
@@ -324,7 +324,7 @@ class PathRun:
             return 2 if until.goal != "steady" else 0
         reached = turn.t0
         while reached < self.t_goal:
-            block = np.arange(count, 2 * count) * turn.gain
+            block: Floats = np.arange(count, 2 * count, dtype=np.float64) * turn.gain
             reached += float(durations(turn.panels, block).sum())
             count *= 2
         return count
@@ -374,7 +374,8 @@ class PathRun:
         while True:
             length = abs(end - q)
             if length <= CLOSE * max(abs(q), abs(end)):
-                return self.too_short(piece, end)
+                self.too_short(piece, end)
+                return None
             at_limit = bool(piece.data.limit == sign and end == piece.end(sign)) and self.K > 0
             span = Span(q, length, 1 if self.K else 2, False, False, self.K)
             if at_limit:
@@ -463,7 +464,8 @@ class PathRun:
         q, sign = self.q, self.sign
         if self.K == 0:
             return None
-        last, n, w = math.inf, self.n, None
+        last, n = math.inf, self.n
+        before: Floats | None = None
         for _ in range(STEPS):
             length = sign * (guess - q)
             if length <= CLOSE * max(abs(q), 1.0) and 1e3 * EPS * self.largest_energy() >= self.K:
@@ -474,7 +476,7 @@ class PathRun:
                 return None
             span = Span(guess, length, 2, True, False, 0.0)
             work, J = self.work(piece, span)
-            w, K = settled(work, span, n, w)
+            w, K = settled(work, span, n, before)
             at_rest = float((basis(np.zeros(1), n) @ rule(n).to_series @ w)[0])
             if not (np.isfinite(w).all() and at_rest < 0):
                 return None
@@ -482,7 +484,7 @@ class PathRun:
             step = sign * (self.K - start) / -at_rest
             if abs(step) <= EPS * abs(guess) or abs(step) >= last:
                 break
-            last, guess = abs(step), guess + step
+            last, guess, before = abs(step), guess + step, w
         panel = replace(self.made(span, guess, w, K, J), K1=0.0)
         good = (K > 0).all() and self.resolved(panel, work)
         return self.until_guide_turns(piece, panel, work) if good else None
@@ -560,7 +562,8 @@ def path_motion(run: PathRun) -> Motion:
     """The motion of a run that has ended; its error is not known yet."""
     request, system = run.request, run.system
     start = request.start
-    track = PathTrack(tuple(run.legs) or (Standing(0.0, run.q),), start.t)
+    legs: tuple[Leg, ...] = tuple(run.legs) or (Standing(0.0, run.q),)
+    track = PathTrack(legs, start.t)
     state = track.state(np.array([start.t + run.t]))
     standing = bool(run.events) and run.events[-1].t == run.t
     q, qd = float(state.q[0]), float(state.qd[0])

@@ -20,7 +20,10 @@ TURNS_AT_ONCE = 4096  # of which the times are summed together: some megabytes
 class Leg(Protocol):
     """A part of the track: it begins at t0 [s]."""
 
-    t0: float
+    @property
+    def t0(self) -> float:
+        """When it begins [s]."""
+        ...
 
     def state(self, t: Floats) -> tuple[Floats, Floats]:
         """Driver coordinate and rate (m,) at times (m,) [s]."""

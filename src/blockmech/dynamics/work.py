@@ -38,7 +38,7 @@ class OfPlace:
     follows_energy = False
 
     def __init__(self, rows: Floats, sign: int) -> None:
-        self._w = sign * rows[1]
+        self._w: Floats = sign * rows[1]
 
     def __call__(self, K: Floats) -> Floats:
         """The effort, in the direction of the motion."""
@@ -132,11 +132,11 @@ def settled(work: Work, span: Span, n: int, guess: Floats | None = None) -> tupl
         if beyond is not None:
             inverse = _inverse((beyond - there) / _step(K), G)
         assert inverse is not None
-        change = inverse @ (there - w)
+        change: Floats = inverse @ (there - w)
         size = float(np.abs(change).max())
         if not math.isfinite(size):
             return np.full(n, math.nan), K
-        w = w + change
+        w = np.asarray(w + change)
         if size <= 4 * EPS * float(np.abs(w).max()) or size >= last:
             break
         inverse, last = (inverse if size <= FAST * last else None), size

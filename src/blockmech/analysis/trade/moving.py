@@ -197,7 +197,8 @@ def settings_of(best: Result) -> Iterator[Candidate]:
             )
     if not alone:
         return
-    units = {"rk4": "s", "euler_q": "rad" if mechanism.driver_joint(mechanism.drivers[0]).rotary else "m"}
+    rotary = mechanism.driver_joint(mechanism.drivers[0]).rotary
+    units = {"rk4": "s", "euler_q": "rad" if rotary else "m"}
     motion = motion_of(best)
     span = motion.t_end - motion.t_start
     track = motion.at(motion.times(201)).q
