@@ -56,7 +56,12 @@ ROOMS = (
     "__main__",
 )
 LATE = {"scipy", "matplotlib", "typer", "rich", "pandas", "hypothesis", "pytest", "mpmath"}
-NEEDED_IN = {"typer": "cli", "rich": "cli", "pytest": "blockmech.testing.pytest_plugin"}
+NEEDED_IN = {
+    "typer": "cli",
+    "rich": "cli",
+    "pytest": "blockmech.testing.pytest_plugin",
+    "scipy": "dynamics",  # a room that nothing loads before a motion is asked for
+}
 
 
 def modules():

@@ -7,7 +7,7 @@ joint friction is solved with the reactions that follow.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -120,6 +120,7 @@ def settled(work: Work, span: Span, n: int, guess: Floats | None = None) -> tupl
     Newton's method on  w = work(K),  K = energy + G w; its matrix serves while steps fall fast.
     """
     G = slopes(n, span.p, span.length, span.backward, span.limit)
+    w: Floats
     if not work.follows_energy:
         w = work(np.full(n, span.energy))
         return w, span.energy + G @ w
@@ -132,11 +133,11 @@ def settled(work: Work, span: Span, n: int, guess: Floats | None = None) -> tupl
         if beyond is not None:
             inverse = _inverse((beyond - there) / _step(K), G)
         assert inverse is not None
-        change: Floats = inverse @ (there - w)
+        change: Any = inverse @ (there - w)
         size = float(np.abs(change).max())
         if not math.isfinite(size):
             return np.full(n, math.nan), K
-        w = np.asarray(w + change)
+        w = w + change
         if size <= 4 * EPS * float(np.abs(w).max()) or size >= last:
             break
         inverse, last = (inverse if size <= FAST * last else None), size
@@ -153,5 +154,4 @@ def _inverse(slope: Floats, G: Floats) -> Floats:
     matrix = np.eye(slope.size) - slope[:, None] * G
     if not np.isfinite(matrix).all():
         return np.full(matrix.shape, math.nan)
-    found: Floats = np.linalg.inv(matrix)
-    return found
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
