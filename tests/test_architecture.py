@@ -69,7 +69,12 @@ NOT_YET = {  # imports that still run uphill
     ("blockmech.values", "blockmech.model.refusals"),
 }
 LATE = {"scipy", "matplotlib", "typer", "rich", "pandas", "hypothesis", "pytest", "mpmath"}
-NEEDED_IN = {"typer": "cli", "rich": "cli", "pytest": "blockmech.testing.pytest_plugin"}
+NEEDED_IN = {
+    "typer": "cli",
+    "rich": "cli",
+    "pytest": "blockmech.testing.pytest_plugin",
+    "scipy": "dynamics",  # a room that nothing loads before a motion is asked for
+}
 
 
 def modules():

@@ -11,7 +11,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
-from blockmech.dynamics.until import Watch
+from blockmech.dynamics.request import Watch
 from blockmech.result import Result
 from tests.wiring import ruiz, same_bits
 

@@ -239,14 +239,6 @@ class Compiled:
         return self._engines[key]
 
     @cached_property
-    def reduced(self) -> Any:
-        """The reduced system of forward dynamics; kept, so asking again costs nothing."""
-        from blockmech.dynamics.system.reduction import reduced_system, reduced_systems
-
-        of = self.of_blocks
-        return reduced_system(of) if len(self.drivers) == 1 else reduced_systems(of)
-
-    @cached_property
     def frictional_joints(self) -> tuple[str, ...]:
         """Names of the joints that have friction."""
         found = (

@@ -9,9 +9,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from blockmech.dynamics.methods import move
-from blockmech.dynamics.system.reduced import Metered
-from blockmech.dynamics.until import Start
+from blockmech.dynamics.request import Start
 from tests.dynamics import exact
 from tests.dynamics.linkages import (
     FourBar,
@@ -23,6 +21,7 @@ from tests.dynamics.linkages import (
     squeezer,
     watt,
 )
+from tests.dynamics.synthetic import Synthetic, move
 
 WATT = recorded("watt_sixbar")
 ANDREWS = recorded("andrews_squeezer")["converged_at_0_03"]
@@ -96,7 +95,7 @@ def test_a_thousand_swings_of_the_watt_sixbar():
     swing = WATT["from_60_degrees"]["time_until_standstill"]
     assert abs(motion.t_end - 1000 * swing) <= 1e-10
     state = motion.at(motion.times(2001))
-    inertia = watt().sample(state.q, frozenset())
+    inertia = watt().sample(state.q)
     kinetic = inertia.J * state.qd**2 / 2
     assert kinetic.min() >= 0
     assert len(motion.events) == 1000
@@ -281,17 +280,11 @@ def test_a_kink_in_a_load_costs_no_accuracy(knots):
 def test_a_torsion_spring_on_the_crank_has_no_period():
     base = pendulum()
 
-    def sample(q, wanted):
-        found = base.sample(q, wanted)
-        return found._replace(tau=found.tau - 0.05 * q)
-
     def one(q, qd, t):
         J, tau, dJ, margin = base.one(q, qd, t)
         return J, tau - 0.05 * q, dJ, margin
 
-    from blockmech.dynamics.system.reduced import ReducedSystem
-
-    system = ReducedSystem(sample=sample, one=one, period=None)
+    system = Synthetic(one, period=None)
     times = np.linspace(1, 30, 12)
     motion = run(system, 0.0, "time=30", 4.0)
     assert np.abs(motion.at(times).q - truth(system, 0.0, 4.0, times)[0]).max() <= 1e-10
@@ -310,22 +303,6 @@ def test_goals_of_a_swinging_pendulum():
     never = run(pendulum(), 1.0, "turns=1")
     assert (never.status, never.end) == ("ended", "never reached: libration")
     assert run(pendulum(), 0.0, "angle=-1", 1.5).q_end == -1.0
-
-
-def test_only_inertia_and_effort_are_asked_for():
-    asked = []
-    base = watt()
-
-    def sample(q, wanted):
-        asked.append(wanted)
-        return base.sample(q, wanted)
-
-    from dataclasses import replace
-
-    meter = Metered(replace(base, sample=sample))
-    move(meter, Start(math.pi / 3), "time=2", "energy", 1e-12)
-    assert set(asked) == {frozenset()}
-    assert meter.cost.calls == len(asked)
 
 
 def test_dense_output_at_many_and_at_single_times_agree():

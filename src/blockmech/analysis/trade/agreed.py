@@ -114,7 +114,7 @@ class Agreed(NamedTuple):
 
 def was_stopped(motion: Motion) -> bool:
     """Whether a run was ended before it was as fine as asked for."""
-    from blockmech.dynamics.ends import INTERRUPTED
+    from blockmech.dynamics.motion import INTERRUPTED
 
     return motion.end == INTERRUPTED
 
@@ -203,7 +203,7 @@ def _tried(question: Question, method: str, accuracy: float, limit: float) -> Tr
 
 def _whole(motion: Motion, question: Question) -> bool:
     """Whether a motion is of any use, though it may have been stopped on its way to a finer one."""
-    from blockmech.dynamics.until import Until
+    from blockmech.dynamics.request import Until
 
     if not was_stopped(motion):
         return True

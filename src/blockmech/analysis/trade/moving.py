@@ -157,7 +157,7 @@ def trade_motion(
 
 def _single(question: Question) -> float:
     """Time of one kernel evaluation [s]; 0 where the request does not say the start."""
-    from blockmech.dynamics.system.reduced import ReducedSystem
+    from blockmech.dynamics.change_points import system_of
 
     mechanism = question.mechanism
     starts = {d: (x.q, x.rate) for d, x in mechanism.scene.initial.items()}
@@ -165,8 +165,8 @@ def _single(question: Question) -> float:
     if set(starts) != set(mechanism.drivers):
         return 0.0  # which the run will refuse
     rows = np.array([starts[d] for d in mechanism.drivers], dtype=float)
-    system = mechanism.reduced
-    if isinstance(system, ReducedSystem):
+    system = system_of(mechanism)
+    if len(system.drivers) == 1:
         q, rate = rows[0].tolist()
         return min(once(lambda: system.one(q, rate, 0.0))[1] for _ in range(3))
     return min(once(lambda: system.terms(rows[:, 0], rows[:, 1], 0.0))[1] for _ in range(3))
@@ -186,19 +186,19 @@ def _unmeasured(why: str) -> tuple[Skipped, ...]:
 
 def settings_of(best: Result) -> Iterator[Candidate]:
     """Settings of every method, from coarse to fine."""
-    from blockmech.dynamics.system.reduced import ReducedSystem
-
-    system = best.mechanism.reduced
+    mechanism = best.mechanism
+    alone = len(mechanism.drivers) == 1
     for method, targets in ADAPTIVE.items():
-        if not isinstance(system, ReducedSystem) and method in ("energy", "spectral"):
+        if not alone and method in ("energy", "spectral"):
             continue
         for accuracy in targets:
             yield Candidate(
                 method, f"accuracy {accuracy:g}", {"method": method, "accuracy": accuracy}
             )
-    if not isinstance(system, ReducedSystem):
+    if not alone:
         return
-    units = {"rk4": "s", "euler_q": "rad" if system.kind == "rotation" else "m"}
+    rotary = mechanism.driver_joint(mechanism.drivers[0]).rotary
+    units = {"rk4": "s", "euler_q": "rad" if rotary else "m"}
     motion = motion_of(best)
     span = motion.t_end - motion.t_start
     track = motion.at(motion.times(201)).q
