@@ -12,9 +12,8 @@ import typer
 
 from blockmech.builders import opened
 from blockmech.cli.numbers import MOST
-from blockmech.errors import GraphError, Problem, RequestError
+from blockmech.errors import GraphError, Problem, RequestError, in_file
 from blockmech.mechanism import Mechanism
-from blockmech.model.problems import in_file
 
 
 def option(help: str, metavar: str | None = None, **more: Any) -> Any:

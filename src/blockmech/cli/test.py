@@ -103,7 +103,7 @@ def _tested(file: str) -> _Tested:
 
 
 def _in(file: str, error: BlockmechError) -> list[Problem]:
-    from blockmech.model.problems import in_file
+    from blockmech.errors import in_file
 
     return in_file(error.problems, file)
 

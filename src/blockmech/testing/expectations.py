@@ -16,11 +16,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import BlockmechError, FormatError, Problem, RequestError
+from blockmech.errors import (
+    BlockmechError,
+    FormatError,
+    Problem,
+    RequestError,
+    in_file,
+    path_text,
+    shown,
+)
 from blockmech.model.expect import Expectation
-from blockmech.model.problems import in_file, path_text
-from blockmech.model.refusals import validated
-from blockmech.values import shown
+from blockmech.validation_errors import validated
 
 if TYPE_CHECKING:
     from blockmech.builders import Opened

@@ -14,10 +14,11 @@ from collections.abc import Callable, Mapping, Sequence
 from random import Random
 from typing import Any, NamedTuple
 
+from blockmech.assur.pairs import Pair
+from blockmech.assur.rigidity import rigidity
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.equations import ends
 from blockmech.blocks.general.kernels import jacobian
-from blockmech.model.rigidity import Pair, rigidity
 from blockmech.plane import spread
 from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link

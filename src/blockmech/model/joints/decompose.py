@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from blockmech.errors import GraphError, Problem
-from blockmech.model.assur import Unit
-from blockmech.model.formation import Formation, formation
+from blockmech.assur.formation import Formation, formation
+from blockmech.assur.groups import Unit
+from blockmech.errors import GraphError, Problem, in_file
 from blockmech.model.joints.closing import Closing, Poses, given_poses
 from blockmech.model.joints.connections import (
     Connections,
@@ -54,7 +54,6 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.special import Layout
 from blockmech.model.naming import Names
-from blockmech.model.problems import in_file
 
 if TYPE_CHECKING:
     from blockmech.model.graph import Graph

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from blockmech.errors import FormatError, Problem
-from blockmech.model.contents import FORMAT as GRAPH
+from blockmech.errors import MOST, FormatError, Problem, in_file, path_text, said_already, shown
+from blockmech.model.document import FORMAT as GRAPH
 from blockmech.model.joints.contents import (
     EXTRAS,
     FORMAT,
@@ -25,11 +25,10 @@ from blockmech.model.joints.contents import (
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import bad_name, reference_problems, unknown_kind
 from blockmech.model.migrations import VERSION, version_problem
-from blockmech.model.problems import MOST, in_file, path_text, said_already
 from blockmech.model.reading import data_of, text_of
-from blockmech.model.refusals import validated
 from blockmech.model.writing import canonical_text, plain, write_checked
-from blockmech.values import is_name, shown
+from blockmech.validation_errors import validated
+from blockmech.values import is_name
 
 SECTIONS = ("links", "joints", "drivers", "loads")
 

@@ -157,7 +157,7 @@ class Linkage(KnownAttributes):
 
 def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given]) -> Any:
     """A part of the document. Raises `GraphError` with places in the document."""
-    from blockmech.model.problems import path_text
+    from blockmech.errors import path_text
 
     try:
         return model(**given)

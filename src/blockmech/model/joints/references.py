@@ -6,10 +6,9 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from blockmech.errors import Problem, close_match, listed
+from blockmech.errors import Problem, close_match, listed, path_text, shown
 from blockmech.model.joints.contents import FRAME, Section
-from blockmech.model.problems import path_text
-from blockmech.values import NAME_RULE, is_name, shown
+from blockmech.values import NAME_RULE, is_name
 
 if TYPE_CHECKING:
     from blockmech.model.joints.linkage import Linkage

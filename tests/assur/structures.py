@@ -9,10 +9,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from blockmech.model.assur import Unit
-from blockmech.model.determinacy import diagnose
-from blockmech.model.formation import formation
-from blockmech.model.rigidity import Pair
+from blockmech.assur.diagnosis import diagnose
+from blockmech.assur.formation import formation
+from blockmech.assur.groups import Unit
+from blockmech.assur.pairs import Pair
 
 FRAME = ("frame",)
 

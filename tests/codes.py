@@ -1,19 +1,6 @@
-"""What can be wrong with a graph file, and how its problems are shown."""
+"""Every code that a graph file can cause; each has a file in ``graphs/broken``."""
 
-from __future__ import annotations
-
-import json
-import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, replace
-from typing import TypeAlias
-
-from blockmech.errors import Problem, close_match, listed
-from blockmech.values import shown
-
-Path: TypeAlias = Sequence[str | int]
-
-FILE_CODES: Mapping[str, str] = {
+FILE_CODES = {
     # the file
     "no-file": "there is no such file",
     "not-a-file": "a directory was named",
@@ -64,55 +51,3 @@ FILE_CODES: Mapping[str, str] = {
     "cycle": "blocks that wait for each other",
     "unknown-driver": "the scene drives something that is no driving link",
 }
-"""Every code that a graph file can cause; each has a file in ``graphs/broken``."""
-
-MOST = 100  # problems that are listed
-LONGEST = 400  # characters of one part of a message
-
-
-def path_text(path: Path) -> str:
-    """A place in a JSON document, e.g. ``wires[2].from``."""
-    text = ""
-    for part in path:
-        if isinstance(part, int):
-            text += f"[{part}]"
-        elif re.fullmatch(r'[^\s./\[\]"]+', part):
-            text += f".{part}" if text else part
-        else:
-            text += f"[{shown(part)}]"
-    return text
-
-
-def in_file(problems: Iterable[Problem], file: str) -> list[Problem]:
-    """Problems as they are shown: each once, with the file, in printable text, not endless."""
-    once = list(dict.fromkeys(problems))
-    found = [_printable(replace(p, file=file)) for p in once[:MOST]]
-    if len(once) > MOST:
-        found.append(Problem(once[MOST].code, "", f"and more after these {MOST}", file=file))
-    return found
-
-
-def said_already(problem: Problem, odd: Iterable[Problem]) -> bool:
-    """Whether one of the problems is at the same place, or inside it."""
-    inside = (f"{problem.where}.", f"{problem.where}[")
-    return any(p.where == problem.where or p.where.startswith(inside) for p in odd)
-
-
-def _printable(problem: Problem) -> Problem:
-    parts = {f.name: getattr(problem, f.name) for f in fields(problem)}
-    return Problem(**{name: _line(text) for name, text in parts.items()})
-
-
-def _line(text: str) -> str:
-    cut = text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
-    if cut.isprintable():
-        return cut
-    return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in cut)
-
-
-def unknown_key(where: str, owner: str, key: str, keys: Iterable[str]) -> Problem:
-    """The problem that names a key and the ones that are valid there."""
-    keys = list(keys)
-    valid = f"keys there: {listed(keys, 20)}" if keys else ""
-    found = f"{owner} has no key {shown(key)}"
-    return Problem("unknown-key", where, found, valid, close_match(key, keys) or "remove it")

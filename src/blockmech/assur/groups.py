@@ -11,14 +11,14 @@ Source: [A88] Artobolevsky, Theory of mechanisms, 1988.
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import networkx as nx
 
-from blockmech.model.rigidity import Pair
+from blockmech.assur.pairs import Pair
 
 DYADS = ("RRR", "RRP", "RPR", "PRP", "RPP")
 """Kinds of dyads in the letters outer, inner, outer; PPP leaves a link free to slide."""
@@ -65,7 +65,7 @@ def classify(links: Iterable[str], pairs: Iterable[Pair], drivers: Collection[st
     names = sorted(links)
     ordered = sorted(pairs, key=lambda p: p.name)
     inner = tuple(p for p in ordered if p.first in names and p.second in names)
-    outer = tuple(p for p in ordered if not (p.first in names and p.second in names))
+    outer = tuple(p for p in ordered if p not in inner)
     driven = tuple(p.name for p in ordered if p.name in drivers)
     if len(names) == 1 and len(ordered) == len(driven) == 1:
         return Unit(tuple(names), inner, outer, driven, "driver", 1)
@@ -78,7 +78,7 @@ def classify(links: Iterable[str], pairs: Iterable[Pair], drivers: Collection[st
     )
     if kind in DYADS:
         return Unit(tuple(arranged), inner, tuple(feet[a] for a in arranged), driven, kind, 2)
-    number = _class_number(names, inner, driven)
+    number = _class_number(inner, driven)
     return Unit(tuple(arranged), inner, outer, driven, kind, number)
 
 
@@ -121,33 +121,28 @@ def _as_triad(names: list[str], inner: Sequence[Pair], feet: Mapping[str, Pair])
     return "triad", [centre, *(a for a in names if a != centre)]
 
 
-def _class_number(names: Iterable[str], inner: Sequence[Pair], driven: Collection[str]) -> int:
+def _class_number(inner: Iterable[Pair], driven: Collection[str]) -> int:
     """Pairs of the richest closed contour: a link's inner pairs, or a loop's sides."""
-    welded: nx.Graph[str] = nx.Graph()
-    welded.add_nodes_from(names)
-    welded.add_edges_from(p.links for p in inner if p.name in driven)
-    body = {a: min(part) for part in nx.connected_components(welded) for a in part}
-    joints = [(body[p.first], body[p.second]) for p in inner if p.name not in driven]
+    inner = list(inner)
+    welded = nx.utils.UnionFind(a for p in inner for a in p.links)
+    for p in inner:
+        if p.name in driven:
+            welded.union(*p.links)
+    joints = [(welded[p.first], welded[p.second]) for p in inner if p.name not in driven]
     on_one = Counter(a for joint in joints for a in joint)
-    near: dict[str, list[str]] = defaultdict(list)
-    for a, b in joints:
-        near[a].append(b)
-        near[b].append(a)
-    return max([2, *on_one.values(), *(_shortest_loop(near, a, b) for a, b in joints)])
+    graph: nx.MultiGraph[str] = nx.MultiGraph(joints)
+    return max([2, *on_one.values(), *(_shortest_loop(graph, *joint) for joint in joints)])
 
 
-def _shortest_loop(near: Mapping[str, Sequence[str]], a: str, b: str) -> int:
+def _shortest_loop(graph: nx.MultiGraph[str], a: str, b: str) -> int:
     """Sides of the shortest loop through a pair of links a and b, 0 if there is none."""
-    if near[a].count(b) > 1:
-        return 2
-    reached, shell, sides = {a}, [c for c in near[a] if c != b], 2
-    while shell:
-        if b in shell:
-            return sides
-        reached.update(shell)
-        shell = [d for c in shell for d in near[c] if d not in reached]
-        sides += 1
-    return 0
+    graph.remove_edge(a, b)
+    try:
+        return 1 + int(nx.shortest_path_length(graph, a, b))
+    except nx.NetworkXNoPath:
+        return 0
+    finally:
+        graph.add_edge(a, b)
 
 
 def roman(number: int) -> str:

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import networkx as nx
 
-from blockmech.model.rigidity import Pair, check_names, rigidity
+from blockmech.assur.pairs import Pair, sorted_parts
+from blockmech.assur.rigidity import rigidity
 
 
 @dataclass(frozen=True)
@@ -35,12 +36,20 @@ class Finding:
     text: str
 
 
+def _finding(
+    code: str, text: str, number: int, links: Iterable[str] = (), pairs: Iterable[str] = ()
+) -> Finding:
+    names, joints = tuple(sorted(links)), tuple(sorted(pairs))
+    words = {"links": ", ".join(names), "pairs": ", ".join(joints), "number": number}
+    words |= {"times": "once" if number == 1 else f"{number} times", "s": "s" * (number > 1)}
+    return Finding(code, names, joints, number, text.format(**words))
+
+
 def diagnose(
     links: Iterable[str],
     pairs: Iterable[Pair],
     earlier: Collection[str],
     drivers: Collection[str] = (),
-    work: int | None = None,
 ) -> tuple[Finding, ...]:
     """Why links, pairs and drivers do not make a determinate mechanism.
 
@@ -48,64 +57,54 @@ def diagnose(
     twice. Over-constrained links are those of the structure without drivers; a driver
     whose pair cannot move there is locked, and its finding names the links that hold it.
     """
-    moving, ordered = set(links) - set(earlier), sorted(pairs, key=lambda p: p.name)
-    check_names(sorted(moving), ordered, earlier, drivers)
+    moving, ordered = sorted_parts(links, pairs, earlier, drivers)
     away = _unconnected(moving, ordered, earlier)
+    near = [a for a in moving if a not in away]
     at_hand = [p for p in ordered if not away.intersection(p.links)]
     driven = {p.name: p for p in at_hand if p.name in drivers}
-    undriven = rigidity(moving - away, at_hand, earlier, (), work)
-    held = rigidity(moving - away, at_hand, earlier, driven, work)
+    undriven = rigidity(near, at_hand, earlier)
+    held = rigidity(near, at_hand, earlier, driven)
     found: list[Finding] = []
-
-    def say(code: str, links: Iterable[str], pairs: Iterable[str], number: int, text: str) -> None:
-        names = tuple(sorted(links))
-        words = {"links": ", ".join(names), "pairs": ", ".join(pairs), "number": number}
-        words |= {"times": "once" if number == 1 else f"{number} times", "s": "s" * (number > 1)}
-        found.append(Finding(code, names, tuple(pairs), number, text.format(**words)))
-
     if away:
-        say("unconnected-links", away, (), len(away), "no pair joins {links} to the rest")
+        text = "no pair joins {links} to the rest"
+        found.append(_finding("unconnected-links", text, len(away), away))
     for o in undriven.overconstrained:
         if o.turning_only:
-            text = "{links} are joined in a loop by P pairs alone ({pairs}), which hold their"
-            text += " relative turning {times} too often"
-            say("turning-held-twice", o.links, o.pairs, o.excess, text)
+            code, text = "turning-held-twice", "{links} are joined in a loop by P pairs alone "
+            text += "({pairs}), which hold their relative turning {times} too often"
         else:
-            text = "{links} are over-constrained: their pairs {pairs} hold them {times} too often"
-            say("over-constrained", o.links, o.pairs, o.excess, text)
+            code, text = "over-constrained", "{links} are over-constrained: their pairs {pairs} "
+            text += "hold them {times} too often"
+        found.append(_finding(code, text, o.excess, o.links, o.pairs))
     missing = undriven.mobility - len(driven)
     count = f"mobility {undriven.mobility}, drivers {len(driven)}: {{number}} driver{{s}} too "
     if missing < 0:
-        say("too-many-drivers", (), sorted(driven), -missing, count + "many")
+        found.append(_finding("too-many-drivers", count + "many", -missing, (), driven))
     elif missing > 0:
-        say("too-few-drivers", (), sorted(driven), missing, count + "few")
+        found.append(_finding("too-few-drivers", count + "few", missing, (), driven))
     body = {a: part for part in undriven.clusters for a in part}
     for o in held.overconstrained:
-        locked = [
-            d for d in o.drivers if body.get(driven[d].first, ()) == body.get(driven[d].second)
-        ]
-        fighting = [d for d in o.drivers if d not in locked]
-        for d in locked:
-            say("locked-driver", o.links, (d,), 1, "driver {pairs} moves nothing: {links} lock it")
+        locked = {
+            d for d in o.drivers if body.get(driven[d].first) == body.get(driven[d].second, ())
+        }
+        text = "driver {pairs} moves nothing: {links} lock it"
+        found += [_finding("locked-driver", text, 1, o.links, [d]) for d in sorted(locked)]
+        fighting = set(o.drivers) - locked
         if fighting:
-            independent = (
-                undriven.mobility
-                - rigidity(moving - away, at_hand, earlier, fighting, work).mobility
-            )
-            excess = len(fighting) - independent
+            left = rigidity(near, at_hand, earlier, fighting).mobility
+            excess = len(fighting) - (undriven.mobility - left)
             text = "drivers {pairs} prescribe the motion of {links} {times} too often"
-            say("conflicting-drivers", o.links, fighting, excess, text)
-    for loose in held.loose:
-        text = "{links} can still move with every driver held: {number} freedom{s}"
-        say("loose-links", loose.links, (), loose.freedom, text)
+            found.append(_finding("conflicting-drivers", text, excess, o.links, fighting))
+    text = "{links} can still move with every driver held: {number} freedom{s}"
+    found += [_finding("loose-links", text, part.freedom, part.links) for part in held.loose]
     return tuple(found)
 
 
-def _unconnected(moving: set[str], pairs: Iterable[Pair], earlier: Collection[str]) -> set[str]:
+def _unconnected(moving: list[str], pairs: Iterable[Pair], earlier: Collection[str]) -> set[str]:
     """Links that no chain of pairs joins to the earlier ones."""
     graph: nx.Graph[str] = nx.Graph()
     graph.add_nodes_from([*moving, *earlier])
     graph.add_edges_from(pair.links for pair in pairs)
     nx.add_path(graph, earlier)
     reached = nx.node_connected_component(graph, next(iter(earlier))) if earlier else set()
-    return moving - reached
+    return set(moving) - reached

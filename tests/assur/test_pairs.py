@@ -2,8 +2,7 @@
 
 import math
 
-from blockmech.model.pins import SAME, Side, axes, carriers
-from blockmech.model.rigidity import Pair
+from blockmech.assur.pairs import SAME, Pair, Side, axes, carriers
 
 FAR = 3.0 * SAME  # [m] apart on a mechanism of 1 m
 

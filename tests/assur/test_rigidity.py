@@ -14,10 +14,11 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 import pytest
 
-from blockmech.model.determinacy import diagnose
-from blockmech.model.formation import formation
-from blockmech.model.rigidity import Pair, rigidity
-from tests.model.structures import (
+from blockmech.assur.diagnosis import diagnose
+from blockmech.assur.formation import formation
+from blockmech.assur.pairs import Pair
+from blockmech.assur.rigidity import rigidity
+from tests.assur.structures import (
     FOUR_BAR,
     FRAME,
     chain,
@@ -73,11 +74,6 @@ def test_a_roller_that_spins_is_loose() -> None:
     assert "roller" in found[-1].text
 
 
-def test_a_driven_roller_leaves_the_mechanism_loose() -> None:
-    found = codes(FOUR_BAR + " R:rocker-roller", "R")
-    assert found["loose-links"] == ("crank", "rocker", "rod", "roller")
-
-
 def test_unconnected_links_are_named_and_kept_out_of_the_count() -> None:
     links, pairs = chain(FOUR_BAR + " X:u-w")
     found = diagnose([*links, "alone"], pairs, FRAME, ["O"])
@@ -119,13 +115,6 @@ def test_a_loop_of_slides_alone_holds_its_turning_twice() -> None:
     assert codes("A:frame-a:P B:a-b:P C:b-c:P D:c-frame:P E:a-c:P F:b-frame:P")[
         "turning-held-twice"
     ] == ("a", "b", "c", "frame")
-
-
-def test_slides_in_a_row_keep_two_freedoms_but_not_three() -> None:
-    table = "A:frame-a:P B:a-b:P"
-    assert rigidity(*chain(table), FRAME).mobility == 2
-    assert rigidity(*chain(table + " C:b-c:P"), FRAME).mobility == 3
-    assert rigidity(*chain(table + " C:b-frame:P"), FRAME).mobility == 1
 
 
 def test_turning_tied_twice_through_separate_parts_is_found() -> None:
@@ -213,7 +202,7 @@ def test_spoilt_mechanisms_get_findings_that_the_rank_confirms() -> None:
     def freedom(links: list[str], pairs: list[Pair], drivers: Collection[str]) -> int:
         return int(null_space(conditions(links, pairs, drivers, numeric)[0]).shape[1])
 
-    for trial in range(300):
+    for trial in range(100):
         links, pairs, drivers, _ = random_mechanism(rng, shared=0.3)
         for _ in range(rng.randint(1, 3)):
             what, k = rng.choice(["delete", "double", "merge", "drive"]), rng.randrange(len(pairs))
