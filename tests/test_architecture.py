@@ -65,7 +65,6 @@ LONGEST, TOO_LONG = 60, 4
 NOT_YET = {  # imports that still run uphill
     ("blockmech.analysis.trade.points", "blockmech.draw.trade"),
     ("blockmech.compiled", "blockmech.dynamics.system.reduction"),
-    ("blockmech.plan", "blockmech.passes.following"),
 }
 LATE = {"scipy", "matplotlib", "typer", "rich", "pandas", "hypothesis", "pytest", "mpmath"}
 NEEDED_IN = {

@@ -14,7 +14,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs import outputs_of
 from blockmech.outputs_by_link import outputs_by_link
-from blockmech.passes import forces, forward, friction
+from blockmech.passes import forces, forward, friction, homotopy
 from blockmech.plan import STAGES, Friction, Output, Plan, Schedule
 
 
@@ -104,7 +104,7 @@ class Catalogue(Mapping[str, Output]):
     def _plan(
         self, scene: Scene, names: tuple[str, ...], how: Friction, static: bool, quality: bool
     ) -> Plan:
-        schedule = Schedule(self.structure, scene, how, static)
+        schedule = homotopy.schedule(self.structure, scene, how, static)
         values: dict[str, int] = {}  # the same value under two names is returned once
         layout: dict[str, tuple[int, ...]] = {}
 

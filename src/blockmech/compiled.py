@@ -14,7 +14,8 @@ from typing import Any, Literal, Self, TypeVar
 from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
 from blockmech.catalogue import Catalogue
-from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
+from blockmech.engines.numpy import PRECISIONS, NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import GraphError, Problem
 from blockmech.failures import without_gaps
 from blockmech.model.graph import Graph
@@ -74,7 +75,7 @@ class Compiled:
         With ``names`` it speaks of the document that a graph was made of. Raises
         `GraphError` with all problems.
         """
-        from blockmech.passes.following import refuse_open_homes
+        from blockmech.passes.homotopy import refuse_open_homes
 
         if isinstance(document, Linkage):
             from blockmech.model.joints.decompose import decompose

@@ -15,7 +15,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.request import Watch
-from blockmech.engines import NumpyEngine, ScalarEngine
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import RequestError
 from tests.dynamics import machines
 from tests.dynamics.linkages import recorded

@@ -28,14 +28,15 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.engines import NumpyEngine, ScalarEngine
 from blockmech.engines.binding import bind_functions
-from blockmech.engines.numpy import Planar, primitives
+from blockmech.engines.numpy import NumpyEngine, Planar, primitives
+from blockmech.engines.scalar import ScalarEngine
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.model.structure import Structure
 from blockmech.passes import forces, forward, friction
-from blockmech.plan import Friction, Program, Schedule
+from blockmech.passes.homotopy import schedule
+from blockmech.plan import Friction, Program
 from blockmech.plane import EPS
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -61,7 +62,7 @@ class MotionProgram:
     @classmethod
     def of(cls, structure: Structure, scene: Any, rate_loads: bool) -> MotionProgram | None:
         """The program of a mechanism; None where no pair has friction that can act."""
-        s = Schedule(structure, scene, GIVEN)
+        s = schedule(structure, scene, GIVEN)
         joints = s.ask(friction.given_joints)
         if not joints:
             return None

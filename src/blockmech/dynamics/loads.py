@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from blockmech.engines import NumpyEngine, ScalarEngine
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
 from blockmech.loads.force import Force
 from blockmech.loads.laws import Constant, Fourier, Table
@@ -22,8 +23,8 @@ from blockmech.loads.motor import Motor
 from blockmech.loads.spring import Spring
 from blockmech.loads.torsion_spring import TorsionSpring, twist
 from blockmech.model.structure import JointRef, Structure
-from blockmech.passes.following import followed, path_of
 from blockmech.passes.forward import ZERO, link_velocity, marker_velocity
+from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import (
     NOTHING,
     cm_velocity,
@@ -33,7 +34,7 @@ from blockmech.passes.loads import (
     terminal_term,
     weight_on,
 )
-from blockmech.plan import Friction, Schedule
+from blockmech.plan import Friction
 from blockmech.plane import EPS, hyp
 from blockmech.typing import Complex, Real
 
@@ -189,7 +190,7 @@ def _kinks(element: Element) -> list[float]:
 
 def _measure(structure: Structure, scene: Any, name: str, element: Element) -> Any:
     """The program that gives an element's own measure."""
-    s = Schedule(structure, scene, FREE)
+    s = schedule(structure, scene, FREE)
     if isinstance(element, TorsionSpring):
         args = [s.ask(terminal_reading, JointRef(name, terminal), "e") for terminal in ("a", "b")]
         measure: Any = twist
@@ -240,7 +241,7 @@ def turn_at_most(M: Real, om: Real) -> Real:
 
 def load_size(structure: Structure, scene: Any, driver: str) -> Callable[[float], float]:
     """q -> sum of the magnitudes of the contributions to tau, at rest and time 0."""
-    s = Schedule(structure, scene, FREE)
+    s = schedule(structure, scene, FREE)
     terms = []
     for link in structure.links:
         force = s.ask(weight_on, link) if link != structure.frame_link else NOTHING

@@ -27,8 +27,10 @@ from numpy.typing import NDArray
 from blockmech.dynamics import loads
 from blockmech.dynamics.friction import JointFriction, MotionProgram
 from blockmech.dynamics.motion import Cost
-from blockmech.engines import NumpyEngine, ScalarEngine
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
 from blockmech.passes import forward, reduction
+from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program, Schedule
 
 if TYPE_CHECKING:
@@ -80,7 +82,7 @@ class Programs:
         self.drivers = self.structure.drivers
 
     def _schedule(self) -> Schedule:
-        return Schedule(self.structure, self.scene, FREE)
+        return schedule(self.structure, self.scene, FREE)
 
     @cached_property
     def reduced(self) -> tuple[Program, NumpyEngine]:

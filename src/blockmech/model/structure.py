@@ -125,7 +125,7 @@ class Structure:
 
     @cached_property
     def paths(self) -> dict[str, Any]:
-        """Room for the paths of groups without closed form; see `passes.following`."""
+        """Room for the paths of groups without closed form; see `passes.homotopy`."""
         return {}
 
     @cached_property

@@ -30,9 +30,10 @@ from numpy.typing import NDArray
 
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import GraphError, Problem, listed
+from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes.tracking import Stand, Tracker
-from blockmech.plan import Schedule
+from blockmech.plan import Friction, Schedule
 
 Array = NDArray[Any]
 TURN = 2 * math.pi
@@ -46,6 +47,13 @@ BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
 MOST = 5000  # steps of a line
 MODES = 12  # turns of the driver on which a group may be in another mode each
 SAME = 1e-9  # [-] difference of poses that are one pose
+
+
+def schedule(
+    structure: Structure, scene: Scene, friction: Friction, static: bool = False
+) -> Schedule:
+    """A program to be made, which follows groups without closed form from their homes."""
+    return Schedule(structure, scene, friction, static, guess=lambda s, b: s.ask(guess, b))
 
 
 def guess(s: Schedule, block: str) -> str:
