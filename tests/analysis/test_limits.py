@@ -137,7 +137,7 @@ def test_dyad_that_never_reaches_leaves_no_arc():
     assert found.arcs == ()
     assert not found.whole_turn
     assert found.nearest.block == "dyad"
-    assert found.nearest.q == 0.0  # B is nearest to D there
+    assert abs(found.nearest.q) <= TOUCH  # B is nearest to D there
     assert found.nearest.margin < 0
     assert found.sentence() == "no feasible arc of crank.q: dyad never closes"
     assert "dyad never closes; it comes nearest at 0 rad" in str(found)

@@ -29,9 +29,9 @@ from blockmech.cli.options import (
     option,
     spelled,
 )
-from blockmech.cli.terminal import note, patience, pour, say, written
+from blockmech.cli.terminal import note, patience, say, show
 from blockmech.compiled import EVERYTHING
-from blockmech.export import csv_chunks, gap_lines, json_chunks, table
+from blockmech.export import gap_lines
 from blockmech.failures import without_gaps
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
@@ -89,15 +89,10 @@ def run(
     result, gaps = _computed(mechanism, {**plan, **taken, **how}, on_gap, deg)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    spelling = spelled(separator, decimal, deg)
-    if json or csv == "-":
-        pour(json_chunks(result) if json else csv_chunks(result, **spelling))
+    ways: dict[str, Any] = {"json": json, "out": out, "csv": csv, "plot": plot}
+    show(result, spelled(separator, decimal, deg), _pictures, **ways, gaps=gaps)
+    if on_gap == "stop" and not (json or csv == "-"):  # the table does not reach them
         note(*gaps)
-    else:
-        files = written(result, spelling, out, csv, plot, _pictures)
-        say("\n".join([table(result, degrees=deg), *files]))
-        if on_gap == "stop":  # the table does not reach them
-            note(*gaps)
     if gaps:
         raise typer.Exit(1)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -27,9 +27,9 @@ from blockmech.cli.options import (
     option,
     spelled,
 )
-from blockmech.cli.terminal import note, pour, progress_bar, say, written
+from blockmech.cli.terminal import progress_bar, say, show
 from blockmech.compiled import EVERYTHING
-from blockmech.export import csv_chunks, gap_lines, json_chunks, table
+from blockmech.export import gap_lines
 from blockmech.result import Result
 
 Until = Annotated[
@@ -103,14 +103,9 @@ def simulate(
             progress=told,
         )
         gaps = gap_lines(result, deg)
-    spelling = spelled(separator, decimal, deg)
-    lines = motion_lines(result, deg)
-    if json or csv == "-":
-        pour(json_chunks(result) if json else csv_chunks(result, **spelling))
-        note(*gaps)
-    else:
-        files = written(result, spelling, out, csv, plot, _pictures)
-        say("\n".join([table(result, degrees=deg), "", *lines, *files]))
+    ways: dict[str, Any] = {"json": json, "out": out, "csv": csv, "plot": plot}
+    lines = ["", *motion_lines(result, deg)]
+    show(result, spelled(separator, decimal, deg), _pictures, **ways, lines=lines, gaps=gaps)
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import errno
-import json
+import json as text_of
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import typer
 
-from blockmech.export import csv_chunks, json_chunks, write_csv
+from blockmech.export import csv_chunks, json_chunks, table, write_csv
 from blockmech.files import cannot_write, folder, writing
 from blockmech.result import Result
 
@@ -30,7 +30,7 @@ def say(*pieces: str, end: str = "\n") -> None:
 
 def say_data(file: str, data: Mapping[str, Any]) -> None:
     """Write what was found about a file as JSON."""
-    say(json.dumps({"file": file, **data}, indent=2))
+    say(text_of.dumps({"file": file, **data}, indent=2))
 
 
 def pour(pieces: Iterable[str]) -> None:
@@ -61,35 +61,59 @@ def note(*lines: str) -> None:
 # ---- files of a result -------------------------------------------------------------------
 
 
-def written(
+def show(
+    result: Result,
+    spelling: dict[str, Any],
+    pictures: Pictures,
+    *,
+    json: bool,
+    out: str | None,
+    csv: str | None,
+    plot: str | None,
+    lines: Sequence[str] = (),
+    gaps: Sequence[str] = (),
+) -> None:
+    """Print a result as data, with notes of its gaps; or write what is asked for, and a table.
+
+    ``spelling`` is how numbers stand, ``pictures`` draws into a folder, ``lines`` follow the
+    table.
+    """
+    if json or csv == "-":
+        pour(json_chunks(result) if json else csv_chunks(result, **spelling))
+        note(*gaps)
+        return
+    files = [f"wrote {path}" for path in _written(result, spelling, out, csv, plot, pictures)]
+    say("\n".join([table(result, degrees=spelling["degrees"]), *lines, *files]))
+
+
+def _written(
     result: Result,
     spelling: dict[str, Any],
     out: str | None,
     csv: str | None,
     plot: str | None,
     pictures: Pictures,
-) -> list[str]:
-    """Write what is asked for; lines about it. ``pictures`` draws into a folder."""
-    paths: list[Path] = []
+) -> list[Path]:
+    """Write what is asked for."""
     if csv is not None:
         with patience("writing"):
             write_csv(csv_chunks(result, **spelling), csv)
-        paths = [Path(csv)]
-    elif plot is not None:
+        return [Path(csv)]
+    if plot is not None:
         from blockmech.draw import plot as plotted
 
         with patience("drawing"):
-            paths = [plotted(result, plot, degrees=spelling["degrees"])]
-    elif out is not None:  # all or none
-        with patience("writing and drawing"), folder(out) as draft:
-            write_csv(csv_chunks(result, **spelling), draft / "results.csv")
-            with writing(draft / "result.json") as stream:
-                for chunk in json_chunks(result):
-                    stream.write(chunk.encode())
-            pictures(result, draft, degrees=spelling["degrees"])
-            names = sorted(path.name for path in draft.iterdir())
-        paths = [Path(out) / name for name in names]
-    return [f"wrote {path}" for path in paths]
+            return [plotted(result, plot, degrees=spelling["degrees"])]
+    if out is None:
+        return []
+    with patience("writing and drawing"), folder(out) as draft:  # all or none
+        write_csv(csv_chunks(result, **spelling), draft / "results.csv")
+        with writing(draft / "result.json") as stream:
+            for chunk in json_chunks(result):
+                stream.write(chunk.encode())
+        pictures(result, draft, degrees=spelling["degrees"])
+        names = sorted(path.name for path in draft.iterdir())
+    return [Path(out) / name for name in names]
 
 
 # ---- patience ----------------------------------------------------------------------------

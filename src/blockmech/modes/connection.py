@@ -127,8 +127,10 @@ def connect(
 
     def to_q(p: Floats) -> Floats:
         if ends == EARLIER:  # as functions of p supports are smooth again
-            return np.clip(middle - half * np.cos(np.clip(p, 0.0, TURN) / 2), low, high)
-        return low + 2 * half * (p / TURN)
+            q = np.clip(middle - half * np.cos(np.clip(p, 0.0, TURN) / 2), low, high)
+        else:
+            q = low + 2 * half * (p / TURN)
+        return np.where(p == 0, low, np.where(p == TURN, high, q))
 
     def to_p(q: float) -> float:
         x = (q - middle) / half
@@ -142,29 +144,7 @@ def connect(
 
     line = _Line(held, ends == WHOLE)
     line.connect([to_p(q) for q in also])
-    chains = line.chains()
-    order, circuits = _order(chains)
-
-    def told(p: float) -> float:
-        return {0.0: low, TURN: high}.get(p, float(to_q(np.array([p]))[0]))
-
-    arcs = []
-    for n in order:
-        chain = chains[n]
-        start, end = (
-            ArcEnd(told(p), ends if how == RANGE else how, None if b is None else order.index(b))
-            for p, how, b in zip(chain.span, chain.hows, chain.beyond, strict=True)
-        )
-        passed = tuple(map(told, chain.changes))
-        arcs.append(Arc(start, end, None, chain.sign, chain.turns, passed, circuits[n]))
-    return Connections(
-        tuple(told(node.p) for node in line.nodes),
-        tuple(modes_of(node.held, node.found) for node in line.nodes),
-        tuple(arcs),
-        tuple(chains[n].passes for n in order),
-        tuple(tuple(map(told, chains[n].places)) for n in order),
-        ends == WHOLE,
-    )
+    return line.told(lambda p: float(to_q(np.array(p))), ends)
 
 
 class _Node(NamedTuple):
@@ -177,17 +157,12 @@ class _Node(NamedTuple):
     sign: list[int]
 
 
-class _Chain(NamedTuple):
-    """The passes of one arc, in p; ``beyond``: the chains that merge with it at its ends."""
+class _Walk(NamedTuple):
+    """The passes of one arc, their places p, and whether the last one leads to the first."""
 
-    passes: tuple[At, ...]
-    places: tuple[float, ...]
-    changes: tuple[float, ...]
-    span: tuple[float, float]
-    hows: tuple[str, str]
-    beyond: tuple[int | None, int | None]
-    sign: int
-    turns: int
+    passes: list[At]
+    places: list[float]
+    ring: bool
 
 
 @dataclass
@@ -335,74 +310,87 @@ class _Line:
 
     # -- arcs ------------------------------------------------------------------------------
 
-    def chains(self) -> list[_Chain]:
-        """The modes that are one along the line, by the first node that they pass."""
+    def told(self, q: Callable[[float], float], ends: str) -> Connections:
+        """All arcs in the driver's coordinate."""
         every = [(n, k) for n, node in enumerate(self.nodes) for k in range(len(node.sign))]
         entered = {at for at, _ in self.right.values()}
-        walks: list[tuple[list[At], list[float], bool]] = []
+        walks: list[_Walk] = []
         of: dict[At, int] = {}
         for at in sorted(every, key=lambda at: at in entered):  # rings at last
             if at not in of:
                 walks.append(self._walk(at))
-                of |= dict.fromkeys(walks[-1][0], len(walks) - 1)
-        return [self._chain(*walk, of) for walk in walks]
+                of |= dict.fromkeys(walks[-1].passes, len(walks) - 1)
+        merging = [[self._end(walk, way)[2] for way in (0, 1)] for walk in walks]
+        beyond = [[of[at] if at else None for at in pair] for pair in merging]
+        order, circuits = _order(beyond, [min(walk.passes) for walk in walks])
+        arcs, shifts = [], []
+        for n in order:
+            walk = walks[n]
+            (low, how, _), (high, last, _) = (self._end(walk, way) for way in (0, 1))
+            turns = round(high / TURN) if walk.ring else 0
+            # The middle of one that ends is on the first turn.
+            whole = self.turn and not walk.ring
+            shifts.append(TURN * math.floor((low + high) / 2 / TURN) if whole else 0.0)
+            start, end = (
+                ArcEnd(
+                    q(p - shifts[-1]),
+                    ends if h == RANGE else h,
+                    None if b is None else order.index(b),
+                )
+                for p, h, b in zip((low, high), (how, last), beyond[n], strict=True)
+            )
+            steps = zip(walk.passes, walk.places, strict=True)
+            changes = [p + self.passed[at] for at, p in steps if at in self.passed]
+            passed = tuple(q(p - shifts[-1]) for p in changes)
+            signs = {self.nodes[n].sign[mode] for n, mode in walk.passes}
+            sign = signs.pop() if len(signs) == 1 else 0
+            arcs.append(Arc(start, end, None, sign, turns, passed, circuits[n]))
+        return Connections(
+            tuple(q(node.p) for node in self.nodes),
+            tuple(modes_of(node.held, node.found) for node in self.nodes),
+            tuple(arcs),
+            tuple(tuple(walks[n].passes) for n in order),
+            tuple(
+                tuple(q(p - shift) for p in walks[n].places)
+                for n, shift in zip(order, shifts, strict=True)
+            ),
+            self.turn,
+        )
 
-    def _walk(self, at: At) -> tuple[list[At], list[float], bool]:
-        """The passes from one to the last, or round; their places; whether it is a ring."""
+    def _walk(self, at: At) -> _Walk:
         passes, places = [at], [self.nodes[at[0]].p]
         while (on := self.right.get(passes[-1])) and on[0] != at:
             passes.append(on[0])
             places.append(places[-1] + on[1])
-        return passes, places, on is not None
+        return _Walk(passes, places, on is not None)
 
-    def _chain(
-        self, passes: list[At], places: list[float], ring: bool, of: dict[At, int]
-    ) -> _Chain:
-        signs = {self.nodes[n].sign[mode] for n, mode in passes}
-        ends: list[tuple[float, str, int | None]] = []
-        for way, border in enumerate(self.borders):
-            at, p = passes[-way], places[-way]
-            if ring:
-                turns = round((places[-1] + self.right[passes[-1]][1] - places[0]) / TURN)
-                ends.append((TURN * turns * way, WHOLE, None))
-            elif (at, way) in self.merged:
-                step, other = self.merged[at, way]
-                ends.append((p + step, DEAD, of[other]))
-            else:
-                ends.append((TURN * way, RANGE, None) if at[0] == border else (p, LOST, None))
-        span, hows, beyond = zip(*ends, strict=True)
-        shift = 0.0
-        if self.turn and not ring:  # the middle is on the first turn
-            shift = TURN * math.floor(sum(span) / 2 / TURN)
-        return _Chain(
-            tuple(passes),
-            tuple(p - shift for p in places),
-            tuple(
-                p + self.passed[at] - shift
-                for at, p in zip(passes, places, strict=True)
-                if at in self.passed
-            ),
-            (span[0] - shift, span[1] - shift),
-            hows,
-            beyond,
-            signs.pop() if len(signs) == 1 else 0,
-            round(span[1] / TURN) if ring else 0,
-        )
+    def _end(self, walk: _Walk, way: int) -> tuple[float, str, At | None]:
+        """Where an arc ends, backwards (0) or ahead (1): place, why, what it merges with."""
+        at, p = walk.passes[-way], walk.places[-way]
+        if walk.ring:
+            length = walk.places[-1] + self.right[walk.passes[-1]][1] - walk.places[0]
+            return TURN * round(length / TURN) * way, WHOLE, None
+        if (at, way) in self.merged:
+            step, other = self.merged[at, way]
+            return p + step, DEAD, other
+        return (TURN * way, RANGE, None) if at[0] == self.borders[way] else (p, LOST, None)
 
 
-def _order(chains: Sequence[_Chain]) -> tuple[list[int], dict[int, int]]:
-    """Chains by circuit, along each from one dead centre to the next; and their circuits."""
+def _order(
+    beyond: Sequence[Sequence[int | None]], first: Sequence[At]
+) -> tuple[list[int], dict[int, int]]:
+    """Arcs by circuit, along each from one dead centre to the next; and their circuits."""
     order: list[int] = []
     circuits: dict[int, int] = {}
 
     def walk(start: int, way: int) -> tuple[list[int], bool]:
         path = [start]
-        while (on := chains[path[-1]].beyond[way]) is not None and on != start:
+        while (on := beyond[path[-1]][way]) is not None and on != start:
             path.append(on)
             way = 1 - way
         return path, on is not None
 
-    for n in sorted(range(len(chains)), key=lambda n: min(chains[n].passes)):
+    for n in sorted(range(len(first)), key=lambda n: first[n]):
         if n not in circuits:
             path, ring = walk(n, 1)
             path = path[1:] + path[:1] if ring else walk(n, 0)[0][:0:-1] + path

@@ -23,7 +23,7 @@ UNSURE = 1e-3  # disagreement of the references above which an output has no sur
 
 
 @dataclass(frozen=True)
-class Yardstick:
+class ReferenceErrors:
     """Reference values of the compared outputs, and what errors are relative to.
 
     Attributes
@@ -32,30 +32,24 @@ class Yardstick:
     scale : output -> its unit of error: 1 for angles, else the largest magnitude
     good : (n,) samples that are compared
     left_out : outputs without a sure value
-    index : (n,) their numbers in the runs that are compared, where those have more
     """
 
     values: Mapping[str, Array]
     scale: Mapping[str, float]
     good: NDArray[np.bool_]
     left_out: tuple[str, ...] = ()
-    index: NDArray[np.intp] | None = None
 
     def each(self, result: Any) -> dict[str, Array]:
         """Relative errors (n,) of every compared output; infinite where it has no answer."""
         return {
-            name: _off(self.picked(_read(result, name)), values, _turns(result, name))
-            / self.scale[name]
+            name: _off(_read(result, name), values, _turns(result, name)) / self.scale[name]
             for name, values in self.values.items()
         }
 
-    def picked(self, values: Array) -> Array:
-        """Of the values of a run those at the samples that the yardstick has."""
-        return values if self.index is None else values[self.index]
-
-    def without(self, names: tuple[str, ...]) -> Yardstick:
+    def without(self, names: tuple[str, ...]) -> ReferenceErrors:
         """The same for fewer outputs."""
-        return replace(self, values={n: v for n, v in self.values.items() if n not in names})
+        values = {n: v for n, v in self.values.items() if n not in names}
+        return replace(self, values=values, left_out=names)
 
     def error(self, result: Any) -> float:
         """The largest relative error over the compared outputs and samples."""
@@ -66,20 +60,18 @@ class Yardstick:
         )  # fmt: skip
 
 
-def yardstick(
+def reference_errors(
     reference: Result,
     check: Any,
     good: NDArray[np.bool_],
-    angle: Any = 0.0,
     unsure: float = UNSURE,
-) -> Yardstick:
-    """The yardstick that two runs agree on.
+) -> ReferenceErrors:
+    """The errors against what two runs agree on.
 
     Parameters
     ----------
-    reference, check : runs of the same samples
+    reference, check : runs of the same samples, or what reads like one
     good : (n,) samples that are compared
-    angle : by which the mechanism of ``check`` was turned [rad]
     unsure : disagreement from which an output is left out
     """
     values = {n: _read(reference, n) for n in compared(reference)}
@@ -91,14 +83,13 @@ def yardstick(
         largest = by_unit[reference.unit(name)]
         size = sizes[name] if sizes[name] > SMALL * largest else largest
         scale[name] = 1.0 if angular else size or 1.0
-        other = turned_back(check, name, angle) if angle else _read(check, name)
-        gap = _off(other, value, _turns(reference, name))
+        gap = _off(_read(check, name), value, _turns(reference, name))
         gap = gap[good] if len(gap) == len(good) else gap
         if float(np.max(gap, initial=0.0)) / scale[name] < unsure:
             kept[name] = value
         else:
             left_out.append(name)
-    return Yardstick(kept, scale, good, tuple(left_out))
+    return ReferenceErrors(kept, scale, good, tuple(left_out))
 
 
 def compared(result: Any) -> list[str]:
@@ -142,37 +133,6 @@ def comparable(result: Result, friction: bool) -> NDArray[np.bool_]:
     unsure += ["zero-relative-speed"] * friction
     good[[f.sample for f in result.quality.flags if f.code in unsure]] = False
     return good
-
-
-def turned_back(check: Result, name: str, angle: Any) -> Array:
-    """An output of a turned mechanism, turned back."""
-    values = _read(check, name)
-    if check.output(name).kind == "vector":
-        real = values.real.dtype.type
-        return np.asarray(values * (np.cos(real(angle)) - 1j * np.sin(real(angle))))
-    if name.endswith(".angle"):
-        return np.asarray(values - angle)
-    return values
-
-
-class TurnedBack(Mapping[str, Any]):
-    """A run of a turned mechanism, read as if it had not been turned."""
-
-    def __init__(self, check: Result, angle: Any) -> None:
-        self.check, self.angle = check, angle
-
-    def __getitem__(self, name: str) -> Any:
-        return turned_back(self.check, name, self.angle)
-
-    def __iter__(self) -> Any:
-        return iter(self.check)
-
-    def __len__(self) -> int:
-        return len(self.check)
-
-    def output(self, name: str) -> Any:
-        """Declaration of an output."""
-        return self.check.output(name)
 
 
 def _read(result: Any, name: str) -> Array:

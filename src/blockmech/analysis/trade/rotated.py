@@ -1,14 +1,14 @@
-"""The same mechanism turned in the plane: another way to the same numbers.
+"""The same mechanism rotated in the plane: another way to the same numbers.
 
-Turning changes every product and sum in the kernels and, in exact arithmetic, no
-answer but directions. What two turned runs differ by is therefore rounding, amplified
+Rotating changes every product and sum in the kernels and, in exact arithmetic, no
+answer but directions. What two rotated runs differ by is therefore rounding, amplified
 as this mechanism amplifies it at these samples.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,18 +29,43 @@ if TYPE_CHECKING:
     from blockmech.samples import Samples
 
 ANGLE = 0.7  # [rad] no symmetry of anything
-SAME = 1e-12  # relative difference of numbers that turning only rounds
+SAME = 1e-12  # relative difference of numbers that rotating only rounds
 
 
-def turned_run(
+class RotatedRun(Mapping[str, Any]):
+    """A run of a rotated mechanism, read as if it had not been rotated."""
+
+    def __init__(self, run: Result, angle: Any) -> None:
+        self.run, self.quality = run, run.quality
+        self.back = np.cos(angle) - 1j * np.sin(angle)
+        self.angle = angle
+
+    def __getitem__(self, name: str) -> Any:
+        values = np.atleast_1d(np.asarray(self.run[name]))
+        if self.run.output(name).kind == "vector":
+            return values * self.back
+        return values - self.angle if name.endswith(".angle") else values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.run)
+
+    def __len__(self) -> int:
+        return len(self.run)
+
+    def output(self, name: str) -> Any:
+        """Declaration of an output."""
+        return self.run.output(name)
+
+
+def rotated_run(
     mechanism: Compiled, samples: Samples, precision: str, settings: Mapping[str, Any]
-) -> tuple[Result, Any]:
-    """A run of the turned mechanism, and the angle [rad] it was turned by.
+) -> RotatedRun:
+    """A run of the rotated mechanism.
 
-    Numbers of the ground are turned in the precision of the run, so nothing is lost to
+    Numbers of the ground are rotated in the precision of the run, so nothing is lost to
     the double precision that graphs are written in.
     """
-    other = turned(mechanism)
+    other = rotated(mechanism)
     want = settings["want"]
     how = {k: v for k, v in settings.items() if k != "want"}
     plan, plain = other.plan(want, **how), mechanism.plan(want, **how)
@@ -50,25 +75,25 @@ def turned_run(
     numbers = plain.program.parameters
     engine.parameters = tuple(
         engine._cast(value) if name in numbers and numbers[name] == value
-        else _turned_number(engine, numbers.get(name, 1 + 0j), value, e)
+        else _rotated_number(engine, numbers.get(name, 1 + 0j), value, e)
         for name, value in plan.program.parameters.items()
     )  # fmt: skip
     given = samples.given(plan.program.inputs)
     values = engine.run(given, samples.n)
     full = {"friction": "newton", "tolerance": None, "iterations": None, "static": False}
-    return Result(other, plan, samples, values, "numpy", full | how), real(ANGLE)
+    return RotatedRun(Result(other, plan, samples, values, "numpy", full | how), real(ANGLE))
 
 
-def turned(mechanism: Compiled, angle: float = ANGLE) -> Compiled:
-    """The mechanism turned about the frame's origin, ground and gravity with it."""
+def rotated(mechanism: Compiled, angle: float = ANGLE) -> Compiled:
+    """The mechanism rotated about the frame's origin, ground and gravity with it."""
     structure = mechanism.structure
     e = complex(math.cos(angle), math.sin(angle))
     graph = Graph(mechanism.name)
     scene = mechanism.scene
     gravity = Vector(e * scene.gravity.z)
     graph.scene = scene.model_copy(update={"gravity": gravity})
-    graph.blocks = {structure.frame: _turned_frame(structure.fixed, e)}
-    graph.blocks |= {n: _turned_home(block, e, angle) for n, block in structure.blocks.items()}
+    graph.blocks = {structure.frame: _rotated_frame(structure.fixed, e)}
+    graph.blocks |= {n: _rotated_home(block, e, angle) for n, block in structure.blocks.items()}
     for name, element in structure.elements.items():
         seen: Any = element
         if isinstance(element, Force) and element.axes == "ground":
@@ -86,7 +111,7 @@ def turned(mechanism: Compiled, angle: float = ANGLE) -> Compiled:
     return Compiled(compiled.structure, compiled.scene, compiled.name, mechanism.names)
 
 
-def _turned_frame(frame: Any, e: complex) -> Frame:
+def _rotated_frame(frame: Any, e: complex) -> Frame:
     markers = {
         n: Marker(at=Place(e * m.at.z), dir=Vector(e * m.direction))
         for n, m in frame.markers.items()
@@ -95,8 +120,8 @@ def _turned_frame(frame: Any, e: complex) -> Frame:
     return found
 
 
-def _turned_home(block: Block, e: complex, angle: float) -> Block:
-    """A block whose assembly mode is told by a pose gets that pose turned."""
+def _rotated_home(block: Block, e: complex, angle: float) -> Block:
+    """A block whose assembly mode is told by a pose gets that pose rotated."""
     if not isinstance(block, GeneralGroup):
         return block
     poses = {}
@@ -107,15 +132,15 @@ def _turned_home(block: Block, e: complex, angle: float) -> Block:
     return block.model_copy(update={"home": home})
 
 
-def _turned_number(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any:
-    """A parameter of the ground, turned in the engine's precision."""
+def _rotated_number(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any:
+    """A parameter of the ground, rotated in the engine's precision."""
     if isinstance(rough, tuple):
-        parts = [_turned_number(engine, p, r, e) for p, r in zip(plain, rough, strict=True)]
+        parts = [_rotated_number(engine, p, r, e) for p, r in zip(plain, rough, strict=True)]
         return type(rough)(*parts) if hasattr(rough, "_fields") else tuple(parts)
     exact = engine._cast(plain)
     if isinstance(exact, Planar) and _near(rough, plain * _direction()):
         return exact * e
-    # Turning only rounds what belongs to a link; a home's angles it changes, and they are
+    # Rotating only rounds what belongs to a link; a home's angles it changes, and they are
     # no more than where the way to an answer starts.
     return exact if _near(rough, plain) else engine._cast(rough)
 
