@@ -14,6 +14,7 @@ import pytest
 import blockmech as bm
 from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front, order, trade
 from blockmech.analysis.trade.rotated import rotated_run
+from blockmech.draw.trade import draw_trade, trade_figure
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 from blockmech.samples import make_samples
@@ -325,8 +326,6 @@ def test_json_and_csv_hold_every_point() -> None:
 
 
 def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
-    from blockmech.draw.trade import trade_figure
-
     figure = trade_figure(friction())
     assert [a.get_xlabel() for a in figure.axes] == [
         "time of one run [s]",
@@ -343,8 +342,6 @@ def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
 
 @pytest.mark.parametrize("found", [friction, motion])
 def test_labels_of_the_picture_do_not_overlap_and_stay_inside(found) -> None:
-    from blockmech.draw.trade import trade_figure
-
     figure = trade_figure(found())
     renderer = figure.canvas.get_renderer()
     whole = figure.bbox
@@ -360,7 +357,7 @@ def test_labels_of_the_picture_do_not_overlap_and_stay_inside(found) -> None:
 
 
 def test_the_picture_is_written(tmp_path: Path) -> None:
-    assert friction().plot(tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
+    assert draw_trade(friction(), tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_observed_order_ignores_what_lies_at_the_floor() -> None:

@@ -12,7 +12,7 @@ import blockmech as bm
 from blockmech.analysis.trade import trade
 from blockmech.analysis.trade.measure import Candidate, Clock, Question, measured
 from blockmech.analysis.trade.simulate_settings import Asked, Deadline, settings_of
-from blockmech.draw.trade import trade_figure
+from blockmech.draw.trade import draw_trade, trade_figure
 from blockmech.mechanism import Mechanism
 from tests.wiring import chain, ruiz
 
@@ -82,7 +82,7 @@ def test_a_budget_without_a_reference_says_so_and_claims_nothing(tmp_path: Path)
     figure = trade_figure(found)
     assert not any(axes.get_xticks().size + axes.get_yticks().size for axes in figure.axes)
     assert "Nothing was measured" in " ".join(t.get_text() for t in figure.texts)
-    assert found.plot(tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
+    assert draw_trade(found, tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_of_two_runs_the_surer_one_is_the_reference() -> None:

@@ -27,6 +27,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.analysis.trade.reference_errors import (
+    DOUBLE,
+    LONG,
+    MOST_ITERATIONS,
+    WIDER,
     ReferenceErrors,
     comparable,
     reference_errors,
@@ -42,12 +46,8 @@ if TYPE_CHECKING:
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples
 ENOUGH = 2048  # samples below which single precision saves nothing
-MOST_ITERATIONS = 6  # beyond, Newton's method is cheaper
 CONTRACTS = 0.5  # P up to which iterations are worth counting on
 SINGLE = float(np.finfo(np.float32).eps)
-DOUBLE = float(np.finfo(np.float64).eps)
-LONG = float(np.finfo(np.longdouble).eps)
-WIDER = LONG < DOUBLE
 
 
 @dataclass(frozen=True)

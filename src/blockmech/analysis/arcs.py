@@ -17,12 +17,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.scan import EPS, ROUNDED, TURN, Span, bisect, minimize, scan
-from blockmech.series import Floats
+from blockmech.analysis.scan import ROUNDED, TURN, Span, bisect, minimize, scan
+from blockmech.series import DOUBLE_ROOT, Floats
 
 SEAM = -math.pi / 2  # turns are cut there: arcs of symmetric mechanisms lie about 0 or pi
-HIDDEN = 1e-7  # [rad or m] rounding hides what happens within: the root of it, and some
-SMALL = float(np.sqrt(EPS))  # a margin that noise may take across zero
 PROBES = 1e-9 * np.array([-5, -3, -2, -1, 0, 1, 2, 3, 5])  # [rad or m] a parabola stays level there
 BESIDE = 1e-5  # [rad], and of a slide's size: looked at on both sides of a touch
 
@@ -107,7 +105,8 @@ def closed_pieces(
 
 
 def _tiny(piece: Piece) -> bool:
-    return piece.span.high - piece.span.low <= HIDDEN
+    """Whether rounding hides what happens within."""
+    return piece.span.high - piece.span.low <= DOUBLE_ROOT
 
 
 class _Margin:
@@ -131,7 +130,7 @@ class _Margin:
 
     def _look_closer(self) -> None:
         """Measure the noise where the margin is small: an earlier group's dead centre raises it."""
-        near = np.flatnonzero((np.abs(self.y) <= SMALL) & ~self.rough)
+        near = np.flatnonzero((np.abs(self.y) <= DOUBLE_ROOT) & ~self.rough)
         around = self._row((self.x[near, None] + PROBES).ravel()).reshape(len(near), len(PROBES))
         spread = np.nanmax(around, axis=1, initial=-1.0) - np.nanmin(around, axis=1, initial=1.0)
         self.noise[near] += 4 * np.maximum(spread, 0.0)
@@ -155,7 +154,7 @@ class _Margin:
             x = np.concatenate([x[first:], x[: first + 1] + TURN])
             closes = np.concatenate([closes[first:], closes[: first + 1]])
         found, last = runs(closes), len(x) - 1
-        wide = [r for r in found if x[min(r[1] + 1, last)] - x[max(r[0] - 1, 0)] > HIDDEN]
+        wide = [r for r in found if x[min(r[1] + 1, last)] - x[max(r[0] - 1, 0)] > DOUBLE_ROOT]
         parts = [self._part(x, low, high, passes) for low, high in wide or found]
         return [p for p in parts if not _tiny(p)] or parts  # slivers beside a part are rounding
 

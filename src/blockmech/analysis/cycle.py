@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 STEPS = 720  # of a turn, or of a range
 MOST = 36_000  # steps of a long range
-SAME = 1e-12  # relative, of a whole number of turns
+SAME = 1e-12  # of a range, of places and numbers of turns that count as the same
 
 By = Literal["coordinate", "time", "share"]
 

@@ -13,17 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.analysis.arcs import runs
-from blockmech.analysis.cycle import Cycle
-from blockmech.analysis.scan import ASIDE, EPS, Span, bisect, minimize, scan
+from blockmech.analysis.cycle import SAME, Cycle
+from blockmech.analysis.scan import ASIDE, Span, bisect, minimize, scan
 from blockmech.errors import Problem, RequestError
 from blockmech.failures import without_gaps
-from blockmech.series import Floats, panels
+from blockmech.series import EPS, Floats, panels
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
 LARGE = 0.9  # share of the samples below the size that rounding is judged by
 NOISY = 0.1  # extrema a sample, above which a signal is rounding only
-CLOSES = 1e-9  # relative, of values at both ends of whole turns that count as the same
-SAME = 1e-12  # of a range: places so near its end are at its beginning
+ALIKE = 1e-9  # relative, of values that count as the same: outputs lose some digits
 BESIDE = np.geomspace(1e-7, 1.0, 8)  # of the way to the next place: looked at around an extremum
 BEYOND = 10.0  # the ratio of these: a better value is no farther
 FEWEST = 2  # panels of a short range
@@ -114,7 +113,7 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
             Problem("bad-request", signal.name, "it has no value anywhere in the cycle")
         )
     largest = float(np.abs(values[good]).max())
-    repeats = abs(values[-1] - values[0]) <= CLOSES * largest
+    repeats = abs(values[-1] - values[0]) <= ALIKE * largest
     closed = bool(cycle.turns and good.all() and repeats)
     inner: list[Turn] = []
     ends: list[Turn] = []

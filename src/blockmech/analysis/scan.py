@@ -16,10 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.series import Floats, Series, fit, nodes, panels
+from blockmech.series import EPS, Floats, Series, fit, nodes, panels
 
 TURN = 2 * math.pi
-EPS = float(np.finfo(float).eps)
 NODES = 64  # of a panel
 HALVINGS = 200  # more than any bracket of doubles of like size has
 ASIDE = 0.2  # [rad] about 0.4 of a panel: extrema at round angles are in the middle of panels

@@ -19,17 +19,15 @@ from numpy.typing import NDArray
 
 from blockmech.analysis.cycle import Cycle, cycle_of
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
-from blockmech.analysis.follow import Signal, Turn, signal_of, stretches, turns_of
-from blockmech.analysis.scan import EPS, NODES, Span, scan
+from blockmech.analysis.follow import ALIKE, Signal, Turn, signal_of, stretches, turns_of
+from blockmech.analysis.scan import NODES, Span, scan
 from blockmech.errors import Problem, RequestError
-from blockmech.series import Floats, fit, panels
+from blockmech.series import EPS, Floats, fit, panels
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.result import Result
 
-STRAIGHT = 1e-9  # deviation from a line, relative to the path's extent
-RETRACED = 1e-9  # mismatch of the ways to and fro, relative to their sum
 STANDS = 1e-6  # of the largest speed: below it a marker may reverse
 
 Path = Literal["scalar", "straight", "curved"]
@@ -170,7 +168,7 @@ def _of_marker(cycle: Cycle, output: str) -> _Ends:
     # The principal axis of the samples: the square forgets which way along it they lie.
     u = complex(np.sqrt(((z - middle) ** 2).sum()))
     u /= abs(u)
-    if float(np.abs(((z - middle) * u.conjugate()).imag).max()) > STRAIGHT * spread:
+    if float(np.abs(((z - middle) * u.conjugate()).imag).max()) > ALIKE * spread:
         return _along_curve(cycle, output)
 
     def along(s: Floats) -> Floats:
@@ -194,7 +192,7 @@ def _along_curve(cycle: Cycle, output: str) -> _Ends:
         place.append(place[-1] + (-1) ** i * path.length(a, b))
     if path.closed:
         way = sum(abs(b - a) for a, b in pairwise(place))
-        if abs(place[-1] - place[0]) > RETRACED * way:
+        if abs(place[-1] - place[0]) > ALIKE * way:
             raise _error(
                 output,
                 "the marker does not return on the path it came on",

@@ -98,6 +98,8 @@ def _show(found: list[Trade], json: bool, out: str | None, plot: str | None) -> 
         rows = [t.to_dict() for t in found]
         say(text_of.dumps(rows[0] if len(rows) == 1 else rows, indent=2))
         return
+    from blockmech.draw.trade import draw_trade
+
     lines = ["\n\n".join(t.text() for t in found)]
     if len(found) > 1:
         lines.append(_compared(found))
@@ -105,7 +107,7 @@ def _show(found: list[Trade], json: bool, out: str | None, plot: str | None) -> 
         if out is not None:
             lines += [f"wrote {path}" for path in _folder(found[0], out)]
         elif plot is not None:
-            lines.append(f"wrote {found[0].plot(plot)}")
+            lines.append(f"wrote {draw_trade(found[0], plot)}")
     say("\n".join(lines))
 
 
@@ -123,12 +125,13 @@ def _compared(found: list[Trade]) -> str:
 
 
 def _folder(found: Trade, out: str) -> list[Path]:
+    from blockmech.draw.trade import draw_trade
     from blockmech.files import folder
 
     with folder(out) as draft:
         found.to_csv(draft / "trade.csv")
         (draft / "trade.json").write_text(text_of.dumps(found.to_dict(), indent=2), "utf-8")
-        found.plot(draft / "trade.png")
+        draw_trade(found, draft / "trade.png")
         names = sorted(p.name for p in draft.iterdir())
     return [Path(out) / name for name in names]
 

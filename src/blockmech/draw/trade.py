@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.analysis.trade.report import Trade
 from blockmech.draw import palette as ink
 from blockmech.draw import still_suffix, write_figure
 from blockmech.draw.labels import COVERED, Crowd, Label, Rect
@@ -27,7 +28,7 @@ from blockmech.draw.paper import (
 )
 
 if TYPE_CHECKING:
-    from blockmech.analysis.trade.points import Point, Trade
+    from blockmech.analysis.trade.points import Point
 
 PANEL = 180.0  # [pt] height of a panel with what is below it
 INSIDE = ink.COLUMN - 45.0  # [pt] width of the axes
@@ -37,6 +38,14 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 RING = 3.4  # [pt] size of a point
 GAP = 4.0  # [pt] between labels of ticks
 COSTS = {"seconds": "time of one run [s]", "evaluations": "kernel evaluations [–]"}
+
+
+class PlottedTrade(Trade):
+    """A trade with its picture."""
+
+    def plot(self, path: str | os.PathLike[str]) -> Path:
+        """Draw the work-precision diagram (png, svg or pdf)."""
+        return draw_trade(self, path)
 
 
 def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:

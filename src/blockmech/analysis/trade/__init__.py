@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.analysis.trade.measure import Clock
-from blockmech.analysis.trade.points import Point, Reference, Skipped, Trade, front, order
+from blockmech.analysis.trade.points import Point, Reference, Skipped, front, order
+from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.run_settings import trade_run
 from blockmech.errors import Problem, RequestError, close_match
 

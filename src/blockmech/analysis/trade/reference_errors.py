@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 from blockmech.result import Result
 
 Array = NDArray[Any]
+DOUBLE = float(np.finfo(np.float64).eps)
+LONG = float(np.finfo(np.longdouble).eps)
+WIDER = LONG < DOUBLE
+MOST_ITERATIONS = 6  # successive ones: beyond, Newton's method is cheaper
 SMALL = 1e-9  # outputs this much smaller than others of their unit are measured by those
 NATURAL = {
     "rad/s2": ("rad/s", "rad/s"),

@@ -13,13 +13,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.analysis.trade.measure import Candidate, Clock, Question, Said, measured
-from blockmech.analysis.trade.points import Reference, Trade
+from blockmech.analysis.trade.points import UNSURE, Reference
 from blockmech.analysis.trade.reference_errors import (
+    LONG,
+    MOST_ITERATIONS,
+    WIDER,
     ReferenceErrors,
     comparable,
     compared,
     reference_errors,
 )
+from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.result import Result
@@ -34,11 +38,8 @@ CHEAP = (
 )
 CHUNKS = (512, 2048, 32768)  # samples, beside the engine's own
 TOLERANCES = (1.0, 1e-3, 1e-6, 1e-9)  # [N]
-MOST_ITERATIONS = 6  # beyond, Newton's method is cheaper
 SETTLED = 60  # successive iterations of the check; P^60 is rounding wherever P < 0.5
-LONG: dict[str, Any] = {"precision": "clongdouble", "engine": "numpy"}
-WIDER = bool(np.finfo(np.longdouble).eps < np.finfo(np.float64).eps)
-UNSURE = 1.0  # floor where nothing can be confirmed
+WIDEST: dict[str, Any] = {"precision": "clongdouble", "engine": "numpy"}
 USABLE = 1e-3  # relative error up to which single precision is worth having
 COUNTED = "kernel calls and iterations of the friction equations, over all samples"
 MEASURE = (
@@ -132,7 +133,7 @@ def _candidates(n: int, rubbing: bool) -> Iterator[Candidate]:
     if rubbing:
         yield from _frictions()
     if WIDER:
-        yield Candidate("numpy", "clongdouble", LONG)
+        yield Candidate("numpy", "clongdouble", WIDEST)
     yield Candidate("scalar", "complex128", {"engine": "scalar"})
 
 
@@ -156,7 +157,7 @@ def _referred(sweep: Sweep, rubbing: bool) -> tuple[ReferenceErrors, Reference, 
     With friction the check also solves by successive approximation in place of Newton's
     method, wherever that is sure to converge.
     """
-    best = sweep.given(**LONG)
+    best = sweep.given(**WIDEST)
     good = comparable(best, rubbing)
     if not good.any():
         raise RequestError(
@@ -170,7 +171,7 @@ def _referred(sweep: Sweep, rubbing: bool) -> tuple[ReferenceErrors, Reference, 
         solver = f"{SETTLED} successive approximations"
     check = rotated_run(sweep.mechanism, sweep.samples, "clongdouble", settings)
     errors = reference_errors(best, check, good)
-    floor = max(errors.error(check), float(np.finfo(np.longdouble).eps))
+    floor = max(errors.error(check), LONG)
     if len(errors.left_out) > len(errors.values):
         floor = UNSURE  # what the two differ on is no rounding: nothing can be confirmed
     digits = "80-bit or wider" if WIDER else "double"

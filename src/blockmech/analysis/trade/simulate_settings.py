@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.analysis.trade.measure import Candidate, Clock, Question, Said, measured
-from blockmech.analysis.trade.points import NOTHING, Reference, Skipped, Trade
-from blockmech.analysis.trade.reference_errors import ReferenceErrors, reference_errors
+from blockmech.analysis.trade.points import NOTHING, UNSURE, Reference, Skipped
+from blockmech.analysis.trade.reference_errors import DOUBLE, ReferenceErrors, reference_errors
+from blockmech.analysis.trade.report import Trade
 from blockmech.dynamics.simulation import simulate
 from blockmech.errors import Problem, RequestError
 from blockmech.result import Result
@@ -37,7 +38,6 @@ ON_A_PATH = {"energy", "spectral"}  # by integrals over the coordinate: no check
 SHARE = 0.3  # of what is left, for the reference and for its check
 COARSE = 1e-3  # accuracy of the run that says how long the motion lasts
 TIMES = 21  # at which runs are compared, where none are named
-UNSURE = 1.0  # floor from which on nothing is claimed
 DOUBTFUL = 10.0  # times their own estimates by which reference and check may differ
 MOTION = ("*.q", "*.rate")
 ADAPTIVE = {
@@ -208,7 +208,7 @@ def _referred(
             f"reference and check differ by {apart:.1g}, more than they estimate of themselves "
             f"({own[0]:.1g} and {own[1]:.1g})",
         )
-    floor = max(apart, own[0], float(np.finfo(float).eps))
+    floor = max(apart, own[0], DOUBLE)
     return best, Reference(name, other, floor), errors, doubts
 
 
