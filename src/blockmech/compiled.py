@@ -13,7 +13,6 @@ from typing import Any, Literal, Self, TypeVar
 
 from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
-from blockmech.catalogue import Catalogue
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import GraphError, Problem
@@ -23,6 +22,7 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
+from blockmech.outputs import Catalogue
 from blockmech.plan import Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
