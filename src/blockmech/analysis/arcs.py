@@ -118,6 +118,7 @@ class _Margin:
         self.batch, self.k = margins.batch, k
         found = scan(self._row, piece.span, piece.span.panels(samples))
         self.x, self.rough = found.x, found.rough
+        self._step_aside(found.y)
         self.y = np.where(np.isnan(found.y), -1.0, found.y)
         for end, beside in ((0, 1), (-1, -2)):  # there an earlier group may just fail
             self.y[end] = self.y[beside] if np.isnan(found.y[end]) else self.y[end]
@@ -127,6 +128,12 @@ class _Margin:
 
     def _row(self, q: Floats) -> Floats:
         return np.asarray(self.batch(q)[self.k])
+
+    def _step_aside(self, y: Floats) -> None:
+        """Values at single undefined places, e.g. where two pins meet, are those beside them."""
+        alone = np.isnan(y[1:-1]) & np.isfinite(y[:-2]) & np.isfinite(y[2:])
+        i = np.flatnonzero(alone) + 1
+        y[i] = self._row(self.x[i] + PROBES[-1])
 
     def _look_closer(self) -> None:
         """Measure the noise where the margin is small: an earlier group's dead centre raises it."""

@@ -26,7 +26,6 @@ from blockmech.errors import GraphError, Problem, in_file
 from blockmech.model.joints.closing import Closing, Poses, given_poses
 from blockmech.model.joints.connections import (
     Connections,
-    Seated,
     axes,
     connections,
     seated,
@@ -41,7 +40,7 @@ from blockmech.model.joints.diagnosis import (
     why_not,
     why_stuck,
 )
-from blockmech.model.joints.diagram import Diagram
+from blockmech.model.joints.diagram import Diagram, Sequence
 from blockmech.model.joints.elements import links_read_as_they_are
 from blockmech.model.joints.frames import (
     DeadCentre,
@@ -84,16 +83,6 @@ class Decomposition:
         from blockmech.model.joints.diagram import graph_of
 
         return graph_of(self.data)
-
-
-@dataclass(frozen=True)
-class Sequence:
-    """A document taken apart, its joints closed, nothing of it made into blocks yet."""
-
-    pairs: Connections  # as the document names them
-    seats: Seated
-    formation: Formation
-    poses: Poses
 
 
 def decompose(linkage: Linkage, general: General = "") -> Decomposition:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from blockmech.assur.formation import Formation
 from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import GraphError
@@ -28,10 +30,17 @@ from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
 from blockmech.validation_errors import validated
 
-if TYPE_CHECKING:
-    from blockmech.model.joints.decompose import Sequence
-
 MOST_IN_NAME = 3  # links that a group is named after
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """A document taken apart, its joints closed, nothing of it made into blocks yet."""
+
+    pairs: Connections  # as the document names them
+    seats: Seated
+    formation: Formation
+    poses: Poses
 
 
 class Diagram:

@@ -20,10 +20,12 @@ from blockmech.model.joints.contents import (
     LOADS,
     JointsDocument,
     Section,
+    bad_name,
     sections,
+    unknown_kind,
 )
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.references import bad_name, reference_problems, unknown_kind
+from blockmech.model.joints.references import reference_problems
 from blockmech.model.migrations import VERSION, version_problem
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.writing import canonical_text, plain, write_checked

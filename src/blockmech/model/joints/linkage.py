@@ -14,9 +14,10 @@ from blockmech.model.joints.contents import (
     JointGiven,
     LinkGiven,
     PinGiven,
+    bad_name,
     sections,
+    unknown_kind,
 )
-from blockmech.model.joints.references import bad_name, unknown_kind
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain

@@ -6,8 +6,8 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from blockmech.errors import Problem, close_match, listed, path_text, shown
-from blockmech.model.joints.contents import FRAME, Section
+from blockmech.errors import Problem, close_match, listed, path_text
+from blockmech.model.joints.contents import FRAME
 from blockmech.values import NAME_RULE, is_name
 
 if TYPE_CHECKING:
@@ -47,19 +47,6 @@ def _named(what: str, name: str, path: tuple[str | int, ...], known: Known) -> I
         found, valid = f'no {what} "{name}"', f"{what}s: {listed(names) or 'none'}"
         remedy = close_match(name, names)
         yield Problem(f"unknown-{what}", path_text(path), found, valid, remedy)
-
-
-def bad_name(what: str, name: str, where: str = "") -> Problem:
-    """The problem of a name that could not stand in an address."""
-    found = f"{shown(name)} is not a {what} name"
-    return Problem("bad-name", where or name or '""', found, NAME_RULE, "choose another name")
-
-
-def unknown_kind(word: Any, where: str, section: Section) -> Problem:
-    """The problem that names an unknown kind of an item and its nearest relatives."""
-    remedy = close_match(word, section.models) if isinstance(word, str) else ""
-    found, valid = f"no {section.key} {shown(word)}", f"{section.key}s: {listed(section.models)}"
-    return Problem("wrong-value", where, found, valid, remedy)
 
 
 def _links(linkage: Linkage) -> Iterator[Problem]:
