@@ -1,53 +1,13 @@
 """Every code that a graph file can cause; each has a file in ``graphs/broken``."""
 
-FILE_CODES = {
-    # the file
-    "no-file": "there is no such file",
-    "not-a-file": "a directory was named",
-    "no-permission": "the file may not be read",
-    "unreadable": "the system cannot read the file",
-    "too-large": "more bytes than a graph file has",
-    "empty-file": "nothing in it",
-    "wrong-encoding": "not UTF-8 text, or half of a character",
-    "truncated": "the text ends in the middle",
-    "syntax": "the text is not JSON",
-    "too-deep": "objects and lists nested without end",
-    "duplicate-key": "a key given twice in one object",
-    "non-finite": "NaN, infinity or a number too large for a double",
-    # the document
-    "not-an-object": "the document is a list, a number or a text",
-    "wrong-format": "another kind of document, or none that is named",
-    "missing-version": "the document does not say its version",
-    "bad-version": "the version is not a whole number from 1",
-    "newer-version": "made by a newer blockmech",
-    # its content
-    "unknown-key": "a key that is not known there",
-    "missing-key": "a key that is needed there",
-    "wrong-type": "a text for a number and the like",
-    "wrong-value": "a number out of its range, or a word that is not known there",
-    "bad-place": "not [x, y] nor, on links, a polar place",
-    "bad-direction": "a direction given twice, or zero",
-    "bad-name": 'an empty name, or one with "." or "/"',
-    "taken-name": "two markers of a block, or a driver and another thing, with one name",
-    "unknown-link": "a link that the block does not have",
-    "friction-mismatch": "friction that does not fit the kind of pair",
-    "bad-table": "a table that does not increase or has unequal columns",
-    "bad-expectation": "an expected number that cannot be tested",
-    # the wiring
-    "unknown-block": "a block type that is not installed",
-    "no-frame": "no fixed link",
-    "two-frames": "more than one fixed link",
-    "bad-address": 'not "block.joint"',
-    "no-such-block": "a wire from or to a block that is not there",
-    "not-a-marker": "a wire that starts at an element",
-    "unknown-marker": "a wire that starts at a marker that is not there",
-    "unknown-joint": "a joint that the block does not have, or that takes no wire",
-    "double-wire": "a joint fed twice",
-    "self-wire": "a block that feeds itself",
-    "pair-mismatch": "a prismatic joint wired to a point",
-    "many-drivers": "a branch that follows the motion of several drivers",
-    "wrong-home": "a home that names another driver than the one that moves the dyad",
-    "unwired-joint": "a joint or terminal that nothing feeds",
-    "cycle": "blocks that wait for each other",
-    "unknown-driver": "the scene drives something that is no driving link",
-}
+WORDS = """
+    no-file not-a-file no-permission unreadable too-large empty-file wrong-encoding
+    truncated syntax too-deep duplicate-key non-finite
+    not-an-object wrong-format missing-version bad-version newer-version
+    unknown-key missing-key wrong-type wrong-value bad-place bad-direction bad-name
+    taken-name unknown-link friction-mismatch bad-table bad-expectation
+    unknown-block no-frame two-frames bad-address no-such-block not-a-marker
+    unknown-marker unknown-joint double-wire self-wire pair-mismatch many-drivers
+    wrong-home unwired-joint cycle unknown-driver
+"""
+FILE_CODES = frozenset(WORDS.split())

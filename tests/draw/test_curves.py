@@ -71,13 +71,6 @@ def test_figure_14_shows_the_size_of_every_reaction():
     assert sum(x.get_label() == "without friction" for x in axes.lines) == 4
 
 
-def test_the_twin_without_friction_has_the_same_samples_and_settings():
-    result = ruiz().run(samples=5, static=True)
-    twin = without_friction(result)
-    wanted = ruiz(radius=0.0).run(samples=5, static=True)
-    assert twin["crank.drive"] == pytest.approx(wanted["crank.drive"])
-
-
 def test_where_there_is_no_friction_there_is_one_curve():
     result = watt().run(samples=9)
     assert without_friction(result) is None
@@ -234,11 +227,6 @@ def test_run_pictures_writes_one_picture_a_kind(tmp_path):
             assert image.width / 300 * 2.54 == pytest.approx(8.5, abs=0.05)
     (only,) = run_pictures(fourbar().run(samples=5), tmp_path)
     assert only.name == "kinematics.png"
-
-
-def test_run_pictures_draws_no_forces_that_were_not_wanted(tmp_path):
-    run = ruiz().run(samples=5, want=["dyad.i.omega"])
-    assert [p.name for p in run_pictures(run, tmp_path)] == ["kinematics.png"]
 
 
 def test_a_folder_that_is_a_file_is_refused(tmp_path):

@@ -13,9 +13,12 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
 from blockmech.draw.palette import DPI, SMALL, STYLE
 
 LEGEND = 30.0  # [pt] beside a word of a legend: its line, and what is between columns
+BESIDE = 36.0  # [pt] left of axes: their numbers and words
 PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
@@ -95,8 +98,10 @@ def legend_above(axes: Any, width: float) -> int:
     found = dict(zip(labels, lines, strict=True))
     if not found:
         return 0
-    widest = max(text_width(label, SMALL) for label in found)
-    columns = max(1, int((width - LEGEND) / (widest + LEGEND)))
+    wide = np.array([text_width(label, SMALL) + LEGEND for label in found])
+    columns = len(found)  # filled one after the other, each as wide as its widest word
+    while columns > 1 and sum(map(max, np.array_split(wide, columns))) > width - BESIDE:
+        columns -= 1
     axes.legend(
         found.values(),
         found,

@@ -13,19 +13,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from blockmech.draw import palette as ink
 from blockmech.draw import write_figure
 from blockmech.draw.animation import FRICTION_POWER, gif, player, reel_of
 from blockmech.draw.curves import friction_panels, reaction_panels
-from blockmech.draw.panels import Abscissa, Curve, Panel, draw_panels
-from blockmech.draw.paper import shown_name
+from blockmech.draw.panels import BOTTOM, PANEL, Abscissa, Curve, Panel, draw_panels
+from blockmech.draw.paper import legend_above, new_figure, shown_name, styled
 from blockmech.dynamics.simulation import result_along
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.result import Result
-
-Array = NDArray[np.float64]
 
 CURVE = 721  # times of a curve
 FRAME = 0.04  # [s] on the screen
@@ -131,38 +129,28 @@ def phase_plots(result: Result, degrees: bool = True) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for rotary in (True, False):
-        x, x_unit = _drivers(result, "q", rotary, degrees)
-        y, y_unit = _drivers(result, "rate", rotary, degrees)
-        if not x:
+        over, x_unit = _drivers(result, "q", rotary, degrees)
+        rates, y_unit = _drivers(result, "rate", rotary, degrees)
+        if not over:
             continue
-        alone = len(x) == 1
-        of = f" of {shown_name(x[0].name)}" if alone else ""
-        curves = tuple(Curve("" if alone else c.name, c.values) for c in y)
-        along = Abscissa("", np.arange(float(result.n)))
-        plot = draw_panels((Panel(f"rate{of}", y_unit, curves),), along)
-        pairs = [(a.values, b.values) for a, b in zip(x, y, strict=True)]
-        _over(plot.axes[0], pairs, f"coordinate{of} [{x_unit}]")
-        found["phase_slides.png" if found else "phase.png"] = plot.figure
+        with styled():
+            figure = new_figure(ink.COLUMN, BOTTOM + PANEL, layout="constrained")
+            axes = figure.subplots()
+            for i, (x, y) in enumerate(zip(over, rates, strict=True)):
+                colour, dashes = ink.curve_style(i)
+                ends: dict[str, Any] = {"marker": "o", "color": colour, "ms": 3, "zorder": 3}
+                (line,) = axes.plot(x.values, y.values, color=colour, label=shown_name(x.name))
+                if dashes:
+                    line.set_dashes(dashes)
+                axes.plot(x.values[:1], y.values[:1], mfc=ink.PAPER, **ends)
+                axes.plot(x.values[-1:], y.values[-1:], **ends)
+            of = f" of {shown_name(over[0].name)}" if len(over) == 1 else ""
+            axes.set(xlabel=f"coordinate{of} [{x_unit}]", ylabel=f"rate{of} [{y_unit}]")
+            axes.grid(True, color=ink.PALE, lw=0.3)
+            if len(over) > 1:
+                legend_above(axes, ink.COLUMN)
+        found["phase_slides.png" if found else "phase.png"] = figure
     return found
-
-
-def _over(axes: Any, pairs: list[tuple[Array, Array]], words: str) -> None:
-    """Put a panel's curves over coordinates, in the order of time; mark both ends."""
-    from matplotlib.ticker import AutoLocator, ScalarFormatter
-
-    for line, (x, y) in zip(list(axes.get_lines()), pairs, strict=True):
-        line.set_data(x, y)
-        line.set_marker("")
-        colour = line.get_color()
-        axes.plot(x[:1], y[:1], "o", color=colour, ms=3, mfc="white", zorder=3)
-        axes.plot(x[-1:], y[-1:], "o", color=colour, ms=3, zorder=3)
-    axes.xaxis.set_major_locator(AutoLocator())
-    axes.xaxis.set_major_formatter(ScalarFormatter())
-    axes.set_xlabel(words, labelpad=2)
-    axes.relim()
-    axes.autoscale(True)
-    axes.margins(0.04)
-    axes.autoscale_view()
 
 
 def animated(result: Result, degrees: bool = True) -> dict[str, bytes]:

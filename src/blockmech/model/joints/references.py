@@ -42,8 +42,8 @@ def reference_problems(linkage: Linkage, known: Known | None = None) -> Iterator
 
 def _named(what: str, name: str, path: tuple[str | int, ...], known: Known) -> Iterator[Problem]:
     """The problem of a name that stands for no link, joint or driver."""
-    names = sorted((*known[f"{what}s"], *([FRAME] if what == "link" else [])))
-    if name not in names:
+    if name not in known[f"{what}s"] and (what != "link" or name != FRAME):
+        names = sorted((*known[f"{what}s"], *([FRAME] if what == "link" else [])))
         found, valid = f'no {what} "{name}"', f"{what}s: {listed(names) or 'none'}"
         remedy = close_match(name, names)
         yield Problem(f"unknown-{what}", path_text(path), found, valid, remedy)
