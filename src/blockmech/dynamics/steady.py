@@ -61,8 +61,8 @@ if TYPE_CHECKING:
 TURN = 2 * math.pi
 FINE, LOOSE = 1e-13, 1e-8  # tolerances of flows: for fixed points, and to follow a motion
 SETTLING = 30  # periods of flow before a root is looked for (numerics 14)
-TIMES = 5  # as often
-PERIODS = (1, 2, 4, 3)  # of the loads in one of the motion that are tried
+TIMES = 3  # as often
+PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried
 PASSAGES = 60  # standstills and turns that are followed, or sampled ahead
 INWARD, OUTWARD = 0.6, 1.25  # factors by which amplitudes or speeds are sampled ahead
 INNERMOST = 1e-4  # of an amplitude: beside the equilibrium within
