@@ -173,19 +173,25 @@ def _rk4_step(system: System, walk: Walk, goal: Goal, step: float) -> None:
     shortened = False
     while True:
         after = _runge_kutta(system, t, y, h)
-        bounced = shortened and y[1] * after[1] < 0  # beside where nothing is defined
+        bounced = y[1] * after[1] < 0 and (shortened or _near_end(system, t, y, after))
         if np.isfinite(after).all() and not bounced:
             break
         h, shortened = h / 2, True
         if h < SHORTEST * step or bounced:
-            margin = system.acceleration(float(y[0]), float(y[1]), t)[1]
-            end = DEAD_CENTRE if margin < NEAR_DEAD_CENTRE else IMPOSSIBLE
+            end = DEAD_CENTRE if _near_end(system, t, y, y) else IMPOSSIBLE
             if end == DEAD_CENTRE:
                 walk.note(end)
             walk.stop(end)
             return
     whole = not shortened and t + step >= goal.t_last
     _rk4_events(walk, goal, t, y, goal.t_last if whole else t + h, after)
+
+
+def _near_end(system: System, t: float, y: Floats, after: Floats) -> bool:
+    """Whether a step that turns back does so beside a dead centre."""
+    states = (y, after)
+    margins = [system.acceleration(float(z[0]), float(z[1]), t)[1] for z in states]
+    return not min(margins) > NEAR_DEAD_CENTRE
 
 
 def _runge_kutta(system: System, t: float, y: Floats, h: float) -> Floats:
