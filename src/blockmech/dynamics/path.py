@@ -43,7 +43,6 @@ from blockmech.dynamics.motion import (
 )
 from blockmech.dynamics.panels import (
     EPS,
-    SMALLEST,
     Floats,
     Panel,
     basis,
@@ -468,10 +467,10 @@ class PathRun:
         n, known = self.n, span.energy
         last = final_energy(n, span.p, span.length, span.backward, span.limit, known, w)
         if K.min() > 0 and last > 0:
-            way = last / max(-float(w[-1]), SMALLEST)
-            if span.limit or way > math.sqrt(EPS) * span.length:
+            near = math.sqrt(EPS) * span.length
+            if span.limit or last > -float(w[-1]) * near:
                 return None  # but a standstill that is at the end but for rounding is in it
-            return span.anchor + self.sign * (span.length + way)
+            return span.anchor + self.sign * (span.length - last / float(w[-1]))
         if span.limit:
             return 0.5 * (self.q + span.anchor)  # closer first
         v = np.concatenate([[0.0], rule(n).v, [1.0]])
