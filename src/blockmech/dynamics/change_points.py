@@ -136,6 +136,11 @@ class FollowingSystem(System):
     """A system that reads inertia and effort from series near its change points."""
 
     @cached_property
+    @property
+    def noise(self) -> float:
+        """What the series leave out."""
+        return ENDED
+
     def period(self) -> float | None:
         """Period [rad] of everything that depends on the driver's coordinate."""
         return period_through(self.compiled, super().period)

@@ -103,6 +103,11 @@ class PathRun:
         self.road = Road(self.system, self.n, self.tolerance)
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
 
+    @property
+    def rounding(self) -> float:
+        """Relative error of the work of a panel that nobody can see."""
+        return BESIDE * EPS + 2 * self.system.noise
+
     # -- the run ------------------------------------------------------------
 
     def run(self) -> None:
@@ -216,7 +221,7 @@ class PathRun:
         self.legs.append(panel)
         self.t, self.q, self.K = panel.t1, panel.q1, max(panel.K1, 0.0)
         if self.beside and self.K > 0:
-            self.K += BESIDE * EPS * abs(panel.q1 - panel.q0) * float(np.abs(panel.w).mean())
+            self.K += self.rounding * abs(panel.q1 - panel.q0) * float(np.abs(panel.w).mean())
         if self.system.progress is not None:
             self.system.progress("moving", self.t, self.t_goal if self.t_goal < math.inf else None)
 
@@ -306,7 +311,7 @@ class PathRun:
             return
         size = sum(abs(p.q1 - p.q0) * float(np.abs(p.w).mean()) for p in panels)
         gain = self.K - K
-        if self.system.lossless or abs(gain) <= 64 * EPS * size:  # a sum of some hundred terms
+        if self.system.lossless or abs(gain) <= 16 * self.rounding * size:  # of some panels
             gain = 0.0
         if gain != 0 and not self.place_only:  # what the rate takes changes from turn to turn
             self.mark = turned
