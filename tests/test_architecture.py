@@ -24,7 +24,9 @@ ROOMS = (
     "plane",
     "errors",
     "files",
+    "validation_errors",
     "values",
+    "assur",
     "friction",
     "blocks",
     "loads",
@@ -55,6 +57,16 @@ ROOMS = (
     "cli",
     "__main__",
 )
+# What the whole may reach; the numbers go down with each room that is rebuilt.
+LINES, LINES_OF_DYNAMICS = 48_300, 12_100
+NUMBERS, NUMBERS_OF_DYNAMICS = 505, 242
+FLOORS, IN_CIRCLES = 38, 40
+LONGEST, TOO_LONG = 60, 4
+NOT_YET = {  # imports that still run uphill
+    ("blockmech.analysis.trade.points", "blockmech.draw.trade"),
+    ("blockmech.compiled", "blockmech.dynamics.system.reduction"),
+    ("blockmech.plan", "blockmech.passes.following"),
+}
 LATE = {"scipy", "matplotlib", "typer", "rich", "pandas", "hypothesis", "pytest", "mpmath"}
 NEEDED_IN = {
     "typer": "cli",
@@ -73,6 +85,19 @@ def modules():
 MODULES = dict(modules())
 
 
+def imports(path, late):
+    """Names of the modules that a module imports when it is loaded, or, ``late``, ever."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree) if late else statements(tree.body):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield inner if inner in MODULES else str(node.module)
+
+
 def statements(body):
     """What runs when a module is loaded: no functions, nothing for type checkers only."""
     for node in body:
@@ -88,50 +113,90 @@ def statements(body):
             yield node
 
 
-def imports(path):
-    """Names of the modules that a module imports when it is loaded."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in statements(tree.body):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: imports are absolute"
-            for alias in node.names:
-                inner = f"{node.module}.{alias.name}"
-                yield inner if inner in MODULES else str(node.module)
-
-
 def room(module):
     parts = module.split(".")
     return parts[1] if len(parts) > 1 else "__init__"
 
 
-IMPORTS = {name: set(imports(path)) for name, path in MODULES.items()}
+LOADED = {name: set(imports(path, late=False)) for name, path in MODULES.items()}
+IMPORTS = {name: set(imports(path, late=True)) for name, path in MODULES.items()}
+FILES = nx.DiGraph((a, b) for a, others in IMPORTS.items() for b in others & set(MODULES) - {a})
+FILES.remove_nodes_from(["blockmech"])  # the public names, which nothing inside needs
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
 
 
 def test_every_file_is_in_a_room():
     assert {room(m) for m in MODULES} == set(ROOMS)
 
 
-def test_imports_go_up_only():
-    down = [
-        f"{name} imports {other}, a room below it"
-        for name, others in IMPORTS.items()
-        for other in others
-        if other in MODULES and ROOMS.index(room(other)) > ROOMS.index(room(name))
-    ]
-    assert down == []
+def test_imports_run_downhill():
+    """Also those inside functions and for types."""
+    up = {
+        (name, other)
+        for name, other in FILES.edges
+        if ROOMS.index(room(other)) > ROOMS.index(room(name))
+    }
+    assert up <= NOT_YET
 
 
-def test_no_module_waits_for_itself():
-    graph = nx.DiGraph((a, b) for a, others in IMPORTS.items() for b in others if b in MODULES)
-    assert list(nx.simple_cycles(graph)) == []
+def test_no_circle_of_files():
+    circles = [c for c in nx.strongly_connected_components(FILES) if len(c) > 1]
+    assert sum(map(len, circles)) <= IN_CIRCLES
+
+
+def test_floors_of_files():
+    assert len(list(nx.topological_generations(nx.condensation(FILES)))) <= FLOORS
+
+
+def test_size_and_thresholds():
+    lines = {n: len(p.read_text(encoding="utf-8").splitlines()) for n, p in MODULES.items()}
+    numbers = {n: sum(map(is_threshold, tree.body)) for n, tree in TREES.items()}
+    dynamics = [n for n in MODULES if room(n) == "dynamics"]
+    assert sum(lines.values()) <= LINES
+    assert sum(lines[n] for n in dynamics) <= LINES_OF_DYNAMICS
+    assert sum(numbers.values()) <= NUMBERS
+    assert sum(numbers[n] for n in dynamics) <= NUMBERS_OF_DYNAMICS
+
+
+def test_functions_fit_a_screen():
+    long = {
+        f"{name}.{node.name}"
+        for name, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and length(node) > LONGEST
+    }
+    assert len(long) <= TOO_LONG
+
+
+def is_threshold(statement):
+    """Whether a statement of a module gives a name to a literal number, or to some."""
+    value = getattr(statement, "value", None)
+    return isinstance(statement, ast.Assign | ast.AnnAssign) and is_number(value)
+
+
+def is_number(value):
+    match value:
+        case ast.Constant(value=x):
+            return type(x) in (int, float)
+        case ast.UnaryOp(operand=x):
+            return is_number(x)
+        case ast.BinOp(left=a, right=b):
+            return is_number(a) and is_number(b)
+        case ast.Tuple(elts=parts):
+            return bool(parts) and all(map(is_number, parts))
+    return False
+
+
+def length(function):
+    """Lines of a function without its head and its docstring."""
+    body = function.body[1:] if ast.get_docstring(function) is not None else function.body
+    return function.end_lineno - body[0].lineno + 1 if body else 0
 
 
 def test_heavy_packages_are_loaded_late():
     early = {
         (name, package)
-        for name, others in IMPORTS.items()
+        for name, others in LOADED.items()
         for package in {other.split(".")[0] for other in others} & LATE
         if NEEDED_IN.get(package) not in (room(name), name)
     }

@@ -8,6 +8,7 @@ block that carries a load; what nobody asks for costs nothing.
 import random
 import time
 
+import networkx as nx
 import numpy as np
 import pytest
 
@@ -236,6 +237,49 @@ def test_plan_is_kept_and_not_made_twice():
     mech = watt().compile()
     assert mech.plan("crank.drive") is mech.plan("crank.drive")
     assert mech.plan("crank.drive") is not mech.plan("crank.drive", friction="none")
+
+
+# ---- the schedule as a graph -------------------------------------------------------------
+
+
+def test_the_program_is_a_topological_order_of_its_graph():
+    for g in (ruiz(), watt(spring=3.0, friction=True), toggle()):
+        plan = g.compile().plan("*")
+        graph = plan.graph()
+        place = {call: i for i, call in enumerate(graph)}
+        made = [e.node for e in plan.entries]
+        assert nx.is_directed_acyclic_graph(graph)
+        assert set(made) <= set(graph)
+        kernels = graph.subgraph(made)
+        assert all(place[first] < place[then] for first, then in kernels.edges)
+        assert all("kind" in data and "way" in data for *_, data in graph.edges(data=True))
+
+
+def test_forces_go_back_the_way_that_places_came():
+    graph = watt().compile().plan("crank.drive").graph()
+
+    def wires(stage):
+        return {(a[0], b[0]) for a, b in graph.edges if a[1] == b[1] == stage}
+
+    assert wires("position") == {("crank", "first"), ("first", "last")}
+    assert wires("force") == {(b, a) for a, b in wires("position")}
+    order = [block for block, stage in graph if stage == "position"]
+    assert [block for block, stage in graph if stage == "force"] == order[::-1]
+    kinds = {(data["kind"], data["way"]) for *_, data in graph.edges(data=True)}
+    forward = {(kind, "forward") for kind in ("place", "velocity", "acceleration")}
+    assert kinds == forward | {("force and moment", "back")}
+
+
+def test_reduced_inertia_and_effort_go_back_to_the_driver():
+    graph = watt().compile().plan(["crank.J_red", "crank.tau_red"]).graph()
+    to_driver = {
+        first[0]
+        for first, then, data in graph.edges(data=True)
+        if data["kind"] == "reduced inertia and effort"
+    }
+    assert to_driver == {"first", "last"}
+    assert graph.nodes["crank", "reduction", "crank"]["stage"] == "reduction"
+    assert not [call for call in graph if call[1] == "force"]
 
 
 # ---- names of blocks are the user's ------------------------------------------------------

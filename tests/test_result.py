@@ -281,6 +281,19 @@ def test_wire_to_a_prismatic_pair_carries_its_couple():
     assert (found["F"] * np.conj(n)).real[0] == pytest.approx(-r["ram.S.N"][0], rel=1e-14)
 
 
+def test_shares_of_blocks_add_up_to_what_is_reduced_to_the_driver():
+    g = ruiz()
+    r = g.run(at=[0.4, 2.0, 5.0])
+    crank, dyad = r.wire("frame.A -> crank.A"), r.wire("crank.B -> dyad.B")
+    for what in ("J_red", "tau_red"):
+        assert np.array_equal(dyad[what], r[f"dyad.{what}"])
+        whole = r[f"crank.{what}"]
+        assert crank[what] + dyad[what] == pytest.approx(whole, rel=1e-14)
+    link = g.blocks["crank"].links["crank"]  # turns about A: its share is J + m cm^2
+    about_A = link.inertia + link.mass * abs(link.cm.z) ** 2
+    assert crank["J_red"] == pytest.approx(np.full(3, about_A), rel=1e-12)
+
+
 def test_unknown_wire_names_the_wires_there_are():
     r = ruiz().run(at=1.0)
     with pytest.raises(bm.RequestError) as caught:

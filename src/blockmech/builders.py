@@ -10,16 +10,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
 
-from blockmech.errors import FormatError, GraphError, Problem
+from blockmech.errors import FormatError, GraphError, Problem, in_file
 from blockmech.model import graph
 from blockmech.model.joints import linkage
 from blockmech.model.joints.contents import FORMAT
-from blockmech.model.problems import in_file
 from blockmech.model.reading import data_of, text_of
 
 if TYPE_CHECKING:
+    from blockmech.assur.formation import Formation
     from blockmech.mechanism import Mechanism
-    from blockmech.model.formation import Formation
     from blockmech.model.joints.closing import Poses
     from blockmech.model.naming import Names
     from blockmech.result import Result

@@ -12,10 +12,10 @@ from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.outputs import Output, outputs_of
+from blockmech.outputs import outputs_of
 from blockmech.outputs_by_link import outputs_by_link
 from blockmech.passes import forces, forward, friction
-from blockmech.plan import STAGES, Friction, Plan, Schedule
+from blockmech.plan import STAGES, Friction, Output, Plan, Schedule
 
 
 @contextmanager
@@ -120,7 +120,7 @@ class Catalogue(Mapping[str, Output]):
         entries = sorted(
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
         )
-        return Plan(names, tuple(entries), schedule.program(values), layout)
+        return Plan(names, tuple(entries), schedule.program(values), layout, tuple(schedule.shares))
 
 
 def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:

@@ -8,10 +8,15 @@ line, ``--json``, a canvas and the tests all read the same source.
 from __future__ import annotations
 
 import difflib
+import json
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields, replace
 from itertools import islice
-from typing import Any
+from typing import Any, TypeAlias
+
+Path: TypeAlias = Sequence[str | int]
+"""A place in a JSON document: keys and indices."""
 
 
 @dataclass(frozen=True)
@@ -142,3 +147,66 @@ def listed(words: Iterable[str], most: int = 12) -> str:
     words = list(words)
     cut = ", ".join(words[:most])
     return cut + (f", ... ({len(words)} in all)" if len(words) > most else "")
+
+
+def shown(raw: Any, most: int = 60) -> str:
+    """A value as it stands in the file, cut when it is long."""
+    try:
+        text = json.dumps(raw, ensure_ascii=False)
+    except (TypeError, ValueError):  # not from a file
+        text = repr(raw)
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def path_text(path: Path) -> str:
+    """A place in a JSON document, e.g. ``wires[2].from``."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        elif re.fullmatch(r'[^\s./\[\]"]+', part):
+            text += f".{part}" if text else part
+        else:
+            text += f"[{shown(part)}]"
+    return text
+
+
+def unknown_key(where: str, owner: str, key: str, keys: Iterable[str]) -> Problem:
+    """The problem that names a key and the ones that are valid there."""
+    keys = list(keys)
+    valid = f"keys there: {listed(keys, 20)}" if keys else ""
+    found = f"{owner} has no key {shown(key)}"
+    return Problem("unknown-key", where, found, valid, close_match(key, keys) or "remove it")
+
+
+# The problems of a file.
+
+MOST = 100  # problems that are listed
+LONGEST = 400  # characters of one part of a message
+
+
+def in_file(problems: Iterable[Problem], file: str) -> list[Problem]:
+    """Problems as they are shown: each once, with the file, in printable text, not endless."""
+    once = list(dict.fromkeys(problems))
+    found = [_printable(replace(p, file=file)) for p in once[:MOST]]
+    if len(once) > MOST:
+        found.append(Problem(once[MOST].code, "", f"and more after these {MOST}", file=file))
+    return found
+
+
+def said_already(problem: Problem, odd: Iterable[Problem]) -> bool:
+    """Whether one of the problems is at the same place, or inside it."""
+    inside = (f"{problem.where}.", f"{problem.where}[")
+    return any(p.where == problem.where or p.where.startswith(inside) for p in odd)
+
+
+def _printable(problem: Problem) -> Problem:
+    parts = {f.name: getattr(problem, f.name) for f in fields(problem)}
+    return Problem(**{name: _line(text) for name, text in parts.items()})
+
+
+def _line(text: str) -> str:
+    cut = text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    if cut.isprintable():
+        return cut
+    return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in cut)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from blockmech.analysis.extremes import Extremes
     from blockmech.analysis.limits import Limits
     from blockmech.analysis.stroke import Stroke
-    from blockmech.analysis.trade import Trade
+    from blockmech.draw.trade import PlottedTrade
     from blockmech.modes.found import Modes
 
 
@@ -142,11 +142,12 @@ class Mechanism(Compiled):
 
         return simulate(self, until, **request)
 
-    def trade(self, question: Any = "run", want: Any = None, **request: Any) -> Trade:
+    def trade(self, question: Any = "run", want: Any = None, **request: Any) -> PlottedTrade:
         """Measure speed against accuracy; see `blockmech.analysis.trade.trade`."""
         from blockmech.analysis.trade import trade
+        from blockmech.draw.trade import PlottedTrade
 
-        return trade(self, question, want, **request)
+        return PlottedTrade(**vars(trade(self, question, want, **request)))
 
     def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
         """Feasible arcs of a driver; see `blockmech.analysis.limits.limits`."""

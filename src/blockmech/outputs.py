@@ -7,8 +7,8 @@ says how to read them; nothing is computed for outputs that nobody wants.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -16,33 +16,8 @@ from blockmech.blocks.contract import Joint
 from blockmech.loads.contract import Element
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.passes import energy, forces, forward, loads, pairs, reduction
-from blockmech.plan import Schedule
+from blockmech.plan import Output, Reader, Schedule
 from blockmech.quality import at_most_one
-
-Reader = Callable[..., Any]
-
-
-class Output(NamedTuple):
-    """One thing that can be wanted.
-
-    Attributes
-    ----------
-    name : e.g. ``"dyad.B.reaction"``
-    unit : SI, ``""`` where dimensionless
-    kind : "real", "vector" (complex x + iy), "matrix" (square over the drivers) or
-        "number" (one per run)
-    ask : the rule's answer in a schedule: names of program values
-    read : arrays of those values -> the output's array
-    by, on : for what one link exerts on another, the two links
-    """
-
-    name: str
-    unit: str
-    kind: Literal["real", "vector", "matrix", "number"]
-    ask: Callable[[Schedule], Iterable[str]]
-    read: Reader
-    by: str = ""
-    on: str = ""
 
 
 def _same(x: Any) -> Any:
@@ -57,9 +32,13 @@ def _ratio_angle(sine: Any, cosine: Any) -> Any:
     return np.arctan2(sine, cosine)
 
 
-def _asked(rule: Callable[..., str], *key: Any) -> Callable[[Schedule], tuple[str]]:
-    """The answer of one rule as an output's only value."""
-    return lambda s: (s.ask(rule, *key),)
+def _real(name: str, unit: str, rule: Callable[..., str], *key: Any, **more: str) -> Output:
+    """An output whose only value is the answer of one rule."""
+    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _same, **more)
+
+
+def _vector(name: str, unit: str, rule: Callable[..., str], *key: Any, **more: str) -> Output:
+    return _real(name, unit, rule, *key, **more)._replace(kind="vector")
 
 
 # -- block by block ------------------------------------------------
@@ -89,46 +68,24 @@ def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
     """What an element gives at each terminal, and its power."""
     for terminal, declared in structure.elements[name].terminals.items():
         ref = JointRef(name, terminal)
-        at_point = declared.kind == "point"
-        yield Output(
-            f"{ref}.force" if at_point else f"{ref}.couple",
-            declared.unit,
-            "vector" if at_point else "real",
-            _asked(loads.terminal_term, ref),
-            _same,
-            by=name,
-            on=str(structure.holds[ref].on),
-        )
-    yield Output(f"{name}.power", "W", "real", _asked(energy.element_power, name), _same)
+        ends = {"by": name, "on": str(structure.holds[ref].on)}
+        if declared.kind == "point":
+            yield _vector(f"{ref}.force", declared.unit, loads.terminal_term, ref, **ends)
+        else:
+            yield _real(f"{ref}.couple", declared.unit, loads.terminal_term, ref, **ends)
+    yield _real(f"{name}.power", "W", energy.element_power, name)
 
 
 def _driver_outputs(structure: Structure, name: str) -> Iterator[Output]:
     ref, joint = structure.driven[name], structure.driver_joint(name)
     q, effort = joint.coordinate_unit, joint.effort_unit
     inertia = "kg m2" if joint.rotary else "kg"
-
-    def given(quantity: str) -> Callable[[Schedule], tuple[str]]:
-        return lambda s: (s.input(quantity, name),)
-
-    yield Output(f"{name}.q", q, "real", given("q"), _same)
-    yield Output(f"{name}.rate", f"{q}/s", "real", given("qd"), _same)
-    yield Output(f"{name}.acceleration", f"{q}/s2", "real", given("qdd"), _same)
-    yield Output(
-        f"{name}.drive",
-        effort,
-        "real",
-        _asked(forces.drive, name),
-        _same,
-        by=str(structure.earlier_link(ref)),
-        on=str(structure.later_link(ref)),
-    )
-    yield Output(
-        f"{name}.drive_by_reduction",
-        effort,
-        "real",
-        _asked(reduction.drive_by_reduction, name),
-        _same,
-    )
+    ends = {"by": str(structure.earlier_link(ref)), "on": str(structure.later_link(ref))}
+    yield _real(f"{name}.q", q, Schedule.input, "q", name)
+    yield _real(f"{name}.rate", f"{q}/s", Schedule.input, "qd", name)
+    yield _real(f"{name}.acceleration", f"{q}/s2", Schedule.input, "qdd", name)
+    yield _real(f"{name}.drive", effort, forces.drive, name, **ends)
+    yield _real(f"{name}.drive_by_reduction", effort, reduction.drive_by_reduction, name)
     yield Output(
         f"{name}.power",
         "W",
@@ -136,12 +93,10 @@ def _driver_outputs(structure: Structure, name: str) -> Iterator[Output]:
         lambda s: (s.ask(forces.drive, name), s.input("qd", name)),
         lambda a, b: a * b,
     )
-    yield Output(f"{name}.J_red", inertia, "real", _asked(reduction.inertia, name, name), _same)
-    yield Output(f"{name}.tau_red", effort, "real", _asked(reduction.reduced_load, name), _same)
+    yield _real(f"{name}.J_red", inertia, reduction.inertia, name, name)
+    yield _real(f"{name}.tau_red", effort, reduction.reduced_load, name)
     if len(structure.drivers) == 1:
-        yield Output(
-            f"{name}.dJ_red", f"{inertia}/{q}", "real", _asked(reduction.inertia_slope, name), _same
-        )
+        yield _real(f"{name}.dJ_red", f"{inertia}/{q}", reduction.inertia_slope, name)
 
 
 def _link_outputs(link: LinkRef) -> Iterator[Output]:
@@ -160,13 +115,9 @@ def _scalar(rule: Any, link: LinkRef) -> Callable[[Schedule], tuple[str]]:
 
 
 def _marker_outputs(marker: MarkerRef) -> Iterator[Output]:
-    rules = (
-        ("p", "m", forward.marker_place),
-        ("v", "m/s", forward.marker_velocity),
-        ("a", "m/s2", forward.marker_acceleration),
-    )
-    for what, unit, rule in rules:
-        yield Output(f"{marker}.{what}", unit, "vector", _asked(rule, marker), _same)
+    yield _vector(f"{marker}.p", "m", forward.marker_place, marker)
+    yield _vector(f"{marker}.v", "m/s", forward.marker_velocity, marker)
+    yield _vector(f"{marker}.a", "m/s2", forward.marker_acceleration, marker)
 
 
 def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterator[Output]:
@@ -186,63 +137,25 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
         u = s.ask(forward.guide_direction, ref)
         return (s.emit(pairs.normal_force, found.N, u, name=f"{ref}_N_vector"),)
 
+    def wrench(k: int) -> Callable[[Schedule], tuple[str]]:
+        return lambda s: (s.ask(forces.wrench, ref)[k],)
+
     yield Output(f"{ref}.reaction", "N", "vector", vector, _same, by, on)
     if not revolute:
         yield Output(f"{ref}.N", "N", "real", lambda s: (pair(s, "N"),), _same, by, on)
         yield Output(f"{ref}.C", "N m", "real", lambda s: (pair(s, "C"),), _same, by, on)
     if joint.outer:
-        back = (on, by)
-        yield Output(
-            f"{ref}.wrench_F",
-            "N",
-            "vector",
-            lambda s: (s.ask(forces.wrench, ref)[0],),
-            _same,
-            *back,
-        )
-        yield Output(
-            f"{ref}.wrench_M",
-            "N m",
-            "real",
-            lambda s: (s.ask(forces.wrench, ref)[1],),
-            _same,
-            *back,
-        )
-    yield Output(
-        f"{ref}.friction",
-        "N m" if revolute else "N",
-        "real",
-        _asked(forces.resisting, ref),
-        _same,
-        by,
-        on,
-    )
-    yield Output(
-        f"{ref}.slip",
-        "rad/s" if revolute else "m/s",
-        "real",
-        _asked(forward.slip, ref),
-        _same,
-    )
-    yield Output(
-        f"{ref}.friction_power",
-        "W",
-        "real",
-        _asked(energy.friction_power, ref),
-        _same,
-    )
+        yield Output(f"{ref}.wrench_F", "N", "vector", wrench(0), _same, on, by)
+        yield Output(f"{ref}.wrench_M", "N m", "real", wrench(1), _same, on, by)
+    resisting, rate = ("N m", "rad/s") if revolute else ("N", "m/s")
+    yield _real(f"{ref}.friction", resisting, forces.resisting, ref, by=by, on=on)
+    yield _real(f"{ref}.slip", rate, forward.slip, ref)
+    yield _real(f"{ref}.friction_power", "W", energy.friction_power, ref)
 
 
 def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
-    block = structure.blocks[name]
-    yield Output(
-        f"{name}.margin",
-        "",
-        "real",
-        _asked(forward.margin, name),
-        at_most_one,
-    )
-    if block.kernels.transmission is not None:
+    yield _real(f"{name}.margin", "", forward.margin, name)._replace(read=at_most_one)
+    if structure.blocks[name].kernels.transmission is not None:
         yield Output(
             f"{name}.transmission_angle",
             "rad",
@@ -254,71 +167,42 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
         return  # under a driver's name stands its sum over all blocks
     driver = structure.drivers[0]
     head = structure.driver_joint(driver)
-    yield Output(
-        f"{name}.J_red",
-        "kg m2" if head.rotary else "kg",
-        "real",
-        _asked(reduction.share_of_inertia, name, driver, driver),
-        _same,
-    )
-    yield Output(
-        f"{name}.tau_red",
-        head.effort_unit,
-        "real",
-        _asked(reduction.share_of_load, name, driver),
-        _same,
-    )
+    inertia = "kg m2" if head.rotary else "kg"
+    yield _real(f"{name}.J_red", inertia, reduction.share_of_inertia, name, driver, driver)
+    yield _real(f"{name}.tau_red", head.effort_unit, reduction.share_of_load, name, driver)
 
 
 def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
+    def of(what: str, unit: str, kind: Any, ask: Any, read: Reader) -> Output:
+        return Output(f"mechanism.{what}", unit, kind, ask, read)
 
-    for what, unit, rule in (
-        ("kinetic_energy", "J", energy.kinetic),
-        ("potential_energy", "J", energy.potential),
-        ("friction_power", "W", energy.total_friction_power),
-        ("drive_power", "W", energy.drive_power),
-        ("useful_power", "W", energy.useful_power),
-        ("shaking_moment", "N m", energy.shaking_moment),
-    ):
-        yield Output(f"mechanism.{what}", unit, "real", _asked(rule), _same)
-    yield Output("mechanism.shaking_force", "N", "vector", _asked(energy.shaking_force), _same)
+    yield _real("mechanism.kinetic_energy", "J", energy.kinetic)
+    yield _real("mechanism.potential_energy", "J", energy.potential)
+    yield _real("mechanism.friction_power", "W", energy.total_friction_power)
+    yield _real("mechanism.drive_power", "W", energy.drive_power)
+    yield _real("mechanism.useful_power", "W", energy.useful_power)
+    yield _real("mechanism.shaking_moment", "N m", energy.shaking_moment)
+    yield _vector("mechanism.shaking_force", "N", energy.shaking_force)
     useful = [e for e in structure.elements.values() if e.useful]
-    if len(useful) == 1 and len(structure.drivers) == 1:
-        yield Output(
-            "mechanism.mechanical_advantage",
-            _advantage_unit(structure, useful[0]),
-            "real",
-            energy.advantage,
-            energy.read_advantage,
-        )
-    if useful and structure.drivers:
-        yield Output(
-            "mechanism.efficiency", "", "number", energy.efficiency, energy.read_efficiency
-        )
-    if structure.drivers:
-        yield Output(
-            "mechanism.friction_efficiency",
-            "",
-            "number",
-            energy.friction_efficiency,
-            energy.read_friction_efficiency,
-        )
     drivers = structure.drivers
+    if len(useful) == 1 and len(drivers) == 1:
+        unit = _advantage_unit(structure, useful[0])
+        yield of("mechanical_advantage", unit, "real", energy.advantage, energy.read_advantage)
+    if useful and drivers:
+        yield of("efficiency", "", "number", energy.efficiency, energy.read_efficiency)
+    if drivers:
+        ask, read = energy.friction_efficiency, energy.read_friction_efficiency
+        yield of("friction_efficiency", "", "number", ask, read)
     if len(drivers) > 1:
-        yield Output(
-            "mechanism.M",
-            "SI",
-            "matrix",
-            lambda s: [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers],
-            _same,
-        )
-        yield Output(
-            "mechanism.Q",
-            "SI",
-            "matrix",
-            lambda s: [s.ask(reduction.reduced_load, k) for k in drivers],
-            _same,
-        )
+
+        def inertias(s: Schedule) -> list[str]:
+            return [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
+
+        def efforts(s: Schedule) -> list[str]:
+            return [s.ask(reduction.reduced_load, k) for k in drivers]
+
+        yield of("M", "SI", "matrix", inertias, _same)
+        yield of("Q", "SI", "matrix", efforts, _same)
 
 
 def _advantage_unit(structure: Structure, useful: Element) -> str:

@@ -25,7 +25,7 @@ import numpy as np
 
 from blockmech.model.naming import JointName, Names
 from blockmech.model.structure import Structure
-from blockmech.outputs import Output
+from blockmech.plan import Output
 
 OF_LINKS = ("angle", "omega", "alpha")
 OF_POINTS = ("p", "v", "a")

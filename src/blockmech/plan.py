@@ -13,23 +13,39 @@ The program is readable Python; ``print(plan.program.source)`` shows what runs.
 
 from __future__ import annotations
 
+import ast
 import functools
 import re
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import CodeType
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 MOST_KEPT = 32  # programs whose code is kept
 NO_LETTER = re.compile(r"\W", re.ASCII)
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
+TRAVELS = {  # stage -> what it hands on
+    "position": "place",
+    "velocity": "velocity",
+    "unit velocity": "velocity",
+    "acceleration": "acceleration",
+    "unit acceleration": "acceleration",
+    "force": "force and moment",
+    "reduction": "reduced inertia and effort",
+}
+BACK = ("force and moment", "reduced inertia and effort")
+
 T = TypeVar("T")
+Node: TypeAlias = tuple[str, ...]
 Guess: TypeAlias = "Callable[[Schedule, str], str]"
 """What gives a group without closed form the guess of its pose: the value's name."""
 
@@ -40,6 +56,19 @@ class Entry(NamedTuple):
     block: str
     stage: str  # one of STAGES
     driver: str = ""  # of the unit-rate stages: which driver moves
+    value: str = ""  # name of what it gives in the program
+
+    @property
+    def node(self) -> Node:
+        """The call in the graph of the plan: (block, stage), of unit rates with the driver."""
+        return self[:3] if self.driver else self[:2]
+
+
+class Share(NamedTuple):
+    """A block's share in what is reduced to a driver, and the block that has the driver."""
+
+    entry: Entry
+    head: str
 
 
 class Line(NamedTuple):
@@ -113,6 +142,7 @@ class Schedule:
         self.static = static
         self.guess = guess or _followed
         self.entries: list[Entry] = []
+        self.shares: list[Share] = []
         self.lines: list[Line] = []
         self.functions: dict[str, Callable[..., Any]] = {}
         self.parameters: dict[str, Any] = {}
@@ -182,8 +212,15 @@ class Schedule:
 
     def kernel(self, entry: Entry, function: Callable[..., Any], *args: str, name: str) -> str:
         """Emit the call that an entry of the plan stands for."""
-        self.entries.append(entry)
-        return self.emit(function, *args, name=name)
+        value = self.emit(function, *args, name=name)
+        self.entries.append(entry._replace(value=value))
+        return value
+
+    def share(self, block: str, driver: str, value: str) -> str:
+        """Note a value as a block's share of what is reduced to a driver."""
+        head = self.structure.driven[driver].block
+        self.shares.append(Share(Entry(block, "reduction", driver, value), head))
+        return value
 
     def parameter(self, key: Hashable, value: Any, name: str) -> str:
         """Name of a parameter slot; ``value`` is a number or a named tuple of numbers."""
@@ -248,6 +285,32 @@ def _followed(s: Schedule, block: str) -> str:
     return s.ask(guess, block)
 
 
+Reader = Callable[..., Any]
+
+
+class Output(NamedTuple):
+    """One thing that can be wanted.
+
+    Attributes
+    ----------
+    name : e.g. ``"dyad.B.reaction"``
+    unit : SI, ``""`` where dimensionless
+    kind : "real", "vector" (complex x + iy), "matrix" (square over the drivers) or
+        "number" (one per run)
+    ask : the rule's answer in a schedule: names of program values
+    read : arrays of those values -> the output's array
+    by, on : for what one link exerts on another, the two links
+    """
+
+    name: str
+    unit: str
+    kind: Literal["real", "vector", "matrix", "number"]
+    ask: Callable[[Schedule], Iterable[str]]
+    read: Reader
+    by: str = ""
+    on: str = ""
+
+
 @functools.cache
 def _identifier(name: str) -> str:
     word = NO_LETTER.sub("_", name)
@@ -266,6 +329,7 @@ class Plan:
     ----------
     want : names of the wanted outputs
     entries : the kernel calls, by stage and formation order
+    shares : of blocks in what is reduced to a driver
     program : the straight-line program
     layout : wanted output -> indices of the program's values
     """
@@ -274,6 +338,7 @@ class Plan:
     entries: tuple[Entry, ...]
     program: Program
     layout: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    shares: tuple[Share, ...] = ()
 
     @cached_property
     def verdicts(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -291,6 +356,32 @@ class Plan:
         """Number of kernel calls of one stage."""
         return sum(e.stage == stage for e in self.entries)
 
+    def graph(self) -> nx.DiGraph:
+        """The calls and what travels between them, as a directed graph without cycles.
+
+        Nodes are calls: (block, stage), of the stages at unit rate (block, stage, driver), in
+        the program's order; the stage "reduction" are a block's shares of the reduced inertia
+        and effort. An edge goes from a call to one that needs what it gives, ``kind`` says
+        what that is ("place", "velocity", "acceleration", "force and moment", "reduced inertia
+        and effort"), and ``way`` whether it travels "forward" from the drivers or "back".
+        """
+        import networkx as nx
+
+        graph = nx.DiGraph()
+        calls = {e.value: e.node for e in self.entries}
+        behind: dict[str, list[Node]] = {}  # value -> the calls that it comes from
+        for value, uses in _lines(self.program.source):
+            needed = [call for name in uses for call in behind.get(name, ())]
+            call = calls.get(value)
+            behind[value] = list(dict.fromkeys(needed)) if call is None else [call]
+            if call is not None:
+                _add_call(graph, call, needed)
+        for entry, head in self.shares:
+            _add_call(graph, entry.node, behind.get(entry.value, ()))
+            if entry.block != head:
+                _add_call(graph, entry._replace(block=head).node, [entry.node])
+        return graph
+
     def explain(self) -> str:
         """The schedule as text: per stage the blocks in order, and the kernel calls."""
         calls, outputs = _counted(self.calls, "kernel call"), _counted(len(self.want), "output")
@@ -304,3 +395,22 @@ class Plan:
             if blocks:
                 rows.append(f"  {stage:<18}{len(blocks):>4}  {', '.join(blocks)}")
         return "\n".join(rows)
+
+
+def _lines(source: str) -> Iterator[tuple[str, list[str]]]:
+    """Each value that a program makes, and the names it is made of."""
+    (program,) = ast.parse(source).body
+    assert isinstance(program, ast.FunctionDef)
+    for line in program.body:
+        if isinstance(line, ast.Assign) and isinstance(line.targets[0], ast.Name):
+            names = [x.id for x in ast.walk(line.value) if isinstance(x, ast.Name)]
+            yield line.targets[0].id, names
+
+
+def _add_call(graph: nx.DiGraph, call: Node, needed: Iterable[Node]) -> None:
+    """Add a call, and edges from the calls that it needs."""
+    graph.add_node(call, block=call[0], stage=call[1])
+    for other in needed:
+        if other != call:
+            kind = TRAVELS[other[1]]
+            graph.add_edge(other, call, kind=kind, way="back" if kind in BACK else "forward")

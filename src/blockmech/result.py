@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from blockmech.engines.numpy import Planar
 from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
 from blockmech.export import Exported
-from blockmech.outputs import Output
-from blockmech.plan import Plan
+from blockmech.plan import Output, Plan
 from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
 from blockmech.wires import travelling
@@ -259,9 +258,13 @@ class Result(Exported):
         values, engine = mechanism.evaluate(plan, samples, self.engine)
         return Result(mechanism, plan, samples, values, engine, self.settings, self.motion)
 
-    def wire(self, source: str, target: str) -> dict[str, Any]:
-        """What travels along a wire: forward motion, backward wrench; see `blockmech.wires`."""
-        return travelling(self.mechanism.structure, self.inside, self.n, source, target)
+    def wire(self, source: str, target: str | None = None) -> dict[str, Any]:
+        """What travels along a wire: motion forward, force and reduced inertia back.
+
+        ``wire("crank.B", "dyad.B")`` or ``wire("crank.B -> dyad.B")``; see `blockmech.wires`.
+        """
+        name = source if target is None else f"{source} -> {target}"
+        return travelling(self.mechanism.structure, self.inside, self.n, name)
 
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
         """Largest difference of each common output, relative to its largest size.

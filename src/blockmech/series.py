@@ -28,8 +28,12 @@ TOLERANCE = 1e-13  # tail of a panel that needs no halving: 450 roundings
 LEVELS = 24  # halvings of a panel: 6e-8 of it, a corner's place to the root of rounding
 MOST = 512  # panels: what has no series anywhere is not halved for ever
 NOISE = 1e-9  # below it a tail that no longer falls is rounding
-LEVEL = 1 / 3  # last quarter of the coefficients over the one before, where it does not fall
+# Last quarter of the coefficients over the one before: of noise 1; of a corner, whose
+# coefficients fall like 1/k^2, (2/3)^2 = 0.44, and that is to be halved further.
+LEVEL = 0.55
+STANDS_OUT = 4.0  # times the largest of a quarter: noise hardly ever does
 DOUBLE_ROOT = 1e-7  # rounding moves a double root by the root of rounding: 1.5e-8, and some
+PATIENCE = 3  # halvings after which a function that ended on no panel has no series at all
 
 
 @cache
@@ -40,8 +44,9 @@ def nodes(n: int) -> Floats:
 
 @cache
 def _to_coefficients(n: int) -> Floats:
-    phi = (np.arange(n)[::-1, None] + 0.5) * (np.pi / n)  # cosines: a recurrence loses a digit
-    matrix = np.cos(phi * np.arange(n)) * (2 / n)
+    # Cosines of whole parts of a turn, which are reduced before they are rounded.
+    parts = np.outer(2 * np.arange(n)[::-1] + 1, np.arange(n)) % (4 * n)
+    matrix = np.cos(parts * (np.pi / (2 * n))) * (2 / n)
     matrix[:, 0] /= 2
     return np.asarray(matrix)
 
@@ -72,9 +77,9 @@ def _last_quarters(c: Floats) -> tuple[Floats, Floats]:
 
 
 def without_rounding(c: Floats) -> Floats:
-    """The series (..., n) without the coefficients after the last one above its last quarter."""
+    """The series (..., n) without what follows the last coefficient that stands out of its end."""
     last, _ = _last_quarters(c)
-    above = np.abs(c) > last[..., None]
+    above = np.abs(c) > STANDS_OUT * last[..., None]
     kept = np.flip(np.logical_or.accumulate(np.flip(above, -1), axis=-1), -1)
     return np.where(kept | ~above.any(axis=-1, keepdims=True), c, 0.0)
 
@@ -88,11 +93,13 @@ class Series:
     edges : (m + 1,) rising
     c : (m, n) Chebyshev coefficients of each panel; NaN where a value was not finite
     resolved : (m,) whether the panel's series ends
+    rounding : (m,) largest of the last quarter of its coefficients, which are cut off
     """
 
     edges: Floats
     c: Floats
     resolved: NDArray[np.bool_]
+    rounding: Floats
 
     def __call__(self, x: Floats) -> Floats:
         """Values (k,) at places (k,)."""
@@ -128,8 +135,10 @@ class Series:
         """
         free = np.abs(self.c[:, 0]) <= np.abs(self.c[:, 1:]).sum(axis=1)  # else none has room
         found = [self._roots_on(i) for i in np.flatnonzero(free & self.resolved).tolist()]
-        x = np.sort(np.concatenate([np.empty(0), *found]))
-        near = TOLERANCE * (self.edges[-1] - self.edges[0])  # found on both sides of an edge
+        x = np.concatenate([np.empty(0), *found])
+        x = np.sort(x[(x >= self.edges[0]) & (x <= self.edges[-1])])
+        panel = np.clip(np.searchsorted(self.edges, x) - 1, 0, len(self.c) - 1)
+        near = 2 * DOUBLE_ROOT * self._half[panel]  # found on both sides of an edge
         return np.asarray(x[np.diff(x, prepend=-np.inf) > near])
 
     def _roots_on(self, i: int) -> Floats:
@@ -137,13 +146,12 @@ class Series:
         if not np.any(c[1:]):
             return np.empty(0)
         z = chebyshev.chebroots(c)
-        z = z[np.abs(z.imag) <= DOUBLE_ROOT].real
-        z = z[np.abs(z) <= 1 + DOUBLE_ROOT]
+        z = z[(np.abs(z.imag) <= DOUBLE_ROOT) & (np.abs(z.real) <= 1 + DOUBLE_ROOT)].real
         slope = chebyshev.chebval(z, chebyshev.chebder(c))
         step = np.divide(chebyshev.chebval(z, c), slope, out=np.zeros_like(z), where=slope != 0)
         z = z - np.where(np.abs(step) <= DOUBLE_ROOT, step, 0.0)  # Newton: to rounding
-        z = z[np.abs(z) <= 1 + 4 * EPS]
-        return np.asarray(self._middle[i] + self._half[i] * np.clip(z, -1.0, 1.0))
+        z[np.abs(np.abs(z) - 1) <= 4 * EPS] = np.sign(z[np.abs(np.abs(z) - 1) <= 4 * EPS])
+        return np.asarray(self._middle[i] + self._half[i] * z)
 
     def extrema(self) -> Floats:
         """Places of the roots of the derivative on resolved panels, rising."""
@@ -183,10 +191,12 @@ def fit(
         c = coefficients(np.asarray(function(x.ravel()), dtype=float).reshape(x.shape))
         good: NDArray[np.bool_] = np.asarray(np.isfinite(c).all(axis=1))
         rounded = EPS * np.abs(edges).max() / half  # of the places, which moves the values
-        good[good] = tail(c[good]) <= np.maximum(tolerance, rounded)[good]
+        size, change = np.abs(c).max(axis=1), np.abs(c[:, 1:]).max(axis=1)
+        good[good] = (tail(c) * size <= np.maximum(tolerance * size, rounded * change))[good]
         middle = low + half
         final: NDArray[np.bool_] = np.asarray(good | (middle <= low) | (middle >= high))
-        if level == levels or count + 2 * len(low) > most:
+        hopeless = level >= PATIENCE and not count and not good.any()
+        if level == levels or hopeless or count + 2 * len(low) > most:
             final[:] = True
         kept.append((low[final], high[final], c[final], good[final]))
         count += int(final.sum())
@@ -197,7 +207,8 @@ def fit(
     lows, highs, cs, goods = (np.concatenate(part) for part in zip(*kept, strict=True))
     order = np.argsort(lows)
     ends = np.append(lows[order], highs[order][-1])
-    return Series(ends, without_rounding(cs[order]), goods[order])
+    rounding, _ = _last_quarters(cs[order])
+    return Series(ends, without_rounding(cs[order]), goods[order], rounding)
 
 
 def panels(low: float, high: float, count: int) -> Floats:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cmath
-import json
 import math
 import sys
 from collections.abc import Mapping, Sequence
@@ -34,7 +33,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from blockmech.errors import GraphError, Problem
+from blockmech.errors import GraphError, Problem, shown
+from blockmech.validation_errors import problems_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -153,15 +153,6 @@ class Vector(Pair):
     what = "a vector"
 
 
-def shown(raw: Any, most: int = 60) -> str:
-    """A value as it stands in the file, cut when it is long."""
-    try:
-        text = json.dumps(raw, ensure_ascii=False)
-    except (TypeError, ValueError):  # not from a file
-        text = repr(raw)
-    return text if len(text) <= most else text[: most - 3] + "..."
-
-
 NAME_RULE = 'a name is not empty and has no "." or "/"'
 """The rule for names of blocks and markers, which stand in addresses."""
 
@@ -211,8 +202,6 @@ class Strictly(BaseModel):
             try:
                 super().__init__(**raw)
             except ValidationError as error:
-                from blockmech.model.refusals import problems_of
-
                 raise GraphError(problems_of(error, type(self), raw)) from None
 
         __init__.__pydantic_base_init__ = True  # what is inside a model is validated without it

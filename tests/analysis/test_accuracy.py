@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.analysis.trade.turned import turned_run
+from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.mechanism import Mechanism
 from blockmech.samples import make_samples
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
@@ -38,7 +38,7 @@ def reference(name: str):
     mech = mechanism(name)
     samples = make_samples(mech.structure, mech.scene, samples=SAMPLES)
     settings = {"want": WANT, "static": False, "friction": "successive", "iterations": 60}
-    other, _ = turned_run(mech, samples, "clongdouble", settings)
+    other = rotated_run(mech, samples, "clongdouble", settings)
     unsure = {f.sample for f in other.quality.flags}
     good = [i for i in range(SAMPLES) if i not in unsure and other.quality.status[i] == "ok"]
     return other, good

@@ -13,7 +13,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front, order, trade
-from blockmech.analysis.trade.turned import turned_run
+from blockmech.analysis.trade.rotated import rotated_run
+from blockmech.draw.trade import draw_trade, trade_figure
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 from blockmech.samples import make_samples
@@ -51,7 +52,7 @@ def test_a_force_analysis_is_measured_with_every_friction_method_and_precision()
     methods = set(friction().series())
     assert {"numpy", "scalar", "friction none", "friction single", "successive"} <= methods
     settings = [p.setting for p in of(friction(), "numpy")]
-    assert settings == ["complex64", "complex128"] + ["clongdouble"] * LONG
+    assert settings == ["complex64", "complex128"] + ["clongdouble"] * LONG  # from cheap to dear
     assert len(of(friction(), "successive")) == 5
 
 
@@ -222,18 +223,18 @@ def test_the_recommended_setting_run_afresh_meets_its_target(name: str) -> None:
         fit = [p for p in found.points if p.error <= target]
         assert best.evaluations <= 1.5 * min(p.evaluations for p in fit)
         fresh = mech.run(samples=101, on_gap="mark", **best.options)
-        assert error_against_turned(mech, fresh) <= max(target, found.reference.floor)
+        assert error_against_rotated(mech, fresh) <= max(target, found.reference.floor)
 
 
-def error_against_turned(mech: Mechanism, run: Result) -> float:
-    """Largest error against a mechanism turned in the plane, computed in the widest numbers.
+def error_against_rotated(mech: Mechanism, run: Result) -> float:
+    """Largest error against a mechanism rotated in the plane, computed in the widest numbers.
 
-    Written apart from the trade's own measure: outputs that turning leaves alone, relative
+    Written apart from the trade's own measure: outputs that rotating leaves alone, relative
     to their largest magnitude where that is above the smallest of their unit.
     """
     samples = make_samples(mech.structure, mech.scene, samples=run.n)
     plain = [n for n in run if run.output(n).kind == "real" and n.endswith(JUDGED)]
-    other, _ = turned_run(mech, samples, "clongdouble", {"want": tuple(plain), "static": False})
+    other = rotated_run(mech, samples, "clongdouble", {"want": tuple(plain), "static": False})
     unsure = {f.sample for f in other.quality.flags}
     good = [i for i in range(run.n) if i not in unsure and other.quality.status[i] == "ok"]
     size = {n: float(np.max(np.abs(other[n][good]), initial=0.0)) for n in plain}
@@ -325,8 +326,6 @@ def test_json_and_csv_hold_every_point() -> None:
 
 
 def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
-    from blockmech.draw.trade import trade_figure
-
     figure = trade_figure(friction())
     assert [a.get_xlabel() for a in figure.axes] == [
         "time of one run [s]",
@@ -343,8 +342,6 @@ def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
 
 @pytest.mark.parametrize("found", [friction, motion])
 def test_labels_of_the_picture_do_not_overlap_and_stay_inside(found) -> None:
-    from blockmech.draw.trade import trade_figure
-
     figure = trade_figure(found())
     renderer = figure.canvas.get_renderer()
     whole = figure.bbox
@@ -360,7 +357,7 @@ def test_labels_of_the_picture_do_not_overlap_and_stay_inside(found) -> None:
 
 
 def test_the_picture_is_written(tmp_path: Path) -> None:
-    assert friction().plot(tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
+    assert draw_trade(friction(), tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_observed_order_ignores_what_lies_at_the_floor() -> None:

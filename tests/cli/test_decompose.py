@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
-import re
 
 import numpy as np
 import pytest
@@ -187,25 +185,6 @@ def test_run_refuses_names_that_the_document_does_not_have(call, joints):
     assert "joint.S.reaction" in said.err
 
 
-def test_run_writes_files(call, joints, tmp_path):
-    out = tmp_path / "results"
-    assert call("run", joints, "--samples", "13", "--out", out).code == 0
-    assert {"results.csv", "result.json", "reactions.png"} <= {p.name for p in out.iterdir()}
-    with (out / "results.csv").open(newline="", encoding="utf-8") as stream:
-        head = next(csv.reader(stream))
-    assert head[:2] == ["driver.motor.q [rad]", "time [s]"]
-    assert "joint.A.reaction.x [N]" in head
-    plot = tmp_path / "plot.png"
-    assert call("run", joints, "--want", "joint.*.reaction", "--plot", plot).code == 0
-    assert plot.stat().st_size > 0
-
-
-def test_run_explains_what_the_documents_outputs_cost(call, joints):
-    said = call("run", joints, "--explain", "--want", "driver.motor.drive,link.rod.p")
-    assert (said.code, said.err) == (0, "")
-    assert "driver.motor.drive" in said.out
-
-
 def test_a_gap_names_the_group_with_its_links(call, joints):
     document = json.loads(joints.read_text(encoding="utf-8"))
     document["joints"]["S"]["at"][0] = [0.3, 0.25]  # the guide is out of reach half of the turn
@@ -228,19 +207,6 @@ def test_simulate_moves_the_documents_driver(call, joints):
     assert set(found["outputs"]) == {"driver.motor.q", "driver.motor.rate"}
 
 
-def test_simulate_names_the_joints_whose_friction_it_refuses(call, joints):
-    said = call("simulate", joints, "--until", "time=0.1")
-    assert said.code == 2
-    assert "joint.S" in said.err
-
-
-def test_simulate_writes_pictures(call, joints, tmp_path):
-    out = tmp_path / "motion"
-    words = ("--until", "time=0.05", "--friction", "none", "--out", out)
-    assert call("simulate", joints, *words).code == 0
-    assert {"motion.png", "phase.png", "animation.gif"} <= {p.name for p in out.iterdir()}
-
-
 def test_verify_tells_links_of_the_document(call, joints):
     said = call("verify", joints)
     assert (said.code, said.err) == (0, "")
@@ -258,31 +224,6 @@ def test_limits_and_extremes_speak_of_the_documents_driver(call, joints):
     assert "link.piston.p.x  minimum" in said.out
     said = call("extremes", joints, "--stroke", "link.piston.p")
     assert "driver.motor.q" in said.out
-
-
-@pytest.mark.parametrize(
-    ("picture", "more"),
-    [
-        ("diagram.svg", ()),
-        ("mechanism.svg", ("--kind", "mechanism")),
-        ("poses.png", ("--at", "0.5,1.5")),
-        ("moving.gif", ()),
-    ],
-)
-def test_draw_draws_links_and_joints(call, joints, tmp_path, picture, more):
-    path = tmp_path / picture
-    said = call("draw", joints, "-o", path, *more)
-    assert (said.code, said.out) == (0, f"wrote {path}\n")
-    if path.suffix == ".svg":
-        text = path.read_text(encoding="utf-8")
-        assert all(re.search(rf"\b{word}\b", text) for word in ("rod", "piston"))
-
-
-def test_trade_measures_the_documents_outputs(call, joints):
-    words = ("--want", "joint.A.reaction", "--samples", "20", "--budget", "1s", "--json")
-    said = call("trade", joints, *words)
-    assert said.code == 0
-    assert "joint.A.reaction" in said.out
 
 
 def test_expected_numbers_of_a_document_are_tests(call, joints):

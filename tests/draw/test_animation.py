@@ -13,7 +13,7 @@ from PIL import Image
 
 import blockmech as bm
 from blockmech.draw import Animation, animate, draw
-from blockmech.draw.animation import page, player_data, reel_of
+from blockmech.draw.animation import player, player_data, reel_of
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
 from tests.wiring import ruiz, toggle, watt
 
@@ -61,22 +61,16 @@ def test_the_gif_repeats_for_ever_and_lasts_as_long_as_asked(tmp_path):
 
 def test_axes_and_background_stay_the_same_in_all_frames(tmp_path):
     _, pictures = opened(animate(ruiz(), tmp_path / "a.gif", frames=FRAMES).path)
-    bottom = [p[-60:] for p in pictures]  # the numbers of the x axis
+    bottom = [p[-55:] for p in pictures]  # the numbers of the x axis
     assert all((p == bottom[0]).all() for p in bottom)
     assert all((p[0, 0] == 255).all() for p in pictures)
 
 
 def test_poses_that_do_not_close_are_left_out():
-    reel, _ = reel_of(fourbar(rocker=1.8).compile(), frames=40)
+    reel = reel_of(fourbar(rocker=1.8).compile(), frames=40)
     feasible = int(reel.stage.motion.feasible.sum())
     assert 2 < feasible < 41
     assert len(reel.order) == 2 * feasible - 2
-
-
-def test_a_mechanism_that_never_closes_is_refused(tmp_path):
-    with pytest.raises(bm.AssemblyError):
-        animate(fourbar(rocker=20.0), tmp_path / "a.gif")
-    assert not list(tmp_path.iterdir())
 
 
 class Addresses(HTMLParser):
@@ -115,8 +109,8 @@ def test_the_html_page_carries_every_frame(tmp_path):
 
 def test_the_players_pins_follow_the_run():
     mechanism = ruiz().compile()
-    reel, scale = reel_of(mechanism, frames=FRAMES)
-    data = json.loads(json.dumps(player_data(reel, scale)))
+    reel = reel_of(mechanism, frames=FRAMES)
+    data = json.loads(json.dumps(player_data(reel)))
     run = mechanism.run(samples=FRAMES + 1, want=["dyad.C.p"])["dyad.C.p"]
     for k, frame in enumerate(data["frames"]):
         discs = [
@@ -124,12 +118,12 @@ def test_the_players_pins_follow_the_run():
             for row in frame["shapes"]
             if data["styles"][row[0]]["kind"] == "disc"
         ]
-        assert min(abs(z - scale.points(run[k])) for z in discs) < GRAIN
+        assert min(abs(z - reel.page.points(run[k])) for z in discs) < GRAIN
 
 
 def test_numbers_of_the_player_are_finite_where_poses_are_missing():
-    reel, scale = reel_of(fourbar(rocker=1.8).compile(), frames=40)
-    text = page(reel, scale)
+    reel = reel_of(fourbar(rocker=1.8).compile(), frames=40)
+    text = player(reel)
     assert "NaN" not in text.split('id="data"')[1].split("</script>")[0]
     assert data_of(text)["paths"][0]["pieces"]
 

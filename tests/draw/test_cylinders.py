@@ -9,8 +9,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.draw.mechanism import draw_mechanism
-from blockmech.draw.motion import moves
-from blockmech.draw.sketch import Spot, sketch_of
+from blockmech.draw.motion import Spot, moves
+from blockmech.draw.sketch import sketch_of
 from blockmech.model.structure import LinkRef
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"

@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from blockmech.draw.layout import Box, Ends, arrange, isotonic_medians, layers_of
+from blockmech.draw.layout import Box, Ends, arrange, layers_of
 from blockmech.draw.routing import (
     Climb,
     Placed,
@@ -82,16 +82,11 @@ def test_layers_are_the_topological_generations():
     assert not backward
 
 
-def test_a_box_that_nothing_feeds_does_not_stand_with_the_frame():
-    layer, _ = layers_of(boxes_of("a"), [])
-    assert layer == {"frame": 0, "a": 1}
-
-
 def test_a_cycle_is_cut_at_one_wire():
     wires = [Ends("frame", "A", "a", "p0"), Ends("b", "C", "a", "p1"), Ends("a", "C", "b", "p0")]
     layer, backward = layers_of(boxes_of("a", "b"), wires)
     assert layer["a"] < layer["b"]
-    assert backward == {1}
+    assert backward == [1]
 
 
 def test_boxes_that_are_named_in_a_bad_order_are_sorted_until_no_wires_cross():
@@ -102,14 +97,7 @@ def test_boxes_that_are_named_in_a_bad_order_are_sorted_until_no_wires_cross():
     assert crossings(place(arrange(boxes, wires), wires)) == 0
 
 
-def test_a_chain_runs_in_one_row():
-    names = [f"b{k}" for k in range(6)]
-    wires = [Ends(a, "C", b, "p0") for a, b in itertools.pairwise(["frame", *names])]
-    placed = place(arrange(boxes_of(*names, ports=1), wires), wires)
-    assert all(len(way) == 2 for way in placed.ways.values())
-
-
-@pytest.mark.parametrize("seed", range(150))
+@pytest.mark.parametrize("seed", range(50))
 def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
     boxes, wires = random_diagram(seed)
     placed = place(arrange(boxes, wires), wires)
@@ -120,8 +108,8 @@ def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
     for i, wire in enumerate(wires):
         way = placed.ways[i]
         source, target = placed.boxes[wire.source], placed.boxes[wire.target]
-        assert way[0] == placed.markers[i]
-        assert way[-1] == placed.ports[wire.target, wire.port]
+        assert way[0] == placed.marker(i, wire.source)
+        assert way[-1] == placed.port(wire.target, wire.port)
         assert way[0][0] == pytest.approx(source.x + source.width, abs=TOLERANCE)
         assert way[-1][0] == pytest.approx(target.x, abs=TOLERANCE)
         assert source.y < way[0][1] < source.y + source.height
@@ -149,27 +137,12 @@ def test_two_wires_that_swap_their_rows_are_told_apart_by_a_dogleg():
     assert legs[0].end == legs[1].start != whole.start
 
 
-def test_isotonic_medians_are_the_best_of_all_tries():
-    r = random.Random(7)
-    for _ in range(60):
-        wishes = [
-            [(r.randint(0, 5), r.choice((1, 2, 8))) for _ in range(r.randint(1, 3))]
-            for _ in range(4)
-        ]
-
-        def cost(rows: tuple[int, ...], wishes=wishes) -> int:
-            pairs = zip(rows, wishes, strict=True)
-            return sum(w * abs(row - value) for row, wish in pairs for value, w in wish)
-
-        found = isotonic_medians(wishes)
-        assert found == sorted(found)
-        best = min(cost(t) for t in itertools.combinations_with_replacement(range(6), 4))
-        assert cost(tuple(found)) == best
-
-
-def test_a_number_without_wishes_follows_its_neighbour():
-    assert isotonic_medians([[], [(3, 1)], [], [(5, 1)]]) == [3, 3, 3, 5]
-    assert isotonic_medians([[], []]) == [0, 0]
+def test_rows_have_the_least_sum_of_steps():
+    """Three boxes in a column, their wires from places that they cannot all have."""
+    wires = [Ends("frame", n, n, "p0") for n in "abc"]
+    made = arrange(boxes_of(*"abc", ports=1), wires)
+    lengths = [abs(start - end) for start, end in map(made.ends, made.steps.edges(keys=True))]
+    assert sum(lengths) == 2 * 3, "boxes of 3 rows stand 4 apart, their wires leave 1 apart"
 
 
 def test_a_plain_way_goes_around_a_box_in_the_middle():

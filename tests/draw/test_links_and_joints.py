@@ -7,10 +7,9 @@ import pytest
 
 from blockmech.draw.curves import pictures_of
 from blockmech.draw.diagram import draw_diagram
-from blockmech.draw.mechanism import draw_mechanism
+from blockmech.draw.mechanism import draw_mechanism, paths_of
 from blockmech.draw.motion import moves
-from blockmech.draw.paths import paths_of
-from blockmech.draw.shapes import drive_ways, stage_of
+from blockmech.draw.shapes import Stage, drive_ways
 from blockmech.draw.sketch import sketch_of
 from blockmech.errors import RequestError
 from tests.model.documents import DOCUMENTS, flipped, linkage
@@ -60,7 +59,7 @@ def test_an_arrow_shows_where_the_driven_link_goes_however_its_joint_is_named(cr
     ways = []
     for mechanism in (crank.compile(), other.compile()):
         motion = moves(mechanism, samples=5)
-        stage = stage_of(sketch_of(motion), motion, 0.01)
+        stage = Stage(sketch_of(motion), motion, 0.01)
         ways.append(drive_ways(stage, 1)["motor"])
     assert np.abs(np.subtract(*ways)).max() <= 1e-15
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.draw.animation import rests
+from blockmech.draw.panels import Abscissa, Curve, Panel, draw_panels
 from blockmech.draw.simulation import (
     energy_panels,
     motion_panels,
@@ -71,6 +74,27 @@ def test_a_motion_too_short_or_too_long_to_watch_is_slowed_or_sped_up():
     assert screen_time(0.03) == pytest.approx(3.0)
     assert screen_time(40.0) == 8.0
     assert screen_time(1e5) == 16.0
+
+
+def test_events_of_friction_are_marked_and_named():
+    """A joint that reverses, and rest: dotted lines, with their words in the legend."""
+    events = ((0.2, "joint reverses"), (0.5, "joint reverses"), (0.9, "rest"))
+    over = Abscissa("time [s]", np.linspace(0, 1, 50), events=events)
+    curve = Curve("", np.linspace(3, 0, 50))
+    (axes,) = draw_panels([Panel("rate", "rad/s", (curve,))], over).axes
+    marks = [x.get_xdata()[0] for x in axes.lines if x.get_label() in ("joint reverses", "rest")]
+    assert marks == [0.2, 0.5, 0.9]
+    words = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert words == ["joint reverses", "rest"]
+
+
+@pytest.mark.parametrize(
+    ("time", "rate", "resting"), [(0.5, 0.0, False), (1.0, 0.0, True), (2.0, 0.1, False)]
+)
+def test_a_mechanism_rests_where_nothing_moves_after_an_event_that_says_so(time, rate, resting):
+    motion = SimpleNamespace(events=[SimpleNamespace(kind="rest", t=1.0)])
+    assert rests(SimpleNamespace(motion=motion), time, [rate]) == resting
+    assert not rests(SimpleNamespace(motion=None), time, [rate])
 
 
 def test_a_motion_of_no_duration_has_no_pictures(tmp_path):

@@ -3,7 +3,9 @@
 import pytest
 
 import blockmech as bm
+from blockmech.model.cycles import waiting
 from blockmech.model.diagram import Wire
+from tests.assur.structures import FRAME, chain
 from tests.soon import answered
 
 
@@ -68,3 +70,23 @@ def test_friction_keeps_a_pin_on_its_link():
     g.wires = [Wire(*wire) for wire in ends]
     (problem,) = g.check()
     assert "a.i, a.j, b.i, b.j are one Assur group" in problem.found
+
+
+def test_two_dyads_that_wait_for_each_other_are_a_group_of_class_four():
+    # dyad (a, b) stands on d and the frame, dyad (c, d) on a and the crank: a closed loop
+    links, pairs = chain("A:a-frame B:a-b C:b-d D:d-c E:c-a F:d-crank")
+    _, text = waiting([a for a in links if a != "crank"], pairs, ["frame", "crank"])
+    assert text == "a, b, c, d are one Assur group of class IV with 4 links and 6 pairs"
+
+
+def test_waiting_dyads_with_an_over_constrained_part_are_named():
+    # 3n = 2p, but a, b, c, d is a quadrilateral with a diagonal and x hangs on
+    found, text = waiting(*chain("A:a-b B:b-c C:c-a D:a-frame E:b-frame F:c-x"), FRAME)
+    assert not found.complete
+    assert text.endswith("no Assur group; over-constrained: a, b, c, frame; loose: x")
+
+
+def test_waiting_links_that_are_several_groups_are_put_in_order():
+    found, text = waiting(*chain("A:a-frame B:a-b C:b-frame D:c-a E:c-d F:d-b"), FRAME)
+    assert [u.links for u in found.units] == [("a", "b"), ("c", "d")]
+    assert text.startswith("the links can be placed in the order II RRR(a, b) -> II")

@@ -14,7 +14,6 @@ import math
 import numpy as np
 import pytest
 
-import blockmech as bm
 from blockmech.errors import AssemblyError, RequestError
 from tests.model.documents import (
     DOCUMENTS,
@@ -26,7 +25,6 @@ from tests.model.documents import (
     shuffled,
     slider_crank,
 )
-from tests.wiring import ruiz, wire
 
 SAMPLES = 7
 ROUNDING = 1e-12
@@ -261,105 +259,6 @@ def test_the_slip_of_a_pin_is_the_rate_of_its_second_link_less_that_of_its_first
             assert off <= ROUNDING * largest(result)["rad/s"]
 
 
-# -- the same as a graph wired by hand ------------------------------------------------------
-
-
-def shaper_by_hand():
-    pin = bm.Coulomb(coefficient=0.2, radius=0.02)
-    rub = bm.Coulomb(coefficient=0.15)
-    g = bm.Graph("shaper", gravity=(0.0, -9.81))
-    g.add(
-        "frame",
-        bm.Frame(markers={"O": (0, 0.3), "D": (0, 0), "G": bm.Marker(at=(0, 0.65), angle=0.0)}),
-    )
-    crank = bm.Link(mass=3.0, inertia=0.02, cm=(0.04, 0.0))
-    g.add("crank", bm.Crank(length=0.12, links={"crank": crank}))
-    links = {
-        "i": bm.Link(mass=0.5, inertia=0.001, cm=(0.01, 0.0)),
-        "j": bm.Link(mass=6.0, inertia=0.3, cm=(0.3, 0.0), markers={"T": (0.6, 0.0)}),
-    }
-    friction = {"B": pin, "S": rub, "D": pin}
-    g.add("lever", bm.RPR(h_i=0.0, h_j=0.0, branch=-1, slider="i", links=links, friction=friction))
-    links = {
-        "i": bm.Link(mass=1.0, inertia=0.01, cm=(0.12, 0.0)),
-        "j": bm.Link(mass=8.0, inertia=0.4, cm=(0.1, 0.05)),
-    }
-    g.add("ram", bm.RRP(l=0.25, h=0.0, branch=1, links=links, friction={"S": rub}))
-    g.add("cut", bm.Force(force=(-200.0, 0.0)))
-    g.drive("crank", bm.ConstantRate(rate=4.0, start=0.0, end=6.0))
-    return wire(
-        g,
-        "frame.O crank.A",
-        "crank.B lever.B",
-        "frame.D lever.D",
-        "lever.T ram.B",
-        "frame.G ram.S",
-        "ram.j cut.at",
-    )
-
-
-MECHANISM = ("kinetic_energy", "potential_energy", "friction_power", "shaking_moment")
-DRIVER = ("q", "rate", "acceleration", "drive", "drive_by_reduction", "power", "J_red", "tau_red")
-
-BY_HAND = {
-    "four_bar": (
-        ruiz,
-        {"1": "crank.crank", "2": "dyad.i", "3": "dyad.j"},
-        {"A": ("crank.A", 1), "B": ("dyad.B", 1), "C": ("dyad.C", 1), "D": ("dyad.D", 1)},
-        ("crank", "crank"),
-    ),
-    "shaper": (
-        shaper_by_hand,
-        {
-            "crank": "crank.crank",
-            "block": "lever.i",
-            "lever": "lever.j",
-            "rod": "ram.i",
-            "ram": "ram.j",
-        },
-        {
-            "O": ("crank.A", 1),
-            "B": ("lever.B", 1),
-            "D": ("lever.D", 1),
-            "slot": ("lever.S", -1),
-            "T": ("ram.B", 1),
-            "C": ("ram.C", 1),
-            "way": ("ram.S", 1),
-        },
-        ("motor", "crank"),
-    ),
-}
-
-
-@pytest.mark.parametrize("name", BY_HAND)
-def test_every_output_is_that_of_the_graph_wired_by_hand(name):
-    make, links, joints, (driver, crank) = BY_HAND[name]
-    document = DOCUMENTS[name]()
-    document["drivers"][driver].update({"from": 0.0, "to": 6.0})
-    graph = make()
-    graph.drive("crank", bm.ConstantRate(rate=document["drivers"][driver]["rate"], end=6.0))
-    one, other = graph.run(samples=SAMPLES), run(document)
-    pairs = {f"driver.{driver}.{what}": (f"{crank}.{what}", 1) for what in DRIVER}
-    pairs |= {f"mechanism.{what}": (f"mechanism.{what}", 1) for what in MECHANISM}
-    for link, there in links.items():
-        whats = ("p", "v", "a", "angle", "omega", "alpha")
-        pairs |= {f"link.{link}.{what}": (f"{there}.{what}", 1) for what in whats}
-    for joint, (there, sign) in joints.items():
-        kind = document["joints"][joint]["type"]
-        for what in (*ON_SECOND, "friction_power"):
-            if kind == "P" or what not in ("N", "C"):
-                own = 1 if what == "friction_power" else sign
-                pairs[f"joint.{joint}.{what}"] = (f"{there}.{what}", own)
-    scale, wrong = largest(one), {}
-    for mine, (theirs, sign) in pairs.items():
-        off = np.abs(other[mine] - sign * one[theirs]).max() / (scale[one.unit(theirs)] or 1.0)
-        if off > ROUNDING:
-            wrong[mine] = off
-    assert wrong == {}
-    others = {n for n in other if n.split(".")[0] in ("driver", "link", "joint")}
-    assert others <= {*pairs, "link.2.S.p", "link.2.S.v", "link.2.S.a", f"driver.{driver}.dJ_red"}
-
-
 # -- what can be asked for, and what is said ------------------------------------------------
 
 
@@ -449,16 +348,6 @@ def test_a_damped_spring_along_a_guide_is_one_load():
     assert np.abs(found["damper.b.force"] - force * u).max() <= ROUNDING * np.abs(force).max()
     power = force * found["joint.S.slip"]
     assert np.abs(found["damper.power"] - power).max() <= ROUNDING * np.abs(power).max()
-
-
-@pytest.mark.parametrize("name", DOCUMENTS)
-@pytest.mark.parametrize("general", ["groups", "one"])
-def test_general_groups_in_the_place_of_dyads_change_nothing(name, general):
-    document = linkage(DOCUMENTS[name]())
-    one = document.run(samples=SAMPLES, friction="none")
-    other = document.decompose(general).compile().run(samples=SAMPLES, friction="none")
-    assert set(one) == set(other)
-    assert differing(one, other) == {}
 
 
 @pytest.mark.parametrize("general", ["", "groups", "one"])

@@ -4,7 +4,8 @@ import copy
 import json
 import math
 
-from blockmech.modes import Triad, triad_modes
+from blockmech.modes.closing import triad_modes
+from blockmech.modes.triad import Triad
 from tests.doors import graph_of as loads
 from tests.doors import linkage_of as linkages
 

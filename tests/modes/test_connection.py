@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from blockmech.errors import RequestError
-from blockmech.modes import Leg, Triad, connect, triad_modes
+from blockmech.modes.closing import triad_modes
+from blockmech.modes.connection import connect
+from blockmech.modes.triad import Triad
 from blockmech.typing import Guide
 from tests.modes import chance
 from tests.modes.exact import count_exactly
@@ -32,7 +34,7 @@ class Cranked:
         self.triad = Triad.rrr(lengths, pins)
 
     def outer(self, q):
-        return complex(self.at + self.crank * np.exp(1j * q)), *self.pivots
+        return self.at + self.crank * np.exp(1j * q), *self.pivots
 
     def exact(self, q):
         return count_exactly(self.outer(q), self.lengths, self.pins)
@@ -79,9 +81,9 @@ def test_an_arc_is_one_mode_followed_along_the_driver(seed):
     for _ in range(2):
         machine = by_chance(rng)
         found = machine.connected()
-        for arc in found.arcs:
-            for (j, k), (i, n) in itertools.pairwise(arc.passes):
-                begin, end = found.checks[j], found.checks[i]
+        for passes in found.passes:
+            for (j, k), (i, n) in itertools.pairwise(passes):
+                begin, end = found.nodes[j], found.nodes[i]
                 end += TURN * (end < begin)
                 one, other = found.modes[j][k], found.modes[i][n]
                 if min(one.margin, other.margin) < 1e-4:
@@ -123,15 +125,11 @@ def test_every_mode_at_every_check_point_is_on_one_arc(seed):
     rng = np.random.default_rng(seed)
     for _ in range(5):
         found = by_chance(rng).connected()
-        passed = sorted(at for arc in found.arcs for at in arc.passes)
+        passed = sorted(at for passes in found.passes for at in passes)
         every = [(j, k) for j, modes in enumerate(found.modes) for k in range(len(modes))]
         assert passed == every
         for j, k in every:
-            assert (j, k) in found.arcs[found.arc_of(j, k)].passes
-            assert found.arcs[found.arc_of(j, k)].sign == found.modes[j][k].sign
-        assert sorted(n for circuit in found.circuits for n in circuit) == list(
-            range(len(found.arcs))
-        )
+            assert found.arcs[found.arc_of((j, k))].sign == found.modes[j][k].sign
 
 
 @pytest.mark.parametrize("seed", range(30, 33))
@@ -155,18 +153,18 @@ def test_between_dead_centres_the_number_of_arcs_is_the_exact_number_of_modes(se
 def test_after_a_turn_a_mode_may_be_another_one():
     machine = overturned()
     found = machine.connected()
-    long = [arc for arc in found.arcs if arc.length > TURN]
+    long = [arc for arc in found.arcs if arc.end.q - arc.start.q > TURN]
     assert len(long) == 2
     check = next(
-        j for j, q in enumerate(found.checks) if long[0].start.q + 0.1 < q < long[0].end.q - TURN
+        j for j, q in enumerate(found.nodes) if long[0].start.q + 0.1 < q < long[0].end.q - TURN
     )
-    then = found.after_turn(check)
+    then = [found.after_turn((check, k)) for k in range(len(found.modes[check]))]
     assert sum(x is not None for x in then) == 2
     for mode, other in enumerate(then):
         if other is None:
             continue
         o, e = found.modes[check][mode].o, found.modes[check][mode].e
-        begin = found.checks[check]
+        begin = found.nodes[check]
         for q in np.linspace(begin, begin + TURN, 2_000)[1:]:
             o, e = newton(machine, q, o, e)
         assert abs(o - found.modes[check][other].o) <= FOUND
@@ -177,8 +175,8 @@ def test_a_small_crank_brings_every_mode_back_to_itself():
     pins, pivots, lengths = [0, 4, 3 + 4j], [0, 5, 1 + 4j], [4.0, 4.0, 4.0]
     machine = Cranked(pins, -0.01, pivots[1:], 0.01, lengths)
     found = machine.connected()
-    assert found.after_turn() == (0, 1, 2, 3, 4, 5)
-    assert len(found.circuits) == len(found.arcs) == 6
+    assert [found.after_turn((0, k)) for k in range(6)] == [0, 1, 2, 3, 4, 5]
+    assert [arc.circuit for arc in found.arcs] == [0, 1, 2, 3, 4, 5]
     assert all((arc.start.how, arc.turns) == ("turn", 1) for arc in found.arcs)
     assert all((arc.start.q, arc.end.q) == (0, pytest.approx(TURN)) for arc in found.arcs)
 
@@ -187,15 +185,15 @@ def test_change_points_of_a_parallelogram_are_passed_straight():
     # Pins 1 and 2 are one: crank 1, coupler 3 and leg 2 of length 1 on a frame of 3 are a
     # parallelogram, on one line at 0 and pi; leg 3 hangs from its pin.
     triad = Triad.rrr([3, 1, 4], [0, 0, 1])
-    found = connect(triad, lambda q: (complex(np.exp(1j * q)), 3, 1.5 + 3.5j))
+    found = connect(triad, lambda q: (np.exp(1j * q), 3, 1.5 + 3.5j))
     for arc in found.arcs:
         assert arc.sign == 0
         passed = sorted(abs(math.remainder(q, TURN)) for q in arc.change_points)
         assert passed == pytest.approx([0, math.pi], abs=1e-11)
     # Parallel all along: leg 2 keeps the crank's direction on two of the arcs.
     pins = [
-        {abs(found.modes[j][k].o - 3 - np.exp(1j * found.checks[j])) < FOUND for j, k in arc.passes}
-        for arc in found.arcs
+        {abs(found.modes[j][k].o - 3 - np.exp(1j * found.nodes[j])) < FOUND for j, k in passes}
+        for passes in found.passes
     ]
     assert sorted(pins, key=str) == [{False}, {False}, {True}, {True}]
 
@@ -204,10 +202,10 @@ def test_galloway_s_long_links_turn_once_in_two_turns_of_the_short_one():
     # Frame and crank 1, coupler and leg 2 of length 3 about one pin: a kite. Leg 3 reaches
     # the platform's other pin everywhere. After one turn of the crank the kite is inverted.
     triad = Triad.rrr([3, 3, 3], [0, 0, 2])
-    found = connect(triad, lambda q: (complex(np.exp(1j * q)), 1, 1 + 1j))
+    found = connect(triad, lambda q: (np.exp(1j * q), 1, 1 + 1j))
     assert [arc.turns for arc in found.arcs] == [2, 2]
-    for check, (q, modes) in enumerate(zip(found.checks, found.modes, strict=True)):
-        then = found.after_turn(check)
+    for check, (q, modes) in enumerate(zip(found.nodes, found.modes, strict=True)):
+        then = [found.after_turn((check, k)) for k in range(len(modes))]
         for mode, other in enumerate(then):
             assert then[other] == mode
             # the pin lies on the kite's axis, on the other side of the crank's end and pivot
@@ -219,18 +217,16 @@ def test_galloway_s_long_links_turn_once_in_two_turns_of_the_short_one():
 
 def test_a_range_has_arcs_that_end_with_it():
     machine = overturned()
-    found = machine.connected(low=3.5, high=4.5)
+    found = machine.connected(low=3.5, high=4.5, ends="range")
     assert {end.how for arc in found.arcs for end in (arc.start, arc.end)} == {"range"}
     assert all((arc.start.q, arc.end.q) == (3.5, 4.5) for arc in found.arcs)
     assert len(found.arcs) == machine.exact(4.0) == 2
-    with pytest.raises(RequestError, match="not over a turn"):
-        found.after_turn()
 
 
 def test_a_range_that_goes_past_a_dead_centre_agrees_with_the_turn():
     machine = overturned()
     turn = machine.connected()
-    found = machine.connected(low=2.0, high=5.5)
+    found = machine.connected(low=2.0, high=5.5, ends="range")
     ends = sorted(e.q for a in found.arcs for e in (a.start, a.end) if e.how == "dead centre")
     whole = {e.q + n * TURN for a in turn.arcs for e in (a.start, a.end) for n in (-1, 0)}
     assert len(ends) == 6
@@ -243,12 +239,12 @@ def test_the_driver_may_be_a_slide_and_a_leg_may_slide():
     pins, o = [0, 1, 0.4 + 0.8j], 0.2 + 1j
     pivots = [0, 1.5, 0.5 + 3j]
     lengths = [0, abs(o + pins[1] - pivots[1]), abs(o + pins[2] - pivots[2])]
-    triad = Triad((Leg.pr(0), *(Leg.rr(p, l) for p, l in zip(pins[1:], lengths[1:], strict=True))))
+    triad = Triad(("PR", "RR", "RR"), pins, lengths)
 
     def outer(q):
         return Guide(1j * q, 1 + 0j), *pivots[1:]
 
-    found = connect(triad, outer, low=0.5, high=1.5)
+    found = connect(triad, outer, low=0.5, high=1.5, ends="range")
     for n, arc in enumerate(found.arcs):
         for end in (arc.start, arc.end):
             if end.how == "dead centre":
@@ -264,9 +260,9 @@ def test_supports_that_exist_no_further_end_the_range():
     machine = overturned()
 
     def outer(q):  # like an earlier dyad that is stretched at 4.5 rad
-        return machine.outer(q) if q <= 4.5 else (complex(math.nan, math.nan), *machine.pivots)
+        return np.where(q <= 4.5, machine.outer(q)[0], np.nan), *machine.pivots
 
-    found = connect(machine.triad, outer, 3.5, 4.5)
+    found = connect(machine.triad, outer, 3.5, 4.5, ends="range")
     assert len(found.arcs) == 2
     assert all(arc.end.how == "range" for arc in found.arcs)
 

@@ -9,6 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.testing import assert_graph
+from tests.wiring import ruiz
 
 OWN_SIZE = 1e-11  # what the project promises of driving efforts with friction
 REACH = math.acos(9.25 / 22)  # crank angle at which the dyad of `short` is stretched
@@ -200,3 +201,15 @@ def test_a_question_without_sense_is_refused(arm, request_, part):
     with pytest.raises(bm.RequestError) as caught:
         assert_graph(arm).has_output(**request_)
     assert part in str(caught.value)
+
+
+# ---- schedules ---------------------------------------------------------------------------
+
+
+def test_a_schedule_is_what_the_outputs_take_in_an_order_that_works():
+    calls = [("crank", "position"), ("dyad", "position")]
+    assert_graph(ruiz()).schedules("dyad.C.p", *calls)
+    with pytest.raises(AssertionError, match="expected the order dyad position, crank position"):
+        assert_graph(ruiz()).schedules("dyad.C.p", *calls[::-1])
+    with pytest.raises(AssertionError, match="found crank position, dyad position"):
+        assert_graph(ruiz()).schedules("dyad.C.p", calls[0])

@@ -26,23 +26,28 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from blockmech.analysis.trade.reference_errors import (
+    DOUBLE,
+    LONG,
+    MOST_ITERATIONS,
+    WIDER,
+    ReferenceErrors,
+    comparable,
+    reference_errors,
+)
+from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.errors import Problem, RequestError, listed
+from blockmech.result import Result
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
-    from blockmech.analysis.trade.errors import Yardstick
     from blockmech.compiled import Compiled
-    from blockmech.plan import Plan
-    from blockmech.result import Result
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples
 ENOUGH = 2048  # samples below which single precision saves nothing
-MOST_ITERATIONS = 6  # beyond, Newton's method is cheaper
 CONTRACTS = 0.5  # P up to which iterations are worth counting on
 SINGLE = float(np.finfo(np.float32).eps)
-DOUBLE = float(np.finfo(np.float64).eps)
-LONG = float(np.finfo(np.longdouble).eps)
 
 
 @dataclass(frozen=True)
@@ -100,8 +105,7 @@ class Probe(NamedTuple):
     margin : smallest margin [-]
     rounding : precision -> error of the worst output
     rubs : whether friction is computed at all
-    left_out : outputs that are nothing but rounding, e.g. of a rate that is zero
-    few, stick : the probe's samples, and the answers there
+    few, errors : the probe's samples, and what answers there are compared with
     """
 
     share: float
@@ -109,18 +113,16 @@ class Probe(NamedTuple):
     margin: float
     rounding: Mapping[str, float]
     rubs: bool
-    left_out: tuple[str, ...]
     few: Samples
-    stick: Yardstick
+    errors: ReferenceErrors
 
 
 class Setting(NamedTuple):
-    """A choice before the run, with its estimate."""
+    """Settings of a run."""
 
     friction: str
-    iterations: int | None
-    precision: str
-    estimate: float
+    iterations: int | None = None
+    precision: str = "complex128"
 
 
 def run_to(
@@ -140,15 +142,52 @@ def run_to(
         raise RequestError(
             Problem("bad-value", "accuracy", f"must be > 0, got {accuracy}", "", "try 1e-6")
         )
-    probe = look(mechanism, taken, want, static, accuracy)
-    settings = list(_settings(probe, taken.n, accuracy, engine))
-    for setting in settings:
-        result = _run(mechanism, taken, want, static, setting, engine, chunk)
-        found = _judged(result, setting, probe, accuracy)
+    request = _Request(mechanism, want, static)
+    probe = look(request, some(taken, PROBE), accuracy)
+    for setting in _settings(probe, taken.n, accuracy, engine):
+        result = request.run(taken, setting, engine, chunk)
+        found = _judged(request, result, setting, probe, accuracy)
         if found.reached:
             break
     result.accuracy = found
     return result
+
+
+class _Request(NamedTuple):
+    """What is asked of every run."""
+
+    mechanism: Compiled
+    want: Iterable[str] | str
+    static: bool
+
+    def run(
+        self,
+        samples: Samples,
+        setting: Setting,
+        engine: str = "numpy",
+        chunk: int | None = None,
+    ) -> Result:
+        """A run with a setting."""
+        how = {
+            "friction": setting.friction,
+            "tolerance": None,
+            "iterations": setting.iterations,
+            "static": self.static,
+        }
+        plan = self.mechanism.plan(self.want, **how)  # type: ignore[arg-type]
+        engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
+        values, name = self.mechanism.evaluate(plan, samples, engine, setting.precision, chunk)
+        return Result(self.mechanism, plan, samples, values, name, how)
+
+
+def some(taken: Samples, count: int) -> Samples:
+    """At most so many samples, equally spread and ends included."""
+    if taken.n <= count:
+        return taken
+    index = np.unique(np.linspace(0, taken.n - 1, count).round().astype(np.intp))
+    inputs = {k: np.ascontiguousarray(np.asarray(v)[index]) for k, v in taken.inputs.items()}
+    times = None if taken.times is None else taken.times[index]
+    return Samples(len(index), inputs, times, taken.clock)
 
 
 def refuse_settings(accuracy: float, **given: Any) -> None:
@@ -166,79 +205,47 @@ def refuse_settings(accuracy: float, **given: Any) -> None:
         )
 
 
-def look(
-    mechanism: Compiled,
-    taken: Samples,
-    want: Iterable[str] | str,
-    static: bool,
-    accuracy: float = math.inf,
-) -> Probe:
-    """Probe a request at some of its samples.
+def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
+    """Probe a request at some samples.
 
     Where double precision will not do for the accuracy, the wider one is measured as well.
     The equations of friction amplify rounding, by no more than 1 / (1 - P): what double
     precision loses is measured with friction, where a wider number is at hand to tell.
     """
-    from blockmech.analysis.trade.errors import comparable, yardstick
-    from blockmech.analysis.trade.thinned import thinned
-
-    few, _ = thinned(taken, PROBE)
-    plan = mechanism.plan(want, static=static)
-    plain = mechanism.plan(want, friction="none", static=static)
-    rubs = any(name.startswith("friction/") for name in plan.layout)
-    full = {"friction": "newton", "static": static}
-    none = {"friction": "none", "static": static}
-    best = _result(mechanism, plan, few, "complex128", full)
-    good = comparable(best, rubs)
-    quality = best.quality
-    P = [float(np.max(c[good], initial=0.0)) for c in quality.contraction.values()]
-    margins = [float(np.min(m[good], initial=1.0)) for m in quality.margin.values()]
-    smooth = _result(mechanism, plain, few, "complex128", none)
-    single = _result(mechanism, plain, few, "complex64", none)
-    wide = _result(mechanism, plain, few, "clongdouble", none) if LONG < DOUBLE else None
+    double = request.run(few, Setting("newton"))
+    rubs = any(name.startswith("friction/") for name in double.plan.layout)
+    good = comparable(double, rubs)
+    smooth = request.run(few, Setting("none")) if rubs else double
+    single = request.run(few, Setting("none", precision="complex64"))
+    wide = request.run(few, Setting("none", precision="clongdouble")) if WIDER else None
     rounding, left_out = _rounding(single, smooth, wide, good)
     if wide is not None and SAFETY * rounding["complex128"] > accuracy / 2:
-        found = _lost_in_wide(mechanism, few, wide, none | {"want": plain.want}, good, left_out)
-        rounding["clongdouble"] = max(rounding["clongdouble"], found)
-    stick = yardstick(best, best, good).without(left_out)
-    share, contraction = stick.error(smooth) if rubs else 0.0, max(P, default=0.0)
-    if rubs and LONG < DOUBLE:
-        exact = _result(mechanism, plan, few, "clongdouble", full)
-        lost = yardstick(exact, best, good).without(left_out).error(best)
+        # Kernels that iterate need not gain all the digits that a wider number has.
+        how = {"friction": "none", "static": request.static, "want": wide.plan.want}
+        check = rotated_run(request.mechanism, few, "clongdouble", how)
+        apart = reference_errors(wide, check, good).without(left_out).error(check)
+        rounding["clongdouble"] = max(rounding["clongdouble"], apart)
+    errors = reference_errors(double, double, good).without(left_out)
+    quality = double.quality
+    contraction = _worst(quality.contraction, good)
+    share = errors.error(smooth) if rubs else 0.0
+    if rubs and WIDER:
+        exact = request.run(few, Setting("newton", precision="clongdouble"))
+        lost = reference_errors(exact, double, good).without(left_out).error(double)
         for name, eps in (("complex128", DOUBLE), ("clongdouble", LONG)):
             rounding[name] = max(rounding[name], lost * eps / DOUBLE)
     elif rubs:
         rounding["complex128"] *= 1 + share / max(1 - contraction, DOUBLE)
-    return Probe(
-        share,
-        contraction,
-        min(margins, default=1.0),
-        rounding,
-        rubs,
-        left_out,
-        few,
-        stick,
-    )
+    return Probe(share, contraction, _least_margin(double, good), rounding, rubs, few, errors)
 
 
-def _lost_in_wide(
-    mechanism: Compiled,
-    few: Samples,
-    wide: Result,
-    settings: Mapping[str, Any],
-    good: Any,
-    left_out: tuple[str, ...],
-) -> float:
-    """Error of the widest precision: what turning the mechanism in the plane changes.
+def _worst(columns: Mapping[str, Any], good: Any, least: float = 0.0) -> float:
+    return max((float(np.max(c[good], initial=least)) for c in columns.values()), default=least)
 
-    Kernels that iterate need not gain all the digits that a wider number has.
-    """
-    from blockmech.analysis.trade.errors import TurnedBack, yardstick
-    from blockmech.analysis.trade.turned import turned_run
 
-    check, angle = turned_run(mechanism, few, "clongdouble", settings)
-    stick = yardstick(wide, check, good, angle).without(left_out)
-    return stick.error(TurnedBack(check, angle))
+def _least_margin(result: Result, good: Any) -> float:
+    margins = result.quality.margin.values()
+    return min((float(np.min(m[good], initial=1.0)) for m in margins), default=1.0)
 
 
 def _rounding(
@@ -249,16 +256,14 @@ def _rounding(
     Where no wider number is at hand the error in double is inferred from the one in
     single precision: rounding is linear in the last digit.
     """
-    from blockmech.analysis.trade.errors import yardstick
-
     if wide is not None:
-        stick = yardstick(wide, double, good)
-        lost = max(stick.error(double), DOUBLE)
+        errors = reference_errors(wide, double, good)
+        lost = max(errors.error(double), DOUBLE)
         rows = {"complex128": lost, "clongdouble": lost * LONG / DOUBLE}
     else:
-        stick = yardstick(double, single, good, unsure=1.0)
-        rows = {"complex128": max(stick.error(single) * DOUBLE / SINGLE, DOUBLE)}
-    return {"complex64": max(stick.error(single), SINGLE), **rows}, stick.left_out
+        errors = reference_errors(double, single, good, unsure=1.0)
+        rows = {"complex128": max(errors.error(single) * DOUBLE / SINGLE, DOUBLE)}
+    return {"complex64": max(errors.error(single), SINGLE), **rows}, errors.left_out
 
 
 def _settings(probe: Probe, n: int, accuracy: float, engine: str) -> Iterable[Setting]:
@@ -271,95 +276,50 @@ def _settings(probe: Probe, n: int, accuracy: float, engine: str) -> Iterable[Se
     ]
     half = accuracy / 2  # for friction, the rest for rounding
     fine = [p for p in precisions if SAFETY * probe.rounding[p] <= half] or precisions[-1:]
-    if not probe.rubs:
-        for precision in fine:
-            yield Setting("newton", None, precision, SAFETY * probe.rounding[precision])
-        return
-    for k in range(MOST_ITERATIONS + 1):
+    if probe.rubs:
         P = probe.contraction
-        estimate = SAFETY * probe.share * P**k / (1 - P) if P < CONTRACTS else math.inf
-        if estimate <= half:
-            yield Setting(*_method(k), fine[0], estimate)
-            if k:
-                yield Setting(*_method(k + 1), fine[0], estimate * P)
-            break
-    for precision in fine:
-        yield Setting("newton", None, precision, SAFETY * probe.rounding[precision])
+        errors = (probe.share * P**k / (1 - P) for k in range(MOST_ITERATIONS + 1))
+        k = next((k for k, e in enumerate(errors) if SAFETY * e <= half and P < CONTRACTS), None)
+        for n in () if k is None else (k, k + 1)[: 1 + (k > 0)]:
+            yield Setting(*_method(n), fine[0])
+    yield from (Setting("newton", None, precision) for precision in fine)
 
 
 def _method(k: int) -> tuple[str, int | None]:
     return (("none", None), ("single", None))[k] if k < 2 else ("successive", k)
 
 
-def _judged(result: Result, setting: Setting, probe: Probe, accuracy: float) -> Accuracy:
+def _judged(
+    request: _Request, result: Result, setting: Setting, probe: Probe, accuracy: float
+) -> Accuracy:
     """The estimate after the run, from its own residuals, contractions and margins."""
-    from blockmech.analysis.trade.errors import comparable
-
-    quality = result.quality
     good = comparable(result, probe.rubs)
-    margins = [float(np.min(m[good], initial=1.0)) for m in quality.margin.values()]
-    nearer = max(1.0, probe.margin / max(min(margins, default=1.0), 1e-300))
+    nearer = max(1.0, probe.margin / max(_least_margin(result, good), 1e-300))
     rounding = SAFETY * probe.rounding[setting.precision] * nearer**1.5
-    rubbing = 0.0
-    words = f"{rounding:.1g} from rounding"
-    if probe.rubs and setting.friction == "none":
-        rubbing = SAFETY * probe.share
-    elif probe.rubs:
-        for block, residual in quality.residual.items():
-            P = float(np.max(quality.contraction[block][good], initial=probe.contraction))
-            if setting.friction == "newton":
-                P = min(P, CONTRACTS)  # not what decides whether it converges
-            worst = float(np.max(residual[good], initial=0.0))
-            rubbing += SAFETY * probe.share * worst / (1 - P) if P < 1 else math.inf
-        if setting.friction != "newton":  # shares of several joints may cancel; errors need not
-            rubbing = max(rubbing, SAFETY * _missed(result, setting, probe))
+    rubbing, words = 0.0, f"{rounding:.1g} from rounding"
     if probe.rubs:
+        rubbing = _friction_left(request, result, setting, probe, good)
         words += f", {rubbing:.1g} from friction"
-    if probe.left_out:
-        words += f"; not judged, as they are rounding alone: {listed(probe.left_out, 3)}"
-    return Accuracy(
-        accuracy,
-        rounding + rubbing,
-        setting.friction,
-        setting.iterations,
-        setting.precision,
-        words,
-    )
+    if probe.errors.left_out:
+        names = listed(probe.errors.left_out, 3)
+        words += f"; not judged, as they are rounding alone: {names}"
+    return Accuracy(accuracy, rounding + rubbing, *setting, words)
 
 
-def _missed(result: Result, setting: Setting, probe: Probe) -> float:
-    """Error of a setting at the probe's samples."""
-    how = {k: result.settings[k] for k in ("friction", "iterations", "static")}
-    few = _result(result.mechanism, result.plan, probe.few, setting.precision, how)
-    return probe.stick.error(few)
-
-
-def _run(
-    mechanism: Compiled,
-    taken: Samples,
-    want: Iterable[str] | str,
-    static: bool,
-    setting: Setting,
-    engine: str,
-    chunk: int | None,
-) -> Result:
-    how = {"friction": setting.friction, "iterations": setting.iterations, "static": static}
-    plan = mechanism.plan(want, **how)  # type: ignore[arg-type]
-    chosen = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
-    return _result(mechanism, plan, taken, setting.precision, how, chosen, chunk)
-
-
-def _result(
-    mechanism: Compiled,
-    plan: Plan,
-    samples: Samples,
-    precision: str,
-    how: Mapping[str, Any],
-    engine: str = "numpy",
-    chunk: int | None = None,
-) -> Result:
-    from blockmech.result import Result
-
-    values, name = mechanism.evaluate(plan, samples, engine, precision, chunk)
-    settings = {"tolerance": None, "iterations": None, **how}
-    return Result(mechanism, plan, samples, values, name, settings)
+def _friction_left(
+    request: _Request, result: Result, setting: Setting, probe: Probe, good: Any
+) -> float:
+    """Error that the solution of the friction equations leaves."""
+    if setting.friction == "none":
+        return SAFETY * probe.share
+    left, quality = 0.0, result.quality
+    for block, residual in quality.residual.items():
+        P = float(np.max(quality.contraction[block][good], initial=probe.contraction))
+        if setting.friction == "newton":
+            P = min(P, CONTRACTS)  # not what decides whether it converges
+        worst = float(np.max(residual[good], initial=0.0))
+        left += SAFETY * probe.share * worst / (1 - P) if P < 1 else math.inf
+    if setting.friction == "newton":
+        return left
+    # Shares of several joints may cancel; errors need not.
+    return max(left, SAFETY * probe.errors.error(request.run(probe.few, setting)))

@@ -1,38 +1,28 @@
 """Where all groups of a mechanism close, along one coordinate.
 
 A group closes where its margin is not negative, and its margin exists where all earlier
-groups close. So the groups are taken in formation order, and each cuts the arcs that
-the earlier ones leave:
-
-1. the margins are sampled, all in one batch;
-2. between samples a margin may still touch zero or pass it twice: every local minimum
-   above zero and every local maximum below it that could reach zero is followed;
-3. every change of sign is bisected until no number lies between.
-
-Past a dead centre of an earlier group, margins change like the square root of the
-distance from it, so a new arc is sampled again, quadratically denser towards its ends.
+groups close. So the groups are taken in formation order, and each cuts the pieces that
+the earlier ones leave: the margin's extrema are found (`blockmech.analysis.scan`), between
+two of them it changes sign at most once, and every change of sign is bisected until no
+number lies between. Past a dead centre of an earlier group margins change like the square
+root of the distance from it, for which a `Span` is made.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from blockmech.analysis.peaks import Floats, last_place, least_place, turning_place
+from blockmech.analysis.scan import ROUNDED, TURN, Span, bisect, minimize, scan
+from blockmech.series import DOUBLE_ROOT, Floats
 
-TURN = 2 * math.pi
 SEAM = -math.pi / 2  # turns are cut there: arcs of symmetric mechanisms lie about 0 or pi
-GRADED = 24  # extra samples towards the end of an arc
-DENSE = 4.0  # samples' spacings that they cover
-EPS = float(np.finfo(float).eps)
-NOISE = 16 * EPS  # rounding of a margin, relative to its size nearby
-NEAR = 16  # samples on either side that say how large a margin is
-PROBES = (-5, -3, -2, -1, 0, 1, 2, 3, 5)
-SAME = 1e-3  # of the samples' spacing, within which places count as one
-PROBE = 1e-4  # of that
+PROBES = 1e-9 * np.array([-5, -3, -2, -1, 0, 1, 2, 3, 5])  # [rad or m] a parabola stays level there
+BESIDE = 1e-5  # [rad], and of a slide's size: looked at on both sides of a touch
 
 
 @dataclass(frozen=True)
@@ -69,11 +59,10 @@ class Piece:
     ``start`` and ``end`` are None for a turn that closes on itself.
     """
 
+    span: Span
     start: Bound | None
     end: Bound | None
-    passes: tuple[Bound, ...]
-    nodes: Floats  # (n,)
-    margins: Floats  # (groups, n)
+    passes: tuple[Bound, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -86,196 +75,173 @@ class Nearest:
 
 
 def closed_pieces(
-    margins: Margins, nodes: Floats, turn: bool
+    margins: Margins, span: Span, samples: int
 ) -> tuple[tuple[Piece, ...], Nearest | None]:
     """All pieces where every group closes, in rising order.
 
     Parameters
     ----------
     margins : margins of the groups
-    nodes : (n,) samples, rising; of a turn without its last one
-    turn : whether the coordinate closes on itself after 2 pi
+    span : where to search
+    samples : of a turn, to begin with
 
     Returns
     -------
     the pieces, and, where there is none, what comes nearest
     """
-    ends = (None, None) if turn else (Bound(float(nodes[0])), Bound(float(nodes[-1])))
-    search = _Search(margins, float(np.median(np.diff(nodes))), nodes, turn)
-    pieces = [Piece(ends[0], ends[1], (), nodes, margins.batch(nodes))]
-    nearest = None
+    ends = (None, None) if span.turn else (Bound(span.low), Bound(span.high))
+    pieces = [Piece(span, *ends)]
     for k, block in enumerate(margins.blocks):
-        before, pieces = pieces, [part for piece in pieces for part in search.cut(piece, k)]
+        tiny = [p for p in pieces if _tiny(p)]
+        looked = [_Margin(margins, k, p, samples) for p in pieces if p not in tiny]
+        pieces = [part for margin in looked for part in margin.parts()]
+        pieces += [p for p in tiny if margins.one(k)(p.span.low) >= 0]
         if not pieces:
-            nearest = _nearest(before, k, block)
-            break
+            found = [m.nearest() for m in looked]
+            found += [(p.span.low, margins.one(k)(p.span.low)) for p in tiny]
+            return (), Nearest(block, *max(found, key=lambda place: place[1]))
     pieces.sort(key=lambda p: p.start.q if p.start else 0.0)
-    return tuple(pieces), nearest
+    return tuple(pieces), None
 
 
-def _nearest(pieces: Sequence[Piece], k: int, block: str) -> Nearest:
-    found = []
-    for piece in pieces:
-        m = np.where(np.isnan(piece.margins[k]), -np.inf, piece.margins[k])
-        i = int(np.argmax(m))
-        found.append(Nearest(block, float(piece.nodes[i]), float(m[i])))
-    return max(found, key=lambda x: x.margin)
+def _tiny(piece: Piece) -> bool:
+    """Whether rounding hides what happens within."""
+    return piece.span.high - piece.span.low <= DOUBLE_ROOT
 
 
-@dataclass(frozen=True)
-class _Place:
-    """What was found between samples: the place, whether the group closes there."""
+class _Margin:
+    """The margin of one group on a piece where the earlier ones close."""
 
-    q: float
-    closes: bool
-    width: float  # within which it is the same place
-    touch: bool = False
+    def __init__(self, margins: Margins, k: int, piece: Piece, samples: int) -> None:
+        self.block, self.piece = margins.blocks[k], piece
+        self.one, self.passable = margins.one(k), margins.passable
+        self.batch, self.k = margins.batch, k
+        found = scan(self._row, piece.span, piece.span.panels(samples))
+        self.x, self.rough = found.x, found.rough
+        self._step_aside(found.y)
+        self.y = np.where(np.isnan(found.y), -1.0, found.y)
+        for end, beside in ((0, 1), (-1, -2)):  # there an earlier group may just fail
+            self.y[end] = self.y[beside] if np.isnan(found.y[end]) else self.y[end]
+        self.size = float(np.abs(self.y).max())
+        self.noise = np.where(np.isfinite(found.noise), found.noise, 0.0) + ROUNDED  # it is a share
+        self._look_closer()
 
+    def _row(self, q: Floats) -> Floats:
+        return np.asarray(self.batch(q)[self.k])
 
-@dataclass(frozen=True)
-class _Search:
-    """The samples, and how to look closer."""
+    def _step_aside(self, y: Floats) -> None:
+        """Values at single undefined places, e.g. where two pins meet, are those beside them."""
+        alone = np.isnan(y[1:-1]) & np.isfinite(y[:-2]) & np.isfinite(y[2:])
+        i = np.flatnonzero(alone) + 1
+        y[i] = self._row(self.x[i] + PROBES[-1])
 
-    margins: Margins
-    spacing: float
-    grid: Floats
-    turn: bool
+    def _look_closer(self) -> None:
+        """Measure the noise where the margin is small: an earlier group's dead centre raises it."""
+        near = np.flatnonzero((np.abs(self.y) <= DOUBLE_ROOT) & ~self.rough)
+        around = self._row((self.x[near, None] + PROBES).ravel()).reshape(len(near), len(PROBES))
+        spread = np.nanmax(around, axis=1, initial=-1.0) - np.nanmin(around, axis=1, initial=1.0)
+        self.noise[near] += 4 * np.maximum(spread, 0.0)
 
-    def cut(self, piece: Piece, k: int) -> list[Piece]:
-        """The parts of a piece where group k closes as well."""
-        q, m = self._without_holes(piece, k)
-        size = float(np.abs(m).max(initial=0.0))
-        if size <= NOISE:
+    def nearest(self) -> tuple[float, float]:
+        """The place and the value of its maximum."""
+        i = int(np.argmax(self.y))
+        return float(self.x[i]), float(self.y[i])
+
+    def parts(self) -> list[Piece]:
+        """The parts of the piece where the group closes as well."""
+        if self.size <= ROUNDED:
             return []  # at dead centre everywhere: locked
-        found = self._between(piece, q, m, k)
-        touches = [p for p in found if p.touch]
-        block = self.margins.blocks[k]
-        passes = piece.passes + tuple(Bound(p.q, block) for p in touches if p.closes)
-        passes = tuple(sorted(passes, key=lambda b: b.q))
-        for p in touches:  # one place, also where rounding makes it a dip: it replaces samples
-            other = np.abs(q - p.q) > p.width
-            q, m = q[other], m[other]
-        closes = np.concatenate([m >= 0, [p.closes for p in found]])
-        q = np.concatenate([q, [p.q for p in found]])
-        order = np.argsort(q)
-        q, closes = q[order], closes[order]
+        self._corners()
+        x, closes, touched = self._signs()
+        passes = (*self.piece.passes, *touched)
         if closes.all():
-            return [replace(piece, passes=passes)]
-        return self._parts(piece, k, q, closes, passes)
-
-    def _without_holes(self, piece: Piece, k: int) -> tuple[Floats, Floats]:
-        """Samples of group k; a sample that falls on an undefined place is moved a little."""
-        q, m = piece.nodes.copy(), piece.margins[k].copy()
-        one = self.margins.one(k)
-        for i in np.flatnonzero(np.isnan(m)).tolist():
-            towards = 1 if i + 1 < len(q) else -1
-            q[i] += towards * 1e-3 * abs(float(q[i + towards] - q[i]))
-            m[i] = one(float(q[i]))
-        return q, np.where(np.isnan(m), -1.0, m)
-
-    # -- between the samples -----------------------------------------------------------
-
-    def _between(self, piece: Piece, q: Floats, m: Floats, k: int) -> list[_Place]:
-        """Dips below zero and rises above it that the samples do not show."""
-        if piece.start is None:
-            q = np.concatenate([[q[-1] - TURN], q, [q[0] + TURN]])
-            m = np.concatenate([[m[-1]], m, [m[0]]])
-        left, right = m[1:-1] - m[:-2], m[1:-1] - m[2:]
-        bend = 4 * np.abs(left + right)  # a parabola leaves the middle by an eighth of it
-        low = (left <= 0) & (right <= 0) & (m[1:-1] >= -bend) & (m[1:-1] <= bend)
-        high = (left >= 0) & (right >= 0) & (m[1:-1] < 0) & (-m[1:-1] <= bend)
-        found: list[_Place] = []
-        for i in (np.flatnonzero(low | high) + 1).tolist():
-            bracket = (float(q[i - 1]), float(q[i + 1]))
-            noise = NOISE * max(1.0, float(np.abs(m[max(0, i - NEAR) : i + NEAR]).max()))
-            place = self._followed(bracket, k, 1 if high[i - 1] else -1, noise)
-            if place is not None and not any(self._same(place, p) for p in found):
-                found.append(place)
-        return found
-
-    def _same(self, one: _Place, other: _Place) -> bool:
-        apart = one.q - other.q
-        apart = math.remainder(apart, TURN) if self.turn else apart
-        return abs(apart) <= max(one.width, other.width)
-
-    def _followed(
-        self, bracket: tuple[float, float], k: int, sign: int, noise: float
-    ) -> _Place | None:
-        """Follow a local maximum (sign +1) or minimum of margin k, and judge it."""
-        one = self.margins.one(k)
-        q, _ = least_place(lambda x: -sign * one(x), *bracket)
-        width = SAME * (bracket[1] - bracket[0])
-        around = np.array([one(q + j * PROBE * width) for j in PROBES])
-        around = around[np.isfinite(around)]
-        if not len(around):
-            return None
-        value = float(around.max() if sign > 0 else around.min())
-        noise += 4 * float(np.ptp(around))
-        if abs(value) > noise:  # beyond doubt; of interest if on the other side of zero
-            return _Place(q, sign > 0, width) if value * sign > 0 else None
-        q = self._polished(bracket, k, q, sign)
-        if sign > 0:
-            return _Place(q, True, width)  # it closes at one place only
-        passable = self.margins.passable(self.margins.blocks[k], q, width)
-        return _Place(q, passable, width, touch=True)
-
-    def _polished(self, bracket: tuple[float, float], k: int, q: float, sign: int) -> float:
-        def row(x: Floats) -> Floats:
-            return np.asarray(self.margins.batch(x)[k])
-
-        found = turning_place(row, bracket, (-math.inf, math.inf), sign)
-        return q if found is None else found.place
-
-    # -- making the parts --------------------------------------------------------------
-
-    def _parts(
-        self, piece: Piece, k: int, q: Floats, closes: Floats, passes: tuple[Bound, ...]
-    ) -> list[Piece]:
-        """Cut a piece at the samples where group k does not close."""
-        if piece.start is None:  # open the turn where it is broken
+            return [replace(self.piece, passes=tuple(sorted(passes, key=lambda b: b.q)))]
+        if self.piece.start is None:  # open the turn where it is broken
             first = int(np.argmin(closes))
-            q = np.concatenate([q[first:], q[: first + 1] + TURN])
+            x = np.concatenate([x[first:], x[: first + 1] + TURN])
             closes = np.concatenate([closes[first:], closes[: first + 1]])
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], closes.astype(int), [0]])))
-        made = []
-        for low, high in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
-            turns = 0.0
-            if piece.start is None:
-                turns = math.floor(((q[low] + q[high]) / 2 - SEAM) / TURN) * TURN
-            start = piece.start if low == 0 else self._end(k, q, low, low - 1, turns)
-            last = high == len(q) - 1
-            end = piece.end if last else self._end(k, q, high, high + 1, turns)
-            assert start is not None
-            assert end is not None
-            made.append(self._piece(start, end, passes))
-        return made
+        found, last = runs(closes), len(x) - 1
+        wide = [r for r in found if x[min(r[1] + 1, last)] - x[max(r[0] - 1, 0)] > DOUBLE_ROOT]
+        parts = [self._part(x, low, high, passes) for low, high in wide or found]
+        return [p for p in parts if not _tiny(p)] or parts  # slivers beside a part are rounding
 
-    def _end(self, k: int, q: Floats, inside: int, outside: int, turns: float) -> Bound:
-        one = self.margins.one(k)
-        place = last_place(
-            lambda x: one(x) >= 0, float(q[inside]) - turns, float(q[outside]) - turns
-        )
-        return Bound(place, self.margins.blocks[k])
+    def _corners(self) -> None:
+        """Follow the extrema towards zero for which only samples stand."""
+        y = self.y
+        towards = np.sign(y[1:-1])
+        turn = (towards * y[1:-1] <= towards * y[:-2]) & (towards * y[1:-1] <= towards * y[2:])
+        bend = np.abs(y[:-2] - 2 * y[1:-1] + y[2:])  # four times how far it may go between
+        near = (np.abs(y[1:-1]) > self.noise[1:-1]) & (np.abs(y[1:-1]) <= bend)
+        for i in (np.flatnonzero(turn & near & self.rough[1:-1]) + 1).tolist():
+            sign = float(np.sign(y[i]))
+            q = self._towards_zero(sign, float(self.x[i - 1]), float(self.x[i + 1]))
+            value = self.one(q)
+            if math.isfinite(value) and sign * value < sign * y[i]:
+                self.x[i], self.y[i] = q, value
 
-    def _piece(self, start: Bound, end: Bound, passes: tuple[Bound, ...]) -> Piece:
-        a, b = start.q, end.q
-        nodes = self._inside(a, b)
-        width = min(DENSE * self.spacing, (b - a) / 2)
-        graded = width * (np.arange(GRADED) / GRADED) ** 2
-        extra = [np.array([a, b])]
-        extra += [a + graded] if start.block else []
-        extra += [b - graded] if end.block else []
-        nodes = np.unique(np.clip(np.concatenate([nodes, *extra]), a, b))
-        return Piece(start, end, self._passed(passes, a, b), nodes, self.margins.batch(nodes))
+    def _towards_zero(self, sign: float, low: float, high: float) -> float:
+        return minimize(lambda q: sign * self.one(q), low, high)
 
-    def _inside(self, a: float, b: float) -> Floats:
-        grid = self.grid
-        if self.turn:
-            grid = np.concatenate([grid - TURN, grid, grid + TURN])
-        return grid[(grid > a) & (grid < b)]
+    def _signs(self) -> tuple[Floats, NDArray[np.bool_], list[Bound]]:
+        """Places, whether the group closes there, and the change points.
 
-    def _passed(self, passes: tuple[Bound, ...], a: float, b: float) -> tuple[Bound, ...]:
-        """Change points inside a part; of a turn they may be a turn away."""
-        turns = (0.0, -TURN, TURN) if self.turn else (0.0,)
-        found = {Bound(p.q + t, p.block) for p in passes for t in turns if a < p.q + t < b}
-        return tuple(sorted(found, key=lambda p: p.q))
+        A margin within its rounding has no sign. Between two places where it has the same
+        sign it touches zero, at one place.
+        """
+        x, y, noise = self._whole()
+        sure = np.abs(y) > noise
+        closes = y >= 0
+        passes, kept = [], sure.copy()
+        if self.piece.start is not None:
+            kept[[0, -1]] = True
+        for low, high in runs(~sure):
+            if low == 0 or high == len(x) - 1 or closes[low - 1] != closes[high + 1]:
+                continue
+            i = low + int(np.argmin(np.abs(y[low : high + 1])))
+            kept[i], closes[i] = True, True
+            if closes[low - 1]:  # it closes on both sides
+                q = self._wrapped(float(x[i]))
+                closes[i] = self._passed(q)
+                passes += [Bound(q, self.block)] * bool(closes[i])
+        return x[kept], closes[kept], passes
+
+    def _whole(self) -> tuple[Floats, Floats, Floats]:
+        """Samples; of a turn from a place whose sign is sure, to the same one a turn later."""
+        x, y, noise = self.x, self.y, self.noise
+        if self.piece.start is not None:
+            return x, y, noise
+        first = int(np.argmax(np.abs(y)))
+        y, noise = (np.concatenate([v[first:], v[: first + 1]]) for v in (y, noise))
+        return np.concatenate([x[first:], x[: first + 1] + TURN]), y, noise
+
+    def _passed(self, q: float) -> bool:
+        size = self.piece.span.size
+        return self.passable(self.block, q, BESIDE * (1.0 if math.isinf(size) else size))
+
+    def _wrapped(self, q: float) -> float:
+        return q if self.piece.start else (q - SEAM) % TURN + SEAM
+
+    def _part(self, x: Floats, low: int, high: int, passes: Iterable[Bound]) -> Piece:
+        """The part between samples that are the first and the last one to close."""
+        turns = 0.0
+        if self.piece.start is None:
+            turns = math.floor(((x[low] + x[high]) / 2 - SEAM) / TURN) * TURN
+        start = self.piece.start if low == 0 else self._end(x[low] - turns, x[low - 1] - turns)
+        last = high == len(x) - 1
+        end = self.piece.end if last else self._end(x[high] - turns, x[high + 1] - turns)
+        assert start is not None
+        assert end is not None
+        around = (0.0, -TURN, TURN) if self.piece.start is None else (0.0,)
+        shifted = {Bound(p.q + t, p.block) for p in passes for t in around}
+        inside = sorted((p for p in shifted if start.q < p.q < end.q), key=lambda p: p.q)
+        return Piece(Span(start.q, end.q, size=self.piece.span.size), start, end, tuple(inside))
+
+    def _end(self, inside: float, outside: float) -> Bound:
+        return Bound(bisect(lambda q: self.one(q) >= 0, inside, outside), self.block)
+
+
+def runs(holds: Sequence[bool] | NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of every run of True."""
+    padded = np.concatenate([[0], np.asarray(holds).astype(int), [0]])
+    edges = np.flatnonzero(np.diff(padded))
+    return list(zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True))

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.arcs import SEAM, TURN, Bound, Margins
-from blockmech.analysis.peaks import Floats
+from blockmech.analysis.arcs import SEAM, Bound, Margins
+from blockmech.analysis.scan import ASIDE, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.model.structure import JointRef
+from blockmech.series import Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-OCTAVES, PER_OCTAVE = 20, 16  # of the search beyond the mechanism's own size
+BEYOND = 2.0**20  # sizes of the mechanism within which a slide's ends are searched
 COINCIDENT = 1e-6  # of a group's lengths, below which two pins lie on each other
 
 WORDS = {"RRP": "tangent", "RPR": "tangent", "PRP": "parallel", "RPP": "parallel"}
@@ -64,7 +65,15 @@ class Closure:
         number = {f"q_{i}": d for i, d in enumerate(self.mechanism.drivers)}
         inputs = [number[n] for n in plan.program.inputs]
 
+        seen: dict[bytes, Floats] = {}  # all groups are looked at, one after the other
+
         def many(q: Floats) -> Floats:
+            key = q.tobytes()
+            if key not in seen:
+                seen[key] = evaluated(q)
+            return seen[key]
+
+        def evaluated(q: Floats) -> Floats:
             columns = {
                 n: q if d == self.driver else np.full(len(q), self.held[d])
                 for n, d in zip(plan.program.inputs, inputs, strict=True)
@@ -166,24 +175,19 @@ def _apart(i: int, j: int) -> Callable[[tuple[Any, ...]], Any]:
     return share
 
 
-def one_turn(samples: int) -> Floats:
-    """Samples (samples,) of a turn, from its seam, without the last."""
-    return np.asarray(SEAM + TURN * np.arange(samples) / samples)
+def one_turn() -> Span:
+    """A turn of a crank, from a place that is none of symmetric mechanisms."""
+    return Span(SEAM - ASIDE, SEAM - ASIDE + TURN, turn=True)
 
 
-def travel(mechanism: Compiled, driver: str, samples: int) -> Floats:
-    """Samples of a slide: its law's range, twice the mechanism's size, and far beyond."""
+def travel(mechanism: Compiled, driver: str) -> Span:
+    """A slide's way, a million times the size of the mechanism and of its law's range."""
     structure = mechanism.structure
     sizes = [b.largest_length() for b in structure.blocks.values() if isinstance(b, Moving)]
     fixed = [m for _, m in structure.fixed.markers_of().values() if not isinstance(m, BuiltIn)]
     sizes += [2 * max((abs(m.at.z) for m in fixed), default=0.0)]
     law: Any = mechanism.scene.drive.get(driver)
-    by_coordinate = law is not None and law.by_coordinate
-    low, high = sorted((law.start, law.end)) if by_coordinate else (0.0, 0.0)
+    sizes += [abs(law.start), abs(law.end)] if law is not None and law.by_coordinate else []
     head = structure.blocks[structure.driven[driver].block]
-    sizes += [abs(getattr(head, "offset", 0.0)), abs(low), abs(high)]
-    size = sum(sizes) or 1.0
-    far = size * 2.0 ** (np.arange(1, OCTAVES * PER_OCTAVE + 1) / PER_OCTAVE)
-    near = np.linspace(-size, size, samples + 1)
-    own = np.linspace(low, high, samples + 1) if low < high else near[:0]
-    return np.unique(np.concatenate([-far, near, own, far]))
+    size = sum([*sizes, abs(getattr(head, "offset", 0.0))]) or 1.0
+    return Span(-BEYOND * size, BEYOND * size, size=size)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from blockmech.analysis.arcs import TURN
 from blockmech.analysis.limits import limits
-from blockmech.analysis.peaks import Floats
+from blockmech.analysis.scan import NODES, TURN
 from blockmech.errors import Problem, RequestError
+from blockmech.series import Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 STEPS = 720  # of a turn, or of a range
 MOST = 36_000  # steps of a long range
-SAME = 1e-12  # relative, of a whole number of turns
+SAME = 1e-12  # of a range, of places and numbers of turns that count as the same
 
 By = Literal["coordinate", "time", "share"]
 
@@ -56,6 +56,11 @@ class Cycle:
         """The wanted output at places s (n,); gaps are marked."""
         given = {**self.request(s), **self.settings}
         return self.mechanism.run(want=want, on_gap="mark", **given)
+
+    @property
+    def panels(self) -> int:
+        """Panels of a series over the range, with at least so many samples."""
+        return math.ceil(self.steps / NODES)
 
     def places(self) -> Floats:
         """Equally spaced places from end to end."""

@@ -1,11 +1,10 @@
 """Extremes: the smallest and largest values of an output over a cycle, and where.
 
-The output is sampled (720 times a turn), and every turn of it between samples is closed
-in on with more poses of the mechanism. Where it is smooth, the place is a root of the
-derivative of an interpolant (`blockmech.analysis.peaks`): the value is good to rounding, the
-place to about 1e-13 rad times |value| / |second derivative|. At a kink (the magnitude of
-a vector that passes zero, a friction moment that changes its sign) the golden section
-takes over. Only extremes with less than a sample between them escape.
+The output is sampled (720 times a turn) until its Chebyshev series end. Where it is smooth,
+the place is a root of the derivative of a series (`blockmech.analysis.scan`): the value is good
+to rounding, the place to about 1e-13 rad times |value| / |second derivative|. At a kink (the
+magnitude of a vector that passes zero, a friction moment that changes its sign) minimisation
+takes over.
 """
 
 from __future__ import annotations
@@ -138,7 +137,7 @@ def extremes(source: Compiled | Result, name: str, **settings: Any) -> Extremes:
 
     Returns
     -------
-    Extremes; cost: one batch of 720 samples, one to eight of 32 for each turn
+    Extremes; cost: two batches of 720 samples, some more where there is a kink
 
     Raises
     ------

@@ -1,31 +1,31 @@
 """Following a real quantity along a cycle: its signal, and every turn of it.
 
-Samples show where the signal turns; more poses of the mechanism close in on each turn.
-Where a stretch that can be computed ends, its end is found to rounding and the value
-there is judged: a limit, or growth without bound.
+Extrema are found by `blockmech.analysis.scan`. Where a stretch that can be computed ends,
+its end is found to rounding and the value there is judged: a limit, or growth without bound.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.analysis.cycle import Cycle
-from blockmech.analysis.peaks import Floats, last_place, least_place, turning_place
+from blockmech.analysis.arcs import runs
+from blockmech.analysis.cycle import SAME, Cycle
+from blockmech.analysis.scan import ASIDE, Span, bisect, minimize, scan
 from blockmech.errors import Problem, RequestError
 from blockmech.failures import without_gaps
+from blockmech.series import EPS, Floats, panels
 
-EPS = float(np.finfo(float).eps)
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
 LARGE = 0.9  # share of the samples below the size that rounding is judged by
-NOISY = 0.1  # turns a sample, above which a signal is rounding only
-CLOSES = 1e-9  # relative, of values at both ends of whole turns that count as the same
-SMOOTH = 1e-6  # of a bracket: a place less certain than that is no smooth turn
-GRADED = 24  # extra samples towards the end of what can be computed
+NOISY = 0.1  # extrema a sample, above which a signal is rounding only
+ALIKE = 1e-9  # relative, of values that count as the same: outputs lose some digits
+BESIDE = np.geomspace(1e-7, 1.0, 8)  # of the way to the next place: looked at around an extremum
+BEYOND = 10.0  # the ratio of these: a better value is no farther
+FEWEST = 2  # panels of a short range
 
 
 class Signal(NamedTuple):
@@ -66,7 +66,7 @@ def _continued(cycle: Cycle, read: Callable[[Floats], Any]) -> Callable[[Floats]
     places = cycle.places()
     known = np.asarray(read(places), dtype=float)
     good = np.isfinite(known)
-    for a, b in stretches(good):
+    for a, b in runs(good):
         known[a : b + 1] = np.unwrap(known[a : b + 1])
     places, known = places[good], known[good]
     between = (places[1:] + places[:-1]) / 2
@@ -79,12 +79,6 @@ def _continued(cycle: Cycle, read: Callable[[Floats], Any]) -> Callable[[Floats]
         return np.asarray(angle + 2 * math.pi * turns)
 
     return value
-
-
-def stretches(good: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last index of every run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
-    return list(zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True))
 
 
 class Turn(NamedTuple):
@@ -110,131 +104,140 @@ class Turns(NamedTuple):
 
 def turns_of(cycle: Cycle, signal: Signal) -> Turns:
     """Follow a signal over a cycle."""
-    follower = _Follower(cycle, signal)
-    inner, ends = follower.all()
+    places, values = cycle.places(), signal.value(cycle.places())
+    good = np.isfinite(values)
+    if not good.any():
+        # The run's own error says which block fails, and where.
+        without_gaps(cycle.run(places, signal.name), "raise")
+        raise RequestError(
+            Problem("bad-request", signal.name, "it has no value anywhere in the cycle")
+        )
+    largest = float(np.abs(values[good]).max())
+    repeats = abs(values[-1] - values[0]) <= ALIKE * largest
+    closed = bool(cycle.turns and good.all() and repeats)
+    inner: list[Turn] = []
+    ends: list[Turn] = []
+    if good.all() and np.ptp(values) <= ROUNDING * largest:
+        ends = [Turn(cycle.low, float(values[0]), 1, True)]
+    else:
+        for low, high in stretches(cycle, good, signal.value):
+            aside = ASIDE * closed
+            inner += _inner(cycle, signal, Span(low - aside, high - aside, turn=closed))
+            if not closed:
+                ends += [_end(cycle, signal, edge) for edge in (low, high)]
     found = [*inner, *ends]
-    low = min(found, key=lambda t: t.value)
-    high = max(found, key=lambda t: t.value)
-    return Turns(low._replace(sign=-1), high._replace(sign=1), tuple(inner), follower.closed)
+    least = min(found, key=lambda t: t.value)
+    most = max(found, key=lambda t: t.value)
+    return Turns(least._replace(sign=-1), most._replace(sign=1), tuple(sorted(inner)), closed)
 
 
-class _Follower:
-    """Closes in on the turns of one signal."""
+def stretches(
+    cycle: Cycle, good: Any, value: Callable[[Floats], Any]
+) -> Iterator[tuple[float, float]]:
+    """Ends of the stretches that can be computed, to rounding."""
+    places = cycle.places()
 
-    def __init__(self, cycle: Cycle, signal: Signal) -> None:
-        self.cycle = cycle
-        self.signal = signal
-        self.places = cycle.places()
-        self.values = signal.value(self.places)
-        self.good = np.isfinite(self.values)
-        if not self.good.any():
-            # The run's own error says which block fails, and where.
-            without_gaps(cycle.run(self.places, signal.name), "raise")
-            raise RequestError(
-                Problem("bad-request", signal.name, "it has no value anywhere in the cycle")
-            )
-        size = float(np.abs(self.values[self.good]).max())
-        apart = abs(self.values[-1] - self.values[0])
-        self.closed = bool(cycle.turns and self.good.all() and apart <= CLOSES * size)
+    def exists(s: float) -> bool:
+        return bool(np.isfinite(value(np.array([s]))[0]))
 
-    def all(self) -> tuple[list[Turn], list[Turn]]:
-        """Turns inside, in order, and the values at the ends of every stretch."""
-        y = self.values
-        if self.good.all() and np.ptp(y) <= ROUNDING * np.abs(y).max():
-            return [], [Turn(self.cycle.low, float(y[0]), 1, True)]
-        if self.closed:
-            step = self.places[1] - self.places[0]
-            s = np.concatenate([[self.places[0] - step], self.places])
-            y = np.concatenate([[y[-2]], y])
-            return sorted(self._inside(s, y, -math.inf, math.inf)), []
-        inner, ends = [], []
-        for a, b in stretches(self.good):
-            s, y, outer = self._stretch(a, b)
-            inner += self._inside(s, y, float(s[0]), float(s[-1]))
-            ends += outer
-        return sorted(inner), ends
+    def edge(i: int, side: int) -> float:
+        inside = float(places[i])
+        if not 0 <= i + side < len(places):
+            return inside
+        return bisect(exists, inside, float(places[i + side]))
 
-    def _inside(self, s: Floats, y: Floats, low: float, high: float) -> list[Turn]:
-        """Turns between samples s with values y, closed in on no farther than low and high."""
-        if len(y) < 3:
-            return []
-        left, right = y[1:-1] - y[:-2], y[1:-1] - y[2:]
-        # Not the largest value: near a pole of the output that says nothing about the rest.
-        size = np.maximum(np.abs(y[1:-1]), np.quantile(np.abs(y), LARGE))
-        seen = np.maximum(np.abs(left), np.abs(right)) > ROUNDING * size
-        top = (left > 0) & (right >= 0) & seen
-        bottom = (left < 0) & (right <= 0) & seen
-        found = [(i, 1) for i in (np.flatnonzero(top) + 1).tolist()]
-        found += [(i, -1) for i in (np.flatnonzero(bottom) + 1).tolist()]
-        if len(found) > NOISY * len(y):  # rounding about zero: there is nothing to close in on
-            ends = ((int(np.argmax(y)), 1), (int(np.argmin(y)), -1))
-            return [Turn(self._wrapped(float(s[i])), float(y[i]), sign, False) for i, sign in ends]
-        return [
-            self._turn((float(s[i - 1]), float(s[i]), float(s[i + 1])), sign, (low, high))
-            for i, sign in found
-        ]
+    for a, b in runs(good):
+        yield edge(a, -1), edge(b, 1)
 
-    def _turn(
-        self, around: tuple[float, float, float], sign: int, widest: tuple[float, float]
-    ) -> Turn:
-        """Close in on the turn between the outer two of three places."""
-        bracket = (around[0], around[2])
-        places = [around[1]]
-        smooth = turning_place(self.signal.smooth, bracket, widest, sign)
-        if smooth is not None:
-            places.insert(0, smooth.place)
-        if smooth is None or smooth.error > SMOOTH * (bracket[1] - bracket[0]):
-            places.insert(0, least_place(lambda s: -sign * self._one(s), *bracket, steps=72)[0])
-        values = [self._one(s) for s in places]
-        best = max(sign * v for v in values)
-        # The first place that is best within rounding, so a flat top keeps its smooth place.
-        i = next(i for i, v in enumerate(values) if sign * v >= best - ROUNDING * abs(best))
-        return Turn(self._wrapped(places[i]), values[i], sign, False)
 
-    def _one(self, s: float) -> float:
-        return float(self.signal.value(np.array([s]))[0])
+def _inner(cycle: Cycle, signal: Signal, span: Span) -> list[Turn]:
+    """Extrema inside a stretch, in order."""
+    part = (span.high - span.low) / (cycle.high - cycle.low)
+    edges = panels(0.0, 1.0, max(FEWEST, math.ceil(part * cycle.panels)))
+    found = scan(signal.smooth, span, edges, signal.value)
+    good = np.isfinite(found.y)
+    x, y, rough = found.x[good], found.y[good], found.rough[good]
+    turning = _turning(y, span.turn)
+    if len(turning) > NOISY * len(x) and rough.all():  # there is nothing to close in on
+        ends = ((int(np.argmax(y)), 1), (int(np.argmin(y)), -1))
+        return [Turn(float(x[i]), float(y[i]), sign, False) for i, sign in ends]
+    made = []
+    for i, sign in turning:
+        s = float(x[i])
+        if 0 < i < len(x) - 1:
+            s = _cornered(signal, s, min(s - float(x[i - 1]), float(x[i + 1]) - s), sign)
+        value = float(signal.value(np.array([s]))[0])
+        made.append(Turn(_wrapped(cycle, s) if span.turn else s, value, sign, False))
+    return made
 
-    def _wrapped(self, s: float) -> float:
-        """A place of a closed cycle inside its range."""
-        if not self.closed:
-            return s
-        span = self.cycle.high - self.cycle.low
-        if s < self.cycle.low - 1e-12 * span:
-            return s + span
-        return s - span if s >= self.cycle.high - 1e-12 * span else s
 
-    # -- ends of stretches that can be computed ------------------------------------------
+def _turning(y: Floats, closed: bool) -> list[tuple[int, int]]:
+    """Numbers and kinds of the extrema among values, apart from rounding.
 
-    def _stretch(self, a: int, b: int) -> tuple[Floats, Floats, list[Turn]]:
-        """Samples of a stretch, denser towards an end that is a dead centre, and its ends."""
-        s, y = self.places[a : b + 1], self.values[a : b + 1]
-        step = float(self.places[1] - self.places[0])
-        outer = []
-        for i, side in ((a, -1), (b, 1)):
-            if 0 <= i + side < len(self.places):
-                edge = last_place(
-                    lambda x: math.isfinite(self._one(x)),
-                    float(self.places[i]),
-                    float(self.places[i + side]),
-                )
-                more = edge - side * 4 * step * (np.arange(GRADED) / GRADED) ** 2
-                more = more[(more >= self.places[a] - step) & (more <= self.places[b] + step)]
-                s, y = np.append(s, more), np.append(y, self.signal.value(more))
-                outer.append(self._at_edge(edge, -side * step))
-            else:
-                outer.append(Turn(float(self.places[i]), float(self.values[i]), 1, True))
-        order = np.unique(s, return_index=True)[1]
-        s, y = s[order], y[order]
-        good = np.isfinite(y)
-        return s[good], y[good], outer
+    Values that are alike within rounding count as one.
+    """
+    # Not the largest value: near a pole of the output that says nothing about the rest.
+    size = np.maximum(np.abs(y), np.quantile(np.abs(y), LARGE))
+    groups = [[0]]
+    for i in range(1, len(y)):
+        if abs(y[i] - y[groups[-1][-1]]) <= ROUNDING * size[i]:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    if closed and len(groups) > 1:  # the last place is the first one
+        groups[0] = groups.pop() + groups[0]
+    n, found = len(groups), []
+    level = [float(y[g[0]]) for g in groups]
+    for j in range(n) if closed else range(1, n - 1):
+        before, after = level[j] - level[j - 1], level[j] - level[(j + 1) % n]
+        if before * after > 0:
+            group = groups[j]
+            sign = 1 if before > 0 else -1
+            found.append((group[int(np.argmax(sign * y[group]))], sign))
+    return found
 
-    def _at_edge(self, edge: float, inward: float) -> Turn:
-        """The value towards a dead centre: a limit, or without bound.
 
-        Steps towards it shrink by 100 each: the value then settles, or it grows like
-        1/sqrt(distance), each time by 10 times more.
-        """
-        far, near, nearest = (self._one(edge + inward * x) for x in (1e-2, 1e-4, 1e-6))
-        if abs(nearest - near) > 2 * abs(near - far) + ROUNDING * abs(near):
-            return Turn(edge, math.copysign(math.inf, nearest - near), 1, True)
-        return Turn(edge, self._one(edge), 1, True)
+def _cornered(signal: Signal, s: float, room: float, sign: int) -> float:
+    """An extremum that has better values beside it, because it is no smooth one, closed in on."""
+
+    def below(places: Floats) -> Floats:
+        return -sign * signal.value(places)
+
+    aside = room * BESIDE
+    beside = below(np.concatenate([[s], s - aside, s + aside]))
+    better = beside[1:] < beside[0] - ROUNDING * abs(beside[0])
+    if not better.any():
+        return s
+    reach = BEYOND * float(np.tile(aside, 2)[better].max())
+    reach = min(reach, room)
+    place = minimize(lambda x: float(below(np.array([x]))[0]), s - reach, s + reach)
+    found = below(np.array([s, place]))
+    return place if found[1] < found[0] else s
+
+
+def _wrapped(cycle: Cycle, s: float) -> float:
+    """A place of a closed cycle inside its range: one at its very end is at its beginning."""
+    span = cycle.high - cycle.low
+    s = s + span if s < cycle.low - SAME * span else s
+    return s - span if s >= cycle.high - SAME * span else s
+
+
+def _end(cycle: Cycle, signal: Signal, edge: float) -> Turn:
+    """The value at the end of a stretch: a limit, or without bound at a dead centre.
+
+    Steps towards it shrink by 100 each: the value then settles, or it grows like
+    1/sqrt(distance), each time by 10 times more.
+    """
+
+    def value(s: float) -> float:
+        return float(signal.value(np.array([s]))[0])
+
+    at = value(edge)
+    if edge in (cycle.low, cycle.high):
+        return Turn(edge, at, 1, True)
+    inward = (cycle.high - cycle.low) / cycle.steps
+    inward = inward if math.isfinite(value(edge + 1e-6 * inward)) else -inward
+    far, near, nearest = (value(edge + inward * x) for x in (1e-2, 1e-4, 1e-6))
+    if abs(nearest - near) > 2 * abs(near - far) + ROUNDING * abs(near):
+        at = math.copysign(math.inf, nearest - near)
+    return Turn(edge, at, 1, True)

@@ -5,12 +5,11 @@ to rounding, because the margin passes zero there with a slope (it is the *rates
 to infinity). A change point is a dead centre that the mechanism can be driven through:
 the margin touches zero and grows again.
 
-What the scan can miss: margins are sampled (720 times a turn) and every place where a
-sampled margin could still reach zero is followed, so a gap or an arc far narrower than
-the samples is found, down to a width of about 1e-7 rad where rounding hides it. Two such
-places between the same three samples would be taken for one. The margin of an RRR dyad on
-a crank and a fixed pivot is a trigonometric polynomial of degree 2: nothing is missed
-there.
+What the scan can miss: margins are sampled (720 times a turn) until their Chebyshev series
+end, and every extremum of the series is looked at, so a gap or an arc far narrower than the
+samples is found, down to a width of about 1e-7 rad where rounding hides it. The margin of an
+RRR dyad on a crank and a fixed pivot is a trigonometric polynomial of degree 2: nothing is
+missed there.
 """
 
 from __future__ import annotations
@@ -20,10 +19,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from blockmech.analysis.arcs import TURN, Bound, Nearest, Piece, closed_pieces
+from blockmech.analysis.arcs import Bound, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
+from blockmech.analysis.scan import TURN
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.structure import Structure
 
@@ -154,8 +152,9 @@ class Limits:
         yield f"{self._q(self.driver)}: {count}{plural}" + (f", with {held}" if held else "")
         if self.nearest:
             near = self.nearest
+            place = _shown(near.q * scale, 6)
             yield (
-                f"  {near.block} never closes; it comes nearest at {near.q * scale:.6g} {unit}, "
+                f"  {near.block} never closes; it comes nearest at {place} {unit}, "
                 f"margin {near.margin:.4g}"
             )
         for arc in self.arcs:
@@ -208,7 +207,7 @@ def limits(
 
     Returns
     -------
-    Limits; cost: a batch of all samples, one of each arc, about 60 single poses an end
+    Limits; cost: a batch of all samples for each arc and group, about 60 single poses an end
 
     Raises
     ------
@@ -219,8 +218,8 @@ def limits(
     moved, held = _request(mechanism, driver, dict(at or {}))
     joint = mechanism.driver_joint(moved)
     closure = Closure(mechanism.of_blocks, moved, held, _groups(mechanism.structure, blocks))
-    nodes = one_turn(samples) if joint.rotary else travel(mechanism, moved, samples)
-    pieces, nearest = closed_pieces(closure.margins(), nodes, joint.rotary)
+    span = one_turn() if joint.rotary else travel(mechanism, moved)
+    pieces, nearest = closed_pieces(closure.margins(), span, samples)
     return Limits(
         driver=moved,
         unit=joint.coordinate_unit,
@@ -228,7 +227,7 @@ def limits(
         arcs=tuple(_arc(closure, p) for p in pieces),
         whole_turn=len(pieces) == 1 and pieces[0].start is None,
         nearest=nearest,
-        spacing=float(np.median(np.diff(nodes))),
+        spacing=(TURN if joint.rotary else 2 * span.size) / samples,
         prefix=mechanism.driver_prefix,
     )
 

@@ -19,17 +19,16 @@ from numpy.typing import NDArray
 
 from blockmech.analysis.cycle import Cycle, cycle_of
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
-from blockmech.analysis.follow import EPS, Signal, Turn, signal_of, stretches, turns_of
-from blockmech.analysis.peaks import Floats, last_place, turning_place
+from blockmech.analysis.follow import ALIKE, Signal, Turn, signal_of, stretches, turns_of
+from blockmech.analysis.scan import NODES, Span, scan
 from blockmech.errors import Problem, RequestError
+from blockmech.series import EPS, Floats, fit, panels
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.result import Result
 
-STRAIGHT = 1e-9  # deviation from a line, relative to the path's extent
-RETRACED = 1e-9  # mismatch of the ways to and fro, relative to their sum
-PANEL_NODES, PANELS = 16, 8  # of the length of a path from reversal to reversal
+STANDS = 1e-6  # of the largest speed: below it a marker may reverse
 
 Path = Literal["scalar", "straight", "curved"]
 
@@ -169,7 +168,7 @@ def _of_marker(cycle: Cycle, output: str) -> _Ends:
     # The principal axis of the samples: the square forgets which way along it they lie.
     u = complex(np.sqrt(((z - middle) ** 2).sum()))
     u /= abs(u)
-    if float(np.abs(((z - middle) * u.conjugate()).imag).max()) > STRAIGHT * spread:
+    if float(np.abs(((z - middle) * u.conjugate()).imag).max()) > ALIKE * spread:
         return _along_curve(cycle, output)
 
     def along(s: Floats) -> Floats:
@@ -193,7 +192,7 @@ def _along_curve(cycle: Cycle, output: str) -> _Ends:
         place.append(place[-1] + (-1) ** i * path.length(a, b))
     if path.closed:
         way = sum(abs(b - a) for a, b in pairwise(place))
-        if abs(place[-1] - place[0]) > RETRACED * way:
+        if abs(place[-1] - place[0]) > ALIKE * way:
             raise _error(
                 output,
                 "the marker does not return on the path it came on",
@@ -220,25 +219,12 @@ class _Curve:
         self.cycle = cycle
         self.output = output
         self.rate = output.removesuffix("p") + "v"
-        self.places = cycle.places()
-        self.v = self.velocity(self.places)
-        good = np.isfinite(self.v)
-        if len(stretches(good)) > 1:
+        good = np.isfinite(self.velocity(cycle.places()))
+        whole = list(stretches(cycle, good, self.velocity))
+        if len(whole) > 1:
             raise _error(output, "its path is not in one piece", "ask for the extremes of x or y")
-        self.first, self.last = stretches(good)[0]
+        self.ends = whole[0]
         self.closed = cycle.turns and bool(good.all())
-        self.ends = (self._edge(self.first, -1), self._edge(self.last, 1))
-
-    def _edge(self, i: int, side: int) -> float:
-        """End of the path beyond its last sample: a dead centre, or the end of the range."""
-        inside = float(self.places[i])
-        if not 0 <= i + side < len(self.places):
-            return inside
-        return last_place(
-            lambda s: bool(np.isfinite(self.velocity(np.array([s]))[0])),
-            inside,
-            float(self.places[i + side]),
-        )
 
     def velocity(self, s: Floats) -> NDArray[np.complex128]:
         """Derivative of the place with respect to s: the velocity at unit rate."""
@@ -249,38 +235,43 @@ class _Curve:
         return np.asarray(run[self.rate])
 
     def marks(self) -> list[float]:
-        """Reversals in order; with the ends of an open path, or the first one again."""
-        v, s = self.v[self.first : self.last + 1], self.places[self.first : self.last + 1]
-        flips = np.flatnonzero((v[1:] * v[:-1].conj()).real < 0)
-        widest = (-math.inf, math.inf) if self.closed else self.ends
-        step = float(s[1] - s[0])
-        found = []
-        for i in flips.tolist():
-            bracket = (float(s[i]) - step, float(s[i + 1]) + step)
-            turn = turning_place(lambda x: np.abs(self.velocity(x)) ** 2, bracket, widest, -1)
-            found.append(float(s[i] + s[i + 1]) / 2 if turn is None else turn.place)
+        """Reversals in order; with the ends of an open path, or the first one again.
+
+        The speed vanishes there, and the velocity before and after points opposite ways.
+        """
+        span, count = Span(*self.ends, turn=self.closed), self.cycle.panels
+        found = scan(lambda s: np.abs(self.velocity(s)) ** 2, span, panels(0.0, 1.0, count))
+        x, y = found.x, found.y
+        if self.closed:  # before the first place comes the last but one, a turn earlier
+            turn = self.cycle.high - self.cycle.low
+            x, y = np.append(x[-2] - turn, x), np.append(y[-2], y)
+        still = (y[1:-1] <= y[:-2]) & (y[1:-1] <= y[2:]) & (y[1:-1] <= STANDS**2 * np.nanmax(y))
+        i = np.flatnonzero(still) + 1
+        around = zip(x[i].tolist(), x[i - 1].tolist(), x[i + 1].tolist(), strict=True)
+        turned = [s for s, low, high in around if self._turns(s, low, high)]
         if not self.closed:
-            return [self.ends[0], *found, self.ends[1]]
-        if len(found) < 2:
+            return [self.ends[0], *turned, self.ends[1]]
+        if len(turned) < 2:
             raise _error(
                 self.output,
                 "the marker runs round a closed path and never reverses",
                 "ask for the extremes of its x or y",
             )
-        return [*found, found[0] + self.cycle.high - self.cycle.low]
+        return [*turned, turned[0] + self.cycle.high - self.cycle.low]
+
+    def _turns(self, s: float, low: float, high: float) -> bool:
+        """Whether the marker comes back where it stands still, between two other places."""
+        before, after = self.velocity(np.array([(low + s) / 2, (s + high) / 2]))
+        return bool((before * after.conj()).real < 0)
 
     def length(self, a: float, b: float) -> float:
-        """Length of the path between two reversals.
+        """Length of the path between two reversals."""
+        span = Span(a, b)
 
-        The places crowd at both ends, where a dead centre would make the speed grow like
-        1/sqrt(distance).
-        """
-        xi, weights = np.polynomial.legendre.leggauss(PANEL_NODES)
-        panel = math.pi / PANELS
-        phi = (np.arange(PANELS)[:, None] * panel + (xi + 1) * (panel / 2)).ravel()
-        s = a + (b - a) * np.sin(phi / 2) ** 2
-        speed = np.abs(self.velocity(s)) * np.sin(phi) * (b - a) / 2
-        return float(speed @ np.tile(weights, PANELS) * (panel / 2))
+        def speed(u: Floats) -> Floats:
+            return np.asarray(np.abs(self.velocity(span.place(u))) * span.slope(u))
+
+        return float(fit(speed, panels(0.0, 1.0, 1), n=NODES).integral()(np.array([1.0]))[0])
 
     def wrapped(self, s: float) -> float:
         """A place of a closed cycle inside its range."""

@@ -33,13 +33,14 @@ import functools
 import inspect
 import math
 from collections import namedtuple
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal, NamedTuple
 
 from pydantic import field_validator
+from pydantic_core import PydanticCustomError
 
-from blockmech.blocks.mistakes import refuse, wrong_friction, wrong_links
+from blockmech.blocks.mistakes import Mistake, refuse, unknown_name, wrong_links
 from blockmech.blocks.registry import REGISTRY
 from blockmech.friction.laws import Coulomb
 from blockmech.values import Link, Marker, Pair, Strictly
@@ -343,6 +344,20 @@ class DrivingLink(Moving):
 
 class AssurGroup(Moving):
     """A group that its drivers, if it has any, and its supports determine by themselves."""
+
+
+def wrong_friction(
+    friction: Mapping[str, Coulomb], joints: Mapping[str, Joint], what: str = "joint"
+) -> Iterator[Mistake]:
+    """Friction of joints that the block does not have, or that does not fit their kind."""
+    for joint, law in friction.items():
+        if joint not in joints:
+            yield (joint,), unknown_name("unknown-joint", what, joint, tuple(joints))
+            continue
+        try:
+            law.check_for(joints[joint].kind, joint)
+        except PydanticCustomError as error:
+            yield (joint,), error
 
 
 def _declare(cls: type[Block]) -> None:

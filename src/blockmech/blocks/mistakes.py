@@ -6,24 +6,16 @@ Each mistake has its own place in the model, so that all of them are told at onc
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import LiteralString, Protocol, TypeAlias
+from typing import LiteralString, TypeAlias
 
 from pydantic import ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from blockmech.errors import close_match, listed
-from blockmech.friction.laws import Coulomb
 from blockmech.values import NAME_RULE, Link, is_name, mistake
 
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
 """Where in a model, and what is wrong there."""
-
-
-class HasKind(Protocol):
-    """A declared joint."""
-
-    @property
-    def kind(self) -> str: ...
 
 
 def refuse(title: str, mistakes: Iterable[Mistake]) -> None:
@@ -50,20 +42,6 @@ def wrong_links(
                 found = f'the marker name "{marker}" is taken in this block'
                 yield where, mistake("taken-name", found, f"taken: {listed(sorted(taken))}")
             taken.add(marker)
-
-
-def wrong_friction(
-    friction: Mapping[str, Coulomb], joints: Mapping[str, HasKind], what: str = "joint"
-) -> Iterator[Mistake]:
-    """Friction of joints that the block does not have, or that does not fit their kind."""
-    for joint, law in friction.items():
-        if joint not in joints:
-            yield (joint,), unknown_name("unknown-joint", what, joint, tuple(joints))
-            continue
-        try:
-            law.check_for(joints[joint].kind, joint)
-        except PydanticCustomError as error:
-            yield (joint,), error
 
 
 def unknown_name(

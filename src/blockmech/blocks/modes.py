@@ -17,7 +17,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from blockmech.blocks.contract import AssurGroup
-from blockmech.values import Branch, Number, Strictly, mistake, shown
+from blockmech.errors import shown
+from blockmech.values import Branch, Number, Strictly, mistake
 
 FOLLOW = "follow"
 

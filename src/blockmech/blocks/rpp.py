@@ -31,7 +31,7 @@ from blockmech.blocks.points import (
     no_branch,
     unit,
 )
-from blockmech.plane import cross, dot, expi, hyp, imul, maximum, mul
+from blockmech.plane import EPS, cross, dot, expi, hyp, imul, maximum, mul
 from blockmech.typing import (
     Complex,
     Guide,
@@ -46,7 +46,6 @@ from blockmech.typing import (
 )
 from blockmech.values import Angle, Distance, mistake
 
-EPS = 2.220446049250313e-16
 Owner = Literal["later", "earlier", "j", "i"]
 
 

@@ -7,13 +7,10 @@ from typing import Annotated, Any
 import typer
 
 import blockmech
-from blockmech.cli.check import check, verify
+from blockmech.cli.analyses import check, extremes, limits, modes, verify
 from blockmech.cli.decompose import decompose
 from blockmech.cli.describe import blocks, schema
 from blockmech.cli.draw import draw
-from blockmech.cli.extremes import extremes
-from blockmech.cli.limits import limits
-from blockmech.cli.modes import modes
 from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.simulate import simulate

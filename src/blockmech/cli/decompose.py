@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json as text_of
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from blockmech.builders import Graph, opened
-from blockmech.cli.check import AsJson
-from blockmech.cli.output import refused, spare
-from blockmech.cli.terminal import say
-from blockmech.model.naming import JointName, Names
+from blockmech.cli.options import AsJson, refused, spare
+from blockmech.cli.terminal import say, say_data
+from blockmech.export import aligned
+from blockmech.model.naming import JointName
 from blockmech.model.structure import Structure
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ def decompose(
     if output is not None:
         made.graph.save(output)
     if json:
-        say(text_of.dumps({"file": file, **as_data(made)}, indent=2))
+        say_data(file, as_data(made))
         return
     lines = list(as_text(made))
     say("\n".join([*lines, *([f"wrote {output}"] if output is not None else [])]))
@@ -86,21 +85,7 @@ def as_text(made: Decomposition) -> Iterator[str]:
         f"{len(structure.links) - 1} moving links, {structure.pairs} pairs, "
         f"mobility {structure.mobility}"
     )
-    yield from _table(("link", "block.link"), _links(made.names))
-    yield from _table(("joint", "block.joint", "kind", ""), _joints(made))
-    drivers = [
-        (name, str(joint), _counted(structure, name)) for name, joint in structure.driven.items()
-    ]
-    yield from _table(("driver", "block.joint", "coordinate of the joint"), drivers)
-
-
-def _links(names: Names) -> list[tuple[str, ...]]:
-    return [(name, str(where.link)) for name, where in names.links.items()]
-
-
-def _joints(made: Decomposition) -> list[tuple[str, ...]]:
-    structure = made.graph.structure()
-    return [
+    joints = [
         (
             name,
             " + ".join(_pairs(where)),
@@ -109,6 +94,16 @@ def _joints(made: Decomposition) -> list[tuple[str, ...]]:
         )
         for name, where in made.names.joints.items()
     ]
+    for head, rows in (
+        (("link", "block.link"), [(n, str(w.link)) for n, w in made.names.links.items()]),
+        (("joint", "block.joint", "kind", ""), joints),
+        (
+            ("driver", "block.joint", "coordinate of the joint"),
+            [(name, str(j), _counted(structure, name)) for name, j in structure.driven.items()],
+        ),
+    ):
+        if rows:
+            yield from ("", *aligned(head, rows))
 
 
 def _pairs(where: JointName) -> list[str]:
@@ -124,13 +119,3 @@ def _counted(structure: Structure, driver: str) -> str:
     sign, offset = structure.coordinate(driver)
     q = f"{'-' if sign < 0 else ''}{driver}.q"
     return f"{q} {offset:+.9g}" if offset else q
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Rows in columns under a head, after an empty line; nothing where there is no row."""
-    if not rows:
-        return
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    yield ""
-    for row in (head, *rows):
-        yield "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from blockmech.builders import opened
-from blockmech.cli.graphs import At, GraphFile, compiled
 from blockmech.cli.numbers import coordinates
+from blockmech.cli.options import At, GraphFile, compiled, names_of
 from blockmech.cli.terminal import patience, say
 
 Picture = Annotated[
@@ -22,13 +22,21 @@ Kind = Annotated[
     str | None,
     typer.Option(
         metavar="KIND",
-        help="diagram, mechanism or animation; by default what PICTURE and --at say.",
+        help="diagram, mechanism, animation or schedule; by default what PICTURE and --at say.",
     ),
 ]
 
 
-def draw(file: GraphFile, picture: Picture, kind: Kind = None, at: At = None) -> None:
-    """Draw the block diagram, the mechanism at poses, or an animation.
+Want = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAMES", help="Outputs of a schedule, patterns allowed; default all."),
+]
+
+
+def draw(
+    file: GraphFile, picture: Picture, kind: Kind = None, at: At = None, want: Want = None
+) -> None:
+    """Draw the block diagram, the mechanism at poses, an animation, or a schedule of calls.
 
     A diagram may be drawn of an unfinished graph: joints without a wire are red.
     """
@@ -40,9 +48,11 @@ def draw(file: GraphFile, picture: Picture, kind: Kind = None, at: At = None) ->
         kind = "animation" if moving else "mechanism" if at else "diagram"
     subject: Any = opened(file)
     given: Any = at  # which a diagram refuses
-    if kind in ("mechanism", "animation"):
+    if kind in ("mechanism", "animation", "schedule"):
         subject = compiled(file)
+    if kind in ("mechanism", "animation"):
         given = coordinates(subject, at or [])
     with patience("drawing"):
-        path = drawn(subject, picture, kind, given)  # type: ignore[arg-type]
+        names = names_of(want) or ("*",)
+        path = drawn(subject, picture, kind, given, want=names)  # type: ignore[arg-type]
     say(f"wrote {path}")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import blockmech
-from blockmech.cli.output import refused
+from blockmech.cli.options import refused
 from blockmech.cli.terminal import say
 from blockmech.errors import close_match, listed
 from blockmech.files import writing

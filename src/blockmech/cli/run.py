@@ -7,44 +7,44 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.cli.graphs import At, GraphFile, compiled
-from blockmech.cli.numbers import MOST, coordinates, times
-from blockmech.cli.output import (
+from blockmech.cli.numbers import coordinates, times
+from blockmech.cli.options import (
+    At,
     Csv,
     Decimal,
     Degrees,
+    Explain,
+    GraphFile,
     Json,
     Out,
     Plot,
+    Samples,
     Separator,
+    Static,
     Times,
     Want,
     check_ways,
+    compiled,
     names_of,
     option,
     spelled,
-    switch,
-    written,
 )
-from blockmech.cli.terminal import note, patience, pour, say
+from blockmech.cli.terminal import note, patience, say, show
 from blockmech.compiled import EVERYTHING
-from blockmech.export import csv_chunks, gap_lines, json_chunks, table
+from blockmech.export import gap_lines
 from blockmech.failures import without_gaps
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 
-Samples = Annotated[int | None, option("Samples of the file's range (361).", "N", min=1, max=MOST)]
 Friction = Annotated[str | None, option("none, single, successive or newton.", "METHOD")]
 Tolerance = Annotated[float | None, option("Stop of successive approximations (1e-3 N).", "X")]
 Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
 ]
-Static = Annotated[bool, switch("static", "Leave inertia out.")]
 Engine = Annotated[str, option("auto, scalar or numpy.", "ENGINE")]
 Precision = Annotated[str | None, option("complex64, complex128 or clongdouble (numpy).", "TYPE")]
 OnGap = Annotated[str, option("Samples without an answer: mark, raise or stop.", "WHAT")]
-Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 
 
 def run(
@@ -89,15 +89,10 @@ def run(
     result, gaps = _computed(mechanism, {**plan, **taken, **how}, on_gap, deg)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    spelling = spelled(separator, decimal, deg)
-    if json or csv == "-":
-        pour(json_chunks(result) if json else csv_chunks(result, **spelling))
+    ways: dict[str, Any] = {"json": json, "out": out, "csv": csv, "plot": plot}
+    show(result, spelled(separator, decimal, deg), _pictures, **ways, gaps=gaps)
+    if on_gap == "stop" and not (json or csv == "-"):  # the table does not reach them
         note(*gaps)
-    else:
-        paths = written(result, spelling, out, csv, plot, _pictures)
-        say("\n".join([table(result, degrees=deg), *(f"wrote {path}" for path in paths)]))
-        if on_gap == "stop":  # the table does not reach them
-            note(*gaps)
     if gaps:
         raise typer.Exit(1)
 

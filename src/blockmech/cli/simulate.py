@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from blockmech.cli.graphs import GraphFile, compiled
 from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
-from blockmech.cli.output import (
+from blockmech.cli.options import (
     Csv,
     Decimal,
     Degrees,
+    Explain,
+    GraphFile,
     Json,
     Out,
     Plot,
@@ -21,15 +22,14 @@ from blockmech.cli.output import (
     Times,
     Want,
     check_ways,
+    compiled,
     names_of,
     option,
     spelled,
-    switch,
-    written,
 )
-from blockmech.cli.terminal import note, pour, progress_bar, say
+from blockmech.cli.terminal import progress_bar, say, show
 from blockmech.compiled import EVERYTHING
-from blockmech.export import csv_chunks, gap_lines, json_chunks, table
+from blockmech.export import gap_lines
 from blockmech.result import Result
 
 Until = Annotated[
@@ -53,7 +53,6 @@ Method = Annotated[
 ]
 Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]
 Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
-Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 
 INTERRUPTED = 130
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
@@ -104,15 +103,9 @@ def simulate(
             progress=told,
         )
         gaps = gap_lines(result, deg)
-    spelling = spelled(separator, decimal, deg)
-    lines = motion_lines(result, deg)
-    if json or csv == "-":
-        pour(json_chunks(result) if json else csv_chunks(result, **spelling))
-        note(*gaps)
-    else:
-        paths = written(result, spelling, out, csv, plot, _pictures)
-        shown = [table(result, degrees=deg), "", *lines, *(f"wrote {path}" for path in paths)]
-        say("\n".join(shown))
+    ways: dict[str, Any] = {"json": json, "out": out, "csv": csv, "plot": plot}
+    lines = ["", *motion_lines(result, deg)]
+    show(result, spelled(separator, decimal, deg), _pictures, **ways, lines=lines, gaps=gaps)
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from blockmech.builders import opened
-from blockmech.cli.check import AsJson
+from blockmech.cli.options import AsJson
 from blockmech.cli.terminal import note, patience, say
 from blockmech.errors import BlockmechError, Problem
 from blockmech.model.expect import Expectation
@@ -103,7 +103,7 @@ def _tested(file: str) -> _Tested:
 
 
 def _in(file: str, error: BlockmechError) -> list[Problem]:
-    from blockmech.model.problems import in_file
+    from blockmech.errors import in_file
 
     return in_file(error.problems, file)
 

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.files import AnyPath, writing
+from blockmech.files import folder as whole_folder
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.draw.animation import Reel
-    from blockmech.draw.mechanism import Scale
+    from blockmech.draw.curves import Axis
     from blockmech.model.graph import Graph
     from blockmech.model.joints.linkage import Linkage
-    from blockmech.model.naming import Names
     from blockmech.result import Result
 
     Subject: TypeAlias = Graph | Linkage | Compiled
@@ -38,17 +38,18 @@ __all__ = [
 
 STILL = (".png", ".svg", ".pdf")
 MOVING = (".gif", ".html")
-KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING}
+KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING, "schedule": STILL}
 
 
 def draw(
     subject: Subject,
     path: AnyPath,
-    kind: Literal["diagram", "mechanism", "animation"] | None = None,
+    kind: Literal["diagram", "mechanism", "animation", "schedule"] | None = None,
     at: Any = None,
     *,
     trace: Iterable[str] | None = None,
     degrees: bool = True,
+    want: Iterable[str] | str = "*",
 ) -> Path:
     """Draw a graph, a linkage or a mechanism; the suffix of the path says the format.
 
@@ -56,16 +57,14 @@ def draw(
     ----------
     subject : graph (for a diagram it need not be complete), linkage or mechanism
     path : .png, .svg or .pdf; .gif or .html for an animation
-    kind : "diagram" (default), "mechanism" at poses, "animation" (default for .gif, .html)
+    kind : "diagram" (default), "mechanism" at poses, "animation" (default for .gif, .html),
+        "schedule" of the kernel calls that some outputs take
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
     trace : names of markers whose paths are drawn; by default the user's markers
     degrees : angles in the picture in degrees
-
-    Returns
-    -------
-    Path of the file
+    want : outputs of a schedule
 
     Raises
     ------
@@ -75,70 +74,57 @@ def draw(
     AssemblyError, SingularError where the first pose does not exist
     """
     what, suffix = _kind_and_suffix(path, kind)
-    if what == "diagram" and (at is not None or trace is not None):
-        raise RequestError(
-            Problem(
-                "useless-setting",
-                "at" if at is not None else "trace",
-                "a block diagram has no poses",
-                "",
-                'use it with kind="mechanism"',
-            )
-        )
     if what == "animation":
         animate(subject, path, at, trace=trace, degrees=degrees)
         return Path(path)
-    from blockmech.draw.paper import rendered
-
+    useless = "at" if at is not None else "trace" if trace is not None else ""
+    if what != "mechanism" and useless:
+        remedy = 'use it with kind="mechanism"'
+        found = f"a {'block diagram' if what == 'diagram' else what} has no poses"
+        raise RequestError(Problem("useless-setting", useless, found, "", remedy))
     if what == "diagram":
-        from blockmech.draw.diagram import draw_diagram
+        figure = _diagram(subject)
+    elif what == "schedule":
+        from blockmech.draw.schedule import draw_schedule
 
-        figure = draw_diagram(*_diagram_of(subject)).figure
+        figure = draw_schedule(_mechanism(subject).plan(want))
     else:
-        from blockmech.draw.mechanism import draw_mechanism
-
-        figure = draw_mechanism(_mechanism(subject), at, trace, degrees).figure
-    return _write(path, rendered(figure, suffix))
+        figure = _pose(subject, at, trace, degrees)
+    return write_figure(figure, path, suffix)
 
 
 def diagram_svg(subject: Subject) -> str:
     """The block diagram as SVG text; the same graph gives the same text."""
-    from blockmech.draw.diagram import draw_diagram
-    from blockmech.draw.paper import rendered
-
-    return rendered(draw_diagram(*_diagram_of(subject)).figure, ".svg").decode()
+    return _svg(_diagram(subject))
 
 
 def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None = None) -> str:
     """The mechanism at poses as SVG text; see `draw` for the arguments and errors."""
-    from blockmech.draw.mechanism import draw_mechanism
-    from blockmech.draw.paper import rendered
-
-    return rendered(draw_mechanism(_mechanism(subject), at, trace).figure, ".svg").decode()
+    return _svg(_pose(subject, at, trace, True))
 
 
 class Animation:
     """An animation; a notebook shows its player. ``path`` is its file, if there is one."""
 
-    def __init__(self, reel: Reel, scale: Scale, path: Path | None = None) -> None:
+    def __init__(self, reel: Reel, path: Path | None = None) -> None:
         self.path = path
         self._reel = reel
-        self._scale = scale
 
     @cached_property
     def html(self) -> str:
         """The player as one HTML document that loads nothing from elsewhere."""
-        from blockmech.draw.animation import page
+        from blockmech.draw.animation import player
 
-        return page(self._reel, self._scale)
+        return player(self._reel)
 
     def save(self, path: AnyPath) -> Animation:
         """The animation in a .gif or .html file; raises the errors of `draw`."""
         from blockmech.draw.animation import gif
 
         suffix = _kind_and_suffix(path, "animation")[1]
-        data = self.html.encode() if suffix == ".html" else gif(self._reel, self._scale)
-        return Animation(self._reel, self._scale, _write(path, data))
+        with writing(path) as stream:
+            stream.write(self.html.encode() if suffix == ".html" else gif(self._reel))
+        return Animation(self._reel, Path(path))
 
     def _repr_html_(self) -> str:
         inside = html.escape(self.html, quote=True)
@@ -175,17 +161,13 @@ def animate(
     if path is not None:
         _kind_and_suffix(path, "animation")  # before anything is computed
     mover = subject if isinstance(subject, Result) else _mechanism(subject)
-    reel, scale = reel_of(mover, at, frames=frames, seconds=seconds, trace=trace, degrees=degrees)
-    made = Animation(reel, scale)
+    reel = reel_of(mover, at, frames=frames, seconds=seconds, trace=trace, degrees=degrees)
+    made = Animation(reel)
     return made if path is None else made.save(path)
 
 
 def run_pictures(
-    result: Result,
-    folder: AnyPath,
-    *,
-    over: Literal["auto", "coordinate", "time"] = "auto",
-    degrees: bool = True,
+    result: Result, folder: AnyPath, *, over: Axis = "auto", degrees: bool = True
 ) -> list[Path]:
     """Write the pictures of a run: one for each kind of curve that it has.
 
@@ -203,15 +185,14 @@ def run_pictures(
     """
     from blockmech.draw.curves import abscissa, pictures_of
     from blockmech.draw.panels import draw_panels
-    from blockmech.draw.paper import rendered
 
     along = abscissa(result, over, degrees)
     drawn = {
-        f"{name}.png": rendered(draw_panels(panels, along).figure, ".png")
+        f"{name}.png": draw_panels(panels, along).figure
         for name, panels in pictures_of(result).items()
     }
-    home = _folder(folder)
-    return [_write(home / name, data) for name, data in drawn.items()]
+    with whole_folder(folder) as home:
+        return [Path(folder) / write_figure(f, home / name).name for name, f in drawn.items()]
 
 
 def plot(
@@ -219,7 +200,7 @@ def plot(
     path: AnyPath,
     names: Iterable[str] | None = None,
     *,
-    over: Literal["auto", "coordinate", "time"] = "auto",
+    over: Axis = "auto",
     degrees: bool = True,
 ) -> Path:
     """Draw outputs of a run in one picture, one panel for each quantity.
@@ -234,30 +215,35 @@ def plot(
     """
     from blockmech.draw.curves import abscissa, chosen_panels, pictures_of
     from blockmech.draw.panels import draw_panels
-    from blockmech.draw.paper import rendered
 
-    suffix = _suffix(path, STILL, "a plot")
+    suffix = still_suffix(path)
     along = abscissa(result, over, degrees)
-    everything = names is None and len(result) == len(result.mechanism.outputs)
-    if everything:
+    if names is None and len(result) == len(result.mechanism.outputs):
         panels = tuple(p for group in pictures_of(result).values() for p in group)
     else:
         panels = chosen_panels(result, result if names is None else names)
-    return _write(path, rendered(draw_panels(panels, along).figure, suffix))
+    return write_figure(draw_panels(panels, along).figure, path, suffix)
 
 
 # -- subjects and files --------------------------------------------------------------------
 
 
-def _diagram_of(subject: Subject) -> tuple[Graph, Names | None]:
-    """The graph of a subject, and the names of the links and joints that it was made of."""
+def _diagram(subject: Subject) -> Any:
+    """The figure of a block diagram, with the names of links and joints that it is made of."""
     from blockmech.draw.boxes import graph_of
+    from blockmech.draw.diagram import draw_diagram
     from blockmech.model.graph import Graph
 
     if isinstance(subject, Graph):
-        return subject, None
+        return draw_diagram(subject).figure
     mechanism = _mechanism(subject)
-    return graph_of(mechanism), mechanism.names
+    return draw_diagram(graph_of(mechanism), mechanism.names).figure
+
+
+def _pose(subject: Subject, at: Any, trace: Iterable[str] | None, degrees: bool) -> Any:
+    from blockmech.draw.mechanism import draw_mechanism
+
+    return draw_mechanism(_mechanism(subject), at, trace, degrees).figure
 
 
 def _mechanism(subject: Subject) -> Compiled:
@@ -266,50 +252,41 @@ def _mechanism(subject: Subject) -> Compiled:
     return subject if isinstance(subject, Compiled) else Compiled.of(subject)
 
 
+def _svg(figure: Any) -> str:
+    from blockmech.draw.paper import rendered
+
+    return rendered(figure, ".svg").decode()
+
+
+def write_figure(figure: Any, path: AnyPath, suffix: str = ".png") -> Path:
+    """Write a figure as the suffix says."""
+    from blockmech.draw.paper import rendered
+
+    data = rendered(figure, suffix)
+    with writing(path) as stream:
+        stream.write(data)
+    return Path(path)
+
+
+def still_suffix(path: AnyPath) -> str:
+    """The suffix of a plot's file; raises `RequestError` for one that is no picture's."""
+    return _suffix(path, STILL, "a plot")
+
+
 def _kind_and_suffix(path: AnyPath, kind: str | None) -> tuple[str, str]:
     if kind is None:
         kind = "animation" if Path(path).suffix.lower() in MOVING else "diagram"
     if kind not in KINDS:
-        raise RequestError(
-            Problem(
-                "unknown-kind",
-                "kind",
-                f'no kind of picture "{kind}"',
-                f"kinds: {listed(KINDS)}",
-                close_match(str(kind), KINDS),
-            )
-        )
+        found, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
+        near = close_match(str(kind), KINDS)
+        raise RequestError(Problem("unknown-kind", "kind", found, valid, near))
     return kind, _suffix(path, KINDS[kind], f"{'an' if kind == 'animation' else 'a'} {kind}")
 
 
 def _suffix(path: AnyPath, valid: tuple[str, ...], what: str) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in valid:
-        raise RequestError(
-            Problem(
-                "unknown-suffix",
-                str(path),
-                f'{what} cannot be written as "{suffix}"' if suffix else "the name has no suffix",
-                f"suffixes for {what}: {listed(valid)}",
-                "choose one of them",
-            )
-        )
+        found = f'{what} cannot be written as "{suffix}"' if suffix else "the name has no suffix"
+        known = f"suffixes for {what}: {listed(valid)}"
+        raise RequestError(Problem("unknown-suffix", str(path), found, known, "choose one of them"))
     return suffix
-
-
-def _folder(path: AnyPath) -> Path:
-    home = Path(path)
-    try:
-        home.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        why = "it is a file, not a directory" if home.is_file() else error.strerror
-        raise RequestError(
-            Problem("cannot-write", str(path), str(why), "", "choose another folder")
-        ) from None
-    return home
-
-
-def _write(path: AnyPath, data: bytes) -> Path:
-    with writing(path) as stream:
-        stream.write(data)
-    return Path(path)

@@ -1,8 +1,9 @@
 """The mechanism in motion: a GIF, or one HTML file with its own player.
 
 Both draw the shapes of `blockmech.draw.shapes`, frame by frame. Axes and scale are
-fixed over the whole motion. Only poses that close are frames; a motion that does not
-end where it began is played to and fro.
+fixed over the whole motion, and so are the places of names beside their joints. Only
+poses that close are frames; a motion that does not end where it began is played to
+and fro.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import io
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 from importlib import resources
 from typing import Any
 
@@ -21,48 +22,46 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.draw import palette as ink
 from blockmech.draw import shapes
+from blockmech.draw.labels import Spot
 from blockmech.draw.mechanism import (
-    LINE,
     MANY,
-    TOP,
-    Scale,
+    Page,
+    Paths,
     caption,
-    draw,
+    crowd_on,
     extent,
+    joint_labels,
+    leader,
     load_text,
-    paper,
-    sizes,
-    write,
+    paths_of,
 )
-from blockmech.draw.motion import closes, moves, moves_of_result
-from blockmech.draw.paper import shown_name, styled, text_width, wrapped
-from blockmech.draw.paths import Paths, paths_of
-from blockmech.draw.shapes import Shape, Stage, stage_of
-from blockmech.draw.sketch import Pin, Spot, sketch_of
+from blockmech.draw.motion import moves, moves_of_result
+from blockmech.draw.paper import scaled_unit, shown_name, styled, wrapped
+from blockmech.draw.shapes import Shape, Stage
+from blockmech.draw.sketch import sketch_of
 from blockmech.errors import Problem, RequestError
 from blockmech.result import Result
 
-FRAMES = 72
-SECONDS = 3.0  # [s] that one cycle lasts on the screen
-GIF_DPI, WIDE_DPI = 150, 110  # of a picture one or two columns wide
+FRAMES = (2, 2000)  # fewest and most
+DPI = {False: 150, True: 110}  # of a GIF one column wide, or two
 TICK = 0.02  # [s] shortest time of a frame that browsers honour
-COLOURS, APART = 255, 8  # of a GIF; smallest distance of two of them in one channel
 NAMES = 12  # joints up to which all are named
-GAP = 7.0  # [pt] from a joint or an arrow to its name
+SEEN = 8  # frames that show whether a name's place is free
+FRICTION_POWER = "mechanism.friction_power"
 
 
-@dataclass(frozen=True)
+@dataclass
 class Reel:
-    """An animation before it is drawn: the stage, the frames' samples, the paths."""
+    """An animation before it is drawn: the stage on its page, the frames' samples, the paths."""
 
     stage: Stage
-    order: tuple[int, ...]
+    page: Page
+    order: Sequence[int]
     paths: Paths
     seconds: float
     degrees: bool
-    width: float  # [pt] of the axes
-    left: float = -math.inf  # [m] between which words stand
-    right: float = math.inf
+    lines: int = 0  # of the caption
+    spots: Sequence[Spot] = ()  # of the joints' names, one frame for each of ``order``
 
     @property
     def name(self) -> str:
@@ -70,29 +69,50 @@ class Reel:
         return self.stage.motion.mechanism.name
 
     def caption(self, k: int) -> list[str]:
-        """Lines at sample k: driver coordinates, time where it is known, loads."""
-        parts = [caption(self.stage.motion, [k], self.degrees)]
-        time = self.stage.motion.samples.time
+        """Lines at sample k: coordinates, time and friction where they are known, loads."""
+        motion = self.stage.motion
+        parts = [caption(motion, [k], self.degrees)]
+        time, run = motion.result.known_time(), motion.result
         if time is not None and math.isfinite(time[k]):
             parts.append(f"t\u00a0=\u00a0{time[k]:.3f}\u00a0s")
+        if FRICTION_POWER in run:
+            power = float(run[FRICTION_POWER][k])
+            factor, unit = scaled_unit("W", abs(power))
+            parts.append(f"friction takes {power * factor:.4g}\u00a0{unit}")
+        if time is not None and rests(run, time[k], [rate[k] for rate in motion.q_rate.values()]):
+            parts.append("at rest")
         loads = [load_text(self.stage, load, k) for load in self.stage.sketch.loads]
-        lines = wrapped("; ".join(parts), ink.SMALL, self.width)
-        return lines + wrapped("; ".join(loads), ink.SMALL, self.width) if loads else lines
+        lines = wrapped("; ".join(parts), ink.SMALL, self.page.width)
+        return lines + wrapped("; ".join(loads), ink.SMALL, self.page.width) if loads else lines
+
+    def frame(self, number: int) -> list[Shape]:
+        """What moves in a frame."""
+        lines = [shape for spot in self.spots for shape in leader(self.page, spot, number)]
+        return [*shapes.pose(self.stage, self.order[number]), *lines]
+
+
+def rests(run: Result, time: float, rates: Sequence[float]) -> bool:
+    """Whether friction holds a mechanism that moved: nothing moves after an event "rest"."""
+    motion = run.motion
+    stops = [] if motion is None else [e.t for e in motion.events if e.kind == "rest"]
+    return bool(stops) and time >= min(stops) and not any(rates)
 
 
 def reel_of(
     subject: Compiled | Result,
     at: Any = None,
     *,
-    frames: int = FRAMES,
-    seconds: float = SECONDS,
+    frames: int = 72,
+    seconds: float = 3.0,
     trace: Iterable[str] | None = None,
     degrees: bool = True,
-) -> tuple[Reel, Scale]:
+    every: int = 0,
+) -> Reel:
     """Prepare the animation of a mechanism over its range, or of the samples of a run.
 
-    Raises `RequestError` where the range is not known or a number makes no sense, and
-    the errors of `Compiled.run` where no pose closes.
+    ``every`` takes each so many sample of a run, played forward only; 0 takes all, to and
+    fro where they do not return. Raises `RequestError` where the range is not known or a
+    number makes no sense, and the errors of `Compiled.run` where no pose closes.
     """
     _check(frames, seconds)
     if isinstance(subject, Result):
@@ -104,28 +124,26 @@ def reel_of(
     good = [int(k) for k in np.flatnonzero(motion.feasible)]
     if not good:
         motion.refuse(0)
-    if len(good) > 1:
-        round_trip = closes(motion, good[0], good[-1])
-        good = good[:-1] if round_trip else good + good[-2:0:-1]
+    if every:
+        good = [k for k in good if k % every == 0] or good[:1]
+    elif len(good) > 1:
+        good = good[:-1] if motion.closes(good[0], good[-1]) else good + good[-2:0:-1]
     sketch = sketch_of(motion)
     paths = paths_of(motion, trace) if motion.n > 1 else {}
-    many = len(sketch.pins) + len(sketch.sliders) + len(sketch.loads) > MANY
-    corners = extent(motion, sketch, good, paths)
-    unit, width = sizes(corners, many)[:2]
-    stage = stage_of(sketch, motion, unit)
-    reel = Reel(stage, tuple(good), paths, seconds, degrees, width)
-    lines = max(len(reel.caption(k)) for k in good)
+    page = Page(extent(motion, sketch, good, paths), sketch.words > MANY)
+    reel = Reel(Stage(sketch, motion, page.unit), page, good, paths, seconds, degrees)
+    reel.lines = max(len(reel.caption(k)) for k in good)
     with styled():
-        scale = paper(corners, paths, [""] * lines, many)
-    ends = (scale.metres(complex(x, 0.0)).real for x in (0.0, scale.width))
-    left, right = ends
-    return replace(reel, left=left, right=right), scale
+        page.lay_out(paths, reel.lines)
+    if len(sketch.pins) <= NAMES:
+        reel.spots = _spots(reel)
+    return reel
 
 
 def _check(frames: int, seconds: float) -> None:
     wrong: list[tuple[str, object, str]] = []
-    if not isinstance(frames, int) or not 2 <= frames <= 2000:
-        wrong.append(("frames", frames, "a whole number from 2 to 2000"))
+    if not isinstance(frames, int) or not FRAMES[0] <= frames <= FRAMES[1]:
+        wrong.append(("frames", frames, f"a whole number from {FRAMES[0]} to {FRAMES[1]}"))
     if not isinstance(seconds, int | float) or not 0 < seconds < math.inf:
         wrong.append(("seconds", seconds, "a positive number of seconds"))
     if wrong:
@@ -135,116 +153,60 @@ def _check(frames: int, seconds: float) -> None:
         )
 
 
-def _frame(reel: Reel, k: int) -> tuple[list[Shape], list[tuple[str, complex, str]]]:
-    """Shapes of a frame, and its words: text, place [m], colour."""
-    stage = reel.stage
-    words: list[tuple[str, complex, str]] = []
-    for pin in stage.sketch.pins if len(stage.sketch.pins) <= NAMES else ():
-        text = ", ".join(map(shown_name, pin.names))
-        words.append((text, _beside_pin(reel, pin, k, text), ink.INK))
-    return shapes.pose(stage, k), words
-
-
-def _beside_pin(reel: Reel, pin: Pin, k: int, text: str) -> complex:
-    """A place [m] for a joint's name, on the side where its links are not, on the paper."""
-    stage = reel.stage
-    z = stage.place(pin.spot, k)
-    bodies = [b for b in stage.sketch.bodies if b.link in pin.links]
-    middles = [
-        stage.place(Spot(b.link, p), k) for b in bodies for p in b.outline if len(b.outline) > 1
-    ]
-    away = z - sum(middles) / len(middles) if middles else 1 + 1j
-    if pin.grounded and away.imag <= 0:  # below it is the ground
-        away = complex(math.copysign(1.0, away.real), 0.0)
-    gap = GAP / 2 if pin.grounded else 0.0
-    places = [
-        _beyond(z + math.copysign(gap, way.real) * stage.unit, way, text, stage.unit)
-        for way in (away, complex(-away.real, away.imag), 1j)
-    ]
-    half = stage.unit * text_width(text, ink.SMALL) / 2
-    inside = (p for p in places if reel.left <= p.real - half and p.real + half <= reel.right)
-    return next(inside, places[0])
-
-
-def _beyond(z: complex, direction: complex, text: str, unit: float) -> complex:
-    """The middle [m] of a text that begins a little beyond a place."""
-    u = direction / abs(direction) if abs(direction) > 0 else 1 + 0j
-    wide, high = text_width(text, ink.SMALL) / 2, ink.SMALL / 2
-    return z + unit * complex(u.real * (GAP + wide), u.imag * (GAP + high))
+def _spots(reel: Reel) -> list[Spot]:
+    """Places of the joints' names that are free in most frames."""
+    page, stage = reel.page, reel.stage
+    seen = reel.order[:: math.ceil(len(reel.order) / SEEN)]
+    still = shapes.ground(stage, reel.order[0])
+    drawn = [[*still, *shapes.pose(stage, k)] for k in seen]
+    found = crowd_on(page, drawn, {}).place(joint_labels(page, stage, seen))
+    labels = joint_labels(page, stage, reel.order)
+    pairs = zip(found, labels, strict=True)
+    return [Spot(label, s.anchor, s.offset, s.half, s.far) for s, label in pairs]
 
 
 # -- GIF -----------------------------------------------------------------------------------
 
 
-def gif(reel: Reel, scale: Scale) -> bytes:
-    """The animation as a GIF that repeats for ever."""
+def gif(reel: Reel) -> bytes:
+    """The animation as a GIF that repeats for ever.
+
+    matplotlib's own writer draws the axes again for every frame, which takes four times as
+    long, and gives each frame colours of its own, which flicker.
+    """
     from PIL import Image
 
     pictures = []
     with styled():
-        wide = scale.figure.get_figwidth() * 72 > ink.COLUMN + 1
-        scale.figure.set_dpi(WIDE_DPI if wide else GIF_DPI)
-        canvas = scale.figure.canvas
-        draw(scale, shapes.ground(reel.stage, reel.order[0]))
+        figure = reel.page.figure
+        figure.set_dpi(DPI[reel.page.wide])
+        canvas = figure.canvas
+        reel.page.draw(shapes.ground(reel.stage, reel.order[0]))
         canvas.draw()
-        still = canvas.copy_from_bbox(scale.figure.bbox)
-        for k in reel.order:
+        still = canvas.copy_from_bbox(figure.bbox)
+        for number in range(len(reel.order)):
             canvas.restore_region(still)
-            _draw_frame(reel, scale, k)
-            pictures.append(np.asarray(canvas.buffer_rgba())[..., :3].copy())
-    palette = _palette(pictures[:: max(1, len(pictures) // 4)])
-    frames = [
-        Image.fromarray(p).quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures
-    ]
+            _draw_frame(reel, number)
+            pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
+    some = pictures[:: math.ceil(len(pictures) / 4)]
+    sheet = Image.fromarray(np.concatenate([np.asarray(p) for p in some]))
+    colours = sheet.quantize(method=Image.Quantize.MAXCOVERAGE)
+    frames = [p.quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures]
     ticks = max(round(1000 * max(reel.seconds / len(frames), TICK), -1), 10)
     buffer = io.BytesIO()
-    frames[0].save(
-        buffer,
-        format="GIF",
-        save_all=True,
-        append_images=frames[1:],
-        duration=int(ticks),
-        loop=0,
-        optimize=False,
-    )
+    forever: dict[str, Any] = {"save_all": True, "loop": 0, "duration": int(ticks)}
+    frames[0].save(buffer, "GIF", append_images=frames[1:], optimize=False, **forever)
     return buffer.getvalue()
 
 
-def _palette(pictures: Sequence[Any]) -> Any:
-    """An image whose palette holds the commonest colours, the same for all frames."""
-    from PIL import Image
-
-    pixels = np.concatenate([p.reshape(-1, 3) for p in pictures]).astype(np.uint32)
-    packed = pixels[:, 0] << 16 | pixels[:, 1] << 8 | pixels[:, 2]
-    colours, counts = np.unique(packed, return_counts=True)
-    common = colours[np.argsort(-counts.astype(np.int64), kind="stable")]
-    rows = np.stack([common >> 16 & 255, common >> 8 & 255, common & 255], axis=1).astype(int)
-    kept = rows[:1]
-    for row in rows[1:]:
-        # Pillow finds the nearest colour on a coarse grid: near ones would be mixed up.
-        if np.abs(kept - row).max(axis=1).min() >= APART:
-            kept = np.vstack([kept, row])
-        if len(kept) == COLOURS:
-            break
-    image = Image.new("P", (1, 1))
-    image.putpalette(kept.ravel().tolist())
-    return image
-
-
-def _draw_frame(reel: Reel, scale: Scale, k: int) -> None:
+def _draw_frame(reel: Reel, number: int) -> None:
     """Draw the moving artists of one frame over the still picture, and take them away."""
-    moving, words = _frame(reel, k)
-    artists = draw(scale, moving)
-    for text, z, colour in words:
-        artists.append(write(scale, text, scale.points(z), colour))
-    size = scale.figure.get_size_inches()[1] * 72
-    style = {"fontsize": ink.SMALL, "va": "top"}
-    left = scale.axes.get_position().x0
-    for i, line in enumerate(reel.caption(k)):
-        y = (size - TOP - LINE * i) / size
-        artists.append(scale.figure.text(left, y, line, **style))
+    page = reel.page
+    artists = page.draw(reel.frame(number))
+    artists += [page.write(spot, number) for spot in reel.spots]
+    artists += page.caption(reel.caption(reel.order[number]))
     for artist in sorted(artists, key=lambda a: a.get_zorder()):
-        artist.draw(scale.figure.canvas.get_renderer())
+        artist.draw(page.figure.canvas.get_renderer())
     for artist in artists:
         artist.remove()
 
@@ -252,83 +214,78 @@ def _draw_frame(reel: Reel, scale: Scale, k: int) -> None:
 # -- HTML ----------------------------------------------------------------------------------
 
 
-def page(reel: Reel, scale: Scale) -> str:
+def player(reel: Reel) -> str:
     """The animation as one HTML document that needs nothing else."""
     template = resources.files("blockmech.draw").joinpath("player.html").read_text("utf-8")
-    data = json.dumps(player_data(reel, scale), ensure_ascii=True, separators=(",", ":"))
+    data = json.dumps(player_data(reel), ensure_ascii=True, separators=(",", ":"))
     data = data.replace("<", "\\u003c")  # no name can end the script
     return template.replace("__TITLE__", html.escape(reel.name)).replace("__DATA__", data)
 
 
-def player_data(reel: Reel, scale: Scale) -> dict[str, Any]:
+def player_data(reel: Reel) -> dict[str, Any]:
     """What the player draws: shapes in points of the page, y upward.
 
     Shapes that do not move are ``still``; of the others the places change from frame
     to frame, and the style is kept apart from them.
     """
-    stage = reel.stage
-
-    def places(points: Iterable[complex]) -> list[float]:
-        return [round(x, 2) for z in map(scale.points, points) for x in (z.real, z.imag)]
-
+    page = reel.page
     styles: dict[str, int] = {}
     frames = []
-    for k in reel.order:
-        moving, words = _frame(reel, k)
+    for number, k in enumerate(reel.order):
+        moving = sorted(reel.frame(number), key=lambda s: s.order)
         rows = [
-            [styles.setdefault(json.dumps(_style(s)), len(styles)), *places(s.points)]
-            for s in sorted(moving, key=lambda s: s.order)
+            [styles.setdefault(json.dumps(_style(s)), len(styles)), *_places(page, s.points)]
+            for s in moving
         ]
-        texts = [[text, *places([z]), colour] for text, z, colour in words]
+        texts = [
+            [line, round(z.real, 2), round(z.imag + down, 2), spot.label.colour]
+            for spot in reel.spots
+            for line, z, down in _lines(spot, number)
+        ]
         frames.append({"shapes": rows, "texts": texts, "caption": "\n".join(reel.caption(k))})
-    still = [
-        [_style(s), *places(s.points)]
-        for s in sorted(shapes.ground(stage, reel.order[0]), key=lambda s: s.order)
-    ]
+    ground = sorted(shapes.ground(reel.stage, reel.order[0]), key=lambda s: s.order)
     return {
-        "width": round(scale.width, 2),
-        "height": round(scale.height, 2),
+        "width": round(page.width, 2),
+        "height": round(page.height, 2),
         "seconds": reel.seconds,
         "styles": [json.loads(s) for s in styles],
-        "still": still,
-        "paths": [_path(name, path, i, scale) for i, (name, path) in enumerate(reel.paths.items())],
-        "ticks": [_ticks(scale.axes.get_xlim(), 7), _ticks(scale.axes.get_ylim(), 5)],
-        "corner": [scale.corner.real, scale.corner.imag],
-        "unit": scale.unit,
+        "still": [[_style(s), *_places(page, s.points)] for s in ground],
+        "paths": [_path(name, path, i, page) for i, (name, path) in enumerate(reel.paths.items())],
+        "ticks": [_ticks(page.axes.xaxis), _ticks(page.axes.yaxis)],
+        "corner": [page.corner.real, page.corner.imag],
+        "unit": page.unit,
         "frames": frames,
     }
 
 
+def _lines(spot: Spot, number: int) -> list[tuple[str, complex, float]]:
+    """Lines of a label, its middle, and how far each lies above it [pt]."""
+    lines = spot.label.text.split("\n")
+    high = 2 * spot.half.imag / len(lines)
+    middle = spot.centre(number)
+    return [(line, middle, high * ((len(lines) - 1) / 2 - i)) for i, line in enumerate(lines)]
+
+
+def _places(page: Page, points: Iterable[complex]) -> list[float]:
+    return [round(x, 2) for z in map(page.points, points) for x in (z.real, z.imag)]
+
+
 def _style(shape: Shape) -> dict[str, Any]:
-    return {
-        "kind": shape.kind,
-        "stroke": shape.stroke,
-        "fill": shape.fill,
-        "width": shape.width,
-        "radius": shape.radius,
-        "dash": list(shape.dash),
-        "round": shape.rounded,
-    }
+    style = {**asdict(shape), "round": shape.rounded}
+    return {k: style[k] for k in ("kind", "stroke", "fill", "width", "radius", "dash", "round")}
 
 
-def _path(name: str, path: Any, number: int, scale: Scale) -> dict[str, Any]:
+def _path(name: str, path: Any, number: int, page: Page) -> dict[str, Any]:
     """A marker's path: its pieces between gaps."""
     colour, dash = ink.curve_style(number)
-    pieces: list[list[float]] = [[]]
-    for z in path:
-        if not np.isfinite(z):
-            pieces.append([])
-            continue
-        p = scale.points(complex(z))
-        pieces[-1] += [round(p.real, 2), round(p.imag, 2)]
+    known = np.flatnonzero(np.isfinite(path))
+    cuts = np.flatnonzero(np.diff(known) > 1) + 1
+    pieces = [_places(page, path[piece]) for piece in np.split(known, cuts) if len(piece)]
     label = f"path of {shown_name(name)}"
-    kept = [p for p in pieces if p]
-    return {"label": label, "colour": colour, "dash": list(dash), "pieces": kept}
+    return {"label": label, "colour": colour, "dash": list(dash), "pieces": pieces}
 
 
-def _ticks(limits: tuple[float, float], most: int) -> list[float]:
-    """Round numbers [m] between two limits."""
-    from matplotlib.ticker import MaxNLocator
-
-    values = MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]).tick_values(*limits)
-    return [float(f"{v:.6g}") for v in values if limits[0] <= v <= limits[1]]
+def _ticks(axis: Any) -> list[float]:
+    """Round numbers [m] on an axis."""
+    low, high = sorted(axis.get_view_interval())
+    return [float(f"{v:.6g}") for v in axis.get_majorticklocs() if low <= v <= high]

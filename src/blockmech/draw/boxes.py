@@ -15,7 +15,7 @@ from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
 from blockmech.compiled import Compiled
 from blockmech.draw.layout import Box, Ends
-from blockmech.draw.palette import SMALL, TEXT
+from blockmech.draw.palette import SIZES, SMALL, TEXT
 from blockmech.draw.paper import shown_name, text_width
 from blockmech.errors import listed
 from blockmech.loads.contract import Element
@@ -26,7 +26,6 @@ from blockmech.model.structure import LinkRef, Structure
 
 Kind = Literal["frame", "driver", "group", "element", "unknown", "missing"]
 MOST = 40  # blocks in a diagram; a page holds no more
-PAD = 5.0  # [pt] between a box's edge and its words
 
 
 @dataclass(frozen=True)
@@ -34,14 +33,9 @@ class Port:
     """A joint or a terminal on the left edge; ``pair`` is "R", "P" or "" for a terminal."""
 
     name: str
-    pair: str = ""
-    wired: bool = True
-    said: str = ""  # its name in a document of links and joints
-
-    @property
-    def label(self) -> str:
-        """Name and pair type."""
-        return shown_name(self.said or self.name, 16) + (f" ({self.pair})" if self.pair else "")
+    pair: str
+    wired: bool
+    label: str  # name and pair type
 
 
 @dataclass(frozen=True)
@@ -62,11 +56,11 @@ class Shown:
         words = text_width(shown_name(self.words), SMALL)
         left = max((text_width(p.label, SMALL) for p in self.ports), default=0.0)
         right = max((text_width(shown_name(m, 16), SMALL) for m in self.markers), default=0.0)
-        gap = 9.0 if left and right else 0.0
-        inside = left + 9.0 + words if small else max(words, left + gap + right)
+        gap = 2 * SIZES.pad if left and right else 0.0
+        inside = left + 2 * SIZES.pad + words if small else max(words, left + gap + right)
         return Box(
             self.name,
-            max(name, inside) + 2 * PAD,
+            max(name, inside) + 2 * SIZES.pad,
             tuple(p.name for p in self.ports),
             head=1 if small else 2,
             above=2 if self.drive else 0,
@@ -98,7 +92,6 @@ def graph_of(mechanism: Compiled) -> Graph:
     """The graph of a compiled mechanism."""
     structure = mechanism.structure
     graph = Graph(mechanism.name)
-    graph.scene = mechanism.scene
     graph.blocks = {structure.frame: structure.fixed, **structure.blocks, **structure.elements}
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
@@ -148,19 +141,19 @@ class Words:
 def content_of(graph: Graph, names: Names | None = None) -> Content:
     """What the diagram of a graph shows; ``names`` are those of links and joints."""
     said = Words.of(names, graph)
-    ends = [_ends(w) for w in graph.wires]
-    wires = [w for w in ends if w is not None]
+    wires = [ends for wire in graph.wires if all(ends := _ends(wire))]
     problems = graph.check()
+    named = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
     if problems:
         codes = {p.code: [q.where for q in problems if q.code == p.code] for p in problems}
         found = "; ".join(f"{code}: {listed(where, 4)}" for code, where in codes.items())
         subtitle = f"not complete – {found}"
     else:
-        subtitle = said.formula(graph.structure()).replace("->", "→")
-    named = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
-    if len(named) > MOST:
+        s = graph.structure()
+        subtitle = said.formula(s).replace("->", "→")
+    if len(named) > MOST:  # of a valid graph in the order of formation
         subtitle = f"first {MOST} of {len(named)} blocks – {subtitle}"
-        named = _first(graph, named)
+        named = (named if problems else [s.frame, *s.blocks, *s.elements])[:MOST]
     drawn = [w for w in wires if w.source in named and w.target in named]
     fed = {(w.target, w.port) for w in wires}
     return Content(
@@ -168,50 +161,60 @@ def content_of(graph: Graph, names: Names | None = None) -> Content:
         subtitle=subtitle,
         complete=not problems,
         blocks=tuple(_shown(graph, name, drawn, fed, said) for name in named),
-        flows=tuple(_flow(graph, w, said) for w in drawn),
+        flows=tuple(Flow(w, _flows(graph, w), said.beside(w)) for w in drawn),
     )
 
 
-def _first(graph: Graph, named: list[str]) -> list[str]:
-    """The first blocks: of a valid graph in the order of formation, else as they were added."""
-    if not graph.check():
-        s = graph.structure()
-        named = [s.frame, *s.blocks, *s.elements]
-    return named[:MOST]
-
-
-def _ends(wire: Wire) -> Ends | None:
-    """The two addresses, or None where one of them is none at all."""
+def _ends(wire: Wire) -> Ends:
+    """The two addresses; some part is empty where one of them is none at all."""
     source, _, marker = wire.source.partition(".")
     target, _, port = wire.target.partition(".")
-    return Ends(source, marker, target, port) if all((source, marker, target, port)) else None
+    return Ends(source, marker, target, port)
+
+
+def _flows(graph: Graph, wire: Ends) -> bool:
+    """Whether anything flows forward: a load may read nothing of its marker."""
+    target = graph.blocks.get(wire.target)
+    return not isinstance(target, Element) or bool(target.reads().get(wire.port))
 
 
 def _shown(
     graph: Graph, name: str, wires: list[Ends], fed: set[tuple[str, str]], said: Words
 ) -> Shown:
     block = graph.blocks.get(name)
-    declared, pair = _ports(block)
-    named = [w.port for w in wires if w.target == name]
-    ports = tuple(
-        Port(p, pair.get(p, ""), (name, p) in fed, said.joints.get(f"{name}.{p}", ""))
-        for p in dict.fromkeys([*declared, *named])
-    )
-    markers = tuple(said.beside(w) for w in wires if w.source == name)
-    if isinstance(block, Frame):
-        return Shown(name, "frame", "fixed link", ports, markers)
+    pairs: dict[str, str] = {}  # of the ports that the block declares
     if isinstance(block, Moving):
-        words = f"{block.group_class} {block.kind}".strip()
-        if name in said.links:
-            words = f"{words}: {', '.join(said.links[name])}"
-        kind: Kind = "group" if block.closes else "driver"
-        return Shown(name, kind, words, ports, markers, _drive(block))
-    if isinstance(block, Element):
-        words = block.type_name.rsplit(".", 1)[-1].replace("_", " ")
-        return Shown(name, "element", words, ports, markers)
-    if isinstance(block, UnknownBlock):
-        return Shown(name, "unknown", f"{block.type}?", ports, markers)
-    return Shown(name, "missing", "no such block", ports, markers)
+        pairs = {j.name: j.kind for j in block.joints.values() if j.outer}
+    elif isinstance(block, Element):
+        pairs = dict.fromkeys(block.terminals, "")
+    named = [w.port for w in wires if w.target == name]
+    ports = []
+    for port in dict.fromkeys([*pairs, *named]):
+        pair = pairs.get(port, "")
+        word = shown_name(said.joints.get(f"{name}.{port}", port), 16)
+        label = f"{word} ({pair})" if pair else word
+        ports.append(Port(port, pair, (name, port) in fed, label))
+    kind, words = _kind(block)
+    if said.links.get(name):
+        words = f"{words}: {', '.join(said.links[name])}"
+    markers = tuple(said.beside(w) for w in wires if w.source == name)
+    drive = _drive(block) if isinstance(block, Moving) else ()
+    return Shown(name, kind, words, tuple(ports), markers, drive)
+
+
+def _kind(block: object) -> tuple[Kind, str]:
+    """What a block is, and the words under its name."""
+    match block:
+        case Frame():
+            return "frame", "fixed link"
+        case Moving():
+            words = f"{block.group_class} {block.kind}".strip()
+            return "group" if block.closes else "driver", words
+        case Element():
+            return "element", block.type_name.rsplit(".", 1)[-1].replace("_", " ")
+        case UnknownBlock():
+            return "unknown", f"{block.type}?"
+    return "missing", "no such block"
 
 
 def _drive(block: Moving) -> tuple[str, ...]:
@@ -220,20 +223,3 @@ def _drive(block: Moving) -> tuple[str, ...]:
     units["τ"] = [j.effort_unit for j in block.driven]
     found = {symbol: " ".join(f"[{u}]" for u in dict.fromkeys(us)) for symbol, us in units.items()}
     return tuple(f"{symbol} {said}" for symbol, said in found.items() if said)
-
-
-def _ports(block: object) -> tuple[list[str], dict[str, str]]:
-    """Names of the ports that a block declares, and pair types of its joints."""
-    if isinstance(block, Moving):
-        outer = [j for j in block.joints.values() if j.outer]
-        return [j.name for j in outer], {j.name: j.kind for j in outer}
-    if isinstance(block, Element):
-        return list(block.terminals), {}
-    return [], {}
-
-
-def _flow(graph: Graph, ends: Ends, said: Words) -> Flow:
-    target = graph.blocks.get(ends.target)
-    if isinstance(target, Element):
-        return Flow(ends, bool(target.reads().get(ends.port)), said.beside(ends))
-    return Flow(ends, True, said.beside(ends))

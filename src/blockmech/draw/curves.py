@@ -21,6 +21,8 @@ Axis = Literal["auto", "coordinate", "time"]
 
 TOGETHER = 6  # curves that share a panel; more get a panel for each block
 MOST = 40  # curves that a picture can hold
+MOTION = {"angle": ("angle", "rad"), "omega": ("rate", "rad/s")}
+MOTION |= {"alpha": ("angular acceleration", "rad/s²")}
 
 
 # -- what is drawn ---------------------------------------------------------------------
@@ -34,9 +36,8 @@ def pictures_of(result: Result) -> dict[str, tuple[Panel, ...]]:
         "friction_power": friction_panels(result),
         "reactions": reaction_panels(result, twin),
     }
-    found = {name: panels for name, panels in found.items() if panels}
-    if not {"drive", "reactions"} & found.keys():
-        found |= {"kinematics": kinematic_panels(result)}
+    if not found["drive"] and not found["reactions"]:
+        found["kinematics"] = kinematic_panels(result)
     return {name: panels for name, panels in found.items() if panels}
 
 
@@ -75,45 +76,31 @@ def drive_panels(result: Result, twin: Result | None) -> tuple[Panel, ...]:
 
 def friction_panels(result: Result) -> tuple[Panel, ...]:
     """The power that friction takes, in all and at each joint ([R10] Fig. 13)."""
-    names = [n for n in result if n.endswith(".friction_power")]
-    joints = [_curve(result, None, n, n.removesuffix(".friction_power")) for n in names]
-    total = [c for c in joints if c.name == "mechanism"]
+    joints = _curves(result, None, ".friction_power")
+    total = [Curve("all joints", c.values) for c in joints if c.name == "mechanism" and _lives(c)]
     single = [c for c in joints if c.name != "mechanism" and _lives(c)]
-    if not single and not any(map(_lives, total)):
-        return ()
-    shown = tuple(Curve("all joints", c.values) for c in total) if len(single) != 1 else ()
+    shown = total if len(single) != 1 else []
     if len(single) > TOGETHER:
-        first = (Panel("friction power", "W", shown),) if shown else ()
-        return first + _by_block("friction power", "W", single)
-    return (Panel("friction power", "W", shown + tuple(single)),)
+        first = _panels("friction power", "W", shown)
+        return first + _panels("friction power", "W", single)
+    return _panels("friction power", "W", [*shown, *single], by_block=False)
 
 
 def reaction_panels(result: Result, twin: Result | None) -> tuple[Panel, ...]:
     """The magnitude of every joint's reaction ([R10] Fig. 14)."""
-    names = [n for n in result if n.endswith(".reaction")]
-    curves = [_curve(result, twin, n, n.removesuffix(".reaction")) for n in names]
-    curves = [c for c in curves if _lives(c)]
-    if len(curves) > TOGETHER:
-        return _by_block("reaction", "N", curves)
-    return (Panel("reaction", "N", tuple(curves)),) if curves else ()
+    curves = [c for c in _curves(result, twin, ".reaction") if _lives(c)]
+    return _panels("reaction", "N", curves)
 
 
 def kinematic_panels(result: Result) -> tuple[Panel, ...]:
     """Angles, rates and accelerations of links, for a mechanism without forces."""
     panels: tuple[Panel, ...] = ()
-    for suffix, quantity, unit in (
-        (".angle", "angle", "rad"),
-        (".omega", "rate", "rad/s"),
-        (".alpha", "angular acceleration", "rad/s²"),
-    ):
-        names = [n for n in result if n.endswith(suffix)]
-        curves = [_curve(result, None, n, n.removesuffix(suffix)) for n in names]
-        if suffix == ".angle":
+    for suffix, (quantity, unit) in MOTION.items():
+        curves = _curves(result, None, f".{suffix}")
+        if suffix == "angle":
             curves = [Curve(c.name, _unwrapped(c.values)) for c in curves]
-        if len(curves) > TOGETHER:
-            panels += _by_block(quantity, unit, curves)
-        elif any(map(_lives, curves)):
-            panels += (Panel(quantity, unit, tuple(curves)),)
+        if any(map(_lives, curves)):
+            panels += _panels(quantity, unit, curves)
     return panels
 
 
@@ -149,6 +136,12 @@ def chosen_panels(result: Result, names: Iterable[str]) -> tuple[Panel, ...]:
     return tuple(Panel(what, unit, tuple(curves)) for (what, unit), curves in groups.items())
 
 
+def _curves(result: Result, twin: Result | None, suffix: str) -> list[Curve]:
+    """Curves of all outputs of one sort."""
+    names = [n for n in result if n.endswith(suffix)]
+    return [_curve(result, twin, n, n.removesuffix(suffix)) for n in names]
+
+
 def _curve(result: Result, twin: Result | None, name: str, shown: str) -> Curve:
     def real(run: Result) -> Array:
         values = np.asarray(run[name])
@@ -162,13 +155,19 @@ def _lives(curve: Curve) -> bool:
     return bool(np.any(np.nan_to_num(curve.values) != 0))
 
 
-def _by_block(quantity: str, unit: str, curves: Sequence[Curve]) -> tuple[Panel, ...]:
-    """One panel for each block; blocks with few curves share one."""
-    groups: list[list[Curve]] = []
+def _panels(
+    quantity: str, unit: str, curves: Sequence[Curve], by_block: bool = True
+) -> tuple[Panel, ...]:
+    """One panel, or of many curves one for each block; blocks with few curves share one."""
+    if not curves:
+        return ()
+    if len(curves) <= TOGETHER or not by_block:
+        return (Panel(quantity, unit, tuple(curves)),)
+    blocks: dict[str, list[Curve]] = {}
     for curve in curves:
-        mine = [c for c in curves if _owner(c.name) == _owner(curve.name)]
-        if curve is not mine[0]:
-            continue
+        blocks.setdefault(_owner(curve.name), []).append(curve)
+    groups: list[list[Curve]] = []
+    for mine in blocks.values():
         if groups and len(groups[-1]) + len(mine) <= TOGETHER:
             groups[-1] += mine
         else:

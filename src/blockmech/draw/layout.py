@@ -2,22 +2,30 @@
 
 Columns are layers, from left to right; places within a column are whole *rows*, so
 that wires are straight or clearly stepped. A wire that passes a layer holds a row
-of its own there, so it never runs through a box.
+of its own there, so it never runs through a box. The layout stays ours (networkx has
+the generations, no routing): wires end on the ports of boxes, and the same graph must
+always give the same picture.
 
-Sources: Sugiyama, Tagawa & Toda 1981 (layers, barycentre); the rows minimise the
-sum of steps, column by column, by isotonic regression with medians (Ayer et al.
-1955; pooling adjacent violators).
+Sources: Sugiyama, Tagawa & Toda 1981 (layers, barycentre); Gansner et al. 1993 (rows
+with the least sum of steps, as a linear program).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import NamedTuple
+from itertools import combinations, pairwise
+from typing import Any, NamedTuple
 
-SWEEPS = 12  # more change nothing on diagrams of a hundred blocks
+import networkx as nx
+import numpy as np
+
+SWEEPS = 24  # more change nothing on diagrams of a hundred blocks
 AIR = 1  # rows between two boxes of a layer
+STRAIGHT = {0: 1, 1: 2, 2: 8}  # weight of a step, by how many of its ends only pass a layer
+
+Node = str | tuple[int, int]
+"""A box by its name, or a wire in a layer that it passes."""
 
 
 @dataclass(frozen=True)
@@ -46,279 +54,179 @@ class Ends(NamedTuple):
 
 
 @dataclass
-class Slot:
-    """A place in a layer: a box, or the row of a wire that passes."""
-
-    key: str
-    box: Box | None = None
-    height: int = 1
-    row: int = 0  # of the first row, ``above`` included
-    left: list[int] = field(default_factory=list)  # segments that come from the left
-    right: list[int] = field(default_factory=list)  # and that leave to the right
-
-    def pin(self, k: int) -> int:
-        """Offset of the pin number k from the slot's first row."""
-        return 0 if self.box is None else self.box.above + self.box.head + k
-
-
-@dataclass
-class Segment:
-    """A wire's way between two neighbouring layers: pins of slots on both sides."""
-
-    wire: int
-    source: Slot
-    target: Slot
-    out: int = 0  # which pin on the source's right
-    into: int = 0  # which pin on the target's left
-    weight: int = 1
-
-    @property
-    def rows(self) -> tuple[int, int]:
-        """Rows of its two ends."""
-        return (
-            self.source.row + self.source.pin(self.out),
-            self.target.row + self.target.pin(self.into),
-        )
-
-
-@dataclass
 class Layered:
-    """Boxes in layers with rows, and the segments between the layers."""
+    """Boxes in layers with rows, and the steps of the wires between the layers.
 
-    layers: list[list[Slot]]
-    segments: list[Segment]
-    backward: dict[int, tuple[int, int]]  # wire -> pins of its source and its target
+    ``steps`` has an edge for each wire between neighbouring layers, its key the number of
+    the wire; ``out`` and ``into`` are the numbers of the pins on the two boxes of a wire.
+    """
+
+    boxes: Mapping[str, Box]
+    layers: list[list[Node]]
     layer: Mapping[str, int]
+    backward: list[int]  # wires of blocks that wait for each other
+    steps: Any
+    out: dict[int, int] = field(default_factory=dict)
+    into: dict[int, int] = field(default_factory=dict)
+    leaving: dict[str, int] = field(default_factory=dict)  # wires that leave a box
+    row: dict[Node, int] = field(default_factory=dict)
 
-    def slot(self, box: str) -> Slot:
-        """The slot of a box."""
-        return next(s for s in self.layers[self.layer[box]] if s.key == box)
+    def height(self, node: Node) -> int:
+        """Rows of a box with its wires, what is free above it included."""
+        if not isinstance(node, str):
+            return 1
+        box = self.boxes[node]
+        return box.above + box.head + max(len(box.ports), self.leaving[node])
+
+    def pin(self, node: Node, k: int) -> int:
+        """Row of the pin number k, counted from the node's first."""
+        if not isinstance(node, str):
+            return 0
+        return self.boxes[node].above + self.boxes[node].head + k
+
+    def ends(self, step: tuple[Node, Node, int]) -> tuple[int, int]:
+        """Rows of the two ends of a step."""
+        source, target, wire = step
+        out, into = self.out.get(wire, 0), self.into.get(wire, 0)
+        return self.row[source] + self.pin(source, out), self.row[target] + self.pin(target, into)
 
 
-def layers_of(boxes: Sequence[Box], wires: Sequence[Ends]) -> tuple[dict[str, int], set[int]]:
+def layers_of(boxes: Sequence[Box], wires: Sequence[Ends]) -> tuple[dict[str, int], list[int]]:
     """Layer of every box (topological generations), and the wires that go backward.
 
     Where blocks wait for each other, the earliest of ``boxes`` is taken first.
     """
-    feeds: dict[str, set[str]] = {b.name: set() for b in boxes}
-    for wire in wires:
-        if wire.source != wire.target:
-            feeds[wire.target].add(wire.source)
-    lowest = 1 if any(b.first for b in boxes) else 0
-    layer: dict[str, int] = {}
-    waiting = list(boxes)
-    while waiting:
-        ready = [b for b in waiting if feeds[b.name] <= layer.keys()] or waiting[:1]
-        for box in ready:
-            above = [layer[s] for s in feeds[box.name] if s in layer]
-            layer[box.name] = 0 if box.first else max([lowest, *(n + 1 for n in above)])
-        waiting = [b for b in waiting if b.name not in layer]
-    backward = {i for i, w in enumerate(wires) if layer[w.source] >= layer[w.target]}
-    return layer, backward
+    order = {b.name: k for k, b in enumerate(boxes)}
+    first = [b.name for b in boxes if b.first]
+    feeds = nx.DiGraph()
+    feeds.add_nodes_from(order)
+    feeds.add_edges_from((f, b) for f in first for b in order if b not in first)
+    backward = []
+    late = {i: order[w.source] >= order[w.target] for i, w in enumerate(wires)}
+    for i in sorted(late, key=late.__getitem__):
+        source, target = wires[i].source, wires[i].target
+        if target in first or nx.has_path(feeds, target, source):
+            backward.append(i)
+        else:
+            feeds.add_edge(source, target)
+    generations = enumerate(nx.topological_generations(feeds))
+    return {name: k for k, names in generations for name in names}, sorted(backward)
 
 
 def arrange(boxes: Sequence[Box], wires: Sequence[Ends]) -> Layered:
     """Lay out a diagram: layers, order, pins and rows. The same for the same input."""
     layer, backward = layers_of(boxes, wires)
-    made = _slots(boxes, wires, layer, backward)
-    _order(made)
-    _pins(made, wires)
-    for slots in made.layers:
-        for slot in slots:
-            if slot.box is not None:
-                left = max(len(slot.box.ports), 1 + max(_into(made, wires, slot), default=-1))
-                right = len(slot.right) + sum(wires[i].source == slot.key for i in backward)
-                slot.height = slot.box.above + slot.box.head + max(left, right)
-    _rows(made)
-    return made
-
-
-def _slots(
-    boxes: Sequence[Box], wires: Sequence[Ends], layer: Mapping[str, int], backward: set[int]
-) -> Layered:
-    layers: list[list[Slot]] = [[] for _ in range(max(layer.values(), default=0) + 1)]
-    at = {b.name: Slot(b.name, b) for b in boxes}
+    layers: list[list[Node]] = [[] for _ in range(max(layer.values(), default=0) + 1)]
+    steps = nx.MultiDiGraph()
     for box in boxes:
-        layers[layer[box.name]].append(at[box.name])
-    segments: list[Segment] = []
+        layers[layer[box.name]].append(box.name)
+        steps.add_node(box.name)
     for i, wire in enumerate(wires):
         if i in backward:
             continue
-        chain = [at[wire.source]]
+        passing: list[Node] = []
         for k in range(layer[wire.source] + 1, layer[wire.target]):
-            chain.append(Slot(f"wire {i}"))
-            layers[k].append(chain[-1])
-        chain.append(at[wire.target])
-        for a, b in pairwise(chain):
-            passing = (a.box is None) + (b.box is None)
-            segments.append(Segment(i, a, b, weight=(1, 2, 8)[passing]))
-            a.right.append(len(segments) - 1)
-            b.left.append(len(segments) - 1)
-    return Layered(layers, segments, dict.fromkeys(sorted(backward), (0, 0)), layer)
-
-
-# -- order ---------------------------------------------------------------------------
+            passing.append((i, k))
+            layers[k].append((i, k))
+        for a, b in pairwise([wire.source, *passing, wire.target]):
+            steps.add_edge(a, b, key=i)
+    made = Layered({b.name: b for b in boxes}, layers, layer, backward, steps)
+    _order(made)
+    _pins(made, wires)
+    made.row = _rows(made)
+    return made
 
 
 def _order(made: Layered) -> None:
     """Sort each layer by the mean place of its neighbours; keep the best of all sweeps."""
-    best = [list(slots) for slots in made.layers]
-    fewest = _crossings(made)
-    for sweep in range(2 * SWEEPS):
-        down = sweep % 2 == 0
-        for slots in made.layers[1:] if down else reversed(made.layers[:-1]):
-            place = _places(made)
-            means = {}
-            for k, slot in enumerate(slots):
-                near = [
-                    place[id(made.segments[s].source if down else made.segments[s].target)]
-                    for s in (slot.left if down else slot.right)
-                ]
-                means[id(slot)] = sum(near) / len(near) if near else float(k)
-            slots.sort(key=lambda s: means[id(s)])
-        count = _crossings(made)
-        if count < fewest:
-            best, fewest = [list(slots) for slots in made.layers], count
+    layers, steps = made.layers, made.steps
+    best, fewest = [list(nodes) for nodes in layers], _crossings(made)
+    for sweep in range(SWEEPS):
         if fewest == 0:
             break
-    made.layers[:] = best
+        down = sweep % 2 == 0
+        for nodes in layers[1:] if down else layers[-2::-1]:
+            place = _places(layers)
+            mean: dict[Node, float] = {}
+            for node in nodes:
+                edges = steps.in_edges(node) if down else steps.out_edges(node)
+                near = [place[a if down else b] for a, b in edges]
+                mean[node] = sum(near) / len(near) if near else place[node]
+            nodes.sort(key=mean.__getitem__)
+        count = _crossings(made)
+        if count < fewest:
+            best, fewest = [list(nodes) for nodes in layers], count
+    layers[:] = best
 
 
-def _places(made: Layered) -> dict[int, int]:
-    return {id(slot): k for slots in made.layers for k, slot in enumerate(slots)}
+def _places(layers: Sequence[Sequence[Node]]) -> dict[Node, int]:
+    return {node: k for nodes in layers for k, node in enumerate(nodes)}
 
 
 def _crossings(made: Layered) -> int:
-    """Pairs of segments that cross, whatever the order of pins on their boxes."""
-    place = _places(made)
-    between: dict[int, list[tuple[int, int]]] = {}
-    depth = {id(slot): k for k, slots in enumerate(made.layers) for slot in slots}
-    for s in made.segments:
-        ends = (place[id(s.source)], place[id(s.target)])
-        between.setdefault(depth[id(s.source)], []).append(ends)
-    return sum(
-        (a - c) * (b - d) < 0
-        for ends in between.values()
-        for k, (a, b) in enumerate(ends)
-        for c, d in ends[:k]
-    )
+    """Pairs of steps that cross, whatever the order of pins on their boxes."""
+    place = _places(made.layers)
+    count = 0
+    for nodes in made.layers:
+        ends = [(place[a], place[b]) for a, b in made.steps.out_edges(nodes)]
+        count += sum((a - c) * (b - d) < 0 for (a, b), (c, d) in combinations(ends, 2))
+    return count
 
 
 def _pins(made: Layered, wires: Sequence[Ends]) -> None:
-    """Give the ends of segments their pins: ports as declared where the wires allow it."""
-    place = _places(made)
-    segments = made.segments
-    for slots in made.layers:
-        for slot in slots:
-            if slot.box is None:
-                continue
-            ports = {name: k for k, name in enumerate(slot.box.ports)}
-            last = len(ports)
-            came = {wires[segments[s].wire].port: place[id(segments[s].source)] for s in slot.left}
-            order = sorted(ports, key=lambda p: (came.get(p, last + len(place)), ports[p]))
-            for s in slot.left:
-                segments[s].into = order.index(wires[segments[s].wire].port)
-            for i in made.backward:
-                if wires[i].target == slot.key:
-                    made.backward[i] = (made.backward[i][0], order.index(wires[i].port))
-    for slots in made.layers:
-        for slot in slots:
-            slot.right.sort(key=lambda s: (place[id(segments[s].target)], segments[s].into))
-            for k, s in enumerate(slot.right):
-                segments[s].out = k
-            back = [i for i in made.backward if wires[i].source == slot.key]
-            for k, i in enumerate(back, start=len(slot.right)):
-                made.backward[i] = (k, made.backward[i][1])
-
-
-def _into(made: Layered, wires: Sequence[Ends], slot: Slot) -> Iterable[int]:
-    yield from (made.segments[s].into for s in slot.left)
-    yield from (into for i, (_, into) in made.backward.items() if wires[i].target == slot.key)
-
-
-# -- rows ----------------------------------------------------------------------------
-
-
-def _rows(made: Layered) -> None:
-    """Rows that keep wires straight: columns are fitted to their neighbours in turn."""
-    for slots in made.layers:
-        row = 0
-        for slot in slots:
-            slot.row, row = row, row + slot.height + AIR
-    best: list[list[int]] = []
-    least = float("inf")
-    for sweep in range(SWEEPS):
-        down = sweep % 2 == 0
-        for slots in made.layers if down else reversed(made.layers):
-            _fit(made, slots, down, both=sweep >= SWEEPS - 2)
-        cost = sum(
-            s.weight * abs(s.rows[0] - s.rows[1]) + 2 * (s.rows[0] != s.rows[1])
-            for s in made.segments
+    """Give the wires their pins: ports as declared where the order of wires allows it."""
+    place, steps = _places(made.layers), made.steps
+    for name, box in made.boxes.items():
+        came = {wires[w].port: place[a] for a, _, w in steps.in_edges(name, keys=True)}
+        order = sorted(box.ports, key=lambda port: came.get(port, len(place)))
+        made.into |= {
+            i: order.index(wire.port) for i, wire in enumerate(wires) if wire.target == name
+        }
+    for name in made.boxes:
+        leaving = sorted(
+            steps.out_edges(name, keys=True),
+            key=lambda step: (place[step[1]], made.into[step[2]] if step[1] in made.boxes else 0),
         )
-        if cost < least:
-            best, least = [[slot.row for slot in slots] for slots in made.layers], cost
-    top = min((row for rows in best for row in rows), default=0)
-    for slots, rows in zip(made.layers, best, strict=True):
-        for slot, row in zip(slots, rows, strict=True):
-            slot.row = row - top
+        back = [i for i in made.backward if wires[i].source == name]
+        out = [*(w for _, _, w in leaving), *back]
+        made.out |= {w: k for k, w in enumerate(out)}
+        made.leaving[name] = len(out)
 
 
-def _fit(made: Layered, slots: list[Slot], down: bool, both: bool) -> None:
-    """Best rows of one column, its order and distances kept."""
-    offsets, wishes = [], []
-    offset = 0
-    for k, slot in enumerate(slots):
-        if k:
-            two_boxes = slot.box is not None and slots[k - 1].box is not None
-            offset += slots[k - 1].height + (AIR if two_boxes else 0)
-        wish: list[tuple[int, int]] = []
-        if down or both:
-            near = [made.segments[i] for i in slot.left]
-            wish += [(s.rows[0] - slot.pin(s.into) - offset, s.weight) for s in near]
-        if not down or both:
-            near = [made.segments[i] for i in slot.right]
-            wish += [(s.rows[1] - slot.pin(s.out) - offset, s.weight) for s in near]
-        offsets.append(offset)
-        wishes.append(wish)
-    for slot, offset, row in zip(slots, offsets, isotonic_medians(wishes), strict=True):
-        slot.row = row + offset
+def _rows(made: Layered) -> dict[Node, int]:
+    """Rows that keep wires straight: the least weighted sum of steps, then of rows.
 
-
-def isotonic_medians(wishes: Sequence[Sequence[tuple[int, int]]]) -> list[int]:
-    """Non-decreasing numbers with the least weighted sum of distances to wishes.
-
-    Parameters
-    ----------
-    wishes : per number its (wish, weight) pairs; without any it follows its neighbour
-
-    Returns
-    -------
-    list of int, each one of the wishes; 0 where there are none at all
+    The matrix holds differences of rows only, so the solution is in whole numbers.
     """
-    pools: list[tuple[list[tuple[int, int]], int, int]] = []  # wishes, median, count
-    waiting = 0  # numbers without wishes before the first pool
-    for wish in wishes:
-        pool, count = sorted(wish), 1 + waiting
-        if not wish:
-            if pools:
-                pools[-1] = (*pools[-1][:2], pools[-1][2] + 1)
-            else:
-                waiting += 1
-            continue
-        waiting = 0
-        while pools and pools[-1][1] > _median(pool):
-            earlier, _, n = pools.pop()
-            pool, count = sorted([*earlier, *pool]), count + n
-        pools.append((pool, _median(pool), count))
-    pools = pools or [([], 0, waiting)]
-    return [median for _, median, count in pools for _ in range(count)]
+    from scipy.optimize import linprog
 
+    nodes = {node: k for k, node in enumerate(n for layer in made.layers for n in layer)}
+    steps = list(made.steps.edges(keys=True))
+    size = len(nodes) + len(steps)
+    limits, bounds = [], []
 
-def _median(wishes: list[tuple[int, int]]) -> int:
-    total = sum(w for _, w in wishes)
-    reached = 0
-    for value, weight in wishes:
-        reached += weight
-        if 2 * reached >= total:
-            return value
-    return wishes[-1][0]
+    def at_least(a: int, b: int, distance: int, slack: int | None = None) -> None:
+        """Row b, and the step's length where it counts, lie so many rows below row a."""
+        line = np.zeros(size)
+        line[[a, b]] = 1.0, -1.0
+        if slack is not None:
+            line[len(nodes) + slack] = -1.0
+        limits.append(line)
+        bounds.append(-float(distance))
+
+    for layer in made.layers:
+        for a, b in pairwise(layer):
+            air = AIR if isinstance(a, str) and isinstance(b, str) else 0
+            at_least(nodes[a], nodes[b], made.height(a) + air)
+    cost = np.ones(size)
+    made.row = dict.fromkeys(nodes, 0)
+    for k, (a, b, wire) in enumerate(steps):
+        start, end = made.ends((a, b, wire))
+        at_least(nodes[a], nodes[b], start - end, k)
+        at_least(nodes[b], nodes[a], end - start, k)
+        passing = (not isinstance(a, str)) + (not isinstance(b, str))
+        cost[len(nodes) + k] = STRAIGHT[passing] * (len(nodes) + 1)
+    if not limits:
+        return made.row
+    found = linprog(cost, np.array(limits), bounds, method="highs-ds")
+    return {node: round(found.x[k]) for node, k in nodes.items()}

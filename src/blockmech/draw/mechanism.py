@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,35 +13,62 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.draw import palette as ink
 from blockmech.draw import shapes
-from blockmech.draw.labels import Crowd, Label, Rect
-from blockmech.draw.motion import Motion, moves
+from blockmech.draw.labels import Crowd, Label, Rect, Spot
+from blockmech.draw.motion import Complex, Motion, marker_place, moves
+from blockmech.draw.motion import Spot as LinkSpot
+from blockmech.draw.palette import SIZES
 from blockmech.draw.paper import new_figure, scaled_unit, shown_name, styled, wrapped
-from blockmech.draw.paths import Paths, paths_of
-from blockmech.draw.shapes import Shape, Stage, stage_of
-from blockmech.draw.sketch import LoadMark, Sketch, Spot, sketch_of
+from blockmech.draw.shapes import Shape, Stage
+from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
+from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.model.structure import MarkerRef
 
 SWEEP = 241  # samples of a path
+PATHS = 8  # that are drawn if none are named
 CROWDED = 40  # joints from which they have no names
 MANY = 9  # labels from which the picture is two columns wide
-PAGE = 2 * ink.COLUMN + 14.0  # [pt] width of two columns
-LEFT, RIGHT, BOTTOM, TOP = 41.0, 8.0, 27.0, 8.0  # [pt] around the axes
-LINE = 10.5  # [pt] height of a line of the caption
-LOWEST, TALLEST = 110.0, 330.0  # [pt] height of the axes
-EDGE = 16.0  # [pt] free inside the axes
-BESIDE = 5.0  # [pt] of a link's name from the middle of the link
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
+FAINT_POSES = (0.125, 0.375, 0.625, 0.875)  # of the range; the first is the main one
+
+Paths = Mapping[str, Complex]
 
 
 @dataclass
-class Scale:
+class Page:
     """Axes in metres at equal aspect, and how many metres a point of the page is."""
 
-    figure: Any
-    axes: Any
-    unit: float  # [m/pt]
-    corner: complex  # [m] lower left
-    width: float  # [pt]
-    height: float  # [pt]
+    corners: tuple[complex, complex]  # [m] of what is drawn
+    wide: bool  # two columns
+    figure: Any = None
+    axes: Any = None
+
+    @property
+    def columns(self) -> float:
+        """Width [pt] of the whole."""
+        return 2 * ink.COLUMN + 14.0 if self.wide else ink.COLUMN
+
+    @property
+    def width(self) -> float:
+        """Width [pt] of the axes."""
+        return self.columns - SIZES.left - SIZES.right
+
+    @property
+    def unit(self) -> float:
+        """[m/pt] so that the corners fit."""
+        size, room = self.corners[1] - self.corners[0], self.width - 2 * SIZES.edge
+        smallest = (max(size.real, size.imag) or 1.0) / room / 3
+        return max(size.real / room, size.imag / (SIZES.heights[1] - 2 * SIZES.edge), smallest)
+
+    @property
+    def height(self) -> float:
+        """Height [pt] of the axes."""
+        size = self.corners[1] - self.corners[0]
+        return float(np.clip(size.imag / self.unit + 2 * SIZES.edge, *SIZES.heights))
+
+    @property
+    def corner(self) -> complex:
+        """Lower left corner [m] of the axes."""
+        return sum(self.corners) / 2 - complex(self.width, self.height) * self.unit / 2
 
     def points(self, z: complex) -> complex:
         """A place [m] in points of the page, from the axes' lower left corner."""
@@ -50,6 +77,83 @@ class Scale:
     def metres(self, z: complex) -> complex:
         """The place [m] of a point of the page."""
         return z * self.unit + self.corner
+
+    def lay_out(self, paths: Paths, lines: int) -> None:
+        """Make the figure, with axes, the paths of markers and room for a caption."""
+        columns = 4 if self.wide else 2
+        rows = lines + math.ceil(len(paths) / columns)
+        total = SIZES.bottom + self.height + SIZES.top + ink.ROW * rows
+        self.figure = new_figure(self.columns, total)
+        box = (
+            SIZES.left / self.columns,
+            SIZES.bottom / total,
+            self.width / self.columns,
+            self.height / total,
+        )
+        axes = self.axes = self.figure.add_axes(box)
+        far = self.metres(complex(self.width, self.height))
+        axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", adjustable="box")
+        axes.set(xlim=(self.corner.real, far.real), ylim=(self.corner.imag, far.imag))
+        axes.xaxis.labelpad, axes.yaxis.labelpad = 1.5, 1.0
+        axes.locator_params(nbins=6)
+        axes.grid(True, color=ink.PALE, lw=0.3)
+        axes.set_axisbelow(True)
+        for i, (name, path) in enumerate(paths.items()):
+            colour, dashes = ink.curve_style(i)
+            label = f"path of {shown_name(name)}"
+            style = {"color": colour, "lw": 0.9, "zorder": 4.9, "label": label}
+            (line,) = axes.plot(path.real, path.imag, **style)
+            if dashes:
+                line.set_dashes(dashes)
+        if paths:
+            above = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.1}
+            tight = {"borderpad": 0.1, "labelspacing": 0.15, "columnspacing": 1.2}
+            axes.legend(ncols=columns, handlelength=2.2, **above, **tight)
+
+    def caption(self, lines: Sequence[str]) -> list[Any]:
+        """Lines above the axes; their artists."""
+        total = self.figure.get_size_inches()[1] * 72
+        style = {"fontsize": ink.SMALL, "va": "top", "label": "caption"}
+        return [
+            self.figure.text(
+                SIZES.left / self.columns,
+                1 - (SIZES.top + ink.ROW * k) / total,
+                line,
+                **style,
+            )
+            for k, line in enumerate(lines)
+        ]
+
+    def draw(self, drawn: Iterable[Shape]) -> list[Any]:
+        """Draw shapes; their artists."""
+        return [self._artist(shape) for shape in drawn]
+
+    def _artist(self, shape: Shape) -> Any:
+        from matplotlib.lines import Line2D
+        from matplotlib.patches import Polygon
+
+        places = np.array([(z.real, z.imag) for z in shape.points])
+        look: dict[str, Any] = {"zorder": shape.order, "label": shape.what}
+        if shape.kind == "area":
+            look |= {"fc": shape.fill, "ec": shape.stroke, "lw": shape.width}
+            return self.axes.add_patch(Polygon(places, joinstyle="round", **look))
+        if shape.kind == "disc":
+            look |= {"marker": "o", "ms": 2 * shape.radius, "mew": shape.width, "ls": ""}
+            look |= {"mfc": shape.fill, "mec": shape.stroke}
+        else:
+            look |= {"color": shape.stroke, "lw": shape.width}
+            look["solid_capstyle"] = "round" if shape.rounded else "butt"
+        line = Line2D(*places.T, **look)
+        if shape.dash:
+            line.set_dashes(shape.dash)
+        return self.axes.add_line(line)
+
+    def write(self, spot: Spot, frame: int = 0) -> Any:
+        """Write a label at its place."""
+        z, text = self.metres(spot.centre(frame)), spot.label.text
+        style = {"fontsize": ink.SMALL, "color": spot.label.colour, "zorder": 9}
+        middle = {"ha": "center", "va": "center", "linespacing": 1.1}
+        return self.axes.text(z.real, z.imag, text, label="text", **middle, **style)
 
 
 @dataclass
@@ -86,27 +190,21 @@ def draw_mechanism(
     sketch = sketch_of(sweep or motion)
     paths = paths_of(sweep, trace) if sweep is not None and sweep.n > 1 else {}
     with styled():
-        many = len(sketch.pins) + len(sketch.sliders) + len(sketch.loads) > MANY
+        page = Page(extent(motion, sketch, shown, paths), sketch.words > MANY)
         head = caption(motion, shown, degrees)
-        corners = extent(motion, sketch, shown, paths)
-        lines = wrapped(head, ink.SMALL, sizes(corners, many)[1]) if head else []
-        scale = paper(corners, paths, lines, many)
-        stage = stage_of(sketch, motion, scale.unit)
-        picture = Picture(scale.figure, scale.axes, stage, shown)
-        crowd = Crowd(Rect(2, 2, scale.width - 2, scale.height - 2))
-        for path in paths.values():
-            crowd.add_line([scale.points(z) for z in path], 0.4)
+        lines = wrapped(head, ink.SMALL, page.width) if head else []
+        page.lay_out(paths, len(lines))
+        page.caption(lines)
+        stage = Stage(sketch, motion, page.unit)
+        picture = Picture(page.figure, page.axes, stage, shown)
         for k in shown[:0:-1]:
-            draw(scale, [*shapes.links(stage, k, faint=True), *shapes.sliders(stage, k, True)])
+            page.draw([*shapes.links(stage, k, faint=True), *shapes.sliders(stage, k, True)])
         now = [*shapes.ground(stage, shown[0]), *shapes.pose(stage, shown[0])]
-        draw(scale, now)
-        for shape in now:
-            _stands(crowd, scale, shape)
-        for label, spot in crowd.place(_labels(scale, stage, shown[0])):
-            if spot.leader:
-                line = tuple(map(scale.metres, spot.leader))
-                draw(scale, [Shape("leader", "line", line, 8, label.colour, width=0.4)])
-            picture.labels.append(write(scale, label.text, spot.rect.centre, label.colour))
+        page.draw(now)
+        crowd = crowd_on(page, [now], paths)
+        for spot in crowd.place(_labels(page, stage, shown[0])):
+            page.draw(leader(page, spot))
+            picture.labels.append(page.write(spot))
     return picture
 
 
@@ -124,15 +222,18 @@ def _poses(motion: Motion, named: bool) -> list[int]:
         (q,) = motion.q.values()
         _, first = np.unique(np.round(q[good] / (np.ptp(q[good]) or 1.0), 6), return_index=True)
         good = good[first]
-    picks = [good[round(f * (len(good) - 1))] for f in (0.125, 0.375, 0.625, 0.875)]
-    return list(dict.fromkeys(int(k) for k in picks))
+    return list(dict.fromkeys(int(good[round(f * (len(good) - 1))]) for f in FAINT_POSES))
 
 
 def caption(motion: Motion, shown: Sequence[int], degrees: bool = True) -> str:
     """Driver coordinates of the poses, the main one first, and gravity."""
     parts = []
     for driver, q in motion.q.items():
-        values = [coordinate(motion, driver, float(q[k]), degrees) for k in shown]
+        unit = motion.mechanism.driver_joint(driver).coordinate_unit
+        turned = unit == "rad" and degrees
+        values = [
+            f"{math.degrees(q[k]):.4g}°" if turned else f"{q[k]:.4g}\u00a0{unit}" for k in shown
+        ]
         faint = f" (faint: {', '.join(values[1:])})" if len(values) > 1 else ""
         name = motion.mechanism.of_driver(driver, "q")
         parts.append(f"{shown_name(name)}\u00a0= {values[0]}{faint}")
@@ -142,195 +243,141 @@ def caption(motion: Motion, shown: Sequence[int], degrees: bool = True) -> str:
     return "; ".join(parts)
 
 
-def coordinate(motion: Motion, driver: str, q: float, degrees: bool = True) -> str:
-    """A driver coordinate with its unit."""
-    unit = motion.mechanism.driver_joint(driver).coordinate_unit
-    return f"{math.degrees(q):.4g}°" if unit == "rad" and degrees else f"{q:.4g}\u00a0{unit}"
-
-
 def _pointing(g: complex) -> str:
     """A direction as an arrow, or as an angle if none fits."""
     eighths = math.degrees(cmath.phase(g)) / 45
-    if abs(eighths - round(eighths)) < 1e-9:
+    if math.isclose(eighths, round(eighths)):
         return "→↗↑↖←↙↓↘"[round(eighths) % 8]
     return f"at {math.degrees(cmath.phase(g)):.4g}°"
-
-
-# -- the paper ---------------------------------------------------------------------------
 
 
 def extent(
     motion: Motion, sketch: Sketch, shown: Sequence[int], paths: Paths
 ) -> tuple[complex, complex]:
     """Lower left and upper right corner [m] of what is drawn."""
-    some = np.asarray(shown)
-    spots = [Spot(body.link, z) for body in sketch.bodies for z in body.outline]
-    spots += [Spot(body.link, body.cm) for body in sketch.bodies if body.cm is not None]
+    spots = [LinkSpot(body.link, z) for body in sketch.bodies for z in body.outline]
+    spots += [LinkSpot(body.link, body.cm) for body in sketch.bodies if body.cm is not None]
     spots += [pin.spot for pin in sketch.pins]
-    spots += [Spot(s.guide.link, s.end(k)) for s in sketch.sliders for k in (0, 1)]
+    spots += [LinkSpot(s.guide.link, s.end(k)) for s in sketch.sliders for k in (0, 1)]
     spots += [spot for load in sketch.loads for spot in load.spots]
-    places = [motion.at(*spot)[some] for spot in spots] + list(paths.values())
+    places = [motion.at(*spot)[list(shown)] for spot in spots] + list(paths.values())
     z = np.concatenate([*places, np.zeros(0, complex)])
     z = z[np.isfinite(z)] if np.isfinite(z).any() else np.zeros(1, complex)
     return complex(z.real.min(), z.imag.min()), complex(z.real.max(), z.imag.max())
 
 
-def sizes(corners: tuple[complex, complex], wide: bool = False) -> tuple[float, float, float]:
-    """Metres of a point of the page, width and height [pt] of axes that hold the corners."""
-    width = (PAGE if wide else ink.COLUMN) - LEFT - RIGHT
-    size = corners[1] - corners[0]
-    smallest = (max(size.real, size.imag) or 1.0) / (width - 2 * EDGE) / 3
-    unit = max(size.real / (width - 2 * EDGE), size.imag / (TALLEST - 2 * EDGE), smallest)
-    return unit, width, min(max(size.imag / unit + 2 * EDGE, LOWEST), TALLEST)
+# -- paths of markers ----------------------------------------------------------------------
 
 
-def paper(
-    corners: tuple[complex, complex], paths: Paths, lines: Sequence[str], wide: bool = False
-) -> Scale:
-    """A figure one or two columns wide, with axes that hold the corners at equal aspect."""
-    page = PAGE if wide else ink.COLUMN
-    unit, width, height = sizes(corners, wide)
-    corner = (corners[0] + corners[1] - complex(width, height) * unit) / 2
-    columns = 4 if wide else 2
-    total = BOTTOM + height + TOP + LINE * (len(lines) + math.ceil(len(paths) / columns))
-    figure = new_figure(page, total)
-    axes = figure.add_axes((LEFT / page, BOTTOM / total, width / page, height / total))
-    axes.set_aspect("equal", adjustable="box")
-    axes.set_xlim(corner.real, corner.real + width * unit)
-    axes.set_ylim(corner.imag, corner.imag + height * unit)
-    axes.set_xlabel("x [m]", labelpad=1.5)
-    axes.set_ylabel("y [m]", labelpad=1.0)
-    axes.locator_params(nbins=6)
-    axes.grid(True, color=ink.PALE, lw=0.3)
-    axes.set_axisbelow(True)
-    for k, line in enumerate(lines):
-        y = (total - TOP - LINE * k) / total
-        figure.text(LEFT / page, y, line, fontsize=ink.SMALL, va="top", label="caption")
-    scale = Scale(figure, axes, unit, corner, width, height)
-    _draw_paths(scale, paths, columns)
-    return scale
+def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
+    """Paths (n,) [m] of markers: those named, else the user's, else inner joints.
 
-
-def _draw_paths(scale: Scale, paths: Paths, columns: int) -> None:
-    """The paths of markers over the range; gaps are gaps."""
-    lines = []
-    for i, (name, path) in enumerate(paths.items()):
-        colour, dashes = ink.curve_style(i)
-        label = f"path of {shown_name(name)}"
-        (line,) = scale.axes.plot(
-            path.real, path.imag, color=colour, lw=0.9, zorder=4.9, label=label
+    Raises `RequestError` for names of no marker of a moving link.
+    """
+    s = motion.structure
+    moving = _markers(motion.mechanism)
+    if names is None:
+        named = {marker: name for name, marker in moving.items()}
+        names = [named[m] for m in _usual_paths(motion.mechanism, named)]
+    names = list(names)
+    wrong = [n for n in names if n not in moving]
+    if wrong:
+        raise RequestError(
+            Problem(
+                "unknown-marker",
+                n,
+                "no marker of a moving link has that name",
+                f"markers: {listed(moving, 16)}",
+                close_match(n, moving),
+            )
+            for n in wrong
         )
-        if dashes:
-            line.set_dashes(dashes)
-        lines.append(line)
-    if lines:
-        scale.axes.legend(
-            handles=lines,
-            loc="lower left",
-            bbox_to_anchor=(0.0, 1.0),
-            ncols=columns,
-            borderaxespad=0.1,
-            borderpad=0.1,
-            labelspacing=0.15,
-            handlelength=2.2,
-            columnspacing=1.2,
-        )
+    return {n: motion.at(moving[n].on, marker_place(s, moving[n])) for n in names}
 
 
-# -- ink -----------------------------------------------------------------------------------
+def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
+    """Markers of moving links by name; a joint-based document has its own, and its pins."""
+    s, names = mechanism.structure, mechanism.names
+    every = {str(m): m for name in s.blocks for m in s.markers(name)}
+    if names is None:
+        return every
+    found = {
+        f"link.{link}.{marker}": ref
+        for link, name in names.links.items()
+        for marker, ref in name.markers.items()
+        if ref.on != s.frame_link
+    }
+    pins = {str(ref): name for ref, name in mechanism.joint_names.items()}
+    return found | {pins[place]: ref for place, ref in every.items() if place in pins}
 
 
-def draw(scale: Scale, drawn: Iterable[Shape]) -> list[Any]:
-    """Draw shapes; their artists."""
-    return [_artist(scale, shape) for shape in drawn]
-
-
-def _artist(scale: Scale, shape: Shape) -> Any:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Polygon
-
-    x, y = [z.real for z in shape.points], [z.imag for z in shape.points]
-    common: dict[str, Any] = {"zorder": shape.order, "label": shape.what}
-    if shape.kind == "area":
-        patch = Polygon(
-            list(zip(x, y, strict=True)),
-            facecolor=shape.fill,
-            edgecolor=shape.stroke,
-            lw=shape.width,
-            joinstyle="round",
-            **common,
-        )
-        return scale.axes.add_patch(patch)
-    if shape.kind == "disc":
-        line = Line2D(
-            x,
-            y,
-            ls="",
-            marker="o",
-            ms=2 * shape.radius,
-            mfc=shape.fill,
-            mec=shape.stroke,
-            mew=shape.width,
-            **common,
-        )
-    else:
-        line = Line2D(
-            x,
-            y,
-            color=shape.stroke,
-            lw=shape.width,
-            solid_capstyle="round" if shape.rounded else "butt",
-            **common,
-        )
-        if shape.dash:
-            line.set_dashes(shape.dash)
-    return scale.axes.add_line(line)
-
-
-def write(scale: Scale, text: str, centre: complex, colour: str) -> Any:
-    """Write a label around a point of the page."""
-    z = scale.metres(centre)
-    style = {"fontsize": ink.SMALL, "color": colour, "zorder": 9, "linespacing": 1.1}
-    return scale.axes.text(z.real, z.imag, text, ha="center", va="center", label="text", **style)
+def _usual_paths(mechanism: Compiled, named: Collection[MarkerRef]) -> list[MarkerRef]:
+    s = mechanism.structure
+    own = [m for m in shown_markers(mechanism) if m in named]
+    inner = [
+        m
+        for name, block in s.blocks.items()
+        for m in s.markers(name)
+        if m.name in block.joints and not block.joints[m.name].outer
+        if block.joints[m.name].kind == "R" and m in named
+    ]
+    return (own or inner)[-PATHS:]  # the last ones are the mechanism's outputs
 
 
 # -- labels --------------------------------------------------------------------------------
 
 
-def _stands(crowd: Crowd, scale: Scale, shape: Shape) -> None:
-    """Tell the crowd that a shape is drawn."""
-    points = [scale.points(z) for z in shape.points]
-    weight = SOLID[shape.kind]
-    if shape.kind == "disc":
-        crowd.add_disc(points[0], shape.radius + 1, weight)
-        return
-    closed = [*points, points[0]] if shape.kind == "area" else points
-    half = shape.width / 2 if shape.width > 2 else 0.0
-    for shift in dict.fromkeys((-half, 0.0, half)):
-        crowd.add_line([p + shift * (1 + 1j) for p in closed], weight)
+def crowd_on(page: Page, frames: Sequence[Sequence[Shape]], paths: Paths) -> Crowd:
+    """What labels on a page must spare: the shapes of each frame, and the paths."""
+    crowd = Crowd(Rect(2, 2, page.width - 2, page.height - 2), len(frames))
+    for f, drawn in enumerate(frames):
+        for path in paths.values():
+            crowd.add_line([page.points(z) for z in path], 0.4, f)
+        for shape in drawn:
+            points, weight = [page.points(z) for z in shape.points], SOLID[shape.kind]
+            if shape.kind == "disc":
+                crowd.add_disc(points[0], shape.radius + 1, weight, f)
+                continue
+            closed = [*points, points[0]] if shape.kind == "area" else points
+            half = shape.width / 2 if shape.width > 2 else 0.0
+            for shift in dict.fromkeys((-half, 0.0, half)):
+                crowd.add_line([p + shift * (1 + 1j) for p in closed], weight, f)
+    return crowd
 
 
-def _labels(scale: Scale, stage: Stage, k: int) -> list[Label]:
+def leader(page: Page, spot: Spot, frame: int = 0) -> list[Shape]:
+    """The line from what a label names to the label, if that stands far off."""
+    line = [page.metres(z) for z in spot.leader(frame)]
+    return [Shape("leader", "line", line, 8, spot.label.colour, width=0.4)] if line else []
+
+
+def joint_labels(page: Page, stage: Stage, frames: Sequence[int]) -> list[Label]:
+    """Names of the joints, which keep their places over all frames."""
+    sketch = stage.sketch
+    named = [("\n".join(map(shown_name, pin.names)), pin.spot, SIZES.pin) for pin in sketch.pins]
+    named += [(shown_name(s.name), s.point, SIZES.slider[1] + 2) for s in sketch.sliders]
+    return [
+        Label(text, [[page.points(stage.place(at, k)) for k in frames]], clearance=size)
+        for text, at, size in named
+    ]
+
+
+def _labels(page: Page, stage: Stage, k: int) -> list[Label]:
     """Names of joints, drivers and a document's links, names and sizes of loads; pins first."""
     found = []
-    joints = len(stage.sketch.pins) + len(stage.sketch.sliders)
-    for pin in stage.sketch.pins if joints < CROWDED else ():
-        text = "\n".join(map(shown_name, pin.names))
-        found.append(Label(text, (scale.points(stage.place(pin.spot, k)),), clearance=shapes.PIN))
-    for slider in stage.sketch.sliders if joints < CROWDED else ():
-        z = scale.points(stage.place(slider.point, k))
-        found.append(Label(shown_name(slider.name), (z,), clearance=shapes.BLOCK[1] + 2))
-    for body in stage.sketch.bodies if joints < CROWDED else ():
-        if body.name:
-            ends = [scale.points(stage.place(Spot(body.link, z), k)) for z in body.outline]
-            middle = sum(ends) / len(ends)
-            found.append(Label(shown_name(body.name), (middle,), ink.GREY, clearance=BESIDE))
+    if len(stage.sketch.pins) + len(stage.sketch.sliders) < CROWDED:
+        found += joint_labels(page, stage, [k])
+        for body in stage.sketch.bodies:
+            if body.name:
+                middle = sum(body.outline) / len(body.outline)
+                z = page.points(stage.place(LinkSpot(body.link, middle), k))
+                found.append(Label(shown_name(body.name), [[z]], ink.GREY, clearance=SIZES.beside))
     for name, way in shapes.drive_ways(stage, k).items():
         text = "q" if len(stage.sketch.drives) == 1 else f"{shown_name(name)}.q"
-        anchors = tuple(scale.points(z) for z in way[:: max(1, len(way) // 2)])
+        anchors = [[page.points(z)] for z in way[:: max(1, len(way) // 2)]]
         found.append(Label(text, anchors, ink.DRIVE))
     for load in stage.sketch.loads:
-        found += _load_label(scale, stage, load, k)
+        found += _load_label(page, stage, load, k)
     return found
 
 
@@ -345,18 +392,16 @@ def load_text(stage: Stage, load: LoadMark, k: int) -> str:
     return f"{name} {size * factor:.4g} {unit}"
 
 
-def _load_label(scale: Scale, stage: Stage, load: LoadMark, k: int) -> list[Label]:
+def _load_label(page: Page, stage: Stage, load: LoadMark, k: int) -> list[Label]:
     text = load_text(stage, load, k)
-    ways = [[scale.points(z) for z in way] for way in shapes.load_ways(stage, load, k)]
     if load.kind in ("spring", "strut"):
-        a, b = (scale.points(stage.place(spot, k)) for spot in load.spots)
-        anchors = tuple(a + (b - a) * t for t in (0.5, 0.35, 0.65, 0.2, 0.8))
+        a, b = (page.points(stage.place(spot, k)) for spot in load.spots)
+        anchors = [[a + (b - a) * t] for t in (0.5, 0.35, 0.65, 0.2, 0.8)]
         return [Label(text, anchors, ink.SPRING, clearance=4.0)]
+    ways = shapes.load_ways(stage, load, k)
     if not ways:
         return []
-    way = ways[0]
+    way = [page.points(z) for z in ways[0]]
     if load.unit == "N":
-        turn = cmath.phase(way[-1] - way[0])
-        return [Label(text, (way[-1], way[0]), ink.LOAD, prefer=turn)]
-    middle = sum(way) / len(way)
-    return [Label(text, (middle,), ink.LOAD, clearance=shapes.ARC)]
+        return [Label(text, [[way[-1]], [way[0]]], ink.LOAD, cmath.phase(way[-1] - way[0]))]
+    return [Label(text, [[sum(way) / len(way)]], ink.LOAD, clearance=SIZES.couple)]

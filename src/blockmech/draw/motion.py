@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
-from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.errors import Problem, RequestError
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
-from blockmech.passes.loads import terminal_term
-from blockmech.plan import Friction, Schedule
 from blockmech.result import Result
-from blockmech.samples import Samples
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
+SAME_POSE = 1e-6  # [-] of the mechanism's size, and [rad]: far below a line's width
+
+
+class Spot(NamedTuple):
+    """A place on a link, in the link's frame [m]."""
+
+    link: LinkRef
+    at: complex
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,7 @@ class Motion:
     ----------
     origin, axis : link -> complex (n,), origin [m] and unit x axis [-]
     q, q_rate : driver -> (n,) coordinate and rate
-    samples : what the poses were computed from
+    result : the run that they come from
     """
 
     mechanism: Compiled
@@ -39,7 +42,7 @@ class Motion:
     axis: Mapping[LinkRef, Complex]
     q: Mapping[str, Real]
     q_rate: Mapping[str, Real]
-    samples: Samples
+    result: Result
 
     @property
     def structure(self) -> Structure:
@@ -49,23 +52,27 @@ class Motion:
     @property
     def n(self) -> int:
         """Number of samples."""
-        return len(self.origin[self.structure.frame_link])
+        return self.result.n
 
     @property
     def feasible(self) -> NDArray[np.bool_]:
         """(n,) whether the whole mechanism closes."""
-        good = np.ones(self.n, dtype=bool)
-        for z in (*self.origin.values(), *self.axis.values()):
-            good &= np.isfinite(z)
-        return good
+        found: NDArray[np.bool_] = np.isfinite([*self.origin.values(), *self.axis.values()])
+        return np.asarray(found.all(axis=0))
 
     def at(self, link: LinkRef, place: complex) -> Complex:
         """Places (n,) [m] of a point of a link, given in the link's frame."""
         return self.origin[link] + self.axis[link] * place
 
-    def marker(self, ref: MarkerRef) -> Complex:
-        """Places (n,) [m] of a marker."""
-        return self.at(ref.on, marker_place(self.structure, ref))
+    def seen(self, link: LinkRef, spot: Spot) -> Complex:
+        """Places (n,) [m] of a spot of another link in a link's frame."""
+        return (self.at(*spot) - self.origin[link]) * np.conj(self.axis[link])
+
+    def seen_once(self, link: LinkRef, spot: Spot) -> complex:
+        """The same at a sample where both are known."""
+        z = self.seen(link, spot)
+        known = z[np.isfinite(z)]
+        return complex(known[0]) if len(known) else 0j
 
     def refuse(self, k: int) -> None:
         """Raise the error of a pose that cannot be reached, in the words of `Compiled.run`."""
@@ -77,23 +84,28 @@ class Motion:
     def efforts(self, element: str) -> tuple[Complex, ...] | None:
         """Forces [N] or couples [N m] (n,) of a load at its terminals.
 
-        They come from the rules of the force pass. None where the load follows the
-        time and the samples do not say it.
+        None where the load follows the time and the samples do not say it.
         """
-        schedule = Schedule(self.structure, self.mechanism.scene, Friction("none"))
-        terminals = [JointRef(element, t) for t in self.structure.elements[element].terminals]
-        program = schedule.program([schedule.ask(terminal_term, t) for t in terminals])
-        if "t" in program.inputs and self.samples.time is None:
+        terminals = self.structure.elements[element].terminals
+        wanted = [
+            f"{JointRef(element, name)}.{'force' if terminal.kind == 'point' else 'couple'}"
+            for name, terminal in terminals.items()
+        ]
+        try:
+            found = self.result.inside(*wanted)
+        except RequestError:
+            if self.result.known_time() is not None:
+                raise
             return None
-        inputs = self.samples.given(program.inputs)
-        found = NumpyEngine(program, "complex128").run(inputs, self.n)
-        return tuple(np.broadcast_to(_as_complex(value), (self.n,)) for value in found)
+        return tuple(np.asarray(found[name], dtype=complex) for name in wanted)
 
-
-def _as_complex(value: Any) -> Any:
-    real = value.real if isinstance(value, Planar) else value
-    imag = value.imag if isinstance(value, Planar) else 0.0
-    return np.asarray(real) + 1j * np.asarray(imag)
+    def closes(self, first: int, last: int) -> bool:
+        """Whether two samples are the same pose, so that the motion can be played round."""
+        places = np.array([*self.origin.values()])
+        size = float(np.nanmax(np.abs(places), initial=0.0)) or 1.0
+        steps = np.abs(places[:, last] - places[:, first]) / size
+        turns = [abs(e[last] - e[first]) for e in self.axis.values()]
+        return bool(max([*steps, *turns]) <= SAME_POSE)
 
 
 def marker_place(structure: Structure, ref: MarkerRef) -> complex:
@@ -132,12 +144,12 @@ def moves_of_result(result: Result) -> Motion:
     for link in moving:
         origin[link] = found[f"{link}.p"]
         axis[link] = np.exp(1j * found[f"{link}.angle"])
-    inputs = {
-        what: {d: np.asarray(result.samples.inputs[f"{what}_{i}"], dtype=float)
-               for i, d in enumerate(mechanism.drivers)}
+    q, qd = (
+        {d: np.asarray(result.samples.inputs[f"{what}_{i}"], dtype=float)
+         for i, d in enumerate(mechanism.drivers)}
         for what in ("q", "qd")
-    }  # fmt: skip
-    return Motion(mechanism, origin, axis, inputs["q"], inputs["qd"], result.samples)
+    )  # fmt: skip
+    return Motion(mechanism, origin, axis, q, qd, result)
 
 
 def _starts(mechanism: Compiled) -> dict[str, float] | None:
@@ -158,13 +170,3 @@ def _starts(mechanism: Compiled) -> dict[str, float] | None:
             for d in missing
         )
     return None
-
-
-def closes(motion: Motion, first: int, last: int) -> bool:
-    """Whether two samples are the same pose, so that the motion can be played round."""
-    size = max((float(np.nanmax(np.abs(z))) for z in motion.origin.values()), default=0.0)
-    return all(
-        math.isclose(abs(z[first] - z[last]), 0.0, abs_tol=1e-6 * unit)
-        for places, unit in ((motion.origin, size or 1.0), (motion.axis, 1.0))
-        for z in places.values()
-    )

@@ -7,12 +7,48 @@ Sizes are in points of the printed picture; a paper's column is 8.5 cm wide.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 POINTS_PER_CM = 72 / 2.54
 COLUMN = 8.5 * POINTS_PER_CM  # [pt] width of a paper's column
 DPI = 300  # of pixel pictures
 
 TEXT = 8.0  # [pt]
 SMALL = 7.0  # [pt]
+ROW = 11.0  # [pt] height of a line of small text, and of a row of a diagram
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of symbols and of what is around them [pt].
+
+    They are the page's, not the mechanism's, so that a print shows links and joints alike
+    whatever the machine is; whoever wants another look changes them here.
+    """
+
+    # a mechanism
+    link: float = 5.0  # width
+    pin: float = 2.5  # radius of a revolute joint, and of a centre of mass
+    slider: tuple[float, float] = (8.0, 4.6)  # half length and half height
+    force: tuple[float, float] = (12.0, 30.0)  # smallest that is shown, and largest
+    couple: float = 10.0  # radius
+    beside: float = 5.0  # of a link's name from the middle of the link
+    left: float = 41.0  # of the axes
+    right: float = 8.0
+    bottom: float = 27.0
+    top: float = 8.0
+    heights: tuple[float, float] = (110.0, 330.0)  # of the axes, lowest and tallest
+    edge: float = 16.0  # free inside the axes
+    # a diagram
+    margin: float = 6.0  # around everything
+    pad: float = 5.0  # between a box's edge and its words
+    port: float = 2.6  # radius
+    aside: float = 1.35  # half the distance of a wire's two lines
+    track: float = 8.0  # distance of two wires that climb
+    stub: float = 13.0  # free way between a box and the nearest track, room for an arrowhead
+
+
+SIZES = Sizes()
 
 INK = "#1A1A1A"
 GREY = "#6B6B6B"

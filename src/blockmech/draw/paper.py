@@ -10,11 +10,15 @@ import contextlib
 import io
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from blockmech.draw.palette import DPI, STYLE
+import numpy as np
 
+from blockmech.draw.palette import DPI, SMALL, STYLE
+
+LEGEND = 30.0  # [pt] beside a word of a legend: its line, and what is between columns
+BESIDE = 36.0  # [pt] left of axes: their numbers and words
 PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
@@ -37,22 +41,22 @@ def _any_script() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float) -> Any:
+def new_figure(width: float, height: float, **more: Any) -> Any:
     """An empty figure of a size in points."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width / 72, height / 72))
+    figure = Figure(figsize=(width / 72, height / 72), **more)
     FigureCanvasAgg(figure)
     return figure
 
 
-def new_page(width: float, height: float) -> tuple[Any, Any]:
-    """A figure and axes that cover it, one unit a point, y downward."""
+def new_page(width: float, height: float, left: float, top: float) -> tuple[Any, Any]:
+    """A figure and axes that cover it from a corner on, one unit a point, y downward."""
     figure = new_figure(width, height)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_xlim(0, width)
-    axes.set_ylim(height, 0)
+    axes.set_xlim(left, left + width)
+    axes.set_ylim(top + height, top)
     axes.set_axis_off()
     return figure, axes
 
@@ -86,6 +90,43 @@ def wrapped(text: str, size: float, width: float, bold: bool = False) -> list[st
         else:
             lines.append(word)
     return lines
+
+
+def legend_above(axes: Any, width: float) -> int:
+    """A legend above axes, of what has a label there, once each; the number of its rows."""
+    lines, labels = axes.get_legend_handles_labels()
+    found = dict(zip(labels, lines, strict=True))
+    if not found:
+        return 0
+    wide = np.array([text_width(label, SMALL) + LEGEND for label in found])
+    columns = len(found)  # filled one after the other, each as wide as its widest word
+    while columns > 1 and sum(map(max, np.array_split(wide, columns))) > width - BESIDE:
+        columns -= 1
+    axes.legend(
+        found.values(),
+        found,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.1,
+        borderpad=0.1,
+        labelspacing=0.3,
+        handlelength=2.5,
+        columnspacing=1.2,
+    )
+    return -(-len(found) // columns)
+
+
+def flowed(widths: Sequence[float], most: float) -> list[tuple[int, float]]:
+    """Row and x [pt] of things that stand side by side, in rows of at most a width."""
+    found: list[tuple[int, float]] = []
+    row, x = 0, 0.0
+    for wide in widths:
+        if x and x + wide > most:
+            row, x = row + 1, 0.0
+        found.append((row, x))
+        x += wide
+    return found
 
 
 def scaled_unit(unit: str, largest: float) -> tuple[float, str]:

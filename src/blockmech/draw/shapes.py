@@ -11,22 +11,18 @@ import cmath
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.draw import palette as ink
-from blockmech.draw.motion import Motion
-from blockmech.draw.sketch import LoadMark, Sketch, Slider, Spot
+from blockmech.draw.motion import Motion, Spot
+from blockmech.draw.palette import SIZES
+from blockmech.draw.sketch import LoadMark, Sketch, Slider
 
-BAR = 5.0  # [pt] width of a link
-PIN = 2.5  # [pt] radius of a revolute joint
-CM = 2.6  # [pt] radius of the symbol of a centre of mass
-BLOCK = (8.0, 4.6)  # [pt] half length and half height of a slider
-ARROW, SHORTEST = 30.0, 12.0  # [pt] length of the largest force, and of the smallest shown
-ARC = 10.0  # [pt] radius of a couple's arc
-FAINT, FAINT_EDGE = "#F1F1F1", "#BDBDBD"
+FAINT = ("#F1F1F1", "#BDBDBD")  # fill and edge of further poses
 
 
 @dataclass(frozen=True)
@@ -42,7 +38,7 @@ class Shape:
 
     what: str
     kind: Literal["line", "area", "disc"]
-    points: tuple[complex, ...]
+    points: Sequence[complex]
     order: float
     stroke: str = ink.INK
     fill: str = ""
@@ -56,37 +52,38 @@ class Shape:
 class Stage:
     """A mechanism ready to be drawn at any sample of a motion.
 
-    ``unit`` [m/pt] is the size of a point of the page on the ground; ``efforts`` are
-    the forces [N] and couples [N m] of the elements, None where they are not known;
-    ``largest`` [N] is the force with the longest arrow.
+    ``unit`` [m/pt] is the size of a point of the page on the ground.
     """
 
     sketch: Sketch
     motion: Motion
     unit: float
-    efforts: Mapping[str, tuple[NDArray[Any], ...] | None]
-    largest: float
 
     def place(self, spot: Spot, k: int) -> complex:
         """Place [m] of a spot at sample k."""
         return complex(self.motion.at(*spot)[k])
 
+    @cached_property
+    def efforts(self) -> Mapping[str, tuple[NDArray[Any], ...] | None]:
+        """Forces [N] and couples [N m] of the elements, None where they are not known."""
+        return {load.name: self.motion.efforts(load.name) for load in self.sketch.loads}
 
-def stage_of(sketch: Sketch, motion: Motion, unit: float) -> Stage:
-    """Set a sketch into motion."""
-    found = {load.name: motion.efforts(load.name) for load in sketch.loads}
-    forces = [
-        float(np.nanmax(np.abs(values), initial=0.0))
-        for load in sketch.loads
-        if load.unit == "N"
-        for values in found[load.name] or ()
-    ]
-    return Stage(sketch, motion, unit, found, max(forces, default=0.0) or 1.0)
+    @cached_property
+    def largest(self) -> float:
+        """The force [N] with the longest arrow."""
+        every = [self.efforts[load.name] or () for load in self.sketch.loads if load.unit == "N"]
+        sizes = [float(np.nanmax(np.abs(f), initial=0.0)) for forces in every for f in forces]
+        return max(sizes, default=0.0) or 1.0
 
 
 def pose(stage: Stage, k: int) -> list[Shape]:
     """All that moves, at sample k."""
-    found = [*links(stage, k), *sliders(stage, k), *_centres(stage, k), *_pins(stage, k)]
+    found = [*links(stage, k), *sliders(stage, k), *_centres(stage, k)]
+    for pin in stage.sketch.pins:
+        z = stage.place(pin.spot, k)
+        found.append(
+            Shape(f"pin:{pin.names[0]}", "disc", (z,), 6, fill=ink.PAPER, radius=SIZES.pin)
+        )
     for load in stage.sketch.loads:
         found += _load(stage, load, k)
     for name, way in drive_ways(stage, k).items():
@@ -101,22 +98,21 @@ def links(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
     """Bars and plates of even thickness, in formation order."""
     found = []
     for body in stage.sketch.bodies:
-        points = tuple(stage.place(Spot(body.link, p), k) for p in body.outline)
+        points = [stage.place(Spot(body.link, p), k) for p in body.outline]
         points = points if len(points) > 1 else points * 2
         fill, edge = _colours(body.number, faint)
+        bar = SIZES.link * body.width
         order = 1.5 if faint else 4 + 0.01 * body.number
-        bar = BAR * body.width
         if body.width != 1 and not faint:  # cylinders lie on plates, a rod goes into its barrel
             order = (4.9 if body.width > 1 else 4.85) + 1e-4 * body.number
         kind: Literal["area", "line"] = "area" if len(points) > 2 else "line"
         name = f"{'faint' if faint else 'link'}:{body.link}"
         # The edge is a wider copy below; so the corners of a plate are round as well.
-        for what, above, colour, width in (
-            ("edge", 0.0, edge, bar + 1.2),
-            (name, 0.005, fill, bar),
+        for what, height, ink_, width in (
+            ("edge", order, edge, bar + 1.2),
+            (name, order + 0.005, fill, bar),
         ):
-            height = order + above
-            found.append(Shape(what, kind, points, height, colour, colour, width, rounded=True))
+            found.append(Shape(what, kind, points, height, ink_, ink_, width, rounded=True))
     return found
 
 
@@ -127,7 +123,7 @@ def sliders(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
         if slider.inside:
             continue
         z, u = stage.place(slider.point, k), along(stage, slider, k) * stage.unit
-        a, b = BLOCK[0] * u, BLOCK[1] * 1j * u
+        a, b = SIZES.slider[0] * u, SIZES.slider[1] * 1j * u
         corners = (z + a + b, z - a + b, z - a - b, z + a - b)
         fill, edge = _colours(stage.motion.structure.links[slider.point.link], faint)
         name = f"{'faint' if faint else 'slider'}:{slider.name}"
@@ -143,23 +139,9 @@ def along(stage: Stage, slider: Slider, k: int) -> complex:
 def _colours(number: int, faint: bool) -> tuple[str, str]:
     """Fill and edge of a link; 0 is the frame."""
     if faint:
-        return FAINT, FAINT_EDGE
+        return FAINT
     fills = ink.LINK_FILLS
     return (fills[(number - 1) % len(fills)] if number else ink.FRAME_FILL), ink.INK
-
-
-def _pins(stage: Stage, k: int) -> list[Shape]:
-    return [
-        Shape(
-            f"pin:{pin.names[0]}",
-            "disc",
-            (stage.place(pin.spot, k),),
-            6,
-            fill=ink.PAPER,
-            radius=PIN,
-        )
-        for pin in stage.sketch.pins
-    ]
 
 
 def _centres(stage: Stage, k: int) -> list[Shape]:
@@ -168,11 +150,10 @@ def _centres(stage: Stage, k: int) -> list[Shape]:
     for body in stage.sketch.bodies:
         if body.cm is None:
             continue
-        z = stage.place(Spot(body.link, body.cm), k)
-        name = f"cm:{body.link}"
-        found.append(Shape(name, "disc", (z,), 5.5, fill=ink.PAPER, width=0.6, radius=CM))
+        z, name = stage.place(Spot(body.link, body.cm), k), f"cm:{body.link}"
+        found.append(Shape(name, "disc", (z,), 5.5, fill=ink.PAPER, width=0.6, radius=SIZES.pin))
         for turn in (0.0, math.pi):
-            quarter = (z, *arc(z, CM * stage.unit, turn, math.pi / 2))
+            quarter = (z, *arc(z, SIZES.pin * stage.unit, turn, math.pi / 2))
             found.append(Shape("quarter", "area", quarter, 5.6, fill=ink.INK, width=0.0))
     return found
 
@@ -193,7 +174,7 @@ def ground(stage: Stage, k: int) -> list[Shape]:
             found += _hatched(z - complex(9.5, 9) * unit, z + complex(9.5, -9) * unit, unit)
     for slider in stage.sketch.sliders:
         u = along(stage, slider, k)
-        below, beyond = -1j * u * (BLOCK[1] + 0.4) * unit, (BLOCK[0] + 3) * unit
+        below, beyond = -1j * u * (SIZES.slider[1] + 0.4) * unit, (SIZES.slider[0] + 3) * unit
         if slider.guide.link == frame:
             ends = (slider.end(0, beyond), slider.end(1, beyond))
         elif slider.point.link == frame:
@@ -249,21 +230,19 @@ def load_ways(stage: Stage, load: LoadMark, k: int) -> list[list[complex]]:
             continue
         if load.unit == "N":
             z = stage.place(spot, k)
-            length = max(SHORTEST, ARROW * abs(value) / stage.largest) * stage.unit
+            length = max(SIZES.force[0], SIZES.force[1] * abs(value) / stage.largest) * stage.unit
             found.append([z, z + value / abs(value) * length])
         else:
             z = stage.place(_middle(stage.sketch, spot), k)
             turn = math.copysign(1.5 * math.pi, value.real)
-            found.append(arc(z, ARC * stage.unit, -0.4 * turn, turn))
+            found.append(arc(z, SIZES.couple * stage.unit, -0.4 * turn, turn))
     return found
 
 
 def _middle(sketch: Sketch, spot: Spot) -> Spot:
     """Where a couple on a link is drawn: the middle of the link."""
-    body = next((b for b in sketch.bodies if b.link == spot.link), None)
-    if body is None:
-        return spot
-    return Spot(spot.link, sum(body.outline) / len(body.outline))
+    outline = next((b.outline for b in sketch.bodies if b.link == spot.link), (spot.at,))
+    return Spot(spot.link, sum(outline) / len(outline))
 
 
 def _load(stage: Stage, load: LoadMark, k: int) -> list[Shape]:
@@ -276,7 +255,7 @@ def _load(stage: Stage, load: LoadMark, k: int) -> list[Shape]:
         line = zigzag(a, b, stage.unit) if spring else [a, b]
         dash = () if spring else (4.0, 2.0)
         name = f"{load.kind}:{load.name}"
-        found.append(Shape(name, "line", tuple(line), 6.5, ink.SPRING, width=1.0, dash=dash))
+        found.append(Shape(name, "line", line, 6.5, ink.SPRING, width=1.0, dash=dash))
     return found
 
 
@@ -301,10 +280,11 @@ def drive_ways(stage: Stage, k: int) -> dict[str, list[complex]]:
         sense = -1.0 if stage.motion.q_rate[mark.name][k] * mark.sense < 0 else 1.0
         z, e = stage.place(mark.spot, k), complex(stage.motion.axis[mark.driven][k])
         if mark.rotary:
-            radius, start = 13 * stage.unit, cmath.phase(e) + 0.45 * sense
-            found[mark.name] = arc(z, radius, start, 1.2 * sense)
+            found[mark.name] = arc(
+                z, (SIZES.couple + 3) * stage.unit, cmath.phase(e) + 0.45 * sense, 1.2 * sense
+            )
         else:
-            beside = z + 1j * e * (BLOCK[1] + 4) * stage.unit
-            half = 9 * sense * e * stage.unit
+            beside = z + 1j * e * (SIZES.slider[1] + 4) * stage.unit
+            half = (SIZES.couple - 1) * sense * e * stage.unit
             found[mark.name] = [beside - half, beside + half]
     return found

@@ -9,26 +9,26 @@ Sources: [D14] Durango et al. 2014, Figs. 6 and 7.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.draw.animation import gif, page, reel_of
-from blockmech.draw.curves import reaction_panels
-from blockmech.draw.panels import Abscissa, Curve, Panel, draw_panels
-from blockmech.draw.paper import rendered, shown_name
+from blockmech.draw import palette as ink
+from blockmech.draw import write_figure
+from blockmech.draw.animation import FRICTION_POWER, gif, player, reel_of
+from blockmech.draw.curves import friction_panels, reaction_panels
+from blockmech.draw.panels import BOTTOM, PANEL, Abscissa, Curve, Panel, draw_panels
+from blockmech.draw.paper import legend_above, new_figure, shown_name, styled
 from blockmech.dynamics.simulation import result_along
-from blockmech.files import AnyPath, writing
+from blockmech.files import AnyPath
+from blockmech.files import folder as whole_folder
 from blockmech.result import Result
-
-Array = NDArray[np.float64]
 
 CURVE = 721  # times of a curve
 FRAME = 0.04  # [s] on the screen
 SHORTEST, LONGEST = 1.0, 16.0  # [s] on the screen; real time between them
+MARKED = ("rest", "joint reverses")  # events of a motion with friction
 ENERGIES = ("kinetic_energy", "potential_energy")
 
 
@@ -36,9 +36,10 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True
     """Draw a simulation into a folder.
 
     ``motion.png`` (coordinate, rate and reactions over time), ``energy.png``,
-    ``phase.png`` (rate over coordinate), ``animation.gif`` and ``animation.html`` in
-    real time; a run shorter than 1 s or longer than 16 s is slowed or sped up by a power
-    of ten or two. A motion of no duration has none of them.
+    ``friction_power.png`` where joints have friction, ``phase.png`` (rate over coordinate),
+    ``animation.gif`` and ``animation.html`` in real time; a run shorter than 1 s or longer
+    than 16 s is slowed or sped up by a power of ten or two. A motion of no duration has none
+    of them.
 
     Parameters
     ----------
@@ -48,30 +49,36 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True
 
     Raises `RequestError` where the folder cannot be written.
     """
-    motion = result.motion
+    motion, mechanism = result.motion, result.mechanism
     assert motion is not None
-    home = Path(folder)
-    home.mkdir(parents=True, exist_ok=True)
     if not motion.t_end > motion.t_start:
         return []
-    names = [f"mechanism.{name}" for name in ENERGIES]
-    reactions = [n for n in result.mechanism.outputs if n.endswith(".reaction")]
-    of_driver, named = result.mechanism.of_driver, result.mechanism.drivers
-    drivers = [of_driver(d, what) for d in named for what in ("q", "rate")]
+    drivers = [mechanism.of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
+    others = [n for n in mechanism.outputs if n.endswith(_endings(result))]
     t = motion.times(CURVE)
-    fine = result_along(result.mechanism, motion, t, (*drivers, *names, *reactions))
-    over = Abscissa("time [s]", t)
+    fine = result_along(mechanism, motion, t, (*drivers, *others))
+    marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)
+    over = Abscissa("time [s]", t, events=marked)
     drawn = {
-        "motion.png": draw_panels(motion_panels(fine, degrees), over).figure,
-        "energy.png": draw_panels(energy_panels(fine), over).figure,
-        **phase_plots(fine, degrees),
+        "motion.png": motion_panels(fine, degrees),
+        "energy.png": energy_panels(fine),
+        "friction_power.png": friction_panels(fine),
     }
-    files = {name: rendered(figure, ".png") for name, figure in drawn.items()}
-    files |= animated(result, degrees)
-    for name, data in files.items():
-        with writing(home / name) as stream:
-            stream.write(data)
-    return [home / name for name in files]
+    figures = {name: draw_panels(panels, over).figure for name, panels in drawn.items() if panels}
+    figures |= phase_plots(fine, degrees)
+    films = animated(result, degrees)
+    with whole_folder(folder) as home:
+        for name, figure in figures.items():
+            write_figure(figure, home / name)
+        for name, data in films.items():
+            (home / name).write_bytes(data)
+    return [Path(folder) / name for name in (*figures, *films)]
+
+
+def _endings(result: Result) -> tuple[str, ...]:
+    """What the names of the outputs end with that the pictures need beside the drivers'."""
+    friction = (".friction_power",) if result.settings["friction"] != "none" else ()
+    return (".reaction", *(f"mechanism.{name}" for name in ENERGIES), *friction)
 
 
 def motion_panels(result: Result, degrees: bool = True) -> tuple[Panel, ...]:
@@ -122,38 +129,28 @@ def phase_plots(result: Result, degrees: bool = True) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for rotary in (True, False):
-        x, x_unit = _drivers(result, "q", rotary, degrees)
-        y, y_unit = _drivers(result, "rate", rotary, degrees)
-        if not x:
+        over, x_unit = _drivers(result, "q", rotary, degrees)
+        rates, y_unit = _drivers(result, "rate", rotary, degrees)
+        if not over:
             continue
-        alone = len(x) == 1
-        of = f" of {shown_name(x[0].name)}" if alone else ""
-        curves = tuple(Curve("" if alone else c.name, c.values) for c in y)
-        along = Abscissa("", np.arange(float(result.n)))
-        plot = draw_panels((Panel(f"rate{of}", y_unit, curves),), along)
-        pairs = [(a.values, b.values) for a, b in zip(x, y, strict=True)]
-        _over(plot.axes[0], pairs, f"coordinate{of} [{x_unit}]")
-        found["phase_slides.png" if found else "phase.png"] = plot.figure
+        with styled():
+            figure = new_figure(ink.COLUMN, BOTTOM + PANEL, layout="constrained")
+            axes = figure.subplots()
+            for i, (x, y) in enumerate(zip(over, rates, strict=True)):
+                colour, dashes = ink.curve_style(i)
+                ends: dict[str, Any] = {"marker": "o", "color": colour, "ms": 3, "zorder": 3}
+                (line,) = axes.plot(x.values, y.values, color=colour, label=shown_name(x.name))
+                if dashes:
+                    line.set_dashes(dashes)
+                axes.plot(x.values[:1], y.values[:1], mfc=ink.PAPER, **ends)
+                axes.plot(x.values[-1:], y.values[-1:], **ends)
+            of = f" of {shown_name(over[0].name)}" if len(over) == 1 else ""
+            axes.set(xlabel=f"coordinate{of} [{x_unit}]", ylabel=f"rate{of} [{y_unit}]")
+            axes.grid(True, color=ink.PALE, lw=0.3)
+            if len(over) > 1:
+                legend_above(axes, ink.COLUMN)
+        found["phase_slides.png" if found else "phase.png"] = figure
     return found
-
-
-def _over(axes: Any, pairs: list[tuple[Array, Array]], words: str) -> None:
-    """Put a panel's curves over coordinates, in the order of time; mark both ends."""
-    from matplotlib.ticker import AutoLocator, ScalarFormatter
-
-    for line, (x, y) in zip(list(axes.get_lines()), pairs, strict=True):
-        line.set_data(x, y)
-        line.set_marker("")
-        colour = line.get_color()
-        axes.plot(x[:1], y[:1], "o", color=colour, ms=3, mfc="white", zorder=3)
-        axes.plot(x[-1:], y[-1:], "o", color=colour, ms=3, zorder=3)
-    axes.xaxis.set_major_locator(AutoLocator())
-    axes.xaxis.set_major_formatter(ScalarFormatter())
-    axes.set_xlabel(words, labelpad=2)
-    axes.relim()
-    axes.autoscale(True)
-    axes.margins(0.04)
-    axes.autoscale_view()
 
 
 def animated(result: Result, degrees: bool = True) -> dict[str, bytes]:
@@ -163,11 +160,12 @@ def animated(result: Result, degrees: bool = True) -> dict[str, bytes]:
     seconds = screen_time(motion.t_end - motion.t_start)
     frames = max(2, round(seconds / FRAME))
     finer = math.ceil(CURVE / frames)  # a path is smooth however few frames there are
-    moving = result_along(result.mechanism, motion, motion.times((frames - 1) * finer + 1), ())
-    reel, scale = reel_of(moving, degrees=degrees, seconds=seconds)
-    forward = tuple(dict.fromkeys(reel.order))  # never to and fro: time has one direction
-    reel = replace(reel, order=tuple(k for k in forward if k % finer == 0))
-    return {"animation.gif": gif(reel, scale), "animation.html": page(reel, scale).encode()}
+    want = [FRICTION_POWER] if FRICTION_POWER in result.mechanism.outputs else []
+    want = want if result.settings["friction"] != "none" else []
+    times = motion.times((frames - 1) * finer + 1)
+    moving = result_along(result.mechanism, motion, times, want)
+    reel = reel_of(moving, degrees=degrees, seconds=seconds, every=finer)
+    return {"animation.gif": gif(reel), "animation.html": player(reel).encode()}
 
 
 def screen_time(duration: float) -> float:

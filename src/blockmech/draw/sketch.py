@@ -7,29 +7,22 @@ from declarations: joints, guide lines, markers, mass properties, terminals.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
-from blockmech.blocks.contract import Moving
 from blockmech.compiled import Compiled
-from blockmech.draw.motion import Motion, marker_place
+from blockmech.draw.motion import Complex, Motion, Spot, marker_place
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
-from blockmech.plane import cross
 
 BARREL, ROD = 1.7, 0.7  # [-] widths of a cylinder's links, in usual bars
 TUBE, OVERLAP = 0.9, 0.15  # [-] of the shortest length: the barrel, and what stays inside it
+ONE_PLACE = 1e-6  # [-] of the mechanism's size: rounding of poses, far below a line's width
 
 LoadKind = Literal["force", "couple", "spring", "strut"]
-
-
-class Spot(NamedTuple):
-    """A place on a link, in the link's frame [m]."""
-
-    link: LinkRef
-    at: complex
+Outline = tuple[complex, ...]
 
 
 @dataclass(frozen=True)
@@ -39,7 +32,6 @@ class Pin:
     names: tuple[str, ...]
     spot: Spot
     grounded: bool
-    links: tuple[LinkRef, ...]  # that it joins
 
 
 @dataclass(frozen=True)
@@ -66,20 +58,11 @@ class Body:
     """A link: its outline (one point, a bar of two, a plate of more) and centre of mass."""
 
     link: LinkRef
-    outline: tuple[complex, ...]
+    outline: Outline
     cm: complex | None
     number: int
     name: str = ""  # of a link of a joint-based document
     width: float = 1.0  # [-] of a bar, in usual bars
-
-
-class Cylinder(NamedTuple):
-    """Barrel and rod of a driven length: a line in the frame of each link."""
-
-    barrel: LinkRef
-    rod: LinkRef
-    tube: tuple[complex, complex]
-    stem: tuple[complex, complex]
 
 
 @dataclass(frozen=True)
@@ -116,47 +99,52 @@ class Sketch:
     loads: tuple[LoadMark, ...]
     drives: tuple[DriveMark, ...]
 
+    @property
+    def words(self) -> int:
+        """Joints and loads, which have names in a picture."""
+        return len(self.pins) + len(self.sliders) + len(self.loads)
+
 
 def sketch_of(motion: Motion) -> Sketch:
     """The shapes of a mechanism; ``motion`` tells how far its sliders travel."""
     s = motion.structure
     refs = [JointRef(name, j) for name, block in s.blocks.items() for j in block.joints]
     pins = [(r, spot) for r in refs if s.joint(r).kind == "R" and (spot := _pin_spot(s, r))]
-    sliders = tuple(_slider(motion, r, _said(motion, r, refs)) for r in refs if _slides(s, r))
+    slides = [r for r in refs if s.joint(r).kind == "P"]
     points: dict[LinkRef, list[complex]] = {link: [] for link in s.links}
     for ref, spot in pins:
         points[spot.link].append(spot.at)
         for link in {s.earlier_link(ref), s.later_link(ref)} - {spot.link}:
-            points[link].append(_seen_from(motion, link, spot))
-    pairs = dict(zip((r for r in refs if _slides(s, r)), sliders, strict=True))
-    cylinders = {r: c for r in pairs if (c := _cylinder(motion, r, points))}
-    sliders = tuple(replace(slider, inside=r in cylinders) for r, slider in pairs.items())
+            points[link].append(motion.seen_once(link, spot))
+    cylinders: dict[LinkRef, tuple[Outline, float]] = {}  # their barrels and rods
+    sliders = []
+    for ref in slides:
+        slider = _slider(motion, ref, _name(motion, ref, refs))
+        found = _cylinder(motion, ref, points)
+        cylinders |= found
+        sliders.append(replace(slider, inside=bool(found)))
     for slider in sliders:
         if not slider.inside:
             points[slider.point.link].append(slider.point.at)
             points[slider.guide.link] += [slider.end(0), slider.end(1)]
-    widths: dict[LinkRef, float] = {}
-    for c in cylinders.values():
-        points[c.barrel], points[c.rod] = list(c.tube), list(c.stem)
-        widths |= {c.barrel: BARREL, c.rod: ROD}
+    points |= {link: list(outline) for link, (outline, _) in cylinders.items()}
     for marker in shown_markers(motion.mechanism):
         points[marker.on].append(marker_place(s, marker))
     names = motion.mechanism.names
     said = {} if names is None else {name.link: link for link, name in names.links.items()}
     bodies = tuple(
-        _body(s, link, places, said.get(link, ""), widths.get(link, 1.0))
+        _body(s, link, places, said.get(link, ""), cylinders.get(link, ((), 1.0))[1])
         for link, places in points.items()
         if link != s.frame_link
     )
-    loads = tuple(_load(s, name) for name in s.elements)
-    return Sketch(bodies, _merged(motion, pins), sliders, loads, tuple(_drives(motion.mechanism)))
+    loads, drives = (_load(s, name) for name in s.elements), _drives(motion.mechanism)
+    return Sketch(bodies, _merged(motion, pins), tuple(sliders), tuple(loads), tuple(drives))
 
 
-def _slides(s: Structure, ref: JointRef) -> bool:
-    return s.joint(ref).kind == "P"
+# -- joints ------------------------------------------------------------------------------
 
 
-def _said(motion: Motion, ref: JointRef, refs: list[JointRef]) -> str:
+def _name(motion: Motion, ref: JointRef, refs: Sequence[JointRef]) -> str:
     """A joint's name in the picture: that of a joint-based document, or the shortest."""
     named = motion.mechanism.joint_names.get(str(ref))
     if named is not None:
@@ -166,20 +154,9 @@ def _said(motion: Motion, ref: JointRef, refs: list[JointRef]) -> str:
 
 def _pin_spot(s: Structure, ref: JointRef) -> Spot | None:
     """Where a revolute pair is: its wired marker, or the own marker of its name."""
-    if ref in s.feeds:
-        marker = s.feeds[ref]
-        return Spot(marker.on, marker_place(s, marker))
-    own = {m.name: m for m in s.markers(ref.block)}
-    if ref.name not in own:
-        return None
-    return Spot(own[ref.name].on, marker_place(s, own[ref.name]))
-
-
-def _seen_from(motion: Motion, link: LinkRef, spot: Spot) -> complex:
-    """A spot of another link in a link's frame, at a sample where both are known."""
-    z = (motion.at(*spot) - motion.origin[link]) * np.conj(motion.axis[link])
-    known = z[np.isfinite(z)]
-    return complex(known[0]) if len(known) else 0j
+    own = (m for m in s.markers(ref.block) if m.name == ref.name)
+    marker = s.feeds[ref] if ref in s.feeds else next(own, None)
+    return None if marker is None else Spot(marker.on, marker_place(s, marker))
 
 
 def _merged(motion: Motion, pins: Iterable[tuple[JointRef, Spot]]) -> tuple[Pin, ...]:
@@ -187,30 +164,28 @@ def _merged(motion: Motion, pins: Iterable[tuple[JointRef, Spot]]) -> tuple[Pin,
     s = motion.structure
     groups: list[tuple[Spot, list[JointRef]]] = []
     for ref, spot in pins:
-        for other, refs in groups:
-            if _together(motion, spot, other):
-                refs.append(ref)
-                break
-        else:
+        same = (refs for other, refs in groups if _together(motion, spot, other))
+        found = next(same, None)
+        if found is None:
             groups.append((spot, [ref]))
+        else:
+            found.append(ref)
     every = [ref for _, refs in groups for ref in refs]
-    found = []
+    merged = []
     for spot, refs in groups:
-        names = dict.fromkeys(_said(motion, r, every) for r in refs)
+        names = dict.fromkeys(_name(motion, r, every) for r in refs)
         joined = {link for r in refs for link in (s.earlier_link(r), s.later_link(r))}
-        grounded = s.frame_link in joined
-        found.append(Pin(tuple(names), spot, grounded, tuple(sorted(joined))))
-    return tuple(found)
+        merged.append(Pin(tuple(names), spot, s.frame_link in joined))
+    return tuple(merged)
 
 
 def _together(motion: Motion, one: Spot, other: Spot) -> bool:
     """Whether two spots are the same place at every sample."""
-    if one == other:
-        return True
     a, b = motion.at(*one), motion.at(*other)
     known = np.isfinite(a) & np.isfinite(b)
     size = float(np.abs(a[known]).max(initial=0.0))
-    return bool(known.any() and np.abs(a - b)[known].max() <= 1e-6 * size)
+    near = bool(known.any() and np.abs(a - b)[known].max() <= ONE_PLACE * size)
+    return near or one == other
 
 
 def _slider(motion: Motion, ref: JointRef, name: str) -> Slider:
@@ -218,66 +193,62 @@ def _slider(motion: Motion, ref: JointRef, name: str) -> Slider:
     block = s.blocks[ref.block]
     joint = block.joints[ref.name]
     later = block.slider_owner(ref.name) == "later"
+
+    def own_point(link: str) -> Spot:
+        return Spot(LinkRef(ref.block, link), block.slider_place(ref.name, link))
+
+    def own_line(link: str) -> tuple[Spot, complex]:
+        foot, direction = block.guide_line(ref.name, link)
+        return Spot(LinkRef(ref.block, link), foot), direction
+
     if joint.outer:
-        own, marker = LinkRef(ref.block, joint.link), s.feeds[ref]
-        place, direction = marker_place(s, marker), _direction(s, marker)
-        if later:
-            point = Spot(own, block.slider_place(ref.name, joint.link))
-            guide = Spot(marker.on, place)
-        else:
-            point = Spot(marker.on, place)
-            guide, direction = _own_line(block, ref, joint.link)
+        marker = s.feeds[ref]
+        other = Spot(marker.on, marker_place(s, marker))
+        along = complex(getattr(s.marker(marker), "direction", 1 + 0j))
+        point = own_point(joint.link) if later else other
+        guide, direction = (other, along) if later else own_line(joint.link)
     else:
         mover, holder = joint.links[::-1] if later else joint.links
-        point = Spot(LinkRef(ref.block, mover), block.slider_place(ref.name, mover))
-        guide, direction = _own_line(block, ref, holder)
-    travel = (_seen_all(motion, guide.link, point) - guide.at) * np.conj(direction)
-    known = travel.real[np.isfinite(travel)]
+        point = own_point(mover)
+        guide, direction = own_line(holder)
+    travel = ((motion.seen(guide.link, point) - guide.at) * np.conj(direction)).real
+    known = travel[np.isfinite(travel)]
     reach = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     return Slider(name, point, guide, direction, reach)
 
 
 def _cylinder(
     motion: Motion, ref: JointRef, pins: Mapping[LinkRef, list[complex]]
-) -> Cylinder | None:
-    """Barrel and rod, if a driven guide joins two links that hang on one pin each, on its line.
+) -> dict[LinkRef, tuple[Outline, float]]:
+    """Barrel and rod with outline and width, if a driven guide joins two links that hang on
+    one pin each, on its line; else nothing.
 
     The barrel is nearly as long as the whole is at its shortest, and the rod is so long that
-    its end stays inside at the longest.
+    its end never leaves the barrel.
     """
     s = motion.structure
     barrel, rod = s.earlier_link(ref), s.later_link(ref)
     if ref not in s.driven.values() or s.frame_link in (barrel, rod):
-        return None
+        return {}
     (foot, *more), (eye, *others) = pins[barrel] or [0j], pins[rod] or [0j]
-    if not pins[barrel] or not pins[rod] or any(z != foot for z in more):
-        return None
-    line = _seen_all(motion, barrel, Spot(rod, eye)) - foot
-    line = line[np.isfinite(line)]
-    if not len(line) or any(z != eye for z in others):
-        return None
-    length, u = np.abs(line), line[0] / abs(line[0]) if line[0] else 1 + 0j
-    if length.min() == 0 or np.abs(line / length - u).max() > 1e-6:
-        return None  # off the line, or through the foot
+    alone = all(z == foot for z in more) and all(z == eye for z in others)
+    if not pins[barrel] or not pins[rod] or not alone:
+        return {}
+    line: Complex = motion.seen(barrel, Spot(rod, eye)) - foot
+    length = np.abs(line[np.isfinite(line)])
+    if not len(length) or length.min() == 0:
+        return {}
+    along = line[np.isfinite(line)] / length
+    if np.abs(along - along[0]).max() > ONE_PLACE:
+        return {}  # off the line, or through the foot
     short, long = float(length.min()), float(length.max())
     stem = min(long - (TUBE - OVERLAP) * short, TUBE * short)
-    back = _seen_from(motion, rod, Spot(barrel, foot)) - eye
-    tube = (foot, complex(foot + u * TUBE * short))
-    return Cylinder(barrel, rod, tube, (eye, complex(eye + back / abs(back) * stem)))
+    back = motion.seen_once(rod, Spot(barrel, foot)) - eye
+    tube = (foot, complex(foot + along[0] * TUBE * short))
+    return {barrel: (tube, BARREL), rod: ((eye, eye + back / abs(back) * stem), ROD)}
 
 
-def _seen_all(motion: Motion, link: LinkRef, spot: Spot) -> np.ndarray:
-    return (motion.at(*spot) - motion.origin[link]) * np.conj(motion.axis[link])
-
-
-def _direction(s: Structure, marker: MarkerRef) -> complex:
-    return complex(getattr(s.marker(marker), "direction", 1 + 0j))
-
-
-def _own_line(block: Moving, ref: JointRef, link: str) -> tuple[Spot, complex]:
-    """A place on the guide line of a block's own link, and its direction."""
-    foot, direction = block.guide_line(ref.name, link)
-    return Spot(LinkRef(ref.block, link), foot), direction
+# -- links, loads, drives --------------------------------------------------------------------
 
 
 def shown_markers(mechanism: Compiled) -> list[MarkerRef]:
@@ -299,56 +270,42 @@ def shown_markers(mechanism: Compiled) -> list[MarkerRef]:
     return list(dict.fromkeys(found))
 
 
-def _body(
-    s: Structure, link: LinkRef, places: list[complex], name: str, width: float = 1.0
-) -> Body:
+def _body(s: Structure, link: LinkRef, places: list[complex], name: str, width: float) -> Body:
     properties = s.properties(link)
     cm = properties.cm.z if properties.mass > 0 else None
-    size = max((abs(z) for z in places), default=0.0)
-    outline = hull(places, 1e-9 * size)
-    if len(outline) == 1 and cm is not None and abs(cm - outline[0]) > 1e-9 * abs(cm):
-        outline = (*outline, cm)
+    outline = hull(places)
+    if len(outline) == 1 and cm is not None:
+        outline = hull([*outline, cm])
     return Body(link, outline or (0j,), cm, s.links[link], name, width)
 
 
-def hull(places: Iterable[complex], close: float = 0.0) -> tuple[complex, ...]:
-    """Convex hull, counter-clockwise: one point, the ends of a bar, or a polygon.
+def hull(places: Iterable[complex]) -> Outline:
+    """Convex hull, counter-clockwise: one point, the ends of a bar, or a polygon."""
+    from scipy.spatial import ConvexHull
 
-    Points nearer than ``close`` [m] are one, and so are lines.
-    Source: Andrew's monotone chain.
-    """
-    points: list[complex] = []
-    for z in sorted(places, key=lambda z: (z.real, z.imag)):
-        if all(abs(z - other) > close for other in points):
-            points.append(z)
-    if len(points) < 3:
-        return tuple(points)
-    sides = []
-    for row in (points, points[::-1]):
-        side: list[complex] = []
-        for z in row:
-            while len(side) > 1 and _right_turn(side[-2], side[-1], z, close):
-                side.pop()
-            side.append(z)
-        sides.append(side[:-1])
-    return tuple(sides[0] + sides[1])
-
-
-def _right_turn(a: complex, b: complex, c: complex, close: float) -> bool:
-    return bool(cross(b - a, c - b) <= close * abs(c - a))
+    z = np.array(list(places), dtype=complex)
+    close = ONE_PLACE**2 * np.abs(z).max(initial=0.0)
+    if not len(z):
+        return ()
+    far = z[np.argmax(np.abs(z - z[0]))]  # an end of the longest way through the first
+    if abs(far - z[0]) <= close:
+        return (complex(z[0]),)
+    along = (z - far) / (z[0] - far)
+    if np.abs(along.imag).max() * abs(z[0] - far) <= close:
+        return complex(z[np.argmax(along.real)]), complex(z[np.argmin(along.real)])
+    corners = ConvexHull(np.stack([z.real, z.imag], axis=1)).vertices
+    return tuple(complex(z[k]) for k in corners)
 
 
 def _load(s: Structure, name: str) -> LoadMark:
     element = s.elements[name]
-    spots = []
-    for terminal in element.terminals:
-        marker = s.holds[JointRef(name, terminal)]
-        spots.append(Spot(marker.on, marker_place(s, marker)))
-    kinds = [t.kind for t in element.terminals.values()]
+    markers = [s.holds[JointRef(name, terminal)] for terminal in element.terminals]
+    spots = tuple(Spot(m.on, marker_place(s, m)) for m in markers)
+    first = next(iter(element.terminals.values()))
     kind: LoadKind = "couple"
-    if kinds[0] == "point":
-        kind = "force" if len(kinds) == 1 else "strut" if element.energy() is None else "spring"
-    return LoadMark(name, kind, tuple(spots), next(iter(element.terminals.values())).unit)
+    if first.kind == "point":
+        kind = "force" if len(spots) == 1 else "strut" if element.energy() is None else "spring"
+    return LoadMark(name, kind, spots, first.unit)
 
 
 def _drives(mechanism: Compiled) -> Iterable[DriveMark]:

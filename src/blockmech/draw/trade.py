@@ -8,136 +8,93 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.analysis.trade.report import Trade
 from blockmech.draw import palette as ink
-from blockmech.draw.paper import new_figure, rendered, shown_name, styled, text_width, wrapped
-from blockmech.files import writing
+from blockmech.draw import still_suffix, write_figure
+from blockmech.draw.labels import COVERED, Crowd, Label, Rect
+from blockmech.draw.paper import (
+    legend_above,
+    new_figure,
+    shown_name,
+    styled,
+    text_width,
+    wrapped,
+)
 
 if TYPE_CHECKING:
-    from blockmech.analysis.trade.points import Point, Trade
+    from blockmech.analysis.trade.points import Point
 
-PANEL = 150.0  # [pt] height of a panel's axes
-LEFT, RIGHT, TOP, BETWEEN = 37.0, 8.0, 5.0, 30.0  # [pt]
-XLABEL = 27.0  # [pt] below a panel
-LINE = 9.5  # [pt] of caption and legend
+PANEL = 180.0  # [pt] height of a panel with what is below it
+INSIDE = ink.COLUMN - 45.0  # [pt] width of the axes
 LABEL = 6.0  # [pt] size of the settings' labels
 MARKS = "osD^vPX*<>hp"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 RING = 3.4  # [pt] size of a point
 GAP = 4.0  # [pt] between labels of ticks
-COSTS = (("seconds", "time of one run [s]"), ("evaluations", "kernel evaluations [–]"))
+COSTS = {"seconds": "time of one run [s]", "evaluations": "kernel evaluations [–]"}
 
 
-Spot = tuple[float, float]
-Stroke = tuple[Spot, Spot]
-"""A straight line of the panel from one spot to another, in points."""
+class PlottedTrade(Trade):
+    """A trade with its picture."""
 
-
-class Box(NamedTuple):
-    """A rectangle in points of the panel."""
-
-    x: float
-    y: float
-    width: float
-    height: float
-
-    def crossed(self, stroke: Stroke) -> bool:
-        """Whether a line passes through the rectangle (Liang & Barsky)."""
-        (x0, y0), (x1, y1) = stroke
-        first, last = 0.0, 1.0
-        for start, way, low, size in (
-            (x0, x1 - x0, self.x, self.width),
-            (y0, y1 - y0, self.y, self.height),
-        ):
-            if way == 0:
-                if not low < start < low + size:
-                    return False
-                continue
-            a, b = sorted(((low - start) / way, (low + size - start) / way))
-            first, last = max(first, a), min(last, b)
-        return first < last
-
-    def meets(self, other: Box) -> bool:
-        """Whether two rectangles overlap."""
-        return (
-            self.x < other.x + other.width
-            and other.x < self.x + self.width
-            and self.y < other.y + other.height
-            and other.y < self.y + self.height
-        )
+    def plot(self, path: str | os.PathLike[str]) -> Path:
+        """Draw the work-precision diagram (png, svg or pdf)."""
+        return draw_trade(self, path)
 
 
 def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:
     """Write the picture of a trade; the suffix says the format (png, svg, pdf)."""
-    data = rendered(trade_figure(trade), refuse_other_suffixes(path))
-    with writing(path) as stream:
-        stream.write(data)
-    return Path(path)
-
-
-def refuse_other_suffixes(path: str | os.PathLike[str]) -> str:
-    """The suffix of a picture's file; raises `RequestError` for one that is no picture's."""
-    from blockmech.draw import STILL, _suffix
-
-    return _suffix(path, STILL, "a plot")
+    return write_figure(trade_figure(trade), path, still_suffix(path))
 
 
 def trade_figure(trade: Trade) -> Any:
     """The picture of a trade, a column wide."""
-    inside = ink.COLUMN - LEFT - RIGHT
-    caption = [
-        line for text in _caption(trade) for line in wrapped(text, ink.SMALL, ink.COLUMN - 10)
-    ]
+    text = _caption(trade)
     series = {name: _finite(points) for name, points in trade.series().items()}
     series = {name: points for name, points in series.items() if points}
-    rows = _legend_rows(series, inside)
-    head = LINE * len(rows) + 4
-    foot = LINE * len(caption) + 6
-    height = TOP + head + 2 * PANEL + BETWEEN + XLABEL + foot
     with styled():
-        figure = new_figure(ink.COLUMN, height)
-        top = height - TOP - head
-        for cost, words in COSTS:
-            box = (LEFT / ink.COLUMN, (top - PANEL) / height, inside / ink.COLUMN, PANEL / height)
-            axes = figure.add_axes(box)
-            _panel(axes, trade, series, cost, inside)
+        lines = wrapped(text, ink.SMALL, ink.COLUMN - 10)
+        height = len(COSTS) * PANEL + ink.ROW * (len(lines) + len(series) / 2)
+        figure = new_figure(ink.COLUMN, height, layout="constrained")
+        panels = figure.subplots(len(COSTS))
+        for axes, (cost, words) in zip(panels, COSTS.items(), strict=True):
             axes.set_xlabel(words, labelpad=1)
             axes.set_ylabel("error [–]", labelpad=2)
-            top -= PANEL + BETWEEN
-        _legend(figure, rows, series, height)
-        for i, line in enumerate(caption):
-            y = (foot - LINE * (i + 1)) / height
-            figure.text(5 / ink.COLUMN, y, line, fontsize=ink.SMALL, color=ink.INK)
+            _panel(axes, trade, series, cost)
+        legend_above(panels[0], ink.COLUMN)
+        figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=ink.SMALL)
+        figure.draw_without_rendering()  # labels need to know how large the panels are
+        for axes, cost in zip(panels, COSTS, strict=True):
+            if series:
+                _label(axes, trade, series, cost)
     return figure
 
 
-def _caption(trade: Trade) -> list[str]:
+def _caption(trade: Trade) -> str:
     r = trade.reference
     head = f"{shown_name(trade.mechanism, 40)}, {trade.question}."
     if not trade.points:
-        return [f"{head} Nothing was measured: {'; '.join(trade.notes)}."]
+        return f"{head} Nothing was measured: {'; '.join(trade.notes)}."
     unseen = " On the hatching: no difference seen." if any(p.below for p in trade.points) else ""
-    return [
+    return (
         f"{head} Error: {trade.measure}, against "
         f"{r.method}, checked by {r.check}, which leaves {r.floor:.0e} open (hatched).{unseen} "
         "Time: median, bars from the fastest to the slowest of at least 5 warm runs. "
         f"Evaluations: {trade.counted}. Broad grey line: Pareto front. {meaning(trade.points)}"
-    ]
+    )
 
 
 def _finite(points: Sequence[Point]) -> list[Point]:
     return [p for p in points if 0 < p.error < math.inf]
 
 
-def _panel(
-    axes: Any, trade: Trade, series: dict[str, list[Point]], cost: str, inside: float
-) -> None:
+def _panel(axes: Any, trade: Trade, series: dict[str, list[Point]], cost: str) -> None:
     points = [p for row in series.values() for p in row]
     if not points:
         axes.set_xticks([])
@@ -153,14 +110,14 @@ def _panel(
     axes.set_xlim(min(xs) / 1.6, max(xs) * 2.2)
     span = math.log10(top / floor)
     axes.set_ylim(floor / 10 ** max(0.09 * span, 0.4), top * 10 ** max(0.07 * span, 0.4))
-    front = trade.pareto if cost == "seconds" else trade.pareto_by_evaluations
+    front = _front(trade, cost)
     axes.step(
         [getattr(p, cost) for p in front], [p.error for p in front],
         where="post", color=ink.PALE, lw=5, zorder=1, solid_capstyle="round",
     )  # fmt: skip
     axes.axhspan(1e-300, floor, facecolor="none", edgecolor=ink.GREY, hatch="////", lw=0, zorder=0)
     axes.axhline(floor, color=ink.GREY, lw=0.7, zorder=1.5)
-    for i, row in enumerate(series.values()):
+    for i, (name, row) in enumerate(series.items()):
         colour, dashes = ink.curve_style(i)
         x, y = [getattr(p, cost) for p in row], [p.error for p in row]
         if cost == "seconds":
@@ -170,43 +127,18 @@ def _panel(
             )
         (line,) = axes.plot(
             x, y, color=colour, lw=0.9, marker=MARKS[i % len(MARKS)], ms=RING,
-            mfc=ink.PAPER, mew=0.8, zorder=3,
+            mfc=ink.PAPER, mew=0.8, zorder=3, label=name,
         )  # fmt: skip
         if dashes:
             line.set_dashes(dashes)
-    at = _placing(axes, inside)
-    strokes = _strokes(series, cost, at)
-    strokes.append((at(axes.get_xlim()[0], floor), at(axes.get_xlim()[1], floor)))
-    _label(axes, points, front, cost, strokes, at, inside)
-    _ticks(axes.xaxis, axes.get_xlim(), 7, inside)
+    _ticks(axes.xaxis, axes.get_xlim(), 7, INSIDE)
     _ticks(axes.yaxis, axes.get_ylim(), 8)
     axes.grid(True, color=ink.PALE, lw=0.3)
     axes.set_axisbelow(True)
 
 
-def _placing(axes: Any, inside: float) -> Callable[[float, float], Spot]:
-    """From cost and error to a spot of the panel."""
-    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-
-    def at(cost: float, error: float) -> Spot:
-        fx = math.log(cost / x0) / math.log(x1 / x0)
-        fy = math.log(error / y0) / math.log(y1 / y0)
-        return fx * inside, fy * PANEL
-
-    return at
-
-
-def _strokes(
-    series: dict[str, list[Point]], cost: str, at: Callable[[float, float], Spot]
-) -> list[Stroke]:
-    """What labels should not hide: the curves, and the bars of the times."""
-    found = []
-    for row in series.values():
-        spots = [at(getattr(p, cost), p.error) for p in row]
-        found += list(pairwise(spots))
-        if cost == "seconds":
-            found += [(at(p.low, p.error), at(p.high, p.error)) for p in row]
-    return found
+def _front(trade: Trade, cost: str) -> Sequence[Point]:
+    return trade.pareto if cost == "seconds" else trade.pareto_by_evaluations
 
 
 def _ticks(axis: Any, limits: tuple[float, float], most: int, wide: float = math.inf) -> None:
@@ -235,7 +167,7 @@ def _apart(ticks: list[float], low: float, high: float, wide: float) -> list[flo
     for x in ticks:
         half = text_width(power_of_ten(x), ink.SMALL) / 2
         middle = (math.log10(x) - low) / (high - low) * wide
-        if middle - half >= end and middle + half <= wide + RIGHT:
+        if middle - half >= end and middle + half <= wide:
             kept.append(x)
             end = middle + half + GAP
     return kept
@@ -253,57 +185,39 @@ def power_of_ten(x: float) -> str:
     return raised if digit == "1" else f"{digit}·{raised}"
 
 
-def _label(
-    axes: Any,
-    points: list[Point],
-    front: Sequence[Point],
-    cost: str,
-    strokes: list[Stroke],
-    at: Callable[[float, float], Spot],
-    inside: float,
-) -> None:
-    """Write settings beside their points, front first, where there is room.
+def _label(axes: Any, trade: Trade, series: dict[str, list[Point]], cost: str) -> None:
+    """Write settings beside their points, front first, where there is room."""
+    box, dots = axes.get_window_extent(), axes.figure.dpi / 72
 
-    A spot that hides no line is better than one that does.
-    """
-    spots_of = {id(p): at(getattr(p, cost), p.error) for p in points}
-    taken = [Box(x - RING / 2, y - RING / 2, RING, RING) for x, y in spots_of.values()]
-    first = set(map(id, front))
-    said: list[tuple[str, float, float]] = []
+    def at(x: float, error: float) -> complex:
+        """A point of the panel [pt]."""
+        right, up = axes.transData.transform((x, error)) - box.p0
+        return complex(float(right), float(up)) / float(dots)
+
+    crowd = Crowd(Rect(0, 0, box.width / dots, box.height / dots))
+    (left, right), floor = axes.get_xlim(), trade.reference.floor
+    crowd.add_line([at(left, floor), at(right, floor)])
+    for row in series.values():
+        crowd.add_line([at(getattr(p, cost), p.error) for p in row])
+        for p in row:
+            crowd.add_disc(at(getattr(p, cost), p.error), RING / 2, COVERED)
+            if cost == "seconds":
+                crowd.add_line([at(p.low, p.error), at(p.high, p.error)])
+    first = set(map(id, _front(trade, cost)))
+    said: list[tuple[str, complex]] = []
+    points = [p for row in series.values() for p in row]
     for p in sorted(points, key=lambda p: id(p) not in first):
-        text = short(p)
-        x, y = spots_of[id(p)]
-        again = any(p.method == m and math.hypot(x - u, y - v) < RING for m, u, v in said)
-        if not text or again:
+        z, text = at(getattr(p, cost), p.error), short(p)
+        if not text or any(p.method == m and abs(z - u) < RING for m, u in said):
             continue
-        free = [
-            box
-            for box in _around(x, y, text_width(text, LABEL))
-            if 0 <= box.x <= inside - box.width
-            and 0 <= box.y <= PANEL - box.height
-            and not any(box.meets(other) for other in taken)
-        ]
-        if not free:
-            continue
-        spot = min(free, key=lambda box: sum(map(box.crossed, strokes)))
-        taken.append(spot)
-        said.append((p.method, x, y))
-        axes.text(
-            spot.x / inside, (spot.y + LABEL / 2) / PANEL, text, fontsize=LABEL,
-            color=ink.INK, transform=axes.transAxes, va="center_baseline", zorder=4,
-            bbox={"facecolor": ink.PAPER, "alpha": 0.85, "lw": 0, "pad": 0.2},
-        )  # fmt: skip
-
-
-def _around(x: float, y: float, w: float) -> list[Box]:
-    """Rooms for a label so wide [pt] around a point, the usual ones first."""
-    h = LABEL
-    return [
-        Box(x + 4, y - h / 2, w, h), Box(x - w - 4, y - h / 2, w, h),
-        Box(x + 3, y + 3, w, h), Box(x + 3, y - h - 3, w, h),
-        Box(x - w - 3, y + 3, w, h), Box(x - w - 3, y - h - 3, w, h),
-        Box(x - w / 2, y + 4, w, h), Box(x - w / 2, y - h - 4, w, h),
-    ]  # fmt: skip
+        for spot in crowd.place([Label(text, [[z]])], most=COVERED / 2):
+            said.append((p.method, z))
+            x, y = spot.centre().real * dots / box.width, spot.centre().imag * dots / box.height
+            axes.text(
+                x, y, text, fontsize=LABEL, color=ink.INK, transform=axes.transAxes,
+                ha="center", va="center", zorder=4, in_layout=False,
+                bbox={"facecolor": ink.PAPER, "alpha": 0.85, "lw": 0, "pad": 0.2},
+            )  # fmt: skip
 
 
 def short(p: Point) -> str:
@@ -331,47 +245,3 @@ def meaning(points: Sequence[Point]) -> str:
     words += ["n iterations"] * any(s.endswith("iterations") for s in settings)
     words += ["change of the last one"] * any(s.endswith(" N") for s in settings)
     return f"{', '.join(words)}."
-
-
-def _legend_rows(series: dict[str, list[Point]], inside: float) -> list[list[int]]:
-    """Numbers of the series, in rows that fit the width."""
-    rows: list[list[int]] = [[]]
-    used = 0.0
-    for i, name in enumerate(series):
-        wide = 22 + text_width(name, ink.SMALL)
-        if rows[-1] and used + wide > inside + RIGHT:
-            rows.append([])
-            used = 0.0
-        rows[-1].append(i)
-        used += wide
-    return rows
-
-
-def _legend(
-    figure: Any, rows: list[list[int]], series: dict[str, list[Point]], height: float
-) -> None:
-    from matplotlib.lines import Line2D
-
-    names = list(series)
-    y = height - TOP - LINE / 2
-    for row in rows:
-        x = LEFT
-        for i in row:
-            colour, dashes = ink.curve_style(i)
-            line = Line2D(
-                [x / ink.COLUMN, (x + 8) / ink.COLUMN, (x + 16) / ink.COLUMN], [y / height] * 3,
-                color=colour, lw=0.9, marker=MARKS[i % len(MARKS)], ms=RING, mfc=ink.PAPER,
-                mew=0.8, markevery=[1],
-            )  # fmt: skip
-            if dashes:
-                line.set_dashes(dashes)
-            figure.add_artist(line)
-            figure.text(
-                (x + 19) / ink.COLUMN,
-                y / height,
-                names[i],
-                fontsize=ink.SMALL,
-                va="center_baseline",
-            )
-            x += 22 + text_width(names[i], ink.SMALL)
-        y -= LINE

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.files import AnyPath
-from blockmech.outputs import Output
+from blockmech.plan import Output
 from blockmech.quality import Quality
 
 __all__ = ["AnyPath", "Array", "Column", "Labelled", "columns", "driver_columns", "output_columns"]

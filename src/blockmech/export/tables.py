@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import io
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
@@ -135,6 +135,21 @@ def _rank(name: str) -> int:
 
 
 # -- text --------------------------------------------------------------------------------
+
+
+def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of text in columns under their heads."""
+    from rich.table import Table
+
+    grid = Table(*head, box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+    for column in grid.columns:
+        column.no_wrap = True
+    for row in rows:
+        grid.add_row(*row)
+    console = _console(100 * WIDTH)  # wider than any row
+    console.print(grid)
+    assert isinstance(console.file, io.StringIO)
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]
 
 
 def _console(width: int) -> Console:

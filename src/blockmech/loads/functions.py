@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, get_args
 
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import Problem, RequestError, shown
 from blockmech.loads.laws import Argument
 from blockmech.plane import each
 from blockmech.typing import Real
-from blockmech.values import mistake, shown
+from blockmech.values import mistake
 
 ARGUMENTS = get_args(Argument)
 VALID = 'parameters named "coordinate", "rate" or "time"'

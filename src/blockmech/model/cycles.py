@@ -3,27 +3,24 @@
 Such blocks are no formation sequence, but their links may well be one Assur group of a
 higher class, or separate groups whose pins are wired to the wrong one of their links; if
 they are neither, the over-constrained and the loose links say why. Markers tell which pairs
-share a pin or a direction (`pins.axes`): two links between the same two pins are one too many.
+share a pin or a direction (`axes`): two links between the same two pins are one too many.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
+from blockmech.assur.formation import Formation, formation, reseat
+from blockmech.assur.groups import roman
+from blockmech.assur.pairs import Pair, Side, axes, carriers
+from blockmech.assur.rank import TooTangledError
+from blockmech.assur.rigidity import rigidity
 from blockmech.blocks.contract import Block, BuiltIn, Joint, Moving
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, listed
-from blockmech.model.assur import roman
-from blockmech.model.elimination import MOST_WORK, TooTangledError
-from blockmech.model.formation import Waiting, formation, waiting
-from blockmech.model.pins import Side, axes, reseat
-from blockmech.model.rigidity import Pair
+from blockmech.model.diagram import AnyBlock, Wire
 from blockmech.values import Marker
-
-if TYPE_CHECKING:
-    from blockmech.model.graph import Graph
 
 MOST_LINKS = 1000
 """Links that are diagnosed in one graph, so that any file is answered soon."""
@@ -31,44 +28,69 @@ MOST_LINKS = 1000
 RULE = "a formation sequence feeds every joint from an earlier block"
 
 
-def cycle(blocks: list[str], found: str = "the blocks wait for each other") -> Problem:
-    """The problem that only names a set of blocks in a cycle."""
+def cycle_problem(
+    all_blocks: Mapping[str, AnyBlock], wires: Iterable[Wire], names: Sequence[str], told: bool
+) -> Problem:
+    """The problem that names blocks in a cycle and, if it is to be ``told``, what they are."""
+    found = "the blocks wait for each other"
     remedy = "re-wire a joint of one of them to an earlier block"
-    return Problem("cycle", listed(blocks), found, RULE, remedy)
+    if told:
+        sources = {wire.target: wire.source for wire in wires}
+        inside = [
+            f"{source} -> {target}"
+            for target, source in sources.items()
+            if source.split(".")[0] in names and target.split(".")[0] in names
+        ]
+        found += f": {listed(inside)}"
+        ring = _ring(all_blocks, sources, names)
+        try:
+            said = _seated_elsewhere(ring) or _as_they_are(ring, names)
+        except TooTangledError:
+            said = ("", remedy)
+        found, remedy = "; ".join(filter(None, (found, said[0]))), said[1]
+    return Problem("cycle", listed(names), found, RULE, remedy)
 
 
-def diagnose_cycle(graph: Graph, blocks: list[str]) -> Problem:
-    """The problem that names a set of blocks in a cycle, and what they really are."""
-    sources = {w.target: w.source for w in graph.wires}
-    within = set(blocks)
-    inside = [
-        f"{source} -> {target}"
-        for target, source in sources.items()
-        if source.split(".")[0] in within and target.split(".")[0] in within
-    ]
-    told = f"the blocks wait for each other: {listed(inside)}"
-    ring = _ring(graph, blocks, sources)
-    moved = _seated_elsewhere(ring)
-    if moved:
-        order, wires = moved
-        return Problem("cycle", listed(blocks), f"{told}; {order}", RULE, wires)
-    try:
-        found = waiting(ring.links, ring.pairs, ring.earlier, ring.drivers, MOST_WORK)
-    except TooTangledError:
-        return cycle(blocks, told)
-    return Problem("cycle", listed(blocks), f"{told}; {found.text}", RULE, _remedy(found, blocks))
+def _as_they_are(ring: _Ring, blocks: Iterable[str]) -> tuple[str, str]:
+    """What the links that wait for each other are, and what to do about it."""
+    found, text = waiting(ring.links, ring.pairs, ring.earlier, ring.drivers)
+    if not found.complete:
+        remedy = "re-wire a joint of an over-constrained link to a loose or an earlier link"
+    elif len(found.units) == 1:
+        group = f"group.general block of class {roman(found.units[0].number)}"
+        remedy = f"replace {listed(blocks)} by one {group}, "
+        remedy += "or re-wire a joint to a link that already moves"
+    else:
+        remedy = "wire the links as separate groups in that order"
+    return text, remedy
 
 
-def _remedy(found: Waiting, blocks: list[str]) -> str:
-    if found.is_group:
+def waiting(
+    links: Iterable[str],
+    pairs: Sequence[Pair],
+    earlier: Collection[str],
+    drivers: Collection[str] = (),
+) -> tuple[Formation, str]:
+    """The formation of links that wait for each other, and in a sentence what they are.
+
+    Parameters as of `rigidity`: the links of a cycle of blocks, the pairs between them
+    and to earlier links (of which only those that they are wired to matter).
+    """
+    moving = sorted(set(links) - set(earlier))
+    found, names = formation(moving, pairs, earlier, drivers), ", ".join(moving)
+    if found.complete and len(found.units) == 1:
         unit = found.units[0]
-        return (
-            f"replace {listed(blocks)} by one group.general block of class {roman(unit.number)}, "
-            "or re-wire a joint to a link that already moves"
-        )
-    if found.units:
-        return "wire the links as separate groups in that order"
-    return "re-wire a joint of an over-constrained link to a loose or an earlier link"
+        text = f"{names} are one Assur group of class {roman(unit.number)}"
+        return found, text + f" with {len(unit.links)} links and {len(unit.pairs)} pairs"
+    if found.complete:
+        return found, f"the links can be placed in the order {found}"
+    state = rigidity(moving, pairs, earlier, drivers)
+    reasons = []
+    for o in state.overconstrained:
+        aside = set() if o.drivers else carriers([p for p in pairs if p.name in o.pairs], earlier)
+        reasons.append(f"over-constrained: {', '.join(a for a in o.links if a not in aside)}")
+    reasons += [f"loose: {', '.join(part.links)}" for part in state.loose]
+    return found, f"{names} are no Assur group; {'; '.join(reasons)}"
 
 
 @dataclass
@@ -86,34 +108,32 @@ class _Ring:
         return {pair.first for pair in self.pairs} - self.links
 
 
-def _ring(graph: Graph, blocks: list[str], sources: dict[str, str]) -> _Ring:
-    ring = _Ring()
-    sides: list[Side] = []
-    lengths = []
-    for name in blocks:
-        block = graph.blocks[name]
+def _ring(
+    all_blocks: Mapping[str, AnyBlock], sources: Mapping[str, str], names: Iterable[str]
+) -> _Ring:
+    ring, sides, size = _Ring(), list[Side](), 0.0
+    for name in names:
+        block = all_blocks[name]
         if not isinstance(block, Moving):
             continue
-        lengths.append(block.largest_length())
+        size = max(size, block.largest_length())
         ring.links |= {f"{name}.{link}" for link in block.link_names}
         for joint in block.joints.values():
             where = f"{name}.{joint.name}"
-            if not joint.outer:
-                first, second = joint.links
-                pair = Pair(where, f"{name}.{first}", f"{name}.{second}", joint.kind)
-            elif where in sources:
-                support = _support(graph, where, joint, sources[where])
-                sides.append(support)
-                pair = Pair(where, support.link, f"{name}.{joint.link}", joint.kind)
-            else:
+            if joint.outer and where not in sources:
                 continue
-            ring.pairs.append(pair)
+            first, second = f"{name}.{joint.links[0]}", f"{name}.{joint.later}"
+            if joint.outer:
+                support = _support(all_blocks, where, joint, sources[where])
+                sides.append(support)
+                first = support.link
+            ring.pairs.append(Pair(where, first, second, joint.kind))
             sides += _own_sides(name, block, joint)
             if joint.driven:
                 ring.drivers.append(where)
             if joint.name in block.friction:
                 ring.rubbing.add(where)
-    axis = axes(sides, max(lengths, default=0.0) or 1.0)
+    axis = axes(sides, size or 1.0)
     ring.pairs = [replace(pair, axis=axis.get(pair.name, "")) for pair in ring.pairs]
     return ring
 
@@ -139,10 +159,10 @@ def _pin(block: Moving, joint: str, link: str) -> complex | None:
     return next((block.place_of(m) for m in markers if m is not None and m.link == link), None)
 
 
-def _support(graph: Graph, where: str, joint: Joint, source: str) -> Side:
+def _support(blocks: Mapping[str, AnyBlock], where: str, joint: Joint, source: str) -> Side:
     """The side of the link that carries a marker; a marker of nothing known is its own link."""
     name, _, marker = source.partition(".")
-    block = graph.blocks.get(name)
+    block = blocks.get(name)
     markers = block.markers_of() if isinstance(block, Block) else {}
     if not isinstance(block, Block) or marker not in markers:
         return Side(where, source, joint.kind, 0j if joint.kind == "R" else 1 + 0j)

@@ -11,20 +11,63 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import FormatError, GraphError, Problem, listed
+from blockmech.errors import (
+    MOST,
+    FormatError,
+    GraphError,
+    Problem,
+    in_file,
+    listed,
+    path_text,
+    said_already,
+    shown,
+    unknown_key,
+)
 from blockmech.model import checks
-from blockmech.model.contents import EXTRAS, FORMAT, GraphDocument
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
+from blockmech.model.expect import Expectation
 from blockmech.model.graph import Graph
 from blockmech.model.migrations import VERSION, migrate, version_problem
-from blockmech.model.problems import MOST, in_file, path_text, said_already, unknown_key
 from blockmech.model.reading import data_of, text_of
-from blockmech.model.refusals import validated
-from blockmech.model.writing import canonical_text, field_order, plain, write_checked
-from blockmech.values import shown
+from blockmech.model.scene import Scene
+from blockmech.model.writing import canonical_text, plain, write_checked
+from blockmech.validation_errors import field_order, validated
+from blockmech.values import Strictly
+
+FORMAT = "blockmech/graph"
+EXTRAS = ("view", "expect", "source", "notes")
+"""Sections that travel with a graph and are not computed with."""
+
+
+class WireEnds(Strictly):
+    """From ``"block.marker"`` of an earlier link to ``"block.joint"`` of a later block."""
+
+    source: str = Field(alias="from")
+    target: str = Field(alias="to")
+
+
+class GraphDocument(Strictly):
+    """A mechanism as a block diagram, in SI units and radians."""
+
+    format: Literal["blockmech/graph"]
+    version: Annotated[int, Field(strict=True, ge=1, le=VERSION)]
+    name: str = "mechanism"
+    title: str = ""
+    blocks: dict[str, Any]
+    wires: list[WireEnds] = []
+    scene: Scene = Scene()
+    view: Annotated[dict[str, Any], Field(description="places on a canvas; not computed with")] = {}
+    expect: list[Expectation] = []
+    source: str = ""
+    notes: str | list[str] = ""
+
+
+SECTIONS = tuple(GraphDocument.model_fields)
 
 
 def load(path: str | os.PathLike[str]) -> Graph:
@@ -35,8 +78,7 @@ def load(path: str | os.PathLike[str]) -> Graph:
     FormatError with all problems of the file, those of its wiring included
     GraphError if only the wiring is wrong
     """
-    file = os.fspath(path)
-    return loads(text_of(path), file)
+    return loads(text_of(path), os.fspath(path))
 
 
 def loads(text: str, file: str = "") -> Graph:
@@ -58,7 +100,12 @@ def dumps(graph: Graph) -> str:
     document: dict[str, Any] = {"format": FORMAT, "version": VERSION, "name": graph.name}
     if graph.title:
         document["title"] = graph.title
-    document["blocks"] = {name: _block_data(block) for name, block in graph.blocks.items()}
+    document["blocks"] = {
+        name: {"type": block.type, **block.raw}
+        if isinstance(block, UnknownBlock)
+        else {"type": block.type_name, **plain(block)}
+        for name, block in graph.blocks.items()
+    }
     document["wires"] = [{"from": wire.source, "to": wire.target} for wire in graph.wires]
     sections = {"scene": plain(graph.scene), **{key: graph.extras.get(key) for key in EXTRAS}}
     return canonical_text(document | {key: plain(said) for key, said in sections.items() if said})
@@ -73,12 +120,6 @@ def save(graph: Graph, path: str | os.PathLike[str]) -> None:
     RequestError where the place cannot be written
     """
     write_checked(path, dumps(graph), loads)
-
-
-def _block_data(block: AnyBlock) -> dict[str, Any]:
-    if isinstance(block, UnknownBlock):
-        return {"type": block.type, **block.raw}
-    return {"type": block.type_name, **plain(block)}
 
 
 @dataclass
@@ -97,11 +138,14 @@ class _Draft:
         """Whether there are more problems than are shown, so that no more are looked for."""
         return len(self.content) + len(self.wiring) > MOST
 
+    @property
+    def no_blocks(self) -> bool:
+        """Whether there is no section of blocks to be read."""
+        return any(problem.where == "blocks" for problem in self.content)
+
     def note(self, problems: Iterable[Problem]) -> None:
         """Add what is wrong with the content, unless the text has said so already."""
-        for problem in problems:
-            if not said_already(problem, self.odd):
-                self.content.append(problem)
+        self.content += [p for p in problems if not said_already(p, self.odd)]
 
 
 def _read(text: str) -> _Draft:
@@ -113,17 +157,23 @@ def _read(text: str) -> _Draft:
     document = _sections({**migrate(raw), "format": FORMAT}, draft)
     graph = draft.graph
     graph.name, graph.title, graph.scene = document.name, document.title, document.scene
-    for key in EXTRAS:
-        if key in document.model_fields_set:
-            graph.extras[key] = getattr(document, key)
+    given = document.model_fields_set.intersection(EXTRAS)
+    graph.extras.update((key, getattr(document, key)) for key in EXTRAS if key in given)
     for name, block in document.blocks.items():
         if not draft.full:
             _add(draft, name, block)
     fed: dict[str, Wire] = {}
-    no_blocks = any(problem.where == "blocks" for problem in draft.content)
-    for ends in () if no_blocks else document.wires:
-        if not draft.full:
-            _connect(draft, Wire(ends.source, ends.target), fed)
+    for ends in () if draft.no_blocks else document.wires:
+        wire = Wire(ends.source, ends.target)
+        problems = checks.wire_problems(graph.blocks, wire, fed.get(wire.target))
+        if draft.full:
+            break
+        if found := list(problems):
+            draft.wiring += found
+            draft.refused |= {wire.target, wire.source}  # or the other way round
+        else:
+            graph.wires.append(wire)
+            fed.setdefault(wire.target, wire)
     return draft
 
 
@@ -151,11 +201,11 @@ def _identify(raw: Mapping[str, Any]) -> Iterator[Problem]:
         if "format" in raw or "blocks" not in raw:
             raise FormatError(problem)
         yield problem
-    problem_of_version = version_problem(raw)
-    if problem_of_version is not None:
-        if problem_of_version.code == "newer-version":
-            raise FormatError(problem_of_version)
-        yield problem_of_version
+    of_version = version_problem(raw)
+    if of_version is not None:
+        if of_version.code == "newer-version":
+            raise FormatError(of_version)
+        yield of_version
 
 
 def _sections(data: dict[str, Any], draft: _Draft) -> GraphDocument:
@@ -172,10 +222,9 @@ def _sections(data: dict[str, Any], draft: _Draft) -> GraphDocument:
 
 def _without(problems: list[Problem], data: Mapping[str, Any]) -> dict[str, Any]:
     """The sections in which nothing is wrong; of the wires, those that are not."""
-    names = list(GraphDocument.model_fields)
     wrong = {_section(problem) for problem in problems}
-    sound = {n: data[n] for k, n in enumerate(names) if n in data and k not in wrong}
-    if names.index("wires") in wrong and isinstance(data["wires"], list):
+    sound = {n: data[n] for k, n in enumerate(SECTIONS) if n in data and k not in wrong}
+    if SECTIONS.index("wires") in wrong and isinstance(data["wires"], list):
         found = (re.match(r"wires\[(\d+)\]", problem.where) for problem in problems)
         places = {int(place[1]) for place in found if place}
         sound["wires"] = [w for k, w in enumerate(data["wires"]) if k not in places]
@@ -184,9 +233,8 @@ def _without(problems: list[Problem], data: Mapping[str, Any]) -> dict[str, Any]
 
 def _section(problem: Problem) -> int:
     """Which section of the document a problem of its content is in."""
-    names = list(GraphDocument.model_fields)
     name = re.split(r"[.\[]", problem.where, maxsplit=1)[0]
-    return names.index(name) if name in names else len(names)
+    return SECTIONS.index(name) if name in SECTIONS else len(SECTIONS)
 
 
 def _misnamed(document: GraphDocument, data: Mapping[str, Any]) -> Iterator[Problem]:
@@ -197,9 +245,8 @@ def _misnamed(document: GraphDocument, data: Mapping[str, Any]) -> Iterator[Prob
         for key in data["scene"]["drive"][driver]:
             if key not in keys:
                 where = path_text(("scene", "drive", driver, key))
-                said = fields[key].alias or ""
                 problem = unknown_key(where, f"the law {law.law}", key, keys)
-                yield replace(problem, remedy=f'did you mean "{said}"?')
+                yield replace(problem, remedy=f'did you mean "{fields[key].alias}"?')
 
 
 def _add(draft: _Draft, name: str, raw: Any) -> None:
@@ -209,7 +256,7 @@ def _add(draft: _Draft, name: str, raw: Any) -> None:
     if block is None:
         draft.unread[name] = raw.get("type") if isinstance(raw, dict) else None
         block = UnknownBlock("")
-    problem = checks.name_problem(draft.graph, name, block)
+    problem = checks.name_problem(draft.graph.blocks, name, block)
     if problem is None:
         draft.graph.blocks[name] = block
     else:
@@ -218,14 +265,14 @@ def _add(draft: _Draft, name: str, raw: Any) -> None:
 
 def _block(name: str, raw: Any) -> tuple[list[Problem], AnyBlock | None]:
     """A block, or what is wrong with it."""
-    where = path_text(("blocks", name))
+    where, types = path_text(("blocks", name)), f"types: {listed(REGISTRY, 30)}"
     if not isinstance(raw, dict):
         found = f"a block must be an object {{...}}, got {shown(raw)}"
         return [Problem("wrong-type", where, found)], None
-    kind, types = raw.get("type"), f"types: {listed(REGISTRY, 30)}"
     if "type" not in raw:
         found = 'a block needs "type"'
         return [Problem("missing-key", f"{where}.type", found, types, "add it")], None
+    kind = raw["type"]
     if not isinstance(kind, str) or not kind:
         found = f"type must be the name of a block type, got {shown(kind)}"
         return [Problem("wrong-type", f"{where}.type", found, types)], None
@@ -237,29 +284,17 @@ def _block(name: str, raw: Any) -> tuple[list[Problem], AnyBlock | None]:
     return problems, block
 
 
-def _connect(draft: _Draft, wire: Wire, fed: dict[str, Wire]) -> None:
-    """Add a wire that `Graph.connect` would take; note what is wrong with another."""
-    problems = list(checks.wire_problems(draft.graph, wire, fed.get(wire.target)))
-    if problems:
-        draft.wiring += problems
-        draft.refused |= {wire.target, wire.source}  # or the other way round
-    else:
-        draft.graph.wires.append(wire)
-        fed.setdefault(wire.target, wire)
-
-
 def _lacking(draft: _Draft) -> Iterator[Problem]:
     """What else `Graph.check` finds, but for what follows from blocks and wires left out."""
     if draft.full:
         return
-    no_blocks = any(problem.where == "blocks" for problem in draft.content)
-    no_frame_read = no_blocks or any(kind in ("frame", None) for kind in draft.unread.values())
+    no_frame_read = any(kind in ("frame", None) for kind in draft.unread.values())
     for problem in draft.graph.check():
         follows = {
             "unknown-block": problem.where in draft.unread,
             "unwired-joint": problem.where in draft.refused,
             "unknown-driver": problem.where.rsplit(".", 1)[-1] in draft.unread,
-            "no-frame": no_frame_read,
+            "no-frame": draft.no_blocks or no_frame_read,
         }
         if not follows.get(problem.code, False):
             yield problem

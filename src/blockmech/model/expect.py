@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from blockmech.values import NotNegative, Number, Positive, Strictly, is_number, mistake, shown
+from blockmech.errors import shown
+from blockmech.values import NotNegative, Number, Positive, Strictly, is_number, mistake
 
 NUMBERS = {"type": "array", "items": {"type": "number"}, "minItems": 1}
 PAIRS = {

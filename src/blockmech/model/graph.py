@@ -95,7 +95,7 @@ class Graph(KnownAttributes):
 
         Raises `GraphError` for a taken or reserved name, or for what is not a block.
         """
-        problem = checks.name_problem(self, name, block)
+        problem = checks.name_problem(self.blocks, name, block)
         if problem:
             raise GraphError(problem)
         self.blocks[name] = block
@@ -108,7 +108,7 @@ class Graph(KnownAttributes):
         """
         wire = Wire(source, target)
         fed = next((w for w in self.wires if w.target == target), None)
-        problems = list(checks.wire_problems(self, wire, fed))
+        problems = list(checks.wire_problems(self.blocks, wire, fed))
         if problems:
             raise GraphError(problems)
         self.wires.append(wire)
@@ -147,11 +147,11 @@ class Graph(KnownAttributes):
 
     def check(self) -> list[Problem]:
         """All problems of the wiring, as data; an empty list is a valid mechanism."""
-        return checks.all_problems(self)
+        return checks.all_problems(self.blocks, self.wires, self.scene)
 
     def remarks(self) -> list[Problem]:
         """Unused and unreachable things: not wrong, but perhaps forgotten."""
-        return checks.remarks(self)
+        return checks.remarks(self.blocks, self.wires)
 
     def structure(self) -> Structure:
         """The checked formation sequence. Raises `GraphError` with all problems."""
@@ -160,7 +160,7 @@ class Graph(KnownAttributes):
             raise GraphError(problems)
         known = {n: b for n, b in self.blocks.items() if isinstance(b, Block)}
         frame = next(n for n, b in known.items() if isinstance(b, Frame))
-        order = formation_order(known, checks.block_dag(self))
+        order = formation_order(known, checks.block_dag(self.blocks, self.wires))
         feeds: dict[JointRef, MarkerRef] = {}
         holds: dict[JointRef, MarkerRef] = {}
         markers: dict[str, Any] = {}  # a frame may have thousands

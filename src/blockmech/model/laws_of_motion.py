@@ -40,9 +40,16 @@ class LawOfMotion(Strictly):
 
 
 class _Range(LawOfMotion):
+    """Constant acceleration over a range of the coordinate; zero is a constant rate."""
+
     by_coordinate: ClassVar[bool] = True
     start: Annotated[Number, Field(alias="from")] = 0.0
     end: Annotated[Number, Field(alias="to")] = 2 * math.pi
+
+    @property
+    @abstractmethod
+    def _course(self) -> tuple[float, float]:
+        """Rate at ``from`` and acceleration."""
 
     def coordinates(self, n: int) -> Array:
         """n equally spaced coordinates over the range; one if the range is a point."""
@@ -50,13 +57,36 @@ class _Range(LawOfMotion):
             return np.array([self.start])
         return np.linspace(self.start, self.end, n)
 
-    @abstractmethod
     def at_coordinates(self, q: Array) -> Motion:
-        """Coordinate, rate and acceleration (n,) at coordinates (n,)."""
+        """rate^2 = rate_from^2 + 2 acceleration (q - from); NaN where it never gets."""
+        rate, acceleration = self._course
+        if not acceleration:
+            return q, np.full(q.shape, rate), np.zeros(q.shape)
+        direction = math.copysign(1.0, rate or acceleration)
+        with np.errstate(invalid="ignore"):
+            rates = direction * np.sqrt(rate**2 + 2 * acceleration * (q - self.start))
+        return q, rates, np.full(q.shape, acceleration)
 
-    @abstractmethod
+    def at_times(self, t: Array) -> Motion:
+        """q = from + rate t + acceleration t^2 / 2."""
+        rate, acceleration = self._course
+        if not acceleration:
+            return self.at_coordinates(self.start + rate * t)
+        q = self.start + rate * t + acceleration * t * t / 2
+        return q, rate + acceleration * t, np.full(t.shape, acceleration)
+
     def times(self, q: Array) -> Array:
-        """Time [s] since ``from`` at which the coordinate is q."""
+        """First time [s] since ``from`` at which q is passed; NaN where it never is."""
+        rate, acceleration = self._course
+        if acceleration:
+            return (self.at_coordinates(q)[1] - rate) / acceleration
+        return (q - self.start) / rate if rate else np.full(q.shape, np.nan)
+
+    def duration(self) -> float:
+        """Time over the range; infinite where its end is never reached."""
+        t = float(self.times(np.array([self.end]))[0])
+        t = t if self._course[1] else abs(t)  # a constant rate is run from end to end either way
+        return t if math.isfinite(t) else math.inf
 
 
 class ConstantRate(_Range):
@@ -65,21 +95,9 @@ class ConstantRate(_Range):
     law: Literal["constant_rate"] = "constant_rate"
     rate: Number
 
-    def at_coordinates(self, q: Array) -> Motion:
-        """The given rate, no acceleration."""
-        return q, np.full(q.shape, self.rate), np.zeros(q.shape)
-
-    def at_times(self, t: Array) -> Motion:
-        """q = from + rate t."""
-        return self.at_coordinates(self.start + self.rate * t)
-
-    def times(self, q: Array) -> Array:
-        """t = (q - from) / rate; NaN for a mechanism at rest."""
-        return (q - self.start) / self.rate if self.rate else np.full(q.shape, np.nan)
-
-    def duration(self) -> float:
-        """Time over the range, infinite at rest."""
-        return abs((self.end - self.start) / self.rate) if self.rate else math.inf
+    @property
+    def _course(self) -> tuple[float, float]:
+        return self.rate, 0.0
 
 
 class RateAcceleration(_Range):
@@ -90,33 +108,8 @@ class RateAcceleration(_Range):
     acceleration: Number
 
     @property
-    def _direction(self) -> float:
-        towards = self.rate or self.acceleration or (self.end - self.start)
-        return math.copysign(1.0, towards)
-
-    def at_coordinates(self, q: Array) -> Motion:
-        """rate^2 = rate_from^2 + 2 acceleration (q - from); NaN where it never gets."""
-        square = self.rate**2 + 2 * self.acceleration * (q - self.start)
-        with np.errstate(invalid="ignore"):
-            rate = self._direction * np.sqrt(square)
-        return q, rate, np.full(q.shape, self.acceleration)
-
-    def at_times(self, t: Array) -> Motion:
-        """q = from + rate t + acceleration t^2 / 2."""
-        q = self.start + self.rate * t + self.acceleration * t * t / 2
-        return q, self.rate + self.acceleration * t, np.full(t.shape, self.acceleration)
-
-    def times(self, q: Array) -> Array:
-        """First time at which q is passed."""
-        if self.acceleration == 0:
-            return (q - self.start) / self.rate if self.rate else np.full(q.shape, np.nan)
-        _, rate, _ = self.at_coordinates(q)
-        return (rate - self.rate) / self.acceleration
-
-    def duration(self) -> float:
-        """Time over the range; infinite where its end is never reached."""
-        t = float(self.times(np.array([self.end]))[0])
-        return t if math.isfinite(t) else math.inf
+    def _course(self) -> tuple[float, float]:
+        return self.rate, self.acceleration
 
 
 class Harmonic(LawOfMotion):

@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from blockmech.errors import FormatError, Problem
-from blockmech.values import shown
+from blockmech.errors import FormatError, Problem, shown
 
 Document: TypeAlias = dict[str, Any]
 Step: TypeAlias = Callable[[Mapping[str, Any]], Document]
@@ -46,28 +45,13 @@ def version_problem(data: Mapping[str, Any], newest: int = VERSION) -> Problem |
     """What is wrong with the version of a document, if anything."""
     valid = "this blockmech reads version 1" + (f" to {newest}" if newest > 1 else "")
     if "version" not in data:
-        return Problem(
-            "missing-version",
-            "version",
-            "the file does not say its version",
-            valid,
-            f'add "version": {newest}',
-        )
+        found, remedy = "the file does not say its version", f'add "version": {newest}'
+        return Problem("missing-version", "version", found, valid, remedy)
     version = data["version"]
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        return Problem(
-            "bad-version",
-            "version",
-            f"version must be a whole number from 1, got {shown(version)}",
-            valid,
-            f'write "version": {newest}',
-        )
+        found = f"version must be a whole number from 1, got {shown(version)}"
+        return Problem("bad-version", "version", found, valid, f'write "version": {newest}')
     if version > newest:
-        return Problem(
-            "newer-version",
-            "version",
-            f"the file has version {version}, made by a newer blockmech",
-            valid,
-            "update blockmech",
-        )
+        found = f"the file has version {version}, made by a newer blockmech"
+        return Problem("newer-version", "version", found, valid, "update blockmech")
     return None

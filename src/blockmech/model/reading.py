@@ -17,11 +17,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from blockmech.errors import FormatError, Problem
-from blockmech.model.problems import MOST, in_file, path_text
+from blockmech.errors import MOST, FormatError, Problem, in_file, path_text
 
-MEGABYTE = 1_000_000
-LARGEST = 4 * MEGABYTE  # bytes; thousands of blocks, and read in a second or two
+LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
 DEEPEST = 64  # nested objects and lists; a graph needs nine
 
 MARKS = (  # the longer ones first
@@ -48,24 +46,17 @@ def text_of(path: str | os.PathLike[str]) -> str:
 
 def _bytes_of(path: Path) -> bytes:
     if path.is_dir():
-        raise FormatError(
-            Problem("not-a-file", "", "it is a directory", "", "name a graph file in it")
-        )
+        found, remedy = "it is a directory", "name a graph file in it"
+        raise FormatError(Problem("not-a-file", "", found, "", remedy))
     with path.open("rb") as stream:
         size = os.fstat(stream.fileno()).st_size
         most = size or LARGEST  # what is no file on a disk tells no size
         raw = b"" if size > LARGEST else stream.read(most + 1)
     if size > LARGEST or len(raw) > LARGEST:
-        found = f"{size / MEGABYTE:.0f} MB" if size > LARGEST else "endless"
-        raise FormatError(
-            Problem(
-                "too-large",
-                "",
-                f"too large: {found}",
-                f"a graph file has at most {LARGEST // MEGABYTE} MB",
-                "check that it is a graph file",
-            )
-        )
+        found = f"{size / 1e6:.0f} MB" if size > LARGEST else "endless"
+        valid = f"a graph file has at most {LARGEST / 1e6:.0f} MB"
+        remedy = "check that it is a graph file"
+        raise FormatError(Problem("too-large", "", f"too large: {found}", valid, remedy))
     return raw
 
 
@@ -79,21 +70,21 @@ def _not_opened(error: OSError | ValueError) -> Problem:
 
 
 def _decoded(raw: bytes) -> str:
-    for mark, name in MARKS:
-        if raw.startswith(mark):
-            raise FormatError(_not_utf8("line 1, column 1", f"the text is {name}"))
+    found, where = "", "line 1, column 1"
     if b"\x00" in raw[:4]:
-        raise FormatError(_not_utf8("line 1, column 1", "not text, or UTF-16"))
+        found = "not text, or UTF-16"
+    found = next((f"the text is {name}" for mark, name in MARKS if raw.startswith(mark)), found)
     try:
-        return raw.removeprefix(codecs.BOM_UTF8).decode()
+        text = raw.removeprefix(codecs.BOM_UTF8).decode()
     except UnicodeDecodeError as error:
-        before = raw[: error.start].decode(errors="replace")
-        found = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
-        raise FormatError(_not_utf8(place(before, len(before)), found)) from error
-
-
-def _not_utf8(where: str, found: str) -> Problem:
-    return Problem("wrong-encoding", where, found, "a graph file is UTF-8", "save it as UTF-8")
+        text, before = "", raw[: error.start].decode(errors="replace")
+        if not found:
+            found = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
+            where = place(before, len(before))
+    if found:
+        valid, remedy = "a graph file is UTF-8", "save it as UTF-8"
+        raise FormatError(Problem("wrong-encoding", where, found, valid, remedy))
+    return text
 
 
 def place(text: str, offset: int) -> str:
@@ -108,72 +99,57 @@ def data_of(text: str) -> tuple[dict[str, Any], list[Problem]]:
     Raises `FormatError` where there is nothing to go on with.
     """
     if not text.strip():
-        raise FormatError(
-            Problem("empty-file", "", "it is empty", "", "start from a gallery graph")
-        )
-    odd: list[bool] = []
+        remedy = "start from a gallery graph"
+        raise FormatError(Problem("empty-file", "", "it is empty", "", remedy))
+    too_deep = f"objects and lists are nested more than {DEEPEST} deep"
     try:
-        data = _parsed(text, odd)
+        data, odd = _parsed(text)
+        if _deeper(data, DEEPEST):
+            raise RecursionError
     except json.JSONDecodeError as error:
         raise FormatError(_syntax(text, error)) from error
     except RecursionError as error:
-        raise FormatError(_TOO_DEEP) from error
-    if _deeper(data, DEEPEST):
-        raise FormatError(_TOO_DEEP)
+        raise FormatError(Problem("too-deep", "", too_deep, "a graph needs nine")) from error
     if not isinstance(data, dict):
-        raise FormatError(
-            Problem(
-                "not-an-object",
-                "line 1, column 1",
-                "the file does not hold an object",
-                'a graph file is {"format": "blockmech/graph", ...}',
-            )
-        )
+        found = "the file does not hold an object"
+        valid = 'a graph file is {"format": "blockmech/graph", ...}'
+        raise FormatError(Problem("not-an-object", "line 1, column 1", found, valid))
     misfits = list(islice(_misfits(text), MOST + 1)) if odd else []
     if any(problem.code == "wrong-encoding" for problem in misfits):
         raise FormatError(misfits)  # half characters break what they are handed to
     return data, misfits
 
 
-_TOO_DEEP = Problem(
-    "too-deep", "", f"objects and lists are nested more than {DEEPEST} deep", "a graph needs nine"
-)
-
-
-def _parsed(text: str, odd: list[bool]) -> Any:
-    """The data of a text; ``odd`` is filled where a scan of the text will find something."""
+def _parsed(text: str) -> tuple[Any, bool]:
+    """The data of a text, and whether a scan of the text will find something odd in it."""
+    odd = _half_characters(text) or "\\ud" in text or "\\uD" in text
 
     def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
+        nonlocal odd
         found = dict(items)
-        if len(found) != len(items):
-            odd.append(True)
+        odd = odd or len(found) != len(items)
         return found
 
     def number(token: str) -> float:
+        nonlocal odd
         x = float(token)
-        if not math.isfinite(x):
-            odd.append(True)
+        odd = odd or not math.isfinite(x)
         return x
 
     def whole(token: str) -> int | float:
         return int(token) if len(token) < 300 else number(token)
 
-    if _half_characters(text) or "\\ud" in text or "\\uD" in text:
-        odd.append(True)
-    return json.loads(
+    data = json.loads(
         text, object_pairs_hook=pairs, parse_constant=number, parse_float=number, parse_int=whole
     )
+    return data, odd
 
 
 def _deeper(data: Any, most: int) -> bool:
     level = [data]
     for _ in range(most + 1):
-        level = [
-            part
-            for box in level
-            if isinstance(box, dict | list)
-            for part in (box.values() if isinstance(box, dict) else box)
-        ]
+        boxes = [box for box in level if isinstance(box, dict | list)]
+        level = [x for b in boxes for x in (b.values() if isinstance(b, dict) else b)]
         if not level:
             return False
     return True
@@ -199,13 +175,9 @@ def _syntax(text: str, error: json.JSONDecodeError) -> Problem:
     extra = error.msg.startswith("Extra data")
     half = not extra and CUT_OFF.fullmatch(text, at, max(at, end))
     if half or error.msg.startswith("Unterminated string"):
-        return Problem(
-            "truncated",
-            place(text, end),
-            "the file ends in the middle",
-            "every { [ and quotation mark is closed",
-            "complete it, or fetch it again",
-        )
+        found, valid = "the file ends in the middle", "every { [ and quotation mark is closed"
+        remedy = "complete it, or fetch it again"
+        return Problem("truncated", place(text, end), found, valid, remedy)
     before = text[:at].rstrip()
     comma = text[at] == "," and text[at + 1 :].lstrip()[:1] in ("}", "]")
     if comma or (before.endswith(",") and text[at] in "}]"):
@@ -248,62 +220,38 @@ class _Open:
     """An object or list that the scan is inside of."""
 
     key: str | int  # of the item at which the scan is
-    keys: dict[str, int] | None = None  # of an object: where each was given
-    expects_key: bool = True
-
-    def next_item(self) -> None:
-        """Go on after a comma."""
-        if isinstance(self.key, int):
-            self.key += 1
-        self.expects_key = True
+    keys: dict[str, int]  # of an object: where each was given
+    expects_key: bool
 
 
 def _misfits(text: str) -> Iterator[Problem]:
     """What is wrong with single values of a text that is valid JSON otherwise."""
     inside: list[_Open] = []
+
+    def problem(code: str, found: str, remedy: str = "") -> Problem:
+        return Problem(code, path_text([box.key for box in inside]), found, "", remedy)
+
     for token in TOKEN.finditer(text):
-        sign = token.group()
-        if sign == "{":
-            inside.append(_Open("", {}))
-        elif sign == "[":
-            inside.append(_Open(0))
+        sign, at = token.group(), token.start()
+        if sign in ("{", "["):
+            inside.append(_Open("" if sign == "{" else 0, {}, sign == "{"))
         elif sign in ("}", "]"):
             inside.pop()
-        elif sign == ",":
-            inside[-1].next_item()
-        elif sign == ":":
-            inside[-1].expects_key = False
+        elif sign == "," and isinstance(number := inside[-1].key, int):
+            inside[-1].key = number + 1
+        elif sign in (",", ":"):
+            inside[-1].expects_key = sign == ","
         elif sign[0] == '"':
-            yield from _text_misfits(text, token, inside)
+            said, here = json.loads(sign), inside[-1]
+            if here.expects_key:
+                here.key = said
+                first = here.keys.setdefault(said, at)
+                if first != at:
+                    found = f"the key is given twice: {place(text, first)} and {place(text, at)}"
+                    yield problem("duplicate-key", found, "keep one of them")
+            if _half_characters(said):
+                found = f"half of a character ({place(text, at)})"
+                yield problem("wrong-encoding", found, "write the whole character")
         elif sign[0] not in "tfn" and not math.isfinite(float(sign)):
-            yield Problem(
-                "non-finite",
-                _address(inside),
-                f"{sign[:20]} is not a finite number ({place(text, token.start())})",
-            )
-
-
-def _text_misfits(text: str, token: re.Match[str], inside: list[_Open]) -> Iterator[Problem]:
-    """Half characters of a text, and whether it is a key given before."""
-    said = json.loads(token.group())
-    at = token.start()
-    here = inside[-1]
-    if here.keys is not None and here.expects_key:
-        here.key = said
-        if said in here.keys:
-            first = place(text, here.keys[said])
-            yield Problem(
-                "duplicate-key",
-                _address(inside),
-                f"the key is given twice: {first} and {place(text, at)}",
-                "",
-                "keep one of them",
-            )
-        here.keys.setdefault(said, at)
-    if _half_characters(said):
-        found = f"half of a character ({place(text, at)})"
-        yield Problem("wrong-encoding", _address(inside), found, "", "write the whole character")
-
-
-def _address(inside: list[_Open]) -> str:
-    return path_text([box.key for box in inside])
+            found = f"{sign[:20]} is not a finite number ({place(text, at)})"
+            yield problem("non-finite", found)

@@ -9,34 +9,15 @@ from __future__ import annotations
 from typing import Any
 
 from pydantic import BaseModel
-from pydantic.json_schema import GenerateJsonSchema, models_json_schema
+from pydantic.json_schema import models_json_schema
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
-from blockmech.model.contents import GraphDocument
-from blockmech.model.writing import field_order
+from blockmech.model.document import GraphDocument
+from blockmech.validation_errors import InWrittenOrder
 
 NAME = {"pattern": r"^[^./]+$"}
 ADDRESS = {"type": "string", "pattern": r"^[^./]+\.[^./]+$"}
-
-
-class _InWrittenOrder(GenerateJsonSchema):
-    """Keys stand in the order in which they are written."""
-
-    def model_schema(self, schema: Any) -> dict[str, Any]:
-        found = super().model_schema(schema)
-        if "properties" in found:
-            model = schema["cls"]
-            names = field_order(model)
-            if self.by_alias:
-                names = [model.model_fields[n].alias or n for n in names]
-            found["properties"] = {n: found["properties"][n] for n in names}
-        return found
-
-
-def model_schema(model: type[BaseModel], by_alias: bool = True) -> dict[str, Any]:
-    """JSON Schema of a model as it stands in a file, or by the names of its fields."""
-    return model.model_json_schema(by_alias, schema_generator=_InWrittenOrder)
 
 
 def graph_schema() -> dict[str, Any]:
@@ -44,7 +25,7 @@ def graph_schema() -> dict[str, Any]:
     types = {name: REGISTRY[name] for name in REGISTRY}
     models: list[type[BaseModel]] = [GraphDocument, *types.values()]
     places, shared = models_json_schema(
-        [(model, "validation") for model in models], schema_generator=_InWrittenOrder
+        [(model, "validation") for model in models], schema_generator=InWrittenOrder
     )
     parts = shared["$defs"]
     key = {model: places[model, "validation"]["$ref"].rsplit("/", 1)[-1] for model in models}

@@ -16,26 +16,14 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from blockmech.errors import FormatError, Problem
+from blockmech.errors import FormatError, Problem, path_text
 from blockmech.loads.functions import Function
-from blockmech.model.problems import path_text
+from blockmech.validation_errors import field_order
 from blockmech.values import Pair
 
 WIDTH = 100  # characters of a line
 SECTIONS = 2  # levels that are always open: the document and its sections
-KEY_A_LINE = 3  # levels that are opened one item a line: to the keys of a block
-LAST = ("links", "markers", "friction", "slider", "useful")
-"""Fields that many blocks share; they follow the block's own, in this order."""
-
-
-def field_order(model: type[BaseModel]) -> list[str]:
-    """Names of a model's fields as they are written: its own, then inherited, then `LAST`."""
-    names: list[str] = []
-    for cls in model.__mro__:
-        if issubclass(cls, BaseModel):
-            inherited = {n for base in cls.__bases__ for n in getattr(base, "model_fields", ())}
-            names += [n for n in cls.model_fields if n not in inherited and n not in names]
-    return sorted(names, key=lambda n: LAST.index(n) if n in LAST else -1)
+KEY_A_LINE = SECTIONS + 1  # levels that are opened one item a line: to the keys of a block
 
 
 def plain(value: Any, tag: str = "") -> Any:

@@ -1,43 +1,42 @@
-"""All assembly modes of a triad at one position of the links that hold it.
+"""All assembly modes of triads at given positions of the links that hold them.
 
 The directions from the elimination are starting points; each mode is closed by Newton's
 method on the three conditions themselves, so its accuracy does not depend on that of
 the polynomial. Near a dead centre two modes lie close together, and Newton's method
-alone would be a matter of luck. There the conditions are reduced to one equation
-tau(s) = 0 along the direction in which the platform is loose (Lyapunov & Schmidt): tau
-is a parabola near its extreme, and the sign of the extreme tells whether there are two
-modes or none. Where rounding hides the sign, one pose is returned and marked *double*.
+alone would be a matter of luck. There the conditions are relaxed by a multiple tau of
+the force that is about to be lost (Lyapunov & Schmidt). Along the direction in which
+the platform is loose tau is a parabola, and the sign of its extreme tells whether there
+are two modes or none. Where rounding hides the sign, one pose is returned, a *double* one.
 
-Cost: about a millisecond, most of it in some 30 steps of Newton's method.
 Sources: `elimination`; [GR84] Golubitsky & Schaeffer, Singularities and Groups in
-Bifurcation Theory I, 1985, chapter VII, for the reduction.
+Bifurcation Theory I, 1985, chapter VII, for the reduction; [G00] Govaerts, Numerical
+Methods for Bifurcations of Dynamical Equilibria, 2000, chapter 3, for the bordered system.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from blockmech.modes.elimination import EPS, directions, shifts
-from blockmech.modes.triad import Floats, Placed, Support, Triad, placed, residual
-from blockmech.plane import angle, expi
+from blockmech.modes.elimination import coefficients, directions, shifts
+from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
+from blockmech.plane import EPS
 
 STEPS = 40  # of Newton's method; halving its distance from a dead centre takes one each
-LONGEST = 0.5  # step, in sizes and radians
+LONGEST = 0.3  # step, in sizes and radians; no dead centre is looked for further away
 CLOSED = 16 * EPS  # of the size: a pose that misses less has closed
-NEAR_CIRCLE = 1.25  # larger directions are complex beyond doubt: a sixfold root is good to 1e-2
-NEAR_DEAD = 1e-2  # ratio of extreme singular values below which a dead centre is looked for
-LOCAL = 0.3  # how far the platform may be moved for that
-SAME = 1e-7  # two poses nearer than this are one: rounding hides the gap of a parabola
-MOST_HIDDEN = 2e-13  # miss of a double pose, whatever the parabola
-NOISE = 64 * EPS  # over the ratio of singular values: how far a closed pose may be off
-LOOSE = 1e-10  # the same ratio at a pose from which no parabola is seen: three modes or more
-FREE = 1e-2  # how far a platform moves that is not held: three modes in one leave 1e-6 there
-FLAT = 1e-6  # curvature of tau below which the platform moves instead of standing
+NEAR = 1e-2  # ratio of singular values: a dead centre is near. A sixfold root is good to it
+SAME = 1e-7  # poses nearer than this are one: rounding hides the gap of a parabola
+CUSP = 4 * EPS ** (2 / 3)  # the ratio where three modes fall together, closed to rounding
+DELTA = EPS ** (1 / 3)  # for differences of rates
+
+System: TypeAlias = Callable[[Floats, Floats], tuple[Floats, Floats]]
+"""x (n, 3) and a parameter (n,) -> conditions (n, 3) and their rates (n, 3, 3) by x."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +52,8 @@ class TriadMode:
         by the triad's size [-]; 0 at a dead centre
     sign : +1 or -1, of the determinant of the legs' unit forces (force x, y, moment);
         0 where it cannot be told. It keeps its value until a dead centre is passed.
-    double : whether two modes (or more) coincide here within rounding: a dead centre
-    movable : whether the platform can move here although the supports stand
+    double : whether two modes (or more) coincide here within rounding: a dead centre; or
+        the platform can move although the supports stand
     """
 
     o: complex
@@ -63,35 +62,33 @@ class TriadMode:
     margin: float
     sign: int
     double: bool = False
-    movable: bool = False
 
     @property
     def angle(self) -> float:
         """Angle [rad] of the platform in (-pi, pi]."""
-        return float(angle(1 + 0j, self.e))
+        return math.atan2(self.e.imag, self.e.real)
 
 
-class Pose(NamedTuple):
-    """A mode in the numbers of `Placed`."""
+class Poses(NamedTuple):
+    """All k modes of a triad in the numbers of `Placed`, by rising angle."""
 
-    x: Floats  # (3,) o [sizes] and angle [rad]
-    double: bool
-    movable: bool
-    within: float  # how far it may be off, in sizes and radians
+    x: Floats  # (k, 3) centre [sizes] and angle [rad]
+    double: list[bool]
 
 
 class Fold(NamedTuple):
-    """The extreme of tau near a pose: tau(s) = value + bend s^2 / 2 about it."""
+    """A dead centre: where a parameter has its extreme along a curve of poses."""
 
-    x: Floats  # (3,) pose of the extreme
-    value: float  # tau there [-]
-    bend: float  # second derivative of tau by s
-    loose: Floats  # (3,) direction in which the platform is loose there
-    sound: bool  # whether the extreme was found
+    x: Floats  # (3,)
+    parameter: float
+    loose: Floats  # (3,) direction in which the platform is loose
+    bend: float  # of what the third force misses, by the square of the way along it
+    rate: float  # of the same, by the parameter
 
-    def hidden(self) -> float:
-        """The value below which rounding hides whether there are two modes or none."""
-        return max(CLOSED, min(abs(self.bend) * SAME**2, MOST_HIDDEN))
+    def half(self, parameter: float) -> float:
+        """How far from here either mode is at another value of the parameter; NaN: none is."""
+        square = -2 * self.rate * (parameter - self.parameter) / self.bend
+        return math.sqrt(square) if square >= 0 else math.nan
 
 
 def triad_modes(triad: Triad, supports: Sequence[Support]) -> tuple[TriadMode, ...]:
@@ -115,194 +112,176 @@ def triad_modes(triad: Triad, supports: Sequence[Support]) -> tuple[TriadMode, .
     [-1.294, -0.083, 0.063, 0.539, 0.672, 1.98]
     """
     held = placed(triad, supports)
-    return tuple(mode_of(triad, supports, held, pose) for pose in poses(held))
+    return modes_of(held, poses(held)[0])
 
 
-def poses(held: Placed) -> tuple[Pose, ...]:
-    """All modes of a triad that is held, by rising angle."""
-    found: list[Pose] = []
-    for z in directions(held).tolist():
-        if not 1 / NEAR_CIRCLE < abs(z) < NEAR_CIRCLE:
+def modes_of(held: Placed, found: Poses) -> tuple[TriadMode, ...]:
+    """Modes of one triad in SI units and the platform's own frame."""
+    held = held.rows([0] * len(found.x))
+    o, e = held.pose(found.x)
+    misses, rows = held.conditions(found.x)
+    signs = np.where(found.double, 0, np.sign(np.linalg.det(rows))).astype(int)
+    numbers = (o, e, np.abs(misses).max(axis=1), looseness(rows) ** 2, signs)
+    columns = (x.tolist() for x in numbers)
+    return tuple(TriadMode(*m) for m in zip(*columns, found.double, strict=True))
+
+
+def poses(held: Placed) -> list[Poses]:
+    """All modes of n triads; none of one whose supports are not finite."""
+    every = [directions(f) if np.isfinite(f).all() else f[:0] for f in coefficients(held)]
+    row, z = np.repeat(np.arange(len(every)), [len(e) for e in every]), np.concatenate(every)
+    near = np.abs(np.log(np.abs(z))) <= LONGEST  # others are complex beyond doubt
+    row, e = row[near], z[near] / np.abs(z[near])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        o = shifts(held.rows(row), e)
+    start = np.stack([o.real, o.imag, np.broadcast_to(np.angle(e)[:, None], o.shape)], axis=-1)
+    row, start = np.repeat(row, o.shape[1]), start.reshape(-1, 3)
+    start, row = start[np.isfinite(start).all(axis=1)], row[np.isfinite(start).all(axis=1)]
+    x, miss = newton(held.rows(row).conditions, start)
+    loose = looseness(held.rows(row).conditions(x)[1])
+    closed = has_closed(x, miss)
+    every_known: list[list[_Known]] = [[] for _ in every]
+    tried: list[list[_Known]] = [[] for _ in every]
+    # Where tau is larger than at the distance that `NEAR` means, both modes were closed from
+    # directions of their own, if there are any.
+    for k in np.flatnonzero(closed | ((loose <= NEAR) & (miss <= NEAR**2))).tolist():
+        found, begun = every_known[row[k]], tried[row[k]]
+        first = _Known(x[k], float(loose[k]))
+        if any(map(first.same, begun)):
             continue
-        e = z / abs(z)
-        for o in shifts(held, e):
-            start = np.array([o.real, o.imag, math.atan2(e.imag, e.real)])
-            for x, double in _closed_from(held, start):
-                within = min(SAME, NOISE / (looseness(held, x) or NOISE))
-                pose = Pose(x, double, double and _moves(held, x), within)
-                if not any(_same(pose, known) for known in found):
-                    found.append(pose)
-    return tuple(sorted(found, key=lambda p: (_wrapped(float(p.x[2])), p.x[0], p.x[1])))
+        begun.append(first)
+        beside: Iterable[_Known] = [first]
+        if first.loose <= NEAR:
+            beside = _about_fold(held.rows([row[k]]), first, bool(closed[k]))
+        for known in beside:
+            if not any(map(known.same, found)):
+                found.append(known)
+    return [_sorted(known) for known in every_known]
 
 
-def mode_of(triad: Triad, supports: Sequence[Support], held: Placed, pose: Pose) -> TriadMode:
-    """A mode in SI units and the platform's own frame."""
-    o, e = held.pose(pose.x)
-    _, rows = held.conditions(pose.x)
-    return TriadMode(
-        o,
-        e,
-        residual(triad, supports, o, e),
-        margin_of(rows),
-        0 if pose.double else int(math.copysign(1, np.linalg.det(rows))),
-        pose.double,
-        pose.movable,
-    )
-
-
-def _same(one: Pose, other: Pose) -> bool:
-    if one.movable and other.movable:  # one of the poses between which the platform moves
-        return True
-    return apart(one.x, other.x) <= max(one.within, other.within)
-
-
-def close(held: Placed, start: Floats, steps: int = STEPS) -> tuple[Floats, float]:
-    """Newton's method from a pose: the best pose seen, and its largest miss [-]."""
-    x, best, least = start, start, math.inf
-    for _ in range(steps):
-        f, rows = held.conditions(x)
-        miss = float(np.abs(f).max())
-        if miss < least:
-            best, least = x, miss
-        if miss == 0 or not math.isfinite(miss):
-            break
+def newton(
+    system: Callable[[Floats], tuple[Floats, Floats]], start: Floats
+) -> tuple[Floats, Floats]:
+    """Newton's method from n places at once: the best seen (n, k), and their misses (n,)."""
+    x, best, least = start.copy(), start.copy(), np.full(len(start), np.inf)
+    for _ in range(STEPS):
+        f, rows = system(x)
+        miss = np.abs(f).max(axis=1)
+        better = miss < least
+        best[better], least[better] = x[better], miss[better]
         step = solved(rows, -f)
-        if step is None:
+        longest = np.abs(step).max(axis=1, initial=0.0)
+        moves = (longest > EPS) & (better | (miss > CLOSED))  # not where there is no step: NaN
+        if not moves.any():
             break
-        longest = float(np.abs(step).max())
-        if longest <= EPS:
-            break
-        x = x + step * min(1.0, LONGEST / longest)
+        x[moves] += step[moves] * np.minimum(1.0, LONGEST / longest[moves])[:, None]
     return best, least
 
 
-def has_closed(x: Floats, miss: float) -> bool:
-    """Whether a miss [-] is rounding at a pose; with guides it may be many sizes away."""
-    return miss <= CLOSED * max(1.0, abs(complex(x[0], x[1])))
+def fold(system: System, x: Floats, parameter: float) -> Fold | None:
+    """The dead centre near a pose (3,): conditions that hold, and rates that are singular.
 
-
-def fold(held: Placed, x: Floats) -> Fold:
-    """The dead centre nearest to a pose, along the direction in which the platform is loose.
-
-    The conditions but for one multiple tau of a fixed vector are kept, and the platform
-    is moved by s along its loose direction to where tau(s) turns.
+    The rates are bordered so that the matrix stays regular; the last number g of what it
+    gives to a unit right side is zero where they are singular. Solved by Newton's method.
     """
-    _, rows = held.conditions(x)
-    left, _, right = np.linalg.svd(rows)
-    w, n = left[:, 2], right[2]
-    start, s, tau = x.copy(), 0.0, 0.0
-    slope, bend, turn = 0.0, 0.0, n
-    for _ in range(12):
-        x, tau, turn, slope, bend = _reduced(held, start, x, tau, s, w, n)
-        if not math.isfinite(tau) or abs(bend) < FLAT:
-            break
-        step = -slope / bend
-        s += step
-        if abs(s) > LOCAL:
-            break
-        x = x + turn * step
-        if abs(step) <= 1e-11:
-            x, tau, turn, slope, bend = _reduced(held, start, x, tau, s, w, n)
-            return Fold(x, tau, bend, turn, True)
-    return Fold(x, tau, bend, turn, False)
+    left, _, right = np.linalg.svd(system(x[None], np.array([parameter]))[1][0])
+    border = np.zeros((4, 4))
+    border[:3, 3], border[3, :3] = left[:, 2], right[2]
+    last = Fold(x, parameter, right[2], 0.0, 0.0)
+
+    def singular(z: Floats) -> tuple[Floats, Floats]:
+        nonlocal last
+        near = z + DELTA * np.concatenate([np.zeros((1, 4)), np.eye(4), -np.eye(4)])
+        f, rows = system(near[:, :3], near[:, 3])
+        border[:3, :3] = rows[0]
+        v, w = (solved(m[None], np.eye(4)[3:])[0] for m in (border, border.T))
+        turning = w[:3] @ ((rows[1:5] - rows[5:]) / (2 * DELTA)) @ v[:3]  # (4,)
+        rate = (f[4] - f[8]) / (2 * DELTA)
+        last = Fold(
+            z[0, :3], float(z[0, 3]), v[:3], float(turning[:3] @ v[:3]), float(w[:3] @ rate)
+        )
+        matrix = np.vstack([np.column_stack([rows[0], rate]), -turning])
+        return np.append(f[0], v[3])[None], matrix[None]
+
+    z, miss = newton(singular, np.append(x, parameter)[None])
+    singular(z)
+    near = float(np.abs(z[0, :3] - x).max()) <= LONGEST and abs(last.bend) >= SAME
+    return last if near and miss[0] <= SAME else None
 
 
-def margin_of(rows: Floats) -> float:
-    """Squared ratio of the extreme singular values of the rates' matrix (3, 3)."""
+def solved(matrices: Floats, right: Floats) -> Floats:
+    """Solutions (n, k) of systems (n, k, k), (n, k); NaN for one that has none."""
+    regular = np.linalg.det(matrices) != 0  # the same pivots as `solve` has
+    safe = np.where(regular[:, None, None], matrices, np.nan)
+    return np.asarray(np.linalg.solve(safe, right[..., None])[..., 0])
+
+
+def looseness(rows: Floats) -> Floats:
+    """Ratios (n,) of the extreme singular values of rates' matrices (n, 3, 3)."""
     values = np.linalg.svd(rows, compute_uv=False)
-    return float((values[2] / values[0]) ** 2)
+    return np.asarray(values[:, 2] / values[:, 0])
 
 
-def looseness(held: Placed, x: Floats) -> float:
-    """Ratio of the extreme singular values of the rates' matrix at a pose."""
-    return math.sqrt(margin_of(held.conditions(x)[1]))
+def has_closed(x: Floats, miss: Floats) -> NDArray[np.bool_]:
+    """Whether a miss (n,) is rounding at a pose; with guides it may be many sizes away."""
+    return np.asarray(miss <= CLOSED * np.maximum(1.0, np.hypot(x[:, 0], x[:, 1])))
 
 
-def _closed_from(held: Placed, start: Floats) -> Iterator[tuple[Floats, bool]]:
-    """The modes found from one starting pose: none, one, or the two about a dead centre."""
-    x, miss = close(held, start)
-    if not miss <= LOCAL:
+def apart(one: Floats, other: Floats) -> Floats:
+    """Distances of poses (..., 3), in sizes and radians."""
+    turned = np.abs(np.exp(1j * one[..., 2]) - np.exp(1j * other[..., 2]))
+    return np.asarray(np.hypot(np.hypot(*np.moveaxis(one - other, -1, 0)[:2]), turned))
+
+
+class _Known(NamedTuple):
+    x: Floats
+    loose: float
+    double: bool = False
+    flat: bool = False  # no parabola: three modes in one, or a platform that moves
+
+    def same(self, other: _Known) -> bool:
+        if self.flat and other.flat:  # one of the poses between which the platform moves
+            return True
+        loose = min(self.loose, other.loose)
+        within = SAME if self.double or other.double else min(SAME, 4 * CLOSED / loose)
+        return bool(apart(self.x, other.x) <= within)
+
+
+def _about_fold(held: Placed, near_it: _Known, closed: bool) -> Iterator[_Known]:
+    """The modes found from one pose near a dead centre: none, one, or the two about it."""
+    x = near_it.x
+    f, rows = held.conditions(x[None])
+    lost = np.linalg.svd(rows[0])[0][:, 2]  # the force that is about to be lost
+
+    def relaxed(x: Floats, tau: Floats) -> tuple[Floats, Floats]:
+        f, rows = held.rows([0] * len(x)).conditions(x)
+        return f - tau[:, None] * lost, rows
+
+    near = fold(relaxed, x, float(f[0] @ lost))
+    if near is None:  # three modes or more in one, or a platform that moves
+        if closed:
+            flat = near_it.loose <= CUSP
+            yield near_it._replace(double=flat, flat=flat)
         return
-    closed = [x] if has_closed(x, miss) else []
-    if looseness(held, x) <= NEAR_DEAD:
-        near = fold(held, x)
-        if near.sound and abs(near.value) <= near.hidden():
-            closed.append(near.x)
-        elif near.sound and near.value * near.bend < 0:
-            reach = math.sqrt(-2 * near.value / near.bend)
-            beside = (close(held, near.x + side * near.loose) for side in (-reach, reach))
-            closed += [y for y, left in beside if has_closed(y, left)]
-    for y in closed:
-        yield _judged(held, y)
+    half, miss = near.half(0.0), abs(near.parameter)
+    hidden = max(CLOSED, abs(near.bend) * SAME**2)
+    beside = closed and apart(x, near.x) > 4 * math.sqrt(hidden / abs(near.bend))
+    if miss <= hidden or (math.isnan(half) and closed and not beside):
+        yield _Known(near.x, 0.0, double=True)
+    elif not math.isnan(half):
+        start = near.x + np.outer((half, -half), near.loose)
+        y, misses = newton(held.rows([0, 0]).conditions, start)
+        ratios = looseness(held.rows([0, 0]).conditions(y)[1])
+        for k in np.flatnonzero(has_closed(y, misses)).tolist():
+            yield _Known(y[k], float(ratios[k]))
+    if beside:
+        yield near_it
 
 
-def _judged(held: Placed, x: Floats) -> tuple[Floats, bool]:
-    """A closed pose, or the double one that rounding cannot tell it from."""
-    loose = looseness(held, x)
-    if loose > NEAR_DEAD:
-        return x, False
-    near = fold(held, x)
-    if not near.sound:
-        return x, loose <= LOOSE
-    within = 4 * math.sqrt(near.hidden() / abs(near.bend))
-    none = near.value * near.bend > 0  # and yet it has closed: the miss is just hidden
-    if (none or abs(near.value) <= near.hidden()) and apart(x, near.x) <= within:
-        return near.x, True
-    return x, False
-
-
-def _reduced(
-    held: Placed, start: Floats, x: Floats, tau: float, s: float, w: Floats, n: Floats
-) -> tuple[Floats, float, Floats, float, float]:
-    """Pose x(s), tau(s), and dx/ds, dtau/ds, d2tau/ds2 there."""
-    matrix = np.zeros((4, 4))
-    matrix[:3, 3], matrix[3, :3] = -w, n
-    ahead = np.array([0.0, 0.0, 0.0, 1.0])
-    bad = (x, math.nan, n, math.nan, math.nan)
-    for _ in range(8):
-        f, rows = held.conditions(x)
-        matrix[:3, :3] = rows
-        step = solved(matrix, -np.append(f - tau * w, n @ (x - start) - s))
-        if step is None:
-            return bad
-        x, tau = x + step[:3], tau + float(step[3])
-        if np.abs(step).max() <= 4 * EPS:
-            break
-    _, rows = held.conditions(x)
-    matrix[:3, :3] = rows
-    tangent = solved(matrix, ahead)
-    if tangent is None:
-        return bad
-    turn, h = tangent[:3], 1e-5
-    bent = (held.conditions(x + h * turn)[1] - held.conditions(x - h * turn)[1]) @ turn / (2 * h)
-    second = solved(matrix, -np.append(bent, 0.0))
-    if second is None:
-        return bad
-    return x, tau, turn, float(tangent[3]), float(second[3])
-
-
-def _moves(held: Placed, x: Floats) -> bool:
-    """Whether tau stays zero along the loose direction, not only at the pose."""
-    left, _, right = np.linalg.svd(held.conditions(x)[1])
-    w, n = left[:, 2], right[2]
-    taus = [_reduced(held, x, x, 0.0, s, w, n)[1] for s in (-FREE, FREE)]
-    return all(abs(tau) <= CLOSED for tau in taus)
-
-
-def _wrapped(turned: float) -> float:
-    return float(angle(1 + 0j, expi(turned)))
-
-
-def apart(one: Floats, other: Floats) -> float:
-    """Distance of two poses, in sizes and radians."""
-    turned = abs(expi(float(one[2])) - expi(float(other[2])))
-    return float(np.hypot(np.hypot(one[0] - other[0], one[1] - other[1]), turned))
-
-
-def solved(matrix: Floats, right: Floats) -> Floats | None:
-    """Solution of a square system; None if it has none."""
-    try:
-        x = np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        return None
-    return np.asarray(x, dtype=float) if np.isfinite(x).all() else None
+def _sorted(known: list[_Known]) -> Poses:
+    """By rising angle in (-pi, pi]."""
+    for k in known:
+        k.x[2] = math.atan2(math.sin(k.x[2]), math.cos(k.x[2]))
+    known = sorted(known, key=lambda k: (k.x[2], k.x[0], k.x[1]))
+    x = np.array([k.x for k in known]).reshape(-1, 3)
+    return Poses(x, [k.double for k in known])

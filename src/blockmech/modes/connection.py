@@ -4,6 +4,14 @@ A *circuit* is a set of poses that the group can move through without being take
 an *arc* is a part of it between two dead centres, where the driver alone decides the
 pose: what a mode is along the driver. At a dead centre two arcs of one circuit merge.
 After a whole turn of a crank a mode may be another one: the permutation.
+
+All modes are computed at some places of the driver. Between two neighbouring ones, each
+mode on one side is predicted from one on the other by its rate, from both sides and by
+far nearer than modes are to each other; or it is one of two that merge at a dead centre
+between them, which is solved for, and seen from which both stand where its parabola says. A
+stretch where that does not hold for every mode is parted, until it does.
+
+The driver coordinate is p in here, 0 to 2 pi over the range or the turn.
 Source: [CM93] Chase & Mirth, Circuits and branches of single-degree-of-freedom planar
 linkages, J. Mech. Design 115, 1993 (their branch is the arc here).
 """
@@ -12,82 +20,39 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
 
 from blockmech.errors import Problem, RequestError
-from blockmech.modes.closing import TriadMode, mode_of
-from blockmech.modes.tracing import (
-    CHECKS,
-    Border,
-    Course,
-    Curve,
-    Event,
-    Outer,
-    Passage,
-    TriadAt,
-    Turning,
-    Visit,
-    curves,
+from blockmech.modes.closing import (
+    DELTA,
+    LONGEST,
+    Poses,
+    TriadMode,
+    apart,
+    fold,
+    looseness,
+    modes_of,
+    newton,
+    poses,
+    solved,
 )
-from blockmech.modes.triad import Triad
+from blockmech.modes.found import DEAD, EARLIER, LOST, RANGE, TURN, WHOLE, Arc, ArcEnd
+from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
+from blockmech.plane import EPS
+from blockmech.series import fit
 
-TURN = 2 * math.pi
-DEAD, RANGE, WHOLE, LOST = "dead centre", "range", "turn", "lost"
+Outer: TypeAlias = Callable[[Floats], Sequence[Support]]
+TriadAt: TypeAlias = Callable[[Floats], Triad]
+At: TypeAlias = tuple[int, int]  # a node, and a mode there
 
-
-@dataclass(frozen=True)
-class ArcEnd:
-    """An end of an arc.
-
-    Attributes
-    ----------
-    q : driver coordinate [rad or m]
-    how : "dead centre"; "range" where the range that was asked for ends; "turn" where a
-        whole turn begins and ends; "lost" where the group could not be followed further
-    other : at a dead centre, the number of the arc that merges with this one
-    """
-
-    q: float
-    how: str
-    other: int | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """The end as a JSON object; null stands for infinity."""
-        q = self.q if math.isfinite(self.q) else None
-        return {"q": q, "how": self.how, "other": self.other}
-
-
-@dataclass(frozen=True)
-class ModeArc:
-    """A stretch of the driver over which one mode exists.
-
-    Attributes
-    ----------
-    circuit : number of the circuit; arcs of one connect through dead centres
-    start, end : its ends, start.q <= end.q; of a whole turn, ``turns`` turns apart
-    sign : of the determinant along it; 0 where a change point leaves it open
-    turns : after how many turns it closes; 0 if it has ends
-    change_points : [rad or m], dead centres that it passes
-    passes : (check, mode) it passes, in rising order of the driver
-    places : (n,) [rad or m] driver coordinate of each pass on the arc, which may be a turn
-        and more away from that of the check
-    """
-
-    circuit: int
-    start: ArcEnd
-    end: ArcEnd
-    sign: int
-    turns: int
-    change_points: tuple[float, ...]
-    passes: tuple[tuple[int, int], ...]
-    places: tuple[float, ...]
-
-    @property
-    def length(self) -> float:
-        """Length [rad or m] of the arc."""
-        return self.end.q - self.start.q
+CHECKS = 48  # nodes to begin with
+GOLDEN = 0.381966  # where a stretch is parted: keeps nodes off places of symmetry
+SHARE = 0.25  # of the distance between modes: what prediction may miss, to be beyond doubt
+NARROWEST = EPS**0.75  # stretch; beside it a node is at a dead centre by `DELTA`
 
 
 @dataclass(frozen=True)
@@ -96,45 +61,34 @@ class Connections:
 
     Attributes
     ----------
-    checks : driver coordinates [rad or m] at which all modes were computed
+    nodes : driver coordinates [rad or m] at which all modes were computed
     modes : the modes at each of them, by rising angle of the platform
     arcs : all arcs, by circuit
+    passes : of each arc, the (node, mode) that it passes, in rising order of the driver
+    places : of each arc, the driver coordinate [rad or m] of each pass, which may be a
+        turn and more away from that of the node
     turn : whether the driver was followed over a whole turn
     """
 
-    checks: tuple[float, ...]
+    nodes: tuple[float, ...]
     modes: tuple[tuple[TriadMode, ...], ...]
-    arcs: tuple[ModeArc, ...]
+    arcs: tuple[Arc, ...]
+    passes: tuple[tuple[At, ...], ...]
+    places: tuple[tuple[float, ...], ...]
     turn: bool
 
-    def arc_of(self, check: int, mode: int) -> int:
-        """Number of the arc that a mode at a check point is on."""
-        return next(n for n, arc in enumerate(self.arcs) if (check, mode) in arc.passes)
+    def arc_of(self, at: At) -> int:
+        """Number of the arc that a mode at a node is on."""
+        return next(n for n, passed in enumerate(self.passes) if at in passed)
 
-    @property
-    def circuits(self) -> tuple[tuple[int, ...], ...]:
-        """Numbers of the arcs of each circuit."""
-        count = 1 + max((arc.circuit for arc in self.arcs), default=-1)
-        return tuple(
-            tuple(n for n, arc in enumerate(self.arcs) if arc.circuit == c) for c in range(count)
-        )
-
-    def after_turn(self, check: int = 0) -> tuple[int | None, ...]:
-        """For each mode at a check point, the one it is after a turn; None if it ends.
-
-        Raises `RequestError` if the driver was not followed over a turn.
-        """
-        if not self.turn:
-            found = "the driver was followed over a range, not over a turn"
-            raise RequestError(Problem("bad-request", "after_turn", found))
-        then: list[int | None] = [None] * len(self.modes[check])
-        for arc in self.arcs:
-            met = [mode for at, mode in arc.passes if at == check]
-            for one, other in itertools.pairwise(met):
-                then[one] = other
-            if arc.turns and met:
-                then[met[-1]] = met[0]
-        return tuple(then)
+    def after_turn(self, at: At) -> int | None:
+        """The mode at the same node that a mode is after a turn; None if it ends before."""
+        number = self.arc_of(at)
+        met = [mode for node, mode in self.passes[number] if node == at[0]]
+        later = met.index(at[1]) + 1
+        if later < len(met):
+            return met[later]
+        return met[0] if self.arcs[number].turns else None
 
 
 def connect(
@@ -143,124 +97,317 @@ def connect(
     low: float = 0.0,
     high: float = TURN,
     *,
-    turn: bool | None = None,
-    checks: int = CHECKS,
+    ends: str = WHOLE,
     also: Sequence[float] = (),
 ) -> Connections:
-    """Follow every mode of a triad along the driver.
+    """Connect every mode of a triad along the driver.
 
     Parameters
     ----------
-    triad : its legs, or driver coordinate -> its legs where the driver is in one of them
-    outer : driver coordinate -> the three supports; smooth, finite on the whole range
+    triad : its legs, or driver coordinates (n,) -> its legs where the driver is in one
+    outer : driver coordinates (n,) -> the three supports; smooth, finite on the whole range
     low, high : range of the driver [rad or m]
-    turn : whether the supports repeat after the range; by default if it is 2 pi long
-    checks : places where all modes are computed by elimination, and the followed curves
-        are held against them
-    also : driver coordinates of further check points, which come after the others
+    ends : "turn" where the supports repeat after the range, "range" where it ends, and
+        "earlier group" at dead centres of those, which supports leave with the root
+    also : driver coordinates of further nodes, which come after the first ones
 
     Returns
     -------
-    Connections. A circuit that exists only between two neighbouring check points is missed.
+    Connections. A circuit that exists only between two neighbouring nodes is missed.
 
     Raises
     ------
-    RequestError if the modes cannot be followed without doubt
-
-    Notes
-    -----
-    Cost: about a tenth of a second; some hundred steps of continuation a mode, each with
-    some ten evaluations of ``outer``.
+    RequestError for an empty range, and where two modes are one all along
     """
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         wrong = f"a range of the driver is needed, got {low} to {high}"
         raise RequestError(Problem("bad-request", "connect", wrong))
-    whole = abs(high - low - TURN) <= 1e-9 if turn is None else turn
     made: TriadAt = (lambda _: triad) if isinstance(triad, Triad) else triad
-    course = Course.of(made, outer, low, high, whole)
-    more = [TURN * (q - low) / (high - low) for q in also]
-    at, found = curves(course, checks, [p % TURN if whole else p for p in more])
-    places = tuple(course.q(check.p) for check in at)
-    modes = tuple(
-        tuple(mode_of(made(q), outer(q), course.held(c.p), pose) for pose in c.modes)
-        for q, c in zip(places, at, strict=True)
-    )
-    arcs: list[ModeArc] = []
-    for number, curve in enumerate(found):
-        arcs += _arcs(course, curve, number, len(arcs), modes)
-    return Connections(places, modes, tuple(arcs), whole)
+    middle, half = (low + high) / 2, (high - low) / 2
+
+    def to_q(p: Floats) -> Floats:
+        if ends == EARLIER:  # as functions of p supports are smooth again
+            q = np.clip(middle - half * np.cos(np.clip(p, 0.0, TURN) / 2), low, high)
+        else:
+            q = low + 2 * half * (p / TURN)
+        return np.where(p == 0, low, np.where(p == TURN, high, q))
+
+    def to_p(q: float) -> float:
+        x = (q - middle) / half
+        return 2 * math.acos(-x) if ends == EARLIER else math.pi * (1 + x)
+
+    like = placed(made(np.array([middle])), outer(np.array([middle])))
+
+    def held(p: Floats) -> Placed:
+        q = to_q(p if ends == WHOLE else np.clip(p, 0.0, TURN))
+        return placed(made(q), outer(q), like, len(q))
+
+    line = _Line(held, ends == WHOLE)
+    line.connect([to_p(q) for q in also])
+    return line.told(lambda p: float(to_q(np.array(p))), ends)
 
 
-def _arcs(
-    course: Course,
-    curve: Curve,
-    circuit: int,
-    first: int,
-    modes: Sequence[Sequence[TriadMode]],
-) -> Iterator[ModeArc]:
-    """The arcs of one curve, numbered from ``first`` on."""
-    pieces = tuple(_pieces(curve))
-    signs = _signs(pieces, modes)
-    for n, piece in enumerate(pieces):
-        ends = []
-        for event, beyond in ((piece[0], n - 1), (piece[-1], n + 1)):
-            how = _how(event)
-            other = first + beyond % len(pieces) if how == DEAD else None
-            ends.append(ArcEnd(course.q(event.p), how, other))
-        inside = piece if ends[0].q <= ends[1].q else piece[::-1]
-        start, end = sorted(ends, key=lambda e: e.q)
-        turned, closed = 0.0, start.how == WHOLE
-        if closed:
-            turned = start.q - course.low
-        elif course.turn:
-            turned = TURN * math.floor((0.5 * (start.q + end.q) - course.low) / TURN)
-        visits = [e for e in inside if isinstance(e, Visit)]
-        visits = visits[:-1] if closed else visits
-        yield ModeArc(
-            circuit,
-            ArcEnd(start.q - turned, start.how, start.other),
-            ArcEnd(end.q - turned, end.how, end.other),
-            signs[n],
-            curve.turns if closed else 0,
+class _Node(NamedTuple):
+    """A place with all modes (k), their rates (k, 3) by p, and the signs of determinants."""
+
+    p: float
+    held: Placed
+    found: Poses
+    rate: Floats
+    sign: list[int]
+
+
+class _Walk(NamedTuple):
+    """The passes of one arc, their places p, and whether the last one leads to the first."""
+
+    passes: list[At]
+    places: list[float]
+    ring: bool
+
+
+@dataclass
+class _Line:
+    """The line of the driver: its nodes, and what is known between them.
+
+    Attributes
+    ----------
+    held : p (n,) -> the triad there
+    turn : whether the line closes
+    right : a mode at a node -> the same mode at the next one, and the step to it
+    passed : a mode at a node -> the step to a change point before the next one
+    merged : a mode and a way (0 back, 1 ahead) -> the step to a dead centre before the next
+        node, and the mode that merges with it
+    """
+
+    held: Callable[[Floats], Placed]
+    turn: bool
+    nodes: list[_Node] = field(default_factory=list)
+    right: dict[At, tuple[At, float]] = field(default_factory=dict)
+    passed: dict[At, float] = field(default_factory=dict)
+    merged: dict[tuple[At, int], tuple[float, At]] = field(default_factory=dict)
+    borders: tuple[int, int] = (-1, -1)  # nodes where a range begins and ends
+
+    def connect(self, also: Sequence[float]) -> None:
+        """Add nodes until it is known how all modes go on from each to the next."""
+        first = TURN * (np.arange(CHECKS) + GOLDEN) / CHECKS
+        ends = [] if self.turn else [0.0, TURN]
+        self._add([*first, *also, *ends], [DELTA * first[0]] * (CHECKS + len(also) + len(ends)))
+        order = sorted(range(len(self.nodes)), key=lambda n: self.nodes[n].p)
+        self.borders = (-1, -1) if self.turn else (order[0], order[-1])
+        stretches = list(itertools.pairwise(order))
+        stretches += [(order[-1], order[0])] if self.turn else []
+        while stretches := [ends for ends in stretches if not self._joined(*ends)]:
+            steps = [GOLDEN * self._step(a, b) for a, b in stretches]
+            n = len(self.nodes)
+            self._add(
+                [self.nodes[a].p + h for (a, _), h in zip(stretches, steps, strict=True)],
+                [DELTA * h for h in steps],
+            )
+            middle = range(n, len(self.nodes))
+            parts = zip(stretches, middle, strict=True)
+            stretches = [part for (a, b), m in parts for part in ((a, m), (m, b))]
+
+    def _step(self, a: int, b: int) -> float:
+        h = self.nodes[b].p - self.nodes[a].p
+        return h % TURN if self.turn else h
+
+    def _add(self, places: Sequence[float], nudges: Sequence[float]) -> None:
+        """Nodes at places, or a little beside where a mode is at a dead centre."""
+        p, nudge = np.array(places), np.array(nudges)
+        nudge[p >= TURN] *= -1  # the end of a range
+        if self.turn:
+            p %= TURN
+        for _ in range(CHECKS):
+            held = self.held(p)
+            found = poses(held)
+            row = np.repeat(np.arange(len(p)), [len(f.x) for f in found])
+            x = np.concatenate([f.x for f in found])
+            rows = held.rows(row).conditions(x)[1]
+            loose = np.bincount(row, looseness(rows) <= DELTA, len(p)) > 0
+            near = loose | np.isnan(held.pivots).any(axis=1)
+            if not near.any():
+                break
+            p[near] += nudge[near]
+            nudge *= 1 + GOLDEN
+        if any(double for f in found for double in f.double):
+            told = "the modes of the triad could not be followed along the driver without doubt"
+            remedy = "ask for a shorter range of the driver"
+            raise RequestError(Problem("not-followed", "modes", told, "", remedy))
+        back, ahead = (p + d if self.turn else np.clip(p + d, 0, TURN) for d in (-DELTA, DELTA))
+        misses = [self.held(q).rows(row).conditions(x)[0] for q in (back, ahead)]
+        rate = solved(rows, (misses[0] - misses[1]) / (ahead - back)[row, None])
+        sign = np.sign(np.linalg.det(rows)).astype(int)
+        for n, f in enumerate(found):
+            own = row == n
+            node = _Node(float(p[n]), held.rows([n]), f, rate[own], sign[own].tolist())
+            self.nodes.append(node)
+
+    # -- from one node to the next ---------------------------------------------------------
+
+    def _joined(self, a: int, b: int) -> bool:
+        """Whether it is known how the modes go on from node a to node b; it is recorded."""
+        one, other, h = self.nodes[a], self.nodes[b], self._step(a, b)
+        x, y = one.found.x[:, None], other.found.x[None]
+        miss = np.maximum(apart(x + h * one.rate[:, None], y), apart(x, y - h * other.rate[None]))
+        near = miss <= SHARE * np.minimum(_gaps(one)[:, None], _gaps(other)[None])
+        on, back = near.sum(axis=1), near.sum(axis=0)
+        ahead = self._merging(a, np.flatnonzero(on == 0).tolist(), 1, h)
+        behind = self._merging(b, np.flatnonzero(back == 0).tolist(), 0, h)
+        sure = max(on.max(initial=0), back.max(initial=0)) <= 1
+        if (ahead is None or behind is None or not sure) and h > NARROWEST:
+            return False
+        for i, j in np.argwhere(near & (on == 1)[:, None] & (back == 1)).tolist():
+            self.right[a, i] = (b, j), h
+            if one.sign[i] != other.sign[j]:
+                self.passed[a, i] = self._change_point(a, i, b, j, h)
+        self.merged |= (ahead or {}) | (behind or {})
+        return True
+
+    def _merging(
+        self, n: int, left: list[int], way: int, h: float
+    ) -> dict[tuple[At, int], tuple[float, At]] | None:
+        """The dead centres within a step h at which modes of a node end; None if in doubt."""
+        node, found = self.nodes[n], dict[tuple[At, int], tuple[float, At]]()
+        if len(left) % 2:
+            return None
+        while left:
+            i = left.pop(0)
+            gaps = apart(node.found.x[i], node.found.x[left])
+            gap, j = float(gaps.min()), left.pop(int(gaps.argmin()))
+            one, other = node.found.x[[i, j]]
+            near = fold(self._system, one + _between(one, other) / 2, node.p)
+            if near is None or node.sign[i] == node.sign[j]:
+                return None
+            step, half = near.parameter - node.p, near.half(node.p)
+            both = near.x + np.outer((half, -half), near.loose)
+            misses = (apart(both, node.found.x[pair]).max() for pair in ([i, j], [j, i]))
+            ahead = step if way else -step
+            if not (-NARROWEST <= ahead <= h + NARROWEST and min(misses) <= SHARE * gap):
+                return None
+            found |= {((n, i), way): (step, (n, j)), ((n, j), way): (step, (n, i))}
+        return found
+
+    def _system(self, x: Floats, p: Floats) -> tuple[Floats, Floats]:
+        return self.held(p).conditions(x)
+
+    def _change_point(self, a: int, i: int, b: int, j: int, h: float) -> float:
+        """The step from node a to where the determinant passes zero on the way to node b."""
+        one, other = self.nodes[a], self.nodes[b]
+        x, move = one.found.x[i], _between(one.found.x[i], other.found.x[j])
+
+        def determinant(step: Floats) -> Floats:
+            s = (step / h)[:, None]  # of the cubic between both, with their rates
+            guess = x + h * s * (1 - s) ** 2 * one.rate[i] - h * s**2 * (1 - s) * other.rate[j]
+            held = self.held(one.p + step)
+            pose, _ = newton(held.conditions, guess + s**2 * (3 - 2 * s) * move)
+            return np.asarray(np.linalg.det(held.conditions(pose)[1]))
+
+        ends = np.array([0.0, h])
+        first, last = np.abs(determinant(ends))
+        straight = h * float(first / (first + last))
+        roots = fit(determinant, ends, levels=0).roots().tolist()
+        return min(roots, key=lambda step: abs(step - straight), default=straight)
+
+    # -- arcs ------------------------------------------------------------------------------
+
+    def told(self, q: Callable[[float], float], ends: str) -> Connections:
+        """All arcs in the driver's coordinate."""
+        every = [(n, k) for n, node in enumerate(self.nodes) for k in range(len(node.sign))]
+        entered = {at for at, _ in self.right.values()}
+        walks: list[_Walk] = []
+        of: dict[At, int] = {}
+        for at in sorted(every, key=lambda at: at in entered):  # rings at last
+            if at not in of:
+                walks.append(self._walk(at))
+                of |= dict.fromkeys(walks[-1].passes, len(walks) - 1)
+        merging = [[self._end(walk, way)[2] for way in (0, 1)] for walk in walks]
+        beyond = [[of[at] if at else None for at in pair] for pair in merging]
+        order, circuits = _order(beyond, [min(walk.passes) for walk in walks])
+        arcs, shifts = [], []
+        for n in order:
+            walk = walks[n]
+            (low, how, _), (high, last, _) = (self._end(walk, way) for way in (0, 1))
+            turns = round(high / TURN) if walk.ring else 0
+            # The middle of one that ends is on the first turn.
+            whole = self.turn and not walk.ring
+            shifts.append(TURN * math.floor((low + high) / 2 / TURN) if whole else 0.0)
+            start, end = (
+                ArcEnd(
+                    q(p - shifts[-1]),
+                    ends if h == RANGE else h,
+                    None if b is None else order.index(b),
+                )
+                for p, h, b in zip((low, high), (how, last), beyond[n], strict=True)
+            )
+            steps = zip(walk.passes, walk.places, strict=True)
+            changes = [p + self.passed[at] for at, p in steps if at in self.passed]
+            passed = tuple(q(p - shifts[-1]) for p in changes)
+            signs = {self.nodes[n].sign[mode] for n, mode in walk.passes}
+            sign = signs.pop() if len(signs) == 1 else 0
+            arcs.append(Arc(start, end, None, sign, turns, passed, circuits[n]))
+        return Connections(
+            tuple(q(node.p) for node in self.nodes),
+            tuple(modes_of(node.held, node.found) for node in self.nodes),
+            tuple(arcs),
+            tuple(tuple(walks[n].passes) for n in order),
             tuple(
-                course.q(e.p) - (0.0 if closed else turned)
-                for e in inside
-                if isinstance(e, Passage)
+                tuple(q(p - shift) for p in walks[n].places)
+                for n, shift in zip(order, shifts, strict=True)
             ),
-            tuple((e.check, e.mode) for e in visits),
-            tuple(course.q(e.p) - turned for e in visits),
+            self.turn,
         )
 
+    def _walk(self, at: At) -> _Walk:
+        passes, places = [at], [self.nodes[at[0]].p]
+        while (on := self.right.get(passes[-1])) and on[0] != at:
+            passes.append(on[0])
+            places.append(places[-1] + on[1])
+        return _Walk(passes, places, on is not None)
 
-def _signs(
-    pieces: Sequence[Sequence[Event]], modes: Sequence[Sequence[TriadMode]]
-) -> tuple[int, ...]:
-    """Sign of the determinant along each piece: it changes at each dead centre between them."""
-    met = [{modes[e.check][e.mode].sign for e in piece if isinstance(e, Visit)} for piece in pieces]
-    if any(isinstance(e, Passage) for piece in pieces for e in piece):
-        return tuple(found.pop() if len(found) == 1 else 0 for found in met)
-    n, (sign, *_) = next((n, tuple(found)) for n, found in enumerate(met) if found)
-    return tuple(sign if (k - n) % 2 == 0 else -sign for k in range(len(pieces)))
-
-
-def _pieces(curve: Curve) -> Iterator[tuple[Event, ...]]:
-    """The events between neighbouring ends, the ends included."""
-    events = list(curve.events)
-    turnings = [n for n, e in enumerate(events) if isinstance(e, Turning)]
-    if curve.closed and turnings:  # begin at a dead centre, and come back to it
-        n, along = turnings[0], curve.turns * TURN
-        events = events[n:-1] + [e._replace(p=e.p + along) for e in events[: n + 1]]
-    piece: list[Event] = []
-    for n, event in enumerate(events):
-        piece.append(event)
-        if n and isinstance(event, Turning | Border):
-            yield tuple(piece)
-            piece = [event]
-    if len(piece) > 1:
-        yield tuple(piece)
+    def _end(self, walk: _Walk, way: int) -> tuple[float, str, At | None]:
+        """Where an arc ends, backwards (0) or ahead (1): place, why, what it merges with."""
+        at, p = walk.passes[-way], walk.places[-way]
+        if walk.ring:
+            length = walk.places[-1] + self.right[walk.passes[-1]][1] - walk.places[0]
+            return TURN * round(length / TURN) * way, WHOLE, None
+        if (at, way) in self.merged:
+            step, other = self.merged[at, way]
+            return p + step, DEAD, other
+        return (TURN * way, RANGE, None) if at[0] == self.borders[way] else (p, LOST, None)
 
 
-def _how(event: Event) -> str:
-    if isinstance(event, Border):
-        return LOST if event.lost else RANGE
-    return DEAD if isinstance(event, Turning) else WHOLE
+def _order(
+    beyond: Sequence[Sequence[int | None]], first: Sequence[At]
+) -> tuple[list[int], dict[int, int]]:
+    """Arcs by circuit, along each from one dead centre to the next; and their circuits."""
+    order: list[int] = []
+    circuits: dict[int, int] = {}
+
+    def walk(start: int, way: int) -> tuple[list[int], bool]:
+        path = [start]
+        while (on := beyond[path[-1]][way]) is not None and on != start:
+            path.append(on)
+            way = 1 - way
+        return path, on is not None
+
+    for n in sorted(range(len(first)), key=lambda n: first[n]):
+        if n not in circuits:
+            path, ring = walk(n, 1)
+            path = path[1:] + path[:1] if ring else walk(n, 0)[0][:0:-1] + path
+            circuits |= dict.fromkeys(path, len(set(circuits.values())))
+            order += path
+    return order, circuits
+
+
+def _gaps(node: _Node) -> Floats:
+    """How far each mode of a node is from the nearest other one, at most `LONGEST`."""
+    x = node.found.x
+    apiece = apart(x[:, None], x[None]) + 2 * LONGEST * np.eye(len(x))
+    return np.asarray(apiece.min(axis=1, initial=LONGEST))
+
+
+def _between(one: Floats, other: Floats) -> Floats:
+    """The way from one pose to another, the shorter way round."""
+    way = other - one
+    way[2] = math.remainder(float(way[2]), TURN)
+    return way

@@ -16,8 +16,6 @@ from blockmech.blocks.contract import AssurGroup
 from blockmech.modes.triad import Support
 from blockmech.typing import LinkPosition
 
-BRANCHES = (1, -1)
-
 
 @dataclass(frozen=True)
 class DyadMode:
@@ -42,6 +40,11 @@ class DyadMode:
         return 0 if self.double else self.branch or 1
 
 
+def branches(dyad: AssurGroup) -> tuple[int | None, ...]:
+    """The branches of a dyad, or None where it has one mode."""
+    return (1, -1) if "branch" in type(dyad).model_fields else (None,)
+
+
 def dyad_modes(dyad: AssurGroup, supports: Sequence[Support | float]) -> tuple[DyadMode, ...]:
     """All assembly modes of a dyad: both branches, one if they coincide, none out of reach.
 
@@ -56,26 +59,15 @@ def dyad_modes(dyad: AssurGroup, supports: Sequence[Support | float]) -> tuple[D
     >>> [(m.branch, round(m.links["i"].e.imag, 6)) for m in dyad_modes(dyad, [0j, 8 + 0j])]
     [(1, 0.6), (-1, -0.6)]
     """
-    if "branch" not in type(dyad).model_fields:
-        one = _mode(dyad, supports, None)
-        return () if one is None else (one,)
-    both = (dyad.model_copy(update={"branch": branch}) for branch in BRANCHES)
-    found = [
-        mode
-        for branch, one in zip(BRANCHES, both, strict=True)
-        if (mode := _mode(one, supports, branch))
-    ]
-    return tuple(found[:1] if found and found[0].double else found)
-
-
-def _mode(
-    dyad: AssurGroup, supports: Sequence[Support | float], branch: int | None
-) -> DyadMode | None:
-    try:
-        pose = dyad.kernels.position(*supports, dyad.parameters())
-    except ZeroDivisionError:  # two pivots on each other, parallel guides: no pose, or any
-        return None
-    links = {name: getattr(pose, name) for name in dyad.link_names}
-    if not pose.margin >= 0 or not all(cmath.isfinite(z) for link in links.values() for z in link):
-        return None
-    return DyadMode(branch, links, float(pose.margin), double=pose.margin == 0)
+    found: list[DyadMode] = []
+    for branch in branches(dyad):
+        one = dyad if branch is None else dyad.model_copy(update={"branch": branch})
+        try:
+            pose = one.kernels.position(*supports, one.parameters())
+        except ZeroDivisionError:  # two pivots on each other, parallel guides: no pose, or any
+            continue
+        links = {name: getattr(pose, name) for name in dyad.link_names}
+        finite = all(cmath.isfinite(z) for link in links.values() for z in link)
+        if pose.margin >= 0 and finite and not any(mode.double for mode in found):
+            found.append(DyadMode(branch, links, float(pose.margin), double=pose.margin == 0))
+    return tuple(found)

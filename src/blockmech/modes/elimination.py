@@ -19,7 +19,7 @@ Where D = 0 the lines fall on each other and one direction may belong to two pos
 which mirror each other on the line of the centres.
 
 The coefficients come from samples on the unit circle, which multiplies the polynomials
-to rounding; the samples show also how large the rounding is.
+to rounding.
 Source: [M96] Merlet, Direct kinematics of planar parallel manipulators, ICRA 1996, and
 [GS93] Gosselin & Sefrioui, Polynomial solutions for the direct kinematic problem of planar
 three-degree-of-freedom parallel manipulators, ICAR 1991 (there with half angles).
@@ -30,88 +30,70 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.errors import Problem, RequestError
-from blockmech.modes.triad import Floats, Placed
+from blockmech.modes.triad import Floats, Placed, Vectors
+from blockmech.plane import EPS, cross, dot
 
 DEGREE = 3
-POINTS = 16  # on the unit circle; 7 would do, the others show the rounding
-CIRCLE = np.exp(2j * np.pi * np.arange(POINTS) / POINTS)
-EPS = float(np.finfo(float).eps)
+CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16)  # 7 samples are needed, more halve rounding
 NEGLIGIBLE = 32 * EPS  # of the largest coefficient: a leading one below it is rounding
-ALIGNED = 0.05  # of its size at most: a determinant below it may belong to two poses
 
 
 class Lines(NamedTuple):
-    """Two lines and a circle (or three lines) for the shift, at directions (n,).
+    """Two lines and a circle about ``middle``, or three lines, for shifts at directions (n, m)."""
 
-    ``rows`` are normals and right sides of lines, about ``middle``; ``radius`` is NaN
-    where there is no circle.
-    """
-
-    normals: NDArray[Any]  # (2 or 3, n) complex
-    sides: Floats  # (2 or 3, n)
-    middle: NDArray[Any]  # (n,) complex, centre of the circle
-    radius: float
+    normals: Vectors  # (2 or 3, n, m)
+    sides: Floats  # (2 or 3, n, m)
+    middle: Vectors  # (n, m) centre of the circle
+    radius: Floats  # (n, 1); 0 where there is no circle
 
 
-def lines(held: Placed, e: NDArray[Any]) -> Lines:
-    """What the legs leave of the shift at directions e (n,)."""
+def lines(held: Placed, e: Vectors) -> Lines:
+    """What the legs of n triads leave of the shift at directions e (n, m)."""
     circles = [k for k, kind in enumerate(held.kinds) if kind == "RR"]
-    first = min(circles, key=lambda k: held.reaches[k]) if circles else -1
-    middle = held.pivots[first] - e * held.pins[first] if circles else np.zeros_like(e)
-    normals, sides = [], []
+    first = min(circles, key=lambda k: held.reaches[:, k].sum(), default=-1)
+    radius = held.reaches[:, first, None] * bool(circles)
+    feet = [held.pivots[:, k, None] - e * held.pins[:, k, None] for k in range(3)]
+    middle = feet[first] * bool(circles)
+    normals: list[Any] = []
+    sides: list[Any] = []
     for k, kind in enumerate(held.kinds):
-        reach = held.reaches[k]
-        foot = held.pivots[k] - e * held.pins[k] - middle  # where o - middle has its pin at G
+        reach, foot = held.reaches[:, k, None], feet[k] - middle  # its pin is at G there
+        if k == first:
+            continue
         if kind == "RR":
-            if k == first:
-                continue
-            other = held.reaches[first]
             normals.append(foot)
-            sides.append((np.abs(foot) ** 2 - (reach - other) * (reach + other)) / 2)
-        elif kind == "PR":
-            normal = 1j * held.guides[k] * np.ones_like(e)
-            normals.append(normal)
-            sides.append(reach + _dot(normal, foot))
+            sides.append((np.abs(foot) ** 2 - (reach - radius) * (reach + radius)) / 2)
         else:
-            normal = 1j * held.alongs[k] * e
+            along = held.guides if kind == "PR" else held.alongs
+            normal = 1j * along[:, k, None] * (np.ones_like(e) if kind == "PR" else e)
             normals.append(normal)
-            sides.append(_dot(normal, foot) - reach)
-    radius = held.reaches[first] if circles else float("nan")
+            sides.append(dot(normal, foot) + (reach if kind == "PR" else -reach))
     return Lines(np.array(normals), np.array(sides), middle, radius)
 
 
-def eliminant(held: Placed, e: NDArray[Any]) -> Floats:
-    """F at directions e (n,): zero where the triad closes."""
-    at = lines(held, e)
-    n, c = at.normals, at.sides
+def eliminant(held: Placed, e: Vectors) -> tuple[Floats, Floats]:
+    """F (n, m) at directions e (n, m), zero where a triad closes; and the size of its terms."""
+    n, c, _, radius = lines(held, e)
     if len(n) == 3:
-        f = c[0] * _cross(n[1], n[2]) + c[1] * _cross(n[2], n[0]) + c[2] * _cross(n[0], n[1])
-        return np.asarray(f)
-    det = _cross(n[0], n[1])
-    reach = np.abs(c[1] * n[0] - c[0] * n[1])
-    return np.asarray((reach - at.radius * np.abs(det)) * (reach + at.radius * np.abs(det)))
+        turns = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+        f = sum(c[i] * cross(n[j], n[k]) for i, j, k in turns)
+        return f, sum(np.abs(c[i] * n[j] * n[k]) for i, j, k in turns)
+    reach, det = np.abs(c[1] * n[0] - c[0] * n[1]), radius * np.abs(cross(n[0], n[1]))
+    terms = np.abs(c[1] * n[0]) + np.abs(c[0] * n[1]) + radius * np.abs(n[0] * n[1])
+    return (reach - det) * (reach + det), terms**2
 
 
-def coefficients(held: Placed) -> tuple[NDArray[Any], float]:
-    """Coefficients f_-3 ... f_3 (7,) of F, and the rounding in them."""
-    spectrum = np.fft.fft(eliminant(held, CIRCLE)) / POINTS
-    f = spectrum[np.arange(-DEGREE, DEGREE + 1)]
-    beyond = spectrum[DEGREE + 1 : POINTS - DEGREE]
-    return (f + f[::-1].conj()) / 2, float(np.abs(beyond).max())
+def coefficients(held: Placed) -> Vectors:
+    """Coefficients f_-3 ... f_3 (n, 7) of F.
 
-
-def directions(held: Placed) -> NDArray[Any]:
-    """The complex directions e where F = 0: six, fewer if leading coefficients vanish.
-
-    Real modes have theirs on the unit circle. Raises `RequestError` if F is zero
-    everywhere: the platform can stand at any direction.
+    Raises `RequestError` if F is zero everywhere: the platform can stand at any direction.
     """
-    f, _ = coefficients(held)
-    largest = float(np.abs(f).max())
-    if largest <= NEGLIGIBLE * _terms(held):
+    f, terms = eliminant(held, np.broadcast_to(CIRCLE, (len(held.pins), len(CIRCLE))))
+    spectrum = np.fft.fft(f) / len(CIRCLE)
+    found = spectrum[:, np.arange(-DEGREE, DEGREE + 1)]
+    if np.any(np.abs(found).max(axis=1) <= NEGLIGIBLE * terms.max(axis=1)):
         raise RequestError(
             Problem(
                 "bad-triad",
@@ -121,63 +103,39 @@ def directions(held: Placed) -> NDArray[Any]:
                 "leave one leg out, or place its joints elsewhere",
             )
         )
-    while len(f) > 1 and np.abs(f[-1]) <= NEGLIGIBLE * largest:
-        f = f[1:-1]
-    if len(f) < 2:
-        return np.empty(0, complex)
-    # f_k and f_-k are equally large, so the roots come in pairs z, 1 / conj z, and the
-    # eigenvalues of the balanced companion matrix are as good as the coefficients.
-    return np.asarray(np.roots(f[::-1]), dtype=complex)
+    return np.asarray((found + found[:, ::-1].conj()) / 2)
 
 
-def _terms(held: Placed) -> float:
-    """Size of the terms that F is the sum of."""
-    at = lines(held, CIRCLE)
-    n, c = np.abs(at.normals), np.abs(at.sides)
-    if len(n) == 3:
-        return float((c[0] * n[1] * n[2] + c[1] * n[2] * n[0] + c[2] * n[0] * n[1]).max())
-    return float(((c[0] * n[1] + c[1] * n[0] + at.radius * n[0] * n[1]) ** 2).max())
+def directions(f: Vectors) -> Vectors:
+    """The complex directions e where F = 0: six, fewer if leading coefficients vanish.
 
-
-def shifts(held: Placed, e: complex) -> list[complex]:
-    """Shifts o that go with a direction: one, or two where the lines nearly fall together.
-
-    They are starting points for Newton's method, also where F is only nearly zero.
+    f_k and f_-k are equally large, so the roots come in pairs z, 1 / conj z, and the
+    eigenvalues of the balanced companion matrix are as good as the coefficients.
     """
-    at = lines(held, np.array([e]))
-    n, c = at.normals[:, 0], at.sides[:, 0]
-    pairs = [(0, 1)] if len(n) == 2 else [(0, 1), (1, 2), (2, 0)]
-    sines = [float(_cross(n[a], n[b]) / (abs(n[a] * n[b]) or 1.0)) for a, b in pairs]
-    k = int(np.argmax(np.abs(sines)))
-    a, b = pairs[k]
-    middle, found = complex(at.middle[0]), []
-    if sines[k]:
-        det = sines[k] * abs(n[a] * n[b])
-        found.append(middle + complex(1j * (c[b] * n[a] - c[a] * n[b]) / det))
-    if len(n) == 2 and abs(sines[k]) < ALIGNED:
-        found += _chord(middle, at.radius, n, c)
-    if len(n) == 2 and float(np.abs(n).max()) < ALIGNED:  # the circles nearly coincide
-        found += [middle + at.radius * complex(z) for z in CIRCLE[1::5]]
-    return found
+    while len(f) > 1 and np.abs(f[-1]) <= NEGLIGIBLE * np.abs(f).max():
+        f = f[1:-1]
+    return np.asarray(np.roots(f[::-1]), complex)
 
 
-def _chord(middle: complex, radius: float, n: NDArray[Any], c: Floats) -> list[complex]:
-    """Where the better of two lines cuts the circle; its nearest point if it does not."""
-    k = int(np.argmax(np.abs(n)))
-    if n[k] == 0:
-        return []
-    away = complex(n[k] / abs(n[k]))
-    depth = float(c[k] / abs(n[k]))
-    half = (radius - depth) * (radius + depth)
-    if half <= 0:
-        return [middle + away * max(-radius, min(radius, depth))]
-    side = 1j * away * half**0.5
-    return [middle + away * depth + side, middle + away * depth - side]
+def shifts(held: Placed, e: Vectors) -> Vectors:
+    """Shifts (n, 1 or 3) that may go with directions e (n,): starts of Newton's method.
 
-
-def _cross(a: Any, b: Any) -> Any:
-    return a.real * b.imag - a.imag * b.real
-
-
-def _dot(a: Any, b: Any) -> Any:
-    return a.real * b.real + a.imag * b.imag
+    Where the two best lines cut each other; and where the better one cuts the circle, or
+    comes nearest to it, for directions in which both nearly fall together.
+    """
+    n, c, middle, radius = (x[..., 0] for x in lines(held, e[:, None]))
+    pairs = ((0, 1), (1, 2), (2, 0))[: 1 if len(n) == 2 else 3]
+    sines = np.array([cross(n[a], n[b]) / np.abs(n[a] * n[b]) for a, b in pairs])
+    best = np.nanargmax(np.abs(np.nan_to_num(sines)), axis=0)
+    a, b = np.array(pairs)[best].T
+    row = np.arange(len(e))
+    det = cross(n[a, row], n[b, row])
+    cut = middle + 1j * (c[b, row] * n[a, row] - c[a, row] * n[b, row]) / det
+    if len(n) == 3:
+        return np.asarray(cut[:, None])
+    better = np.abs(n).argmax(axis=0)
+    length = np.abs(n[better, row])
+    away, depth = n[better, row] / length, np.clip(c[better, row] / length, -radius, radius)
+    half = np.sqrt((radius - depth) * (radius + depth))
+    chord = [middle + away * (depth + side * half) for side in (1j, -1j)]
+    return np.stack([cut, *chord], axis=-1)

@@ -2,13 +2,66 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.modes.arcs import GroupArc
+
+TURN = 2 * math.pi
+DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
+TINY = 1e-12  # [rad or m] shown as zero
+
+
+@dataclass(frozen=True)
+class ArcEnd:
+    """An end of an arc.
+
+    Attributes
+    ----------
+    q : driver coordinate [rad or m]
+    how : "dead centre"; "range" where the range that was asked for ends; "turn" where a
+        whole turn begins and ends; "earlier group" where one that holds it closes no
+        further; "lost" where the group could not be followed further
+    other : at a dead centre, the number of the arc that merges with this one
+    """
+
+    q: float
+    how: str
+    other: int | None = None
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A stretch of the driver over which one mode of a group exists.
+
+    Attributes
+    ----------
+    start, end : its ends, start.q <= end.q; of a whole turn, ``turns`` turns apart
+    branch : of a dyad with two modes, else None
+    sign : of the determinant along it; 0 where a change point leaves it open
+    turns : after how many turns it closes; 0 if it has ends
+    change_points : [rad or m] dead centres that it passes
+    circuit : number of the circuit; arcs of one connect through dead centres
+    """
+
+    start: ArcEnd
+    end: ArcEnd
+    branch: int | None
+    sign: int
+    turns: int
+    change_points: tuple[float, ...]
+    circuit: int
+
+    def after(self, arcs: int, circuits: int) -> Arc:
+        """The same arc, numbered after so many arcs and circuits."""
+        start, end = (
+            replace(e, other=None if e.other is None else e.other + arcs)
+            for e in (self.start, self.end)
+        )
+        return replace(self, start=start, end=end, circuit=self.circuit + circuits)
 
 
 @dataclass(frozen=True)
@@ -42,21 +95,6 @@ class GroupMode:
     after_turn: int | None = None
     residual: float | None = None
 
-    def to_dict(self) -> dict[str, Any]:
-        """The mode as a JSON object."""
-        found = {
-            "links": {name: list(pose) for name, pose in self.links.items()},
-            "margin": self.margin,
-            "sign": self.sign,
-            "double": self.double,
-            "chosen": self.chosen,
-            "put": dict(self.put),
-            "arc": self.arc,
-            "reach": None if self.reach is None else [_finite(q) for q in self.reach],
-            "after_turn": self.after_turn,
-        }
-        return found if self.residual is None else found | {"residual": self.residual}
-
 
 @dataclass(frozen=True)
 class GroupModes:
@@ -74,18 +112,8 @@ class GroupModes:
     group: str
     kind: str
     samples: tuple[tuple[GroupMode, ...], ...]
-    arcs: tuple[GroupArc, ...] = ()
+    arcs: tuple[Arc, ...] = ()
     note: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """The modes as a JSON object."""
-        return {
-            "group": self.group,
-            "kind": self.kind,
-            "samples": [[m.to_dict() for m in modes] for modes in self.samples],
-            "arcs": [arc.to_dict() for arc in self.arcs],
-            "note": self.note,
-        }
 
 
 @dataclass(frozen=True)
@@ -111,34 +139,107 @@ class Modes:
             if found.group == group:
                 return found
         names = [g.group for g in self.groups]
-        raise RequestError(
-            Problem(
-                "bad-request",
-                group,
-                "there is no such group",
-                f"groups: {listed(names)}",
-                close_match(group, names),
-            )
-        )
+        valid = f"groups: {listed(names)}"
+        told = "there is no such group"
+        raise RequestError(Problem("bad-request", group, told, valid, close_match(group, names)))
 
     def text(self, degrees: bool = False) -> str:
         """The modes as lines of text."""
-        from blockmech.modes.text import lines
-
-        return "\n".join(lines(self, degrees))
+        return "\n".join(_lines(self, degrees))
 
     def __str__(self) -> str:
         return self.text()
 
     def to_dict(self) -> dict[str, Any]:
-        """The modes as a JSON object."""
-        return {
-            "drivers": {name: list(row) for name, row in self.drivers.items()},
-            "units": dict(self.units),
-            "driver": self.driver,
-            "groups": [group.to_dict() for group in self.groups],
-        }
+        """The modes as a JSON object; null stands for infinity."""
+        plain: dict[str, Any] = _plain(self)
+        return plain
 
 
-def _finite(q: float) -> float | None:
-    return q if math.isfinite(q) else None
+def _plain(value: Any) -> Any:
+    """A value of dictionaries, lists and finite numbers."""
+    if is_dataclass(value):
+        found = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+        if isinstance(value, GroupMode) and value.residual is None:
+            del found["residual"]
+        return found
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+# ---- text --------------------------------------------------------------------------------
+
+
+def _lines(modes: Modes, degrees: bool) -> Iterator[str]:
+    """All groups: modes by sample, then arcs."""
+    for group in modes.groups:
+        yield f"{group.group}  {group.kind}"
+        if group.note:
+            yield f"  {group.note}"
+        for n, found in enumerate(group.samples):
+            where = ", ".join(
+                f"{d}.q = {_coordinate(row[n], modes.units[d], degrees)}"
+                for d, row in modes.drivers.items()
+            )
+            yield f"  {where}: {_count(found, group)}" if where else f"  {_count(found, group)}"
+            for k, mode in enumerate(found, start=1):
+                yield from _mode_lines(k, mode, modes, degrees)
+        if group.arcs:
+            yield f"  along {modes.driver}.q:"
+            yield from _arc_lines(group, modes.units[modes.driver], degrees)
+
+
+def _count(found: tuple[GroupMode, ...], group: GroupModes) -> str:
+    if not found:
+        told = group.arcs or not group.note or any(group.samples)
+        return "no mode: it cannot close" if told else "none listed"
+    return f"{len(found)} mode{'s' if len(found) > 1 else ''}"
+
+
+def _mode_lines(number: int, mode: GroupMode, modes: Modes, degrees: bool) -> Iterator[str]:
+    unit = 180 / math.pi if degrees else 1.0
+    angles = ", ".join(
+        f"{link} {pose[2] * unit:.6g} {'deg' if degrees else 'rad'}"
+        for link, pose in mode.links.items()
+    )
+    said = f"margin {mode.margin:.4g}"
+    said += ", double: a dead centre" if mode.double else ""
+    if mode.arc is not None:
+        said += f", arc {mode.arc + 1}"
+    if mode.reach is not None:
+        low, high = (_coordinate(q, modes.units[modes.driver], degrees) for q in mode.reach)
+        said += f" (here from {low} to {high})"
+    if mode.after_turn not in (None, number - 1):
+        said += f", after a turn it is mode {(mode.after_turn or 0) + 1}"
+    said += ", the file's" if mode.chosen else ""
+    yield f"    {number}  {angles}; {said}"
+    if mode.put:
+        yield f"       {json.dumps(mode.put)[1:-1]}"
+
+
+def _arc_lines(group: GroupModes, unit: str, degrees: bool) -> Iterator[str]:
+    for n, arc in enumerate(group.arcs, start=1):
+        branch = "" if arc.branch is None else f" (branch {arc.branch:+d})"
+        if arc.start.how == WHOLE:
+            turns = "a turn" if arc.turns == 1 else f"{arc.turns} turns"
+            span = f"the whole turn, back to itself after {turns}"
+        else:
+            start, end = (
+                (e.how if e.how != DEAD or e.other is None else f"merges with arc {e.other + 1}")
+                for e in (arc.start, arc.end)
+            )
+            low, high = (_coordinate(e.q, unit, degrees) for e in (arc.start, arc.end))
+            span = f"from {low} ({start}) to {high} ({end})"
+        yield f"    arc {n}{branch}: {span}"
+        for q in arc.change_points:
+            yield f"      change point at {_coordinate(q, unit, degrees)}"
+
+
+def _coordinate(q: float, unit: str, degrees: bool) -> str:
+    q = q if abs(q) > TINY else 0.0
+    if degrees and unit == "rad":
+        return f"{q * 180 / math.pi:.9g} deg"
+    return f"{q:.9g} {unit}"

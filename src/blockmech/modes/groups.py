@@ -10,83 +10,69 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import networkx as nx
+import numpy as np
 
 from blockmech.blocks.general import GeneralGroup, InnerPair
-from blockmech.modes.triad import Leg, Support, Triad, place_of
-from blockmech.plane import cross, expi
-from blockmech.typing import LinkPosition
-from blockmech.values import Marker
+from blockmech.modes.triad import LegKind, Support, Triad
+from blockmech.plane import cross
+from blockmech.typing import Guide, LinkPosition
+
+Body = Mapping[str, LinkPosition]
+"""Links of one body -> their places in the frame of the first."""
 
 
-class Side(NamedTuple):
-    """One side of a pair on a body: place [m] and unit direction."""
+class LegBody(NamedTuple):
+    """The body of a leg: places [m] and directions of its pairs.
 
-    at: complex
-    along: complex
-
-
-@dataclass(frozen=True)
-class LegBody:
-    """The body of a leg, seen from its first link; the platform's side from the platform's.
-
-    Attributes
-    ----------
-    kinds : letters of the outer pair and of the pair at the platform
-    foot, head : the outer pair and the pair at the platform, on this body
-    seat : the pair at the platform, on the platform
+    foot, head : its outer pair and its pair at the platform, on the body
+    seat : the latter on the platform
     """
 
-    kinds: str
-    foot: Side
-    head: Side
-    seat: Side
+    kind: LegKind
+    foot: LinkPosition
+    head: LinkPosition
+    seat: LinkPosition
 
-    def leg(self) -> Leg:
-        """The leg as the platform sees it."""
-        if self.kinds == "RR":
-            return Leg.rr(self.seat.at, abs(self.head.at - self.foot.at))
-        if self.kinds == "RP":
-            offset = cross(self.head.along, self.foot.at - self.head.at)
-            return Leg.rp(self.seat.at, self.seat.along, offset)
-        return Leg.pr(self.seat.at, cross(self.foot.along, self.head.at - self.foot.at))
+    def reach(self) -> Any:
+        """Its length, or the offset of its pin from the guide [m]."""
+        arm = self.head.o - self.foot.o
+        if self.kind == "RR":
+            return abs(arm)
+        return cross(self.head.e, -arm) if self.kind == "RP" else cross(self.foot.e, arm)
 
     def place(self, support: Support, o: complex, e: complex) -> LinkPosition:
         """Where the body is, at a pose of the platform."""
-        p, u = place_of(support)
-        pin = o + e * self.seat.at
-        if self.kinds == "RR":
-            turned = (pin - p) / (self.head.at - self.foot.at)
-        elif self.kinds == "RP":
-            turned = e * self.seat.along / self.head.along
+        pin = o + e * self.seat.o
+        if isinstance(support, Guide):
+            turned = support.u / self.foot.e
+            return LinkPosition(pin - turned * self.head.o, turned)
+        if self.kind == "RP":
+            turned = e * self.seat.e / self.head.e
         else:
-            turned = u / self.foot.along
+            turned = (pin - support) / (self.head.o - self.foot.o)
         turned /= abs(turned)
-        if self.kinds == "PR":
-            return LinkPosition(pin - turned * self.head.at, turned)
-        return LinkPosition(p - turned * self.foot.at, turned)
+        return LinkPosition(support - turned * self.foot.o, turned)
 
 
-@dataclass(frozen=True)
-class TriadOfLinks:
+class TriadOfLinks(NamedTuple):
     """The triad that a group is at given coordinates of its own drivers.
 
-    Attributes
-    ----------
     legs : their bodies
-    bodies : links of the platform, then of each leg -> their places on the body
+    bodies : the platform, then each leg
     """
 
-    legs: tuple[LegBody, LegBody, LegBody]
-    bodies: tuple[Mapping[str, LinkPosition], ...]
+    legs: tuple[LegBody, ...]
+    bodies: tuple[Body, ...]
 
     @property
     def triad(self) -> Triad:
         """The legs as the platform sees them."""
-        one, two, three = (body.leg() for body in self.legs)
-        return Triad((one, two, three))
+        numbers = zip(*((leg.seat.o, leg.reach(), leg.seat.e) for leg in self.legs), strict=True)
+        columns = (np.stack(np.broadcast_arrays(*row), axis=-1) for row in numbers)
+        return Triad([leg.kind for leg in self.legs], *columns)
 
     def places(
         self, supports: Sequence[Support], o: complex, e: complex
@@ -103,58 +89,58 @@ class TriadOfLinks:
 
 @dataclass(frozen=True)
 class Outline:
-    """Which bodies of a general group are the platform and the legs of a triad.
+    """Which links of a general group are the platform and the legs of a triad.
 
     Attributes
     ----------
     group : the block
-    platform : links of the platform, the first is its frame
-    legs : links of each leg
+    welded : its links, joined by driven pairs
+    platform : the first link of the platform, which is its frame
+    legs : the first link of each leg
     joints : the outer joint of each leg
     seats : the pair of each leg at the platform
     """
 
     group: GeneralGroup
-    platform: tuple[str, ...]
-    legs: tuple[tuple[str, ...], ...]
+    welded: nx.Graph[str]
+    platform: str
+    legs: tuple[str, ...]
     joints: tuple[str, ...]
     seats: tuple[str, ...]
 
-    def at(self, q: Sequence[float] = ()) -> TriadOfLinks:
-        """The triad at coordinates [rad or m] of the group's own drivers, in their order."""
+    def at(self, q: Sequence[Any] = ()) -> TriadOfLinks:
+        """The triad at coordinates [rad or m] of the group's own drivers; floats or (n,)."""
         driven = dict(zip((joint.name for joint in self.group.driven), q, strict=True))
-        bodies = tuple(self._body(links, driven) for links in (self.platform, *self.legs))
-        found = []
-        for n, (foot, seat) in enumerate(zip(self.joints, self.seats, strict=True), start=1):
-            kinds = self.group.pairs[foot].type + self.group.pairs[seat].type
-            outer, head = self._side(foot, bodies[n]), self._side(seat, bodies[n])
-            found.append(LegBody(kinds, outer, head, self._side(seat, bodies[0])))
-        one, two, three = found
-        return TriadOfLinks((one, two, three), bodies)
+        bodies = tuple(self._body(first, driven) for first in (self.platform, *self.legs))
+        legs = []
+        for body, foot, seat in zip(bodies[1:], self.joints, self.seats, strict=True):
+            kind: Any = self.group.pairs[foot].type + self.group.pairs[seat].type
+            sides = self._side(foot, body), self._side(seat, body), self._side(seat, bodies[0])
+            legs.append(LegBody(kind, *sides))
+        return TriadOfLinks(tuple(legs), bodies)
 
-    def _side(self, pair: str, body: Mapping[str, LinkPosition]) -> Side:
-        sides = self.group.pairs[pair].sides
-        link = next(name for name in sides if name in body)
-        on, marker = body[link], sides[link]
-        return Side(on.o + on.e * marker.at.z, on.e * marker.direction)
+    def _side(self, pair: str, body: Body) -> LinkPosition:
+        link, marker = next(
+            side for side in self.group.pairs[pair].sides.items() if side[0] in body
+        )
+        on = body[link]
+        return LinkPosition(on.o + on.e * marker.at.z, on.e * marker.direction)
 
-    def _body(self, links: Sequence[str], driven: Mapping[str, float]) -> dict[str, LinkPosition]:
-        """Places of the links of one body in the frame of its first link."""
-        found = {links[0]: LinkPosition(0j, 1 + 0j)}
-        while len(found) < len(links):
-            for name, q in driven.items():
-                pair = self.group.pairs[name]
-                i, j = pair.sides
-                if (i in found) == (j in found) or not {i, j} <= set(links):
-                    continue
-                step = _step(pair.sides[i], pair.sides[j], pair.type, q)
-                if i in found:
-                    o, e = found[i]
-                    found[j] = LinkPosition(o + e * step.o, e * step.e)
-                else:
-                    o, e = found[j]
-                    back = e / step.e
-                    found[i] = LinkPosition(o - back * step.o, back)
+    def _body(self, first: str, driven: Mapping[str, Any]) -> Body:
+        """The links of one body, each seen over a driven pair from one already placed."""
+        found = {first: LinkPosition(0j, 1 + 0j)}
+        for known, link in nx.bfs_edges(self.welded, first):
+            name = self.welded.edges[known, link]["pair"]
+            pair, q = self.group.pairs[name], driven[name]
+            (i, one), (_, other) = pair.sides.items()
+            e = one.direction / other.direction
+            e = e * np.exp(1j * q) if pair.type == "R" else e
+            along = one.at.z + (q * one.direction if pair.type == "P" else 0.0)
+            o = along - e * other.at.z  # of the second link in the frame of the first
+            if link == i:
+                o, e = -o / e, 1 / e
+            on = found[known]
+            found[link] = LinkPosition(on.o + on.e * o, on.e * e)
         return found
 
 
@@ -168,47 +154,28 @@ def outline(group: GeneralGroup) -> Outline | None:
         return None
     welded: nx.Graph[str] = nx.Graph()
     welded.add_nodes_from(group.link_names)
-    welded.add_edges_from(tuple(group.pairs[name].sides) for name in welds)
-    body_of: dict[str, str] = {}
-    for part in nx.connected_components(welded):
-        first = next(link for link in group.link_names if link in part)
-        body_of |= dict.fromkeys(part, first)
+    welded.add_edges_from((*group.pairs[name].sides, {"pair": name}) for name in welds)
+    body_of = {
+        link: min(part, key=group.link_names.index)
+        for part in nx.connected_components(welded)
+        for link in part
+    }
     pairs = {
         name: [body_of[link] for link in pair.sides]
         for name, pair in group.pairs.items()
         if name not in welds
     }
-    bodies = {
-        first: tuple(link for link in group.link_names if body_of[link] == first)
-        for first in group.link_names
-        if body_of[first] == first
-    }
-    inner = {name: ends for name, ends in pairs.items() if len(ends) == 2}
-    if len(bodies) != 4 or len(inner) != 3 or len(pairs) != 6:
+    seats = {name: ends for name, ends in pairs.items() if len(ends) == 2}
+    platform = set.intersection(*map(set, seats.values())) if seats else set()
+    feet = {ends[0]: name for name, ends in pairs.items() if len(ends) == 1}
+    if len(set(body_of.values())) != 4 or len(pairs) != 6 or len(seats) != 3 or len(platform) != 1:
         return None
-    platform = next((b for b in bodies if all(b in ends for ends in inner.values())), None)
-    if platform is None:
+    (center,) = platform
+    legs = sorted(set(body_of.values()) - platform, key=group.link_names.index)
+    seat_of = {body: name for name, ends in seats.items() for body in ends if body != center}
+    if set(feet) != set(legs) or set(seat_of) != set(legs):
         return None
-    legs, joints, seats = [], [], []
-    for body in bodies:
-        if body == platform:
-            continue
-        own = [name for name, ends in pairs.items() if body in ends]
-        seat, *feet = sorted(own, key=lambda name: name not in inner)
-        if len(feet) != 1 or feet[0] in inner:
-            return None
-        if group.pairs[feet[0]].type + group.pairs[seat].type == "PP":
-            return None
-        legs.append(bodies[body])
-        joints.append(feet[0])
-        seats.append(seat)
-    return Outline(group, bodies[platform], tuple(legs), tuple(joints), tuple(seats))
-
-
-def _step(first: Marker, second: Marker, kind: str, q: float) -> LinkPosition:
-    """Place of the second link of a driven pair in the frame of the first."""
-    if kind == "P":
-        e = first.direction / second.direction
-        return LinkPosition(first.at.z + q * first.direction - e * second.at.z, e)
-    e = first.direction * expi(q) / second.direction
-    return LinkPosition(first.at.z - e * second.at.z, e)
+    if any(group.pairs[feet[body]].type + group.pairs[seat_of[body]].type == "PP" for body in legs):
+        return None
+    joints, ends = tuple(feet[body] for body in legs), tuple(seat_of[body] for body in legs)
+    return Outline(group, welded, center, tuple(legs), joints, ends)

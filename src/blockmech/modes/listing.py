@@ -9,30 +9,51 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from blockmech.blocks.contract import AssurGroup, Moving
+import numpy as np
+
+from blockmech.analysis.limits import limits
+from blockmech.blocks.contract import AssurGroup
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.model.structure import MarkerRef
-from blockmech.modes.arcs import Followed, GroupArc, OnArc, arcs_of_dyad, arcs_of_triad
-from blockmech.modes.closing import TriadMode, triad_modes
-from blockmech.modes.dyad import DyadMode, dyad_modes
-from blockmech.modes.found import GroupMode, GroupModes, Modes
+from blockmech.model.structure import JointRef
+from blockmech.modes.closing import NEAR, TriadMode, triad_modes
+from blockmech.modes.connection import CHECKS, Connections, connect
+from blockmech.modes.dyad import branches, dyad_modes
+from blockmech.modes.found import (
+    DEAD,
+    EARLIER,
+    RANGE,
+    TURN,
+    WHOLE,
+    Arc,
+    ArcEnd,
+    GroupMode,
+    GroupModes,
+    Modes,
+)
 from blockmech.modes.groups import Outline, outline
-from blockmech.modes.supports import supports_of
-from blockmech.modes.triad import place_of, size_of
+from blockmech.modes.triad import Support
 from blockmech.plane import angle
 from blockmech.samples import make_samples
-from blockmech.typing import LinkPosition
+from blockmech.typing import Guide, LinkPosition
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-TURN = 2 * math.pi
 CHOSEN = 1e-6  # of the size: the pose that the file chooses is this mode
+
+Places: TypeAlias = Mapping[str, LinkPosition]
+Supports: TypeAlias = Callable[[Mapping[str, Any]], list[Support]]
+"""Driver -> coordinates (n,) [rad or m], to the supports (n,); NaN where they are not placed."""
+
+Located: TypeAlias = tuple[int, float, int | None]
+"""Number of an arc, what to add to its coordinates [rad or m], the mode a turn on."""
 
 
 def modes(
@@ -52,29 +73,42 @@ def modes(
     driver : along which arcs are sought, the others held at the first sample; by default
         the only one
     groups : only these; by default all
-    arcs : whether arcs are sought: a tenth of a second a triad
+    arcs : whether arcs are sought: some tenths of a second a triad
 
     Raises
     ------
     RequestError for unknown names, and where nothing says where the drivers stand
     """
-    taken = make_samples(
-        mechanism,
-        mechanism.scene,
-        _begin(mechanism) if at is None else at,
-        rates=dict.fromkeys(mechanism.drivers, 0.0),
-    )
-    rows = {d: taken.coordinate(i).tolist() for i, d in enumerate(mechanism.drivers)}
-    samples = tuple({d: row[n] for d, row in rows.items()} for n in range(taken.n))
+    still = dict.fromkeys(mechanism.drivers, 0.0)
+    at = _begin(mechanism) if at is None else at
+    taken = make_samples(mechanism, mechanism.scene, at, rates=still)
+    rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(mechanism.drivers)}
+    samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
     moved = _moved(mechanism, driver) if arcs else ""
-    lister = _Lister(mechanism, samples, moved)
+    lister = _Lister(mechanism, tuple(samples), moved)
     found = tuple(lister.group(name) for name in _wanted(mechanism, groups))
-    return Modes(
-        {d: tuple(row) for d, row in rows.items()},
-        {d: mechanism.driver_joint(d).coordinate_unit for d in mechanism.drivers},
-        moved,
-        found,
-    )
+    units = {d: mechanism.driver_joint(d).coordinate_unit for d in mechanism.drivers}
+    return Modes(rows, units, moved, found)
+
+
+class _Mode(NamedTuple):
+    """A mode of a dyad or triad."""
+
+    links: Places
+    margin: float
+    sign: int
+    double: bool
+    branch: int | None = None
+    triad: TriadMode | None = None
+
+
+class _Found(NamedTuple):
+    """The modes of a group at each sample, its arcs, and where each mode is on them."""
+
+    every: Sequence[Sequence[_Mode]] = ()
+    arcs: tuple[Arc, ...] = ()
+    note: str = ""
+    located: Sequence[Sequence[Located | None]] = ()
 
 
 @dataclass(frozen=True)
@@ -88,176 +122,253 @@ class _Lister:
     def group(self, name: str) -> GroupModes:
         """All modes of a group."""
         block = self.mechanism.structure.blocks[name]
-        kind = f"{block.group_class} {block.kind}"
-        said = self.mechanism.said(name)
-        if not isinstance(block, GeneralGroup):
-            return self._dyad(name, said, kind, block)
-        triad, note = outline(block), "only the modes of dyads and triads are listed"
+        triad = outline(block) if isinstance(block, GeneralGroup) else None
         try:
             if triad is not None:
-                return self._triad(name, said, kind, triad)
+                found = self._triad(name, triad)
+            elif isinstance(block, GeneralGroup):
+                found = _Found(note="only the modes of dyads and triads are listed")
+            else:
+                assert isinstance(block, AssurGroup)
+                found = self._dyad(name, block)
         except RequestError as error:  # of one group; the others are told all the same
-            note = "; ".join(p.found for p in error.problems)
-        return GroupModes(said, kind, tuple(() for _ in self.samples), (), note)
-
-    def _dyad(self, name: str, said: str, kind: str, block: Moving) -> GroupModes:
-        assert isinstance(block, AssurGroup)
-        outer = [joint.name for joint in block.joints.values() if joint.outer]
-        supports = supports_of(self.mechanism.of_blocks, name, outer)
-        followed = Followed(())
-        if self._follows(name):
-            held = {d: q for d, q in self.samples[0].items() if d != self.driver}
-            followed = arcs_of_dyad(self.mechanism.of_blocks, name, self.driver, held)
+            found = _Found(note=_told(error))
         samples = []
-        for drivers in self.samples:
-            found = dyad_modes(block, [*supports(drivers), *self._driven(name, drivers)])
-            stands = self._own(name, drivers)
-            samples.append(
-                tuple(
-                    self._dyad_mode(name, n, m, drivers, followed, stands)
-                    for n, m in enumerate(found)
-                )
-            )
-        return GroupModes(said, kind, tuple(samples), self._arcs(followed), followed.note)
+        for drivers, every, located in zip_longest(self.samples, found.every, found.located):
+            at = located or [None] * len(every or ())
+            told = zip(every or (), at, strict=True)
+            samples.append(tuple(self._mode(name, m, drivers, found.arcs, on) for m, on in told))
+        kind = f"{block.group_class} {block.kind}"
+        return GroupModes(self.mechanism.said(name), kind, tuple(samples), found.arcs, found.note)
 
-    def _triad(self, name: str, said: str, kind: str, group: Outline) -> GroupModes:
-        supports = supports_of(self.mechanism.of_blocks, name, group.joints)
-        followed = Followed(())
-        if self._follows(name):
-            held = {d: q for d, q in self.samples[0].items() if d != self.driver}
-            also = [s[self.driver] for s in self.samples if self._held(s)]
-            try:
-                followed = arcs_of_triad(
-                    self.mechanism.of_blocks, name, group, self.driver, held, also
-                )
-            except RequestError as error:
-                followed = Followed((), note="; ".join(p.found for p in error.problems))
-        samples: list[tuple[GroupMode, ...]] = []
-        for drivers in self.samples:
-            at = supports(drivers)
-            if not all(cmath.isfinite(z) for support in at for z in place_of(support)):
-                samples.append(())
-                continue
-            formed = group.at(self._driven(name, drivers))
-            triad = formed.triad
-            size, stands = size_of(triad, at), self._own(name, drivers)
-            samples.append(
-                tuple(
-                    self._triad_mode(
-                        name, m, drivers, followed, formed.places(at, m.o, m.e), size, stands
-                    )
-                    for m in triad_modes(triad, at)
-                )
-            )
-        return GroupModes(said, kind, tuple(samples), self._arcs(followed), followed.note)
-
-    def _dyad_mode(
+    def _mode(
         self,
         name: str,
-        number: int,
-        mode: DyadMode,
+        mode: _Mode,
         drivers: Mapping[str, float],
-        followed: Followed,
-        stands: Mapping[str, LinkPosition],
+        arcs: Sequence[Arc],
+        located: Located | None,
     ) -> GroupMode:
-        on = None
-        if self._held(drivers) and not mode.double:
-            on = followed.of_branch(mode.branch, drivers[self.driver])
-        if on is not None and followed.arcs[on.arc].turns:
-            on = on._replace(after_turn=number)
+        number, shift, then = located or (None, 0.0, None)
+        reach = None
+        if number is not None and not arcs[number].turns:
+            reach = (arcs[number].start.q + shift, arcs[number].end.q + shift)
+        size = self.mechanism.structure.blocks[name].largest_length() or 1.0
+        own = self._own(name, drivers)
         return GroupMode(
             links=self._poses(name, mode.links),
             margin=mode.margin,
             sign=mode.sign,
             double=mode.double,
-            chosen=self._is_same(name, mode.links, stands),
-            put=self._put(name, mode.links, drivers, mode.branch),
-            **self._on_arc(on, followed),
+            chosen=all(
+                abs(at.e - own[link].e) <= CHOSEN and abs(at.o - own[link].o) <= CHOSEN * size
+                for link, at in mode.links.items()
+            ),  # NaN is not
+            put=self._put(name, mode, drivers),
+            arc=number,
+            reach=reach,
+            after_turn=then,
+            residual=None if mode.triad is None else mode.triad.residual,
         )
 
-    def _triad_mode(
-        self,
-        name: str,
-        mode: TriadMode,
-        drivers: Mapping[str, float],
-        followed: Followed,
-        links: Mapping[str, LinkPosition],
-        size: float,
-        stands: Mapping[str, LinkPosition],
-    ) -> GroupMode:
-        on = None
-        if self._held(drivers) and not mode.double:
-            on = followed.of_pose(mode, drivers[self.driver], size)
-        return GroupMode(
-            links=self._poses(name, links),
-            margin=mode.margin,
-            sign=mode.sign,
-            double=mode.double,
-            chosen=self._is_same(name, links, stands),
-            put=self._put(name, links, drivers, None),
-            residual=mode.residual,
-            **self._on_arc(on, followed),
+    # -- dyads -----------------------------------------------------------------------------
+
+    def _dyad(self, name: str, block: AssurGroup) -> _Found:
+        """Both branches, and the arcs of each where the dyad closes."""
+        supports = self._supports(name, [j.name for j in block.joints.values() if j.outer])
+        every = []
+        for drivers in self.samples:
+            held = [_first(support) for support in supports(drivers)]
+            found = dyad_modes(block, [*held, *self._driven(name, drivers)])
+            every.append([_Mode(m.links, m.margin, m.sign, m.double, m.branch) for m in found])
+        if not self._follows(name):
+            return _Found(every)
+        around = limits(self.mechanism.of_blocks, self.driver, self._fixed, blocks=[name])
+        arcs: list[Arc] = []
+        for arc in around.arcs:
+            passed = tuple(p.q for p in arc.change_points if p.block == name)
+            for branch in branches(block):
+                n = len(arcs)
+                partner = None if branch is None else n + branch
+                start, end = (
+                    ArcEnd(e.q, DEAD, partner)
+                    if e.block == name
+                    else ArcEnd(e.q, str(e) if e.block else e.how)
+                    for e in (arc.start, arc.end)
+                )
+                meets = bool(passed) or DEAD in (start.how, end.how)
+                circuit = min(n, partner) if partner is not None and meets else n
+                turns = int(around.whole_turn)
+                arcs.append(Arc(start, end, branch, branch or 1, turns, passed, circuit))
+        located = [
+            [self._of_branch(arcs, m, k, drivers) for k, m in enumerate(modes)]
+            for modes, drivers in zip(every, self.samples, strict=True)
+        ]
+        return _Found(every, tuple(arcs), "" if arcs else around.sentence(), located)
+
+    def _of_branch(
+        self, arcs: Sequence[Arc], mode: _Mode, k: int, drivers: Mapping[str, float]
+    ) -> Located | None:
+        """Where mode k of a dyad is."""
+        for number, arc in enumerate(arcs if self._held(drivers) and not mode.double else ()):
+            place = self._near((arc.start.q + arc.end.q) / 2, drivers[self.driver])
+            here = bool(arc.turns) or arc.start.q <= place <= arc.end.q
+            if arc.branch == mode.branch and here:
+                return number, drivers[self.driver] - place, k if arc.turns else None
+        return None
+
+    # -- triads ----------------------------------------------------------------------------
+
+    def _triad(self, name: str, group: Outline) -> _Found:
+        """All modes, connected over the stretches of the driver where earlier groups close."""
+        supports = self._supports(name, group.joints)
+        every: list[list[_Mode]] = []
+        for drivers in self.samples:
+            at = [_first(support) for support in supports(drivers)]
+            every.append([])
+            if all(np.isfinite(support).all() for support in at):
+                formed = group.at(self._driven(name, drivers))
+                every[-1] += [
+                    _Mode(formed.places(at, m.o, m.e), m.margin, m.sign, m.double, None, m)
+                    for m in triad_modes(formed.triad, at)
+                ]
+        if not self._follows(name):
+            return _Found(every)
+        try:
+            return self._connected(name, group, supports, every)
+        except RequestError as error:
+            return _Found(every, note=_told(error))
+
+    def _connected(
+        self, name: str, group: Outline, supports: Supports, every: list[list[_Mode]]
+    ) -> _Found:
+        stretches, note = self._stretches(name)
+        arcs: list[Arc] = []
+        located: list[list[Located | None]] = [[None] * len(modes) for modes in every]
+        for low, high, ends in stretches:
+            also = {
+                n: self._near((low + high) / 2, drivers[self.driver])
+                for n, drivers in enumerate(self.samples)
+                if self._held(drivers)
+            }
+            also = {n: q for n, q in also.items() if low <= q <= high}
+            found = connect(
+                lambda q: group.at(self._driven(name, self._fixed | {self.driver: q})).triad,
+                lambda q: supports(self._fixed | {self.driver: q}),
+                low,
+                high,
+                ends=ends,
+                also=tuple(also.values()),
+            )
+            for node, n in enumerate(also, start=CHECKS):
+                at = _located(found, node, every[n], self.samples[n][self.driver])
+                located[n] = [on and (on[0] + len(arcs), *on[1:]) for on in at]
+            circuits = 1 + max((arc.circuit for arc in arcs), default=-1)
+            arcs += [arc.after(len(arcs), circuits) for arc in found.arcs]
+        return _Found(every, tuple(arcs), note, located)
+
+    def _stretches(self, name: str) -> tuple[list[tuple[float, float, str]], str]:
+        """Where the groups that hold a triad close: low, high, and what ends it; or why nowhere."""
+        mechanism, structure = self.mechanism.of_blocks, self.mechanism.structure
+        earlier = [block for block in structure.supports(name) if block != structure.frame]
+        around = limits(mechanism, self.driver, self._fixed, blocks=earlier)
+        if around.whole_turn:
+            return [(0.0, TURN, WHOLE)], ""
+        law: Any = mechanism.scene.drive.get(self.driver)
+        found = []
+        for arc in around.arcs:
+            low, high, how = arc.start.q, arc.end.q, EARLIER
+            if around.unit == "m" and law is not None and law.by_coordinate:
+                a, b = sorted((law.start, law.end))
+                low, high, how = max(low, a), min(high, b), RANGE
+            if not (math.isfinite(low) and math.isfinite(high)):
+                told = f"{self.driver}.q has no range: give it a law of motion by coordinate"
+                return [], told
+            if low < high:
+                found.append((low, high, how))
+        return found, "" if found else around.sentence()
+
+    # -- where it is asked -----------------------------------------------------------------
+
+    def _follows(self, name: str) -> bool:
+        return self.driver in self.mechanism.structure.upstream[name]
+
+    def _near(self, place: float, q: float) -> float:
+        """q, or a turn of it, near a place."""
+        rotary = self.mechanism.driver_joint(self.driver).rotary
+        return place + math.remainder(q - place, TURN) if rotary else q
+
+    def _held(self, drivers: Mapping[str, float]) -> bool:
+        """Whether a sample is on the line along which arcs are sought."""
+        first = self.samples[0]
+        return bool(self.driver) and all(
+            q == first[d] for d, q in drivers.items() if d != self.driver
         )
 
-    def _on_arc(self, on: OnArc | None, followed: Followed) -> dict[str, Any]:
-        """What is told of a mode's arc."""
-        if on is None:
-            return {}
-        arc, reach = followed.arcs[on.arc], None
-        if not arc.turns:
-            low, high = sorted(e.q + on.shift for e in (arc.start, arc.end))
-            reach = (low, high)
-        return {"arc": on.arc, "reach": reach, "after_turn": on.after_turn}
+    @cached_property
+    def _fixed(self) -> dict[str, float]:
+        """Where the other drivers are held."""
+        return {d: q for d, q in self.samples[0].items() if d != self.driver}
 
-    def _driven(self, name: str, drivers: Mapping[str, float]) -> list[float]:
+    def _supports(self, group: str, joints: Sequence[str]) -> Supports:
+        """Where earlier links hold joints of a group."""
+        structure, mechanism = self.mechanism.structure, self.mechanism.of_blocks
+        feeds = [structure.feeds[JointRef(group, joint)] for joint in joints]
+        guided = [structure.joint(JointRef(group, joint)).reads == "guide" for joint in joints]
+        turning = [
+            f"{feed.on}.angle" if guide and feed.on != structure.frame_link else ""
+            for feed, guide in zip(feeds, guided, strict=True)
+        ]
+        want = sorted({f"{feed}.p" for feed in feeds}.union(filter(None, turning)))
+        still = dict.fromkeys(mechanism.drivers, 0.0)
+
+        def supports(drivers: Mapping[str, Any]) -> list[Support]:
+            n = max((np.size(q) for q in drivers.values()), default=1)
+            at = {d: np.broadcast_to(q, n) for d, q in drivers.items()}
+            run = mechanism.run(at=at, rates=still, want=want, on_gap="mark")
+            found: list[Support] = []
+            for feed, guide, turned in zip(feeds, guided, turning, strict=True):
+                p = run[f"{feed}.p"]
+                e = np.exp(1j * run[turned]) if turned else np.ones_like(p)
+                e = e * getattr(structure.marker(feed), "direction", 1 + 0j)
+                found.append(Guide(p, e) if guide else p)
+            return found
+
+        return supports
+
+    def _driven(self, name: str, drivers: Mapping[str, Any]) -> list[Any]:
         """Coordinates of the driven joints inside a group."""
         structure = self.mechanism.structure
         own = structure.drivers_of(name)
         return [structure.coordinate(d).of_joint(drivers[d]) for d in own]
 
-    def _poses(
-        self, name: str, links: Mapping[str, LinkPosition]
-    ) -> dict[str, tuple[float, float, float]]:
-        """Poses of links by the names and in the frames of the file."""
-        if self.mechanism.names is not None:
-            return dict(self._of_document(name, links))
-        return {link: _pose(place) for link, place in links.items()}
+    # -- how the file says it --------------------------------------------------------------
 
-    def _put(
-        self,
-        name: str,
-        links: Mapping[str, LinkPosition],
-        drivers: Mapping[str, float],
-        branch: int | None,
-    ) -> dict[str, Any]:
-        """What to write into the file to have this mode."""
-        poses = {link: list(pose) for link, pose in self._poses(name, links).items()}
+    def _poses(self, name: str, links: Places) -> dict[str, tuple[float, float, float]]:
+        """Poses of links by the names and in the frames of the file."""
+        names, structure = self.mechanism.names, self.mechanism.structure
+        if names is None:
+            return {link: _pose(*place) for link, place in links.items()}
+        found = {}
+        for said, where in names.links.items():
+            if where.link.block == name:
+                o, e = links[where.link.link]
+                at = structure.block(where.marker.block).place_of(structure.marker(where.marker))
+                found[said] = _pose(o + e * at, e * cmath.exp(1j * where.turn))
+        return found
+
+    def _put(self, name: str, mode: _Mode, drivers: Mapping[str, float]) -> dict[str, Any]:
+        """What to write into the file to have a mode."""
+        structure = self.mechanism.structure
+        poses = {link: list(pose) for link, pose in self._poses(name, mode.links).items()}
         if self.mechanism.names is not None:  # its poses must be of one and the same place
             stand = {link: list(pose) for link, pose in self._standing(drivers)} | poses
             self._turn_to(stand, drivers)
             return {"links": {link: {"pose": pose} for link, pose in stand.items()}}
-        if not isinstance(self.mechanism.structure.blocks[name], GeneralGroup):
-            return {} if branch is None else {"branch": branch}
-        moving = self.mechanism.structure.upstream[name]
-        home = {d: drivers[d] for d in self.mechanism.drivers if d in moving}
+        if not isinstance(structure.blocks[name], GeneralGroup):
+            return {} if mode.branch is None else {"branch": mode.branch}
+        home = {d: drivers[d] for d in self.mechanism.drivers if d in structure.upstream[name]}
         return {"home": {"drivers": home, "poses": poses}}
-
-    def _of_document(
-        self, name: str, links: Mapping[str, LinkPosition]
-    ) -> Iterator[tuple[str, tuple[float, float, float]]]:
-        """The document's links in a group, with their poses in their own frames."""
-        assert self.mechanism.names is not None
-        for said, where in self.mechanism.names.links.items():
-            if where.link.block == name:
-                place = links[where.link.link]
-                at = self._at(where.marker)
-                turned = place.e * cmath.exp(1j * where.turn)
-                yield said, _pose(LinkPosition(place.o + place.e * at, turned))
-
-    def _at(self, ref: MarkerRef) -> complex:
-        """Place [m] of a marker on its link."""
-        structure = self.mechanism.structure
-        return structure.block(ref.block).place_of(structure.marker(ref))
 
     def _standing(
         self, drivers: Mapping[str, float]
@@ -266,7 +377,7 @@ class _Lister:
         for name in self.mechanism.structure.blocks:
             links = self._own(name, drivers)
             if all(cmath.isfinite(z) for place in links.values() for z in place):
-                yield from self._of_document(name, links)
+                yield from self._poses(name, links).items()
 
     def _turn_to(self, poses: dict[str, list[float]], drivers: Mapping[str, float]) -> None:
         """Count driven links round so that the poses tell the drivers' coordinates."""
@@ -295,31 +406,44 @@ class _Lister:
             for link in links
         }
 
-    def _is_same(
-        self, name: str, one: Mapping[str, LinkPosition], other: Mapping[str, LinkPosition]
-    ) -> bool:
-        size = self.mechanism.structure.blocks[name].largest_length() or 1.0
-        return all(
-            abs(place.e - other[link].e) <= CHOSEN and abs(place.o - other[link].o) <= CHOSEN * size
-            for link, place in one.items()
-        )  # NaN is not
 
-    def _held(self, drivers: Mapping[str, float]) -> bool:
-        """Whether a sample is on the line along which arcs are sought."""
-        first = self.samples[0]
-        return bool(self.driver) and all(
-            q == first[d] for d, q in drivers.items() if d != self.driver
-        )
+def _located(
+    found: Connections, node: int, every: Sequence[_Mode], q: float
+) -> list[Located | None]:
+    """Where the modes of a triad at a sample are, by the same ones at its node or close by."""
+    known = found.modes[node]
+    same: dict[int, int] = {}  # mode at the node -> at the sample
+    for k, mode in enumerate(every):
+        own = mode.triad
+        assert own is not None
+        size = max(abs(m.o - own.o) for m in known) if known else 1.0
+        for m, other in enumerate(known):
+            apart = abs(other.o - own.o) / (size or 1.0) + abs(other.e - own.e)
+            if apart <= NEAR and other.sign == own.sign:
+                same[m] = k
+    located: list[Located | None] = [None] * len(every)
+    for m, k in same.items():
+        number = found.arc_of((node, m))
+        place = found.places[number][found.passes[number].index((node, m))]
+        then = found.after_turn((node, m)) if found.turn else None
+        turns = TURN * round((q - place) / TURN)
+        located[k] = (number, turns, None if then is None else same.get(then))
+    return located
 
-    def _follows(self, name: str) -> bool:
-        return self.driver in self.mechanism.structure.upstream[name]
 
-    def _arcs(self, followed: Followed) -> tuple[GroupArc, ...]:
-        return followed.arcs
+def _first(support: Support) -> Support:
+    """A support at the first of n places."""
+    if isinstance(support, Guide):
+        return Guide(complex(support.p[0]), complex(support.u[0]))
+    return complex(support[0])
 
 
-def _pose(place: LinkPosition) -> tuple[float, float, float]:
-    return float(place.o.real), float(place.o.imag), float(angle(1 + 0j, place.e))
+def _told(error: RequestError) -> str:
+    return "; ".join(problem.found for problem in error.problems)
+
+
+def _pose(o: complex, e: complex) -> tuple[float, float, float]:
+    return float(o.real), float(o.imag), float(angle(1 + 0j, e))
 
 
 def _begin(mechanism: Compiled) -> dict[str, float]:
@@ -333,15 +457,9 @@ def _begin(mechanism: Compiled) -> dict[str, float]:
         elif initial is not None:
             found[driver] = float(initial.q)
         else:
-            problems.append(
-                Problem(
-                    "bad-request",
-                    driver,
-                    "nothing says where this driver stands",
-                    "",
-                    "give its coordinate, or a law of motion by coordinate",
-                )
-            )
+            told = "nothing says where this driver stands"
+            remedy = "give its coordinate, or a law of motion by coordinate"
+            problems.append(Problem("bad-request", driver, told, "", remedy))
     if problems:
         raise RequestError(problems)
     return found
@@ -352,38 +470,26 @@ def _moved(mechanism: Compiled, driver: str | None) -> str:
     drivers = mechanism.drivers
     if driver is None:
         return drivers[0] if len(drivers) == 1 else ""
-    if driver not in drivers:
-        valid = f"drivers: {listed(drivers)}" if drivers else ""
-        raise RequestError(
-            Problem(
-                "bad-request",
-                driver,
-                "there is no such driver",
-                valid,
-                close_match(driver, drivers),
-            )
-        )
+    _known("driver", [driver], drivers)
     return driver
 
 
 def _wanted(mechanism: Compiled, groups: Iterable[str] | None) -> tuple[str, ...]:
     """Blocks that close, in formation order: all, or the named ones."""
-    known = {
-        mechanism.said(n): n for n, block in mechanism.structure.blocks.items() if block.closes
-    }
-    if groups is None:
-        return tuple(known.values())
-    wanted = set(groups)
+    blocks = mechanism.structure.blocks.items()
+    said = {mechanism.said(name): name for name, block in blocks if block.closes}
+    wanted = set(said if groups is None else groups)
+    _known("group", sorted(wanted), tuple(said))
+    return tuple(block for name, block in said.items() if name in wanted)
+
+
+def _known(kind: str, wanted: Iterable[str], known: Sequence[str]) -> None:
+    """Refuse unknown names."""
+    valid = f"{kind}s: {listed(known)}" if known else ""
     problems = [
-        Problem(
-            "bad-request",
-            name,
-            "there is no such group",
-            f"groups: {listed(known)}" if known else "",
-            close_match(name, known),
-        )
-        for name in sorted(wanted - set(known))
+        Problem("bad-request", name, f"there is no such {kind}", valid, close_match(name, known))
+        for name in wanted
+        if name not in known
     ]
     if problems:
         raise RequestError(problems)
-    return tuple(block for said, block in known.items() if said in wanted)

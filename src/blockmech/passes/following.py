@@ -38,12 +38,11 @@ Array = NDArray[Any]
 TURN = 2 * math.pi
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
 STRIDE = 0.3  # [rad] turn of a link in one step
-SMALLEST = 1e-14  # share of a line below which a step is given up: the path ends there
+SMALLEST = 1e-14  # share of a line, or of knots, at which the path ends: a dead centre, to rounding
 CHANGE = 0.7  # of what the singular values allow: how much J may change in one step
 FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
 DEAD = 1e-7  # [-] smallest singular value of a home: nearer its modes are one, to rounding
-END = 1e-14  # [-] step of knots at which their side ends: a dead centre, to rounding
-BEFORE = 1.0 - 1e-16  # the largest share that is not all
+BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
 MOST = 5000  # steps of a line
 MODES = 12  # turns of the driver on which a group may be in another mode each
 SAME = 1e-9  # [-] difference of poses that are one pose
@@ -377,7 +376,7 @@ class _Side:
                 if room[0] >= 1.0:
                     break
                 step *= float(growth(room)[0])
-                if step < END * max(self.unit, abs(self.q[-1])):
+                if step < SMALLEST * max(self.unit, abs(self.q[-1])):
                     self.ended = True
                     return
             self.q.append(float(q[0, 0]))

@@ -91,7 +91,7 @@ def share_of_inertia(s: Schedule, block: str, k: str, m: str) -> str:
         if properties.inertia:
             ok, om = s.ask(link_velocity, link, k).scalar, s.ask(link_velocity, link, m).scalar
             terms.append(s.emit(angular, ok, om, s.ask(inertia_of, link), name=f"{link}_J"))
-    return s.sum(terms, f"{block}_J_red") if terms else "0.0"
+    return s.share(block, k, s.sum(terms, f"{block}_J_red")) if terms else "0.0"
 
 
 def share_of_load(s: Schedule, block: str, k: str) -> str:
@@ -114,7 +114,7 @@ def share_of_load(s: Schedule, block: str, k: str) -> str:
         if load.moments:
             moment = s.sum(load.moments, f"{link}_applied_M")
             terms.append(s.emit(moment_power, moment, om, name=f"{link}_Q"))
-    return s.sum(terms, f"{block}_tau_red") if terms else "0.0"
+    return s.share(block, k, s.sum(terms, f"{block}_tau_red")) if terms else "0.0"
 
 
 def share_of_bias(s: Schedule, block: str, k: str, mode: str) -> str:

@@ -98,6 +98,29 @@ class GraphAssertion:
             )
         return self
 
+    def schedules(
+        self, want: str | Iterable[str], *calls: tuple[str, ...], **settings: Any
+    ) -> GraphAssertion:
+        """These outputs take exactly these kernel calls, named in an order that works.
+
+        Parameters
+        ----------
+        want : names or patterns of outputs
+        calls : (block, stage), of stages at unit rate (block, stage, driver); see `Plan.graph`
+        settings : friction, static ... as for `Mechanism.plan`
+        """
+        __tracebackhide__ = True
+        graph = self._mechanism.plan(want, **settings).graph()
+        made = [call for call in graph if call[1] != "reduction"]
+        if set(made) != set(calls):
+            self._fail(f"the calls {_calls(calls)}", _calls(made))
+        for first, then in graph.subgraph(made).edges:
+            if calls.index(first) > calls.index(then):
+                self._fail(
+                    f"the order {_calls(calls)}", f"{_calls([then])} needs {_calls([first])}"
+                )
+        return self
+
     # -- motion ------------------------------------------------------------------------------
 
     def closes_on(
@@ -216,6 +239,10 @@ def _lines(problems: Iterable[Problem]) -> str:
 
 def _arrows(blocks: Iterable[str]) -> str:
     return " -> ".join(blocks)
+
+
+def _calls(calls: Iterable[tuple[str, ...]]) -> str:
+    return ", ".join(" ".join(call) for call in calls) or "none"
 
 
 def _wrong(found: str, remedy: str) -> RequestError:

@@ -7,14 +7,375 @@ motions of their joints and held against each other and against differences; the
 
 from __future__ import annotations
 
-from blockmech.testing.block_trial import BlockTrial
-from blockmech.testing.calling_rules import batches, impossible, inputs, not_a_number, outputs
-from blockmech.testing.force_rules import balances, forces
-from blockmech.testing.kinematic_rules import accelerations, positions, velocities
+import inspect
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.blocks.contract import AssurGroup, Moving
+from blockmech.testing.rig import (
+    DRIVE,
+    STAGES,
+    Motions,
+    Subject,
+    after,
+    chosen,
+    count,
+    mixed,
+    only,
+    random_loads,
+    random_motions,
+    request,
+    rig,
+)
+from blockmech.testing.rules import (
+    DERIVATIVE,
+    Array,
+    Checks,
+    ConformanceError,
+    Leaves,
+    as_number,
+    derivative,
+    finite,
+    identical,
+    largest,
+    leaves,
+    planar,
+    same_bits,
+    spoilt,
+    vectors,
+)
+from blockmech.typing import LinkAcceleration, LinkPosition, LinkVelocity, Load, Slide
+
+SAMPLES = 24
+X, Y = 0.7, -1.3  # factors of a linear combination
+EDGE = 1e-6  # [-] margin where a group just closes, after bisection to rounding
 
 
-class BlockRules(BlockTrial):
-    """Rules 1 to 10."""
+class BlockRules(Checks):
+    """Rules 1 to 10 of a block with links.
+
+    Attributes
+    ----------
+    subject : the block's kernels, to be called with motions
+    size : [m] of its motions: its largest length, scaled until it closes
+    every, motions : random motions, and slow ones of them in which the block closes well
+    other : further motions, of which only rates are read
+    pose : of ``motions``
+    """
+
+    def __init__(self, block: Moving, seed: int = 0) -> None:
+        super().__init__()
+        self.block = block
+        self.subject = Subject(block)
+        self.size = block.largest_length() or 1.0
+        self.every, self.motions = self._closing(seed)
+        self.other = random_motions(block, SAMPLES, self.size, seed + 1)
+        self.pose = self.subject.position(self.motions)
+
+    def _closing(self, seed: int) -> tuple[Motions, Motions]:
+        """Random motions, and those of them in which the block closes well."""
+        unclosed = f"{type(self.block).__name__} breaks its contract\nrule 3 (positions close"
+        unclosed += " the joints):"
+        for scale in (1.0, 3.0, 0.3, 10.0, 0.1):
+            motions = random_motions(self.block, 4000, scale * self.size, seed)
+            try:
+                pose = leaves(self.subject.position(motions))
+            except Exception as error:  # a broken kernel may fail in any way
+                told = f"{unclosed} position raised {type(error).__name__}: {error}"
+                raise ConformanceError(told) from error
+            good = finite(pose)
+            if isinstance(self.block, AssurGroup) and "margin" in pose:
+                margin = np.broadcast_to(pose["margin"], good.shape)
+                good = good & (margin >= 0.5 * np.max(margin, initial=0.0, where=good))
+            found = np.flatnonzero(good)
+            if len(found) >= 4 * SAMPLES:
+                self.size *= scale
+                return motions, self._slow(only(motions, found))
+        raise ConformanceError(
+            f"{unclosed} no pose was found in which the block closes: position is wrong, "
+            "or the example hardly ever closes"
+        )
+
+    def _slow(self, motions: Motions) -> Motions:
+        """Some of the slower quarter of the motions, which differences resolve."""
+        try:
+            speed = self._speeds(self.subject.velocity(motions))
+        except Exception:  # the rule on velocities will say why
+            speed = np.zeros(count(motions))
+        return only(motions, np.flatnonzero(speed <= np.quantile(speed, 0.25))[:SAMPLES])
+
+    def _speeds(self, vel: Any) -> Array:
+        """Largest speed (n,) [m/s] of links and slides, rates counted at the block's size."""
+        found = [abs(x) * (self.size if n.endswith("om") else 1.0) for n, x in leaves(vel).items()]
+        return np.asarray(np.max(np.broadcast_arrays(*found), axis=0))
+
+    def _closed(self, motions: Motions) -> NDArray[np.bool_]:
+        """Whether the block closes (n,)."""
+        pose = leaves(self.subject.position(motions))
+        places = {n: x for n, x in pose.items() if n.split(".")[0] in self.block.link_names}
+        return np.broadcast_to(finite(places), (count(motions),))
+
+    # -- 1, 2, 7, 8, 9: how kernels are called ---------------------------------------------
+
+    def _calls(self) -> Iterator[tuple[str, Callable[..., list[Any]]]]:
+        """Each kernel, and its arguments (but the parameters) at some samples."""
+        for stage in STAGES:
+            yield stage, lambda samples=slice(None), stage=stage: self._arguments(stage, samples)
+
+    def _arguments(self, stage: str, samples: slice) -> list[Any]:
+        motions = only(self.motions, samples)
+        if stage == "position":
+            return self.subject.arguments(stage, motions)
+        pose = self.subject.position(motions)
+        if stage == "reactions":
+            loads = random_loads(self.block, SAMPLES, self.size, 3)
+            return [pose, *(Load(planar(vectors(x.F)[samples]), x.M[samples]) for x in loads)]
+        before = [pose]
+        if stage == "acceleration":
+            before.append(self.subject.velocity(motions, pose))
+        return [*before, *self.subject.arguments(stage, motions)]
+
+    def _names(self, stage: str) -> list[str]:
+        return list(inspect.signature(getattr(self.block.kernels, stage)).parameters)
+
+    def inputs(self) -> Iterator[str]:
+        """Kernels name what they get, in the order of the joints."""
+        for stage in ("position", "velocity", "acceleration"):
+            names = self._names(stage)[STAGES[stage] :]
+            for joint, name in zip(self.subject.outer, names, strict=False):
+                if name.rsplit("_", 1)[-1] != joint.name:
+                    yield f"{stage} calls what joint {joint.name} reads {name}"
+
+    def outputs(self) -> Iterator[str]:
+        """Calling again gives the same bits, and leaves the inputs alone."""
+        for stage, arguments in self._calls():
+            given = arguments()
+            before = leaves(tuple(given))
+            once, again = (leaves(self.subject.call(stage, *given)) for _ in range(2))
+            if not identical(before, leaves(tuple(given))):
+                yield f"{stage} changes its inputs"
+            if not identical(once, again):
+                yield f"{stage} gives another answer to the same inputs"
+
+    def batches(self) -> Iterator[str]:
+        """Any batch shape gives the same numbers, for samples and for designs."""
+        designs = type(self.subject.p)(*(np.full((3, 1), x) for x in self.subject.p))
+        for stage, arguments in self._calls():
+            whole = leaves(self.subject.call(stage, *arguments()))
+            for k in (0, SAMPLES // 2):
+                one = arguments(slice(k, k + 1))
+                alone = leaves(self.subject.call(stage, *one))
+                kernel = getattr(self.block.kernels, stage)
+                scalar = leaves(kernel(*map(as_number, one), self.subject.p))
+                for name, x in whole.items():
+                    here = np.broadcast_to(x, SAMPLES)[k]
+                    if not same_bits(here, np.broadcast_to(alone[name], 1)[0]):
+                        yield f"{stage} {name} of a sample alone is not the same as in a batch"
+                    what = f"scalar {stage} {name} against a batch"
+                    yield from self.same(what, scalar[name], here, float(np.max(abs(x))) or 1.0)
+            many = leaves(self.subject.call(stage, *arguments(), p=designs))
+            for name, x in many.items():
+                shape = np.broadcast_shapes(x.shape, (3, SAMPLES))
+                if shape != (3, SAMPLES) or not same_bits(x, whole[name]):
+                    yield f"{stage} {name} of equal designs (3, 1) is not that of one design"
+
+    def not_a_number(self) -> Iterator[str]:
+        """What depends on a NaN is NaN."""
+        for stage, arguments in self._calls():
+            given, names = arguments(), self._names(stage)
+            whole = leaves(self.subject.call(stage, *given))
+            cases = [
+                (
+                    f"{names[k]}.{part}" if part else names[k],
+                    [*given[:k], bad, *given[k + 1 :]],
+                    None,
+                )
+                for k in range(STAGES[stage], len(given))
+                for bad, part in spoilt(given[k])
+            ]
+            p = self.subject.p
+            cases += [(name, given, p._replace(**{name: np.nan})) for name in p._fields]
+            for what, arguments_, p in cases:
+                for name, x in leaves(self.subject.call(stage, *arguments_, p=p)).items():
+                    if not np.all(np.isnan(x)) and not same_bits(x, whole[name]):
+                        yield f"{stage} {name} depends on {what}, but is not NaN with it"
+
+    def impossible(self) -> Iterator[str]:
+        """Impossible samples are NaN in both engines, and touch no neighbour."""
+        bad = np.flatnonzero(~self._closed(self.every))[:10]
+        first = only(self.motions, slice(0, 1))
+        worst = {  # all joints in one point and one direction
+            name: x if name == DRIVE else np.concatenate([0 * x[:1], x[1:]])
+            for name, x in first.items()
+        }
+        parts = (self.motions, only(self.every, bad), worst)
+        every = mixed(lambda *x: np.concatenate(x, axis=1), *parts)
+        mechanism = rig(self.block, self.size, friction=False)
+
+        def run(motions: Motions, engine: Any) -> Any:
+            asked = request(self.block, motions, self.size)
+            settings: Any = {"want": ("block.*",), "friction": "none", "on_gap": "mark"}
+            return mechanism.run(**asked, **settings, engine=engine)
+
+        scalar, batch, alone = run(every, "scalar"), run(every, "numpy"), run(self.motions, "numpy")
+        for name in batch:
+            one, other = np.asarray(scalar[name]), np.asarray(batch[name])
+            if one.shape and not np.array_equal(np.isnan(one), np.isnan(other)):
+                yield f"the engines do not agree on where {name} exists"
+            if one.shape and not same_bits(other[:SAMPLES], np.asarray(alone[name])):
+                yield f"{name} changes when impossible samples stand beside it"
+
+    # -- 3 to 5: places, rates and accelerations -------------------------------------------
+
+    def _returned(self, stage: str, found: Any, kind: type) -> str:
+        """What is missing from what a kernel returns."""
+        for link in self.block.link_names:
+            if not isinstance(getattr(found, link, None), kind):
+                return f"{stage} returns no {kind.__name__} named {link}"
+        return ""
+
+    def positions(self) -> Iterator[str]:
+        """Links are placed so that all joints close; the margin tells how well."""
+        if missing := self._returned("position", self.pose, LinkPosition):
+            yield missing
+            return
+        for link in self.block.link_names:
+            length = abs(vectors(getattr(self.pose, link).e))
+            yield from self.same(f"length of the direction of link {link}", length, 1.0, 1.0)
+        scale = self.size + largest(leaves(self.pose))
+        for what, gap, unit in self.subject.gaps(self.pose, self.motions):
+            yield from self.same(what, gap, 0.0, scale if unit == "m" else 1.0)
+        if isinstance(self.block, AssurGroup):
+            yield from self._margin()
+
+    def _margin(self) -> Iterator[str]:
+        pose = leaves(self.subject.position(self.every))
+        if "margin" not in pose:
+            yield "position of a group returns no margin"
+            return
+        margin = np.broadcast_to(pose["margin"], (count(self.every),))
+        closed = self._closed(self.every)
+        if np.any(margin > 1 + 1e-12):
+            yield f"the margin is {np.nanmax(margin):.3g}, above 1"
+        if np.any(closed & ~(margin >= 0)):
+            yield "the margin is not positive where the group closes"
+        if np.any(~closed & (margin > 0)):
+            yield "the margin is positive where the group does not close"
+        good, bad = np.flatnonzero(closed)[:100], np.flatnonzero(~closed)[:100]
+        n = min(len(good), len(bad))
+        if not n:
+            return
+        low, high = only(self.every, good[:n]), only(self.every, bad[:n])
+        for _ in range(60):  # to the edge, to rounding
+            middle = mixed(lambda a, b: (a + b) / 2, low, high)
+            inside = self._closed(middle)
+            low, high = chosen(inside, middle, low), chosen(inside, high, middle)
+        for where, motions in (("inside", low), ("outside", high)):
+            m = leaves(self.subject.position(motions))["margin"]
+            if not np.all(abs(m) < EDGE):
+                yield f"the margin is not near 0 just {where} the edge where the group closes"
+
+    def velocities(self) -> Iterator[str]:
+        """Velocity is the derivative of position, and linear in the velocities it gets."""
+        vel = self.subject.velocity(self.motions)
+        if missing := self._returned("velocity", vel, LinkVelocity):
+            yield missing
+            return
+        for joint in self.subject.slides:
+            if not hasattr(vel, joint.name):
+                yield f"velocity returns no sliding rate named {joint.name}"
+                return
+        rates = {joint.name: np.asarray(getattr(vel, joint.name)) for joint in self.subject.slides}
+        for link in self.block.link_names:
+            rates[f"{link}.o"] = vectors(getattr(vel, link).v)
+            e = vectors(getattr(self.pose, link).e)
+            rates[f"{link}.e"] = 1j * np.asarray(getattr(vel, link).om) * e
+        speed = self.size + float(np.max(self._speeds(vel)))
+        for name, slope in derivative(lambda t: self._places(after(self.motions, t))).items():
+            scale = speed / self.size if name.endswith(".e") else speed
+            yield from self.same(f"velocity of {name}", rates[name], slope, scale, DERIVATIVE)
+        call = self.subject.velocity
+        yield from self._linear("velocity", lambda m: call(m, self.pose), Y)
+
+    def _places(self, motions: Motions) -> dict[str, Array]:
+        """What moves: origins and directions of links, strokes of prismatic pairs."""
+        pose = self.subject.position(motions)
+        found = {j.name: self.subject.stroke(pose, j, motions) for j in self.subject.slides}
+        for link in self.block.link_names:
+            place = getattr(pose, link)
+            found[f"{link}.o"], found[f"{link}.e"] = vectors(place.o), vectors(place.e)
+        return found
+
+    def accelerations(self) -> Iterator[str]:
+        """Acceleration is the derivative of velocity, and affine in what it gets."""
+        acc, vel = self.subject.acceleration(self.motions), self.subject.velocity(self.motions)
+        if missing := self._returned("acceleration", acc, LinkAcceleration):
+            yield missing
+            return
+
+        def rates(t: float) -> dict[str, Array]:
+            moved = leaves(self.subject.velocity(after(self.motions, t)))
+            return {n: x for n, x in moved.items() if n.split(".")[0] in self.block.link_names}
+
+        found = leaves(acc)
+        scale = self.size + float(np.max(self._speeds(vel)))
+        scale += largest(found) * max(1.0, self.size)
+        for name, slope in derivative(rates).items():
+            link, what = name.split(".")
+            value = found[f"{link}.{'a' if what == 'v' else 'al'}"]
+            unit = scale if what == "v" else scale / self.size
+            yield from self.same(f"acceleration of {name}", value, slope, unit, DERIVATIVE)
+        call = self.subject.acceleration
+        yield from self._linear("acceleration", lambda m: call(m, self.pose, vel), 1 - X)
+
+    def _linear(self, stage: str, call: Callable[[Motions], Any], y: float) -> Iterator[str]:
+        """Rates X times those of the motions plus y times other ones, in the same places."""
+        both = mixed(
+            lambda a, b: np.concatenate([a[:1], X * a[1:] + y * b[1:]]), self.motions, self.other
+        )
+        one, two, three = (leaves(call(m)) for m in (self.motions, self.other, both))
+        yield from self._combined(stage, one, two, three, y)
+
+    def _combined(
+        self, stage: str, one: Leaves, two: Leaves, both: Leaves, y: float
+    ) -> Iterator[str]:
+        for name, a in one.items():
+            scale = float(np.max(abs(a)) + np.max(abs(two[name]))) or 1.0
+            wanted = X * a + y * two[name]
+            yield from self.same(f"linearity of {stage} {name}", both[name], wanted, scale)
+
+    # -- 6 and 10: forces ------------------------------------------------------------------
+
+    def forces(self) -> Iterator[str]:
+        """Reactions carry the joints' names, and are linear in the loads."""
+        one, two = (random_loads(self.block, SAMPLES, self.size, seed) for seed in (1, 2))
+        found = self.subject.call("reactions", self.pose, *one)
+        for joint in self.block.joints.values():
+            wanted = "Slide" if joint.kind == "P" else "force"
+            reaction = getattr(found, joint.name, None)
+            if reaction is None or (joint.kind == "P") != isinstance(reaction, Slide):
+                yield f"reactions returns no {wanted} named {joint.name}"
+        for joint in self.block.driven:
+            effort = self.block.effort_field(joint.name)
+            if not hasattr(found, effort):
+                yield f"reactions returns no {effort} for the driven joint {joint.name}"
+        both = [
+            Load(planar(X * vectors(a.F) + Y * vectors(b.F)), X * a.M + Y * b.M)
+            for a, b in zip(one, two, strict=True)
+        ]
+        call = self.subject.call
+        a, b, c = (leaves(call("reactions", self.pose, *x)) for x in (one, two, both))
+        yield from self._combined("reactions", a, b, c, Y)
+
+    def balances(self) -> Iterator[str]:
+        """Links balance, wires' powers balance, the two routes to each drive agree."""
+        asked = request(self.block, self.motions, self.size)
+        for friction in (False, True):
+            how = " with friction" if friction else " without friction"
+            yield from self.verified(rig(self.block, self.size, friction).verify(**asked), how)
 
     rules = {
         "rule 1 (inputs are declared)": inputs,

@@ -9,21 +9,17 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
-from blockmech.blocks.slide_drive import SlideDrive
 from blockmech.builders import Graph
 from blockmech.loads.contract import POSITION_READS, Element, Following
 from blockmech.mechanism import Mechanism
 from blockmech.model.laws_of_motion import Harmonic
-from blockmech.testing.batches import same_bits
-from blockmech.testing.rules import DERIVATIVE, Checks, derivative
-from blockmech.values import Link, Marker, Place, Vector
+from blockmech.testing.rig import add_turntable
+from blockmech.testing.rules import DERIVATIVE, Array, Checks, derivative, same_bits
+from blockmech.values import Link, Marker, Place
 
 TIMES = np.linspace(0.3, 2.3, 9)  # [s]
-Array = NDArray[Any]
 
 
 class ElementRules(Checks):
@@ -64,10 +60,7 @@ class ElementRules(Checks):
             yield from self.same(f"scalar {name} against a batch", scalar[name], batch[name], scale)
             if not same_bits(alone[name], batch[name][4:5]):
                 yield f"{name} of a sample alone is not the same as in a batch"
-        for row in self.mechanism.verify(times=TIMES).rows:
-            self.measured[row.name] = row.value
-            if not row.ok:
-                yield f"{row.name} is off by {row.value:.1e} of its terms"
+        yield from self.verified(self.mechanism.verify(times=TIMES))
 
     def energy(self) -> Iterator[str]:
         """What the load gives to the links comes out of the stored energy, or is damped."""
@@ -89,11 +82,8 @@ class ElementRules(Checks):
         for name, (terminal, declared) in zip(
             self.loads, self.element.terminals.items(), strict=True
         ):
-            v = (
-                f"turn_{terminal}.hand.v"
-                if declared.kind == "point"
-                else f"turn_{terminal}.crank.omega"
-            )
+            moved = "hand.v" if declared.kind == "point" else "crank.omega"
+            v = f"turn_{terminal}.{moved}"
             found = self._run(TIMES, (name, v))
             total = total + (found[name] * np.conj(found[v])).real
         return total
@@ -111,14 +101,8 @@ def _rig(element: Element) -> Mechanism:
     graph = Graph("rig")
     graph.add("frame", Frame(markers={"x": Marker(at=Place(0j), angle=0.0)}))
     for k, terminal in enumerate(element.terminals):
-        upright = {"slider": Link(markers={"y": Marker(at=Place(0j), dir=Vector(1j))})}
-        graph.add(f"x_{terminal}", SlideDrive(links=upright))
-        graph.add(f"y_{terminal}", SlideDrive())
         table = Link(mass=1.0, markers={"hand": Marker(at=Place(0.3 + 0.1j))})
-        graph.add(f"turn_{terminal}", Crank(links={"crank": table}))
-        graph.connect("frame.x", f"x_{terminal}.S")
-        graph.connect(f"x_{terminal}.y", f"y_{terminal}.S")
-        graph.connect(f"y_{terminal}.S", f"turn_{terminal}.A")
+        add_turntable(graph, terminal, table)
         for j, way in enumerate(("x", "y", "turn")):
             law = Harmonic(
                 mean=2.0 * k * (j == 0), amplitude=0.5, frequency=0.2 + 0.05 * j, phase=k + j

@@ -16,11 +16,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import BlockmechError, FormatError, Problem, RequestError
+from blockmech.errors import (
+    BlockmechError,
+    FormatError,
+    Problem,
+    RequestError,
+    in_file,
+    path_text,
+    shown,
+)
+from blockmech.export import aligned
 from blockmech.model.expect import Expectation
-from blockmech.model.problems import in_file, path_text
-from blockmech.model.refusals import validated
-from blockmech.values import shown
+from blockmech.validation_errors import validated
 
 if TYPE_CHECKING:
     from blockmech.builders import Opened
@@ -348,12 +355,7 @@ HEAD = ("output", "sample: drivers [rad, m]", "expected", "got", "error", "toler
 def failure_table(outcomes: Iterable[Outcome]) -> str:
     """The numbers that are not met as a table, the worst first."""
     failed = sorted((o for o in outcomes if not o.ok), key=_badness, reverse=True)
-    rows = [HEAD, *(_row(o) for o in failed[:MOST_ROWS])]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+    lines = aligned(HEAD, map(_row, failed[:MOST_ROWS]))
     if len(failed) > MOST_ROWS:
         lines.append(f"... and {len(failed) - MOST_ROWS} more")
     notes = dict.fromkeys(f"{o.output}: {o.reason}" for o in failed if o.reason and o.error)

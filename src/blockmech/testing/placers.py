@@ -11,18 +11,17 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from random import Random
+from typing import Any, NamedTuple
 
+from blockmech.assur.pairs import Pair
+from blockmech.assur.rigidity import rigidity
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.equations import ends
 from blockmech.blocks.general.kernels import jacobian
-from blockmech.model.rigidity import Pair, rigidity
 from blockmech.plane import spread
 from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link
-
-if TYPE_CHECKING:
-    from blockmech.testing.chance import Chance
 
 Spot = tuple[complex, complex]
 
@@ -38,9 +37,9 @@ class Placed(NamedTuple):
 OWNERS = ("later", "later", "earlier")  # of a slider's point
 
 
-def _rrr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed | None:
+def _rrr(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
     b, d = B[0], D[0]
-    side = chance.pick((-1, 1))
+    side = chance.choice((-1, 1))
     c = b + (d - b) * complex(chance.uniform(-0.3, 1.3), side * chance.uniform(0.2, 2.0))
     u, w = c - b, c - d
     if abs(d - b) < 0.1 or _sine2(u, w) < least:
@@ -49,7 +48,7 @@ def _rrr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed | None:
     return Placed(numbers, {"i": (b, u / abs(u)), "j": (d, w / abs(w))})
 
 
-def _rrp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed | None:
+def _rrp(chance: Random, least: float, B: Spot, S: Spot) -> Placed | None:
     b, (g, u) = B[0], S
     h, x = chance.uniform(-0.4, 0.4), chance.uniform(-1.5, 1.5)
     c = g + x * u - 1j * u * h
@@ -58,11 +57,11 @@ def _rrp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed | None:
     if abs(w) < 0.1 or (along / abs(w)) ** 2 < least:
         return None
     numbers: dict[str, Any] = {"l": abs(w), "h": h, "branch": 1 if along > 0 else -1}
-    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.pick(OWNERS)}
+    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.choice(OWNERS)}
     return Placed(numbers, {"i": (b, w / abs(w)), "j": (c, u)})
 
 
-def _rpr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed | None:
+def _rpr(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
     b, d = B[0], D[0]
     u = cmath.rect(1.0, chance.uniform(-math.pi, math.pi))
     s, h = ((d - b) * u.conjugate()).real, ((d - b) * u.conjugate()).imag
@@ -70,11 +69,11 @@ def _rpr(chance: Chance, least: float, B: Spot, D: Spot) -> Placed | None:
         return None
     h_j = chance.uniform(-0.4, 0.4)
     numbers: dict[str, Any] = {"h_i": h + h_j, "h_j": h_j, "branch": 1 if s > 0 else -1}
-    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.pick(OWNERS)}
+    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.choice(OWNERS)}
     return Placed(numbers, {"i": (b, u), "j": (d, u)})
 
 
-def _prp(chance: Chance, least: float, S1: Spot, S2: Spot) -> Placed | None:
+def _prp(chance: Random, least: float, S1: Spot, S2: Spot) -> Placed | None:
     (g1, u1), (g2, u2) = S1, S2
     if _sine2(u1, u2) < least:
         return None
@@ -86,13 +85,13 @@ def _prp(chance: Chance, least: float, S1: Spot, S2: Spot) -> Placed | None:
         return None
     numbers: dict[str, Any] = {"h1": h1, "h2": h2}
     numbers |= {n: chance.uniform(-0.3, 0.3) for n in ("x_S1", "x_S2")}
-    numbers["slider"] = {n: chance.pick(OWNERS) for n in ("S1", "S2")}
+    numbers["slider"] = {n: chance.choice(OWNERS) for n in ("S1", "S2")}
     return Placed(numbers, {"i": (c, u1), "j": (c, u2)})
 
 
-def _rpp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed | None:
+def _rpp(chance: Random, least: float, B: Spot, S: Spot) -> Placed | None:
     b, (g, u2) = B[0], S
-    beta = chance.uniform(0.3, 2.8) * chance.pick((-1, 1))
+    beta = chance.uniform(0.3, 2.8) * chance.choice((-1, 1))
     if math.sin(beta) ** 2 < least:
         return None
     u1 = u2 * cmath.rect(1.0, beta)
@@ -101,17 +100,17 @@ def _rpp(chance: Chance, least: float, B: Spot, S: Spot) -> Placed | None:
     x = (((b - g) * n1.conjugate()).real + h_i - h_j) / _cross(u1, u2)
     numbers: dict[str, Any] = {"beta": beta, "h_i": h_i, "h_j": h_j}
     numbers |= {n: chance.uniform(-0.3, 0.3) for n in ("x_S1", "x_S")}
-    numbers["slider"] = {n: chance.pick(OWNERS) for n in ("S1", "S")}
+    numbers["slider"] = {n: chance.choice(OWNERS) for n in ("S1", "S")}
     return Placed(numbers, {"i": (b, u1), "j": (g + x * u2, u2)})
 
 
-def _cylinder(chance: Chance, least: float, B: Spot, D: Spot) -> Placed | None:
+def _cylinder(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
     made = _rrr(chance, least, B, D)
     if made is None:
         return None
     numbers, places, _ = made
     q = numbers.pop("l_i")
-    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.pick(OWNERS)}
+    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.choice(OWNERS)}
     (b, e), j = places.values()
     return Placed(numbers, {"barrel": (b, e), "rod": (b + q * e, e), "j": j}, {"S": q})
 
@@ -146,18 +145,18 @@ SOFT = 0.05  # margins of general groups are ratios of singular values: smaller 
 
 
 def random_shape(
-    chance: Chance, sizes: Sequence[tuple[int, int]] = SIZES, kinds: Sequence[str] = "RRRP"
+    chance: Random, sizes: Sequence[tuple[int, int]] = SIZES, kinds: Sequence[str] = "RRRP"
 ) -> Shape:
     """Random links and pairs that are determinate together for generic lengths."""
-    n, k = chance.pick(sizes)
+    n, k = chance.choice(sizes)
     links = [f"k{i}" for i in range(n)]
     while True:
         shape = {}
         for i in range((3 * n - k) // 2):
-            second = links[i] if i < n else chance.pick(links)
-            first = chance.pick([*("" for _ in range(max(2, n // 2))), *links])
+            second = links[i] if i < n else chance.choice(links)
+            first = chance.choice([*("" for _ in range(max(2, n // 2))), *links])
             if first != second:
-                shape[f"J{i}"] = Tie(first, second, chance.pick(kinds), i >= (3 * n - k) // 2 - k)
+                shape[f"J{i}"] = Tie(first, second, chance.choice(kinds), i >= (3 * n - k) // 2 - k)
         if len(shape) == (3 * n - k) // 2 and is_determinate(links, shape):
             return shape
 
@@ -170,7 +169,7 @@ def is_determinate(links: Sequence[str], shape: Shape) -> bool:
 
 
 def place_group(
-    chance: Chance, least: float, shape: Shape, supports: Mapping[str, Spot]
+    chance: Random, least: float, shape: Shape, supports: Mapping[str, Spot]
 ) -> Placed | None:
     """A general group of this shape on its supports: parameters without the home's drivers."""
     links = dict.fromkeys(x for tie in shape.values() for x in (tie.first, tie.second) if x)
@@ -195,7 +194,7 @@ def place_group(
 
 
 def _pair(
-    chance: Chance, tie: Tie, places: Mapping[str, Spot], support: Spot | None
+    chance: Random, tie: Tie, places: Mapping[str, Spot], support: Spot | None
 ) -> tuple[dict[str, Any], float]:
     """A pair where its links are, and its coordinate there."""
     if support is None:
@@ -214,10 +213,10 @@ def _pair(
         angle.append(cmath.phase(direction / e))
     made: dict[str, Any] = {"type": tie.kind, "driven": tie.driven}
     if support:
-        made |= {"link": tie.second, "at": _two(at[0]), "slider": chance.pick(OWNERS)}
+        made |= {"link": tie.second, "at": _two(at[0]), "slider": chance.choice(OWNERS)}
     else:
         made |= {"links": (tie.first, tie.second), "at": tuple(map(_two, at))}
-        made["slider"] = chance.pick(("i", "j"))
+        made["slider"] = chance.choice(("i", "j"))
     if tie.guided:
         made["angle"] = angle[0] if support else tuple(angle)
     return made, turned if tie.kind == "R" else slid

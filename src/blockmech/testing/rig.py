@@ -1,20 +1,19 @@
-"""A test rig for one block: each outer joint hangs on a link that moves in any way.
+"""A block on trial: random motions of its joints, its kernels, and a mechanism around it.
 
-Every outer joint is wired to a marker of a turntable on two crossed slides, so three
-drivers give its marker any place, direction, velocity and acceleration. The block's
-kernels can be called with the same motions, without any wires.
+A *motion* is a place, an angle or a driver's coordinate with its two derivatives by time,
+(3, n) for n samples, and quadratic in time. The block's kernels are called with them as
+they are. In the rig, each outer joint is wired to a marker of a turntable on two crossed
+slides, so that three drivers give it any motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.blocks.contract import Moving
+from blockmech.blocks.contract import Joint, Line, Moving
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.slide_drive import SlideDrive
@@ -25,170 +24,188 @@ from blockmech.friction.laws import Coulomb
 from blockmech.loads.couple import Couple
 from blockmech.loads.force import Force
 from blockmech.mechanism import Mechanism
-from blockmech.typing import Guide, GuideAcceleration, GuideVelocity
+from blockmech.testing.rules import Array, planar, vectors
+from blockmech.typing import Guide, GuideAcceleration, GuideVelocity, Load
 from blockmech.values import Link, Marker, Place, Vector
 
-Array = NDArray[Any]
+Motions = Mapping[str, Array]
+"""Joint -> place [m], ``angle of`` it -> angle [rad] of the guide, `DRIVE` -> coordinate."""
+
+DRIVE = ""
+STAGES = {"position": 0, "velocity": 1, "acceleration": 2, "reactions": 1}
+"""Each kernel, and how many of its arguments come from earlier kernels."""
+
 ARM, TURN = 0.3 + 0.2j, 0.4  # where a turntable carries the marker, and how it is turned there
 
 
-@dataclass(frozen=True)
-class MarkerMotion:
-    """Motion of the marker wired to a joint, n samples; quadratic in time."""
-
-    p: Array  # complex (n,) [m]
-    phi: Array  # (n,) [rad] angle of the marker's direction
-    v: Array
-    om: Array
-    a: Array
-    al: Array
-
-    def after(self, t: float) -> MarkerMotion:
-        """The same motion a time t [s] later."""
-        return MarkerMotion(
-            self.p + t * (self.v + t * self.a / 2),
-            self.phi + t * (self.om + t * self.al / 2),
-            self.v + t * self.a,
-            self.om + t * self.al,
-            self.a,
-            self.al,
-        )
-
-    def only(self, samples: Any) -> MarkerMotion:
-        """Some of the samples."""
-        return MarkerMotion(*(x[samples] for x in vars(self).values()))
-
-
-@dataclass(frozen=True)
-class DriveMotion:
-    """Motion of a driver's own coordinate, n samples; quadratic in time."""
-
-    q: Array
-    qd: Array
-    qdd: Array
-
-    def after(self, t: float) -> DriveMotion:
-        """The same motion a time t [s] later."""
-        return DriveMotion(
-            self.q + t * (self.qd + t * self.qdd / 2), self.qd + t * self.qdd, self.qdd
-        )
-
-    def only(self, samples: Any) -> DriveMotion:
-        """Some of the samples."""
-        return DriveMotion(*(x[samples] for x in vars(self).values()))
-
-
-Motions = Mapping[str, MarkerMotion | DriveMotion]
-DRIVE = ""  # the key of a driving link's own coordinate
+def angle_of(joint: str) -> str:
+    """Name of the motion of a guide's angle."""
+    return f"{joint}.angle"
 
 
 def after(motions: Motions, t: float) -> Motions:
     """All motions a time t [s] later."""
-    return {name: m.after(t) for name, m in motions.items()}
+    ahead = np.array([[1.0, t, t * t / 2], [0.0, 1.0, t], [0.0, 0.0, 1.0]])
+    return {name: ahead @ x for name, x in motions.items()}
+
+
+def mixed(function: Callable[..., Array], *parts: Motions) -> Motions:
+    """Motions made from the same ones of several."""
+    return {name: function(*(part[name] for part in parts)) for name in parts[0]}
 
 
 def only(motions: Motions, samples: Any) -> Motions:
     """Some samples of all motions."""
-    return {name: m.only(samples) for name, m in motions.items()}
+    return mixed(lambda x: x[:, samples], motions)
+
+
+def chosen(condition: Array, one: Motions, two: Motions) -> Motions:
+    """Samples of the first where the condition holds, else of the second."""
+    return mixed(lambda a, b: np.asarray(np.where(condition, a, b)), one, two)
+
+
+def count(motions: Motions) -> int:
+    """Number of samples."""
+    return int(next(iter(motions.values())).shape[1])
 
 
 def random_motions(block: Moving, n: int, size: float, seed: int) -> Motions:
     """Motions of all outer joints at random, speeds about ``size`` a second."""
     chance = np.random.default_rng(seed)
 
-    def vectors() -> Array:
-        return size * (chance.uniform(-1, 1, n) + 1j * chance.uniform(-1, 1, n))
+    def numbers(*scales: float) -> Array:
+        return np.array(scales)[:, None] * chance.uniform(-1, 1, (3, n))
 
-    def numbers(scale: float = 1.0) -> Array:
-        return scale * chance.uniform(-1, 1, n)
-
-    found: dict[str, MarkerMotion | DriveMotion] = {}
+    found: dict[str, Array] = {}
     for joint in block.joints.values():
         if joint.outer:
-            found[joint.name] = MarkerMotion(
-                vectors(), numbers(np.pi), vectors(), numbers(), vectors(), numbers()
-            )
+            found[joint.name] = numbers(size, size, size) + 1j * numbers(size, size, size)
+            found[angle_of(joint.name)] = numbers(np.pi, 1.0, 1.0)
     for joint in block.driven:
         scale = 1.0 if joint.rotary else size
-        found[DRIVE] = DriveMotion(numbers(3 * scale), numbers(scale), numbers(scale))
+        found[DRIVE] = numbers(3 * scale, scale, scale)
     return found
 
 
 class Subject:
-    """A block and its kernels, bound to NumPy batches."""
+    """A block, its kernels bound to NumPy batches, and where its links have its joints."""
 
     def __init__(self, block: Moving) -> None:
         self.block = block
         self.outer = [j for j in block.joints.values() if j.outer]
+        self.slides = [j for j in block.joints.values() if j.kind == "P"]
         self.p = block.parameters()
-        stages = ("position", "velocity", "acceleration", "reactions")
-        kernels = {name: getattr(block.kernels, name) for name in stages}
+        kernels = {name: getattr(block.kernels, name) for name in STAGES}
         self._kernels = bind_functions(kernels, primitives(np.float64))
+
+    # -- kernels ---------------------------------------------------------------------------
 
     def arguments(self, stage: str, motions: Motions) -> list[Any]:
         """What the kernel of a stage gets of the motions, in the contract's order."""
-        found = [self._reading(stage, j.reads, motions[j.name]) for j in self.outer]
-        drive = motions.get(DRIVE)
-        if isinstance(drive, DriveMotion):
-            found.append(
-                {"position": drive.q, "velocity": drive.qd, "acceleration": drive.qdd}[stage]
-            )
-        return found
-
-    def _reading(self, stage: str, reads: str, m: Any) -> Any:
-        if stage == "position":
-            p = planar(m.p)
-            return Guide(p, planar(np.exp(1j * m.phi))) if reads == "guide" else p
-        if stage == "velocity":
-            v = planar(m.v)
-            return GuideVelocity(v, m.om) if reads == "guide" else v
-        a = planar(m.a)
-        return GuideAcceleration(a, m.al) if reads == "guide" else a
+        k, found = STAGES[stage], []
+        for joint in self.outer:
+            z, angle = planar(motions[joint.name][k]), motions[angle_of(joint.name)][k].real
+            turned: Any = planar(np.exp(1j * angle)) if k == 0 else angle
+            guide = (Guide, GuideVelocity, GuideAcceleration)[k](z, turned)
+            found.append(guide if joint.reads == "guide" else z)
+        return [*found, *([motions[DRIVE][k]] if DRIVE in motions else [])]
 
     def call(self, stage: str, *arguments: Any, p: Any = None) -> Any:
         """Call a kernel on batches; divisions by zero give infinity or NaN."""
         with np.errstate(all="ignore"):
-            return self._kernels[stage](*arguments, cast(self.p if p is None else p))
+            return self._kernels[stage](*arguments, _cast(self.p if p is None else p))
 
     def position(self, motions: Motions) -> Any:
         """The pose at the motions' samples."""
         return self.call("position", *self.arguments("position", motions))
 
     def velocity(self, motions: Motions, pose: Any = None) -> Any:
-        """The velocities."""
+        """The velocities, by default at the motions' own pose."""
         pose = self.position(motions) if pose is None else pose
         return self.call("velocity", pose, *self.arguments("velocity", motions))
 
-    def acceleration(self, motions: Motions) -> Any:
-        """The accelerations."""
-        pose = self.position(motions)
-        vel = self.velocity(motions, pose)
+    def acceleration(self, motions: Motions, pose: Any = None, vel: Any = None) -> Any:
+        """The accelerations, by default at the motions' own pose and velocities."""
+        pose = self.position(motions) if pose is None else pose
+        vel = self.velocity(motions, pose) if vel is None else vel
         return self.call("acceleration", pose, vel, *self.arguments("acceleration", motions))
 
+    # -- where the parts of its joints are, by declarations and link places alone ----------
 
-def planar(z: Any) -> Planar:
-    """A batch of vectors for kernels."""
-    z = np.asarray(z, complex)
-    return Planar(z.real.copy(), z.imag.copy())
+    def gaps(self, pose: Any, motions: Motions) -> Iterator[tuple[str, Array, str]]:
+        """How far the parts of each joint are from each other: what, how far, its unit."""
+        for joint in self.block.joints.values():
+            if joint.kind == "P":
+                point, u = self._line(pose, joint, joint.later)
+                base, along = self._base(pose, joint, motions)
+                gap = abs(((point - base) * np.conj(along)).imag)
+                yield f"gap at joint {joint.name}", gap, "m"
+                yield f"angle at joint {joint.name}", abs(u - along), ""
+                continue
+            pins = self._pins(pose, joint)
+            if not pins:
+                raise LookupError(f"no built-in marker {joint.name} on a link of the joint")
+            for pin in [*pins, *([motions[joint.name][0]] if joint.outer else [])][1:]:
+                yield f"gap at joint {joint.name}", abs(pin - pins[0]), "m"
+
+    def stroke(self, pose: Any, joint: Joint, motions: Motions) -> Array:
+        """How far [m] the later link's point has slid on the earlier link's guide."""
+        point, _ = self._line(pose, joint, joint.later)
+        base, u = self._base(pose, joint, motions)
+        return np.asarray(((point - base) * np.conj(u)).real)
+
+    def _line(self, pose: Any, joint: Joint, link: str) -> tuple[Array, Array]:
+        """A point of a guide line on one of the block's links, and its direction."""
+        place, line = getattr(pose, link), joint.lines.get(link, Line())
+        e = vectors(place.e)
+        turn = float(getattr(self.block, line.turn)) if line.turn else 0.0
+        at = self.block.slider_place(joint.name, link)
+        return vectors(place.o) + e * at, e * np.exp(1j * turn)
+
+    def _base(self, pose: Any, joint: Joint, motions: Motions) -> tuple[Array, Array]:
+        """A point of the guide line on the earlier link, and its direction."""
+        if not joint.outer:
+            return self._line(pose, joint, joint.links[0])
+        return motions[joint.name][0], np.exp(1j * motions[angle_of(joint.name)][0])
+
+    def _pins(self, pose: Any, joint: Joint) -> list[Array]:
+        """Places of the built-in markers that stand for a revolute joint."""
+        found = []
+        for name in (joint.name, f"{joint.name}j"):
+            marker = self.block.built_in.get(name)
+            if marker and marker.link in (joint.link, *joint.links):
+                along = (getattr(self.block, marker.along) or 0.0) if marker.along else 0.0
+                place = getattr(pose, marker.link)
+                found.append(vectors(place.o) + vectors(place.e) * along)
+        return found
 
 
-def cast(p: Any) -> Any:
+def random_loads(block: Moving, n: int, size: float, seed: int) -> list[Load]:
+    """Random forces and moments (n,) on each link."""
+    chance = np.random.default_rng(seed)
+    rows = chance.normal(size=(len(block.link_names), 3, n))
+    return [Load(planar(x + 1j * y), size * m) for x, y, m in rows]
+
+
+def _cast(p: Any) -> Any:
     """Parameters for kernels on batches."""
-    if isinstance(p, tuple):
-        return type(p)(*map(cast, p)) if hasattr(p, "_fields") else tuple(map(cast, p))
+    if isinstance(p, tuple) and not isinstance(p, Planar):
+        return type(p)(*map(_cast, p)) if hasattr(p, "_fields") else tuple(map(_cast, p))
     return planar(p) if isinstance(p, complex) else p
 
 
-# -- the mechanism -------------------------------------------------------------------
+# ---- the mechanism -----------------------------------------------------------------------
 
 
 def rig(block: Moving, size: float, friction: bool) -> Mechanism:
     """The block on turntables, its links massive and loaded, its joints with friction."""
     graph = Graph("rig", gravity=(0.6, -9.81))
     graph.add("frame", Frame(markers={"x": Marker(at=Place(0j), angle=0.0)}))
-    for joint in block.joints.values():
-        if joint.outer:
-            _turntable(graph, joint.name, size)
+    outer = [joint.name for joint in block.joints.values() if joint.outer]
+    for joint in outer:
+        marker = Marker(at=Place(size * ARM), angle=TURN)
+        table = Link(mass=0.4, inertia=0.1 * size**2, markers={"hand": marker})
+        add_turntable(graph, joint, table, (0.5, 0.7))
     load = Marker(at=Place(size * (0.3 + 0.2j)))
     links = {
         name: Link(
@@ -199,11 +216,14 @@ def rig(block: Moving, size: float, friction: bool) -> Mechanism:
         )
         for k, name in enumerate(block.link_names)
     }
-    laws = {name: _law(j.kind, size) for name, j in block.joints.items()} if friction else {}
-    graph.add("block", block.model_copy(update={"links": links, "friction": laws}))
-    for joint in block.joints.values():
-        if joint.outer:
-            graph.connect(f"turn_{joint.name}.hand", f"block.{joint.name}")
+    laws = {
+        "R": Coulomb(coefficient=0.1, radius=0.02 * size),
+        "P": Coulomb(coefficient=0.05, guide_length=size),
+    }
+    own = {name: laws[j.kind] for name, j in block.joints.items()} if friction else {}
+    graph.add("block", block.model_copy(update={"links": links, "friction": own}))
+    for joint in outer:
+        graph.connect(f"turn_{joint}.hand", f"block.{joint}")
     for k, name in enumerate(block.link_names):
         graph.add(f"force{k}", Force(force=Vector(3.0 - k + 1j * (5.0 + 2 * k)), axes="link"))
         graph.add(f"couple{k}", Couple(moment=(2.0 - 3 * k) * size))
@@ -212,43 +232,32 @@ def rig(block: Moving, size: float, friction: bool) -> Mechanism:
     return graph.compile()
 
 
-def _turntable(graph: Graph, joint: str, size: float) -> None:
-    """Three drivers x, y and turn that move a marker in any way."""
-    upright = {"slider": Link(mass=0.5, markers={"y": Marker(at=Place(0j), dir=Vector(1j))})}
-    graph.add(f"x_{joint}", SlideDrive(links=upright))
-    graph.add(f"y_{joint}", SlideDrive(links={"slider": Link(mass=0.7)}))
-    marker = Marker(at=Place(size * ARM), angle=TURN)
-    table = Link(mass=0.4, inertia=0.1 * size**2, markers={"hand": marker})
-    graph.add(f"turn_{joint}", Crank(links={"crank": table}))
-    graph.connect("frame.x", f"x_{joint}.S")
-    graph.connect(f"x_{joint}.y", f"y_{joint}.S")
-    graph.connect(f"y_{joint}.S", f"turn_{joint}.A")
+def add_turntable(
+    graph: Graph, name: str, table: Link, masses: tuple[float, float] = (0.0, 0.0)
+) -> None:
+    """Three drivers x, y and turn that move a link in any way."""
+    upright = {"y": Marker(at=Place(0j), dir=Vector(1j))}
+    x, y = (Link(mass=m) for m in masses)
+    graph.add(f"x_{name}", SlideDrive(links={"slider": x.model_copy(update={"markers": upright})}))
+    graph.add(f"y_{name}", SlideDrive(links={"slider": y}))
+    graph.add(f"turn_{name}", Crank(links={"crank": table}))
+    graph.connect("frame.x", f"x_{name}.S")
+    graph.connect(f"x_{name}.y", f"y_{name}.S")
+    graph.connect(f"y_{name}.S", f"turn_{name}.A")
 
 
-def _law(kind: str, size: float) -> Coulomb:
-    if kind == "R":
-        return Coulomb(coefficient=0.1, radius=0.02 * size)
-    return Coulomb(coefficient=0.05, guide_length=size)
-
-
-def request(motions: Motions, size: float) -> dict[str, Any]:
+def request(block: Moving, motions: Motions, size: float) -> dict[str, Any]:
     """Driver coordinates, rates and accelerations that make the motions in the rig."""
-    found: dict[str, dict[str, Array]] = {"at": {}, "rates": {}, "accelerations": {}}
-
-    def drive(name: str, q: Array, qd: Array, qdd: Array) -> None:
-        for key, x in zip(found, (q, qd, qdd), strict=True):
-            found[key][name] = np.asarray(x, float)
-
-    for joint, m in motions.items():
-        if isinstance(m, DriveMotion):
-            drive("block", m.q, m.qd, m.qdd)
-            continue
-        theta = m.phi - TURN - np.pi / 2  # the y slide has turned the table by a quarter
-        arm = size * ARM * np.exp(1j * (m.phi - TURN))
-        o = m.p - arm
-        v = m.v - 1j * m.om * arm
-        a = m.a - (1j * m.al - m.om**2) * arm
-        drive(f"x_{joint}", o.real, v.real, a.real)
-        drive(f"y_{joint}", o.imag, v.imag, a.imag)
-        drive(f"turn_{joint}", theta, m.om, m.al)
-    return found
+    rows = {"block": motions[DRIVE]} if DRIVE in motions else {}
+    for joint in (j.name for j in block.joints.values() if j.outer):
+        turn = motions[angle_of(joint)].real
+        phi, om, al = turn
+        arm = size * ARM * np.exp(1j * (phi - TURN))
+        z = motions[joint] - np.array([arm, 1j * om * arm, (1j * al - om**2) * arm])
+        rows |= {f"x_{joint}": z.real, f"y_{joint}": z.imag}
+        # The y slide has turned the table by a quarter.
+        rows[f"turn_{joint}"] = turn - np.array([[TURN + np.pi / 2], [0.0], [0.0]])
+    return {
+        key: {name: np.asarray(row[k], float) for name, row in rows.items()}
+        for k, key in enumerate(("at", "rates", "accelerations"))
+    }

@@ -1,4 +1,4 @@
-"""Running numbered rules: what fails, and what was measured."""
+"""Running numbered rules: what fails, what was measured, and how numbers are compared."""
 
 from __future__ import annotations
 
@@ -7,6 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.engines.numpy import Planar
+
+Array = NDArray[Any]
+Leaves = Mapping[str, Array]
 
 ROUNDING = 1e-11  # [-] of the largest term: some 100 operations, margins down to 1e-4
 STEP = 4e-3  # [s] of differences; the motions change over about a second
@@ -61,6 +67,15 @@ class Checks:
         if not worst <= allowed:
             yield f"{what} is off by {worst:.1e} of its size (allowed {allowed:.0e})"
 
+    def verified(self, found: Any, how: str = "") -> Iterator[str]:
+        """The balances of a mechanism, as `Mechanism.verify` found them."""
+        if not found.samples:
+            yield f"no sample has an answer{how}"
+        for row in found.rows:
+            self.measured[f"{row.name}{how}"] = row.value
+            if not row.ok:
+                yield f"{row.name}{how} is off by {row.value:.1e} of its terms"
+
 
 def derivative(values: Callable[[float], Mapping[str, Any]]) -> dict[str, Any]:
     """Derivative at t = 0 of values of time [s], by differences of order 8."""
@@ -68,6 +83,78 @@ def derivative(values: Callable[[float], Mapping[str, Any]]) -> dict[str, Any]:
     for k, weight in enumerate(WEIGHTS, start=1):
         ahead, behind = values(k * STEP), values(-k * STEP)
         for name in ahead:
-            term = weight * (ahead[name] - behind[name]) / STEP
-            total[name] = total[name] + term if name in total else term
+            total[name] = total.get(name, 0.0) + weight * (ahead[name] - behind[name]) / STEP
     return total
+
+
+# ---- batches of numbers ------------------------------------------------------------------
+
+
+def planar(z: Any) -> Planar:
+    """A batch of vectors for kernels."""
+    z = np.asarray(z, complex)
+    return Planar(z.real.copy(), z.imag.copy())
+
+
+def vectors(z: Any) -> Array:
+    """Complex array of a batch of vectors."""
+    return np.asarray(np.asarray(z.real) + 1j * np.asarray(z.imag))
+
+
+def leaves(value: Any, name: str = "") -> dict[str, Array]:
+    """All numbers of a kernel's result by dotted name: complex or real arrays."""
+    if isinstance(value, Planar):
+        return {name: vectors(value)}
+    if isinstance(value, tuple):
+        names = getattr(value, "_fields", range(len(value)))
+        return {
+            k: x
+            for n, v in zip(names, value, strict=True)
+            for k, x in leaves(v, f"{name}.{n}" if name else str(n)).items()
+        }
+    return {name: np.asarray(value)}
+
+
+def finite(values: Leaves) -> NDArray[np.bool_]:
+    """(n,) whether all values of a sample are finite."""
+    masks = np.broadcast_arrays(*(np.isfinite(x) for x in values.values()))
+    return np.asarray(np.all(masks, axis=0))
+
+
+def largest(values: Leaves) -> float:
+    """Largest size of any number."""
+    return max((float(np.max(abs(x))) for x in values.values()), default=0.0)
+
+
+def same_bits(one: Any, other: Any) -> bool:
+    """Whether two batches are the same to the last bit, after broadcasting."""
+    a, b = np.broadcast_arrays(one, other)
+    return bool(np.array_equal(a, b, equal_nan=True))
+
+
+def identical(one: Leaves, other: Leaves) -> bool:
+    """Whether all numbers are the same to the last bit."""
+    return one.keys() == other.keys() and all(same_bits(one[k], other[k]) for k in one)
+
+
+def as_number(value: Any) -> Any:
+    """A batch of one sample as Python numbers."""
+    if isinstance(value, Planar):
+        return complex(as_number(value.real), as_number(value.imag))
+    if isinstance(value, tuple):
+        parts = [as_number(x) for x in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return float(np.asarray(value).ravel()[0])
+
+
+def spoilt(value: Any, name: str = "") -> Iterator[tuple[Any, str]]:
+    """The value with one of its numbers made NaN after the other, and which."""
+    if isinstance(value, Planar):
+        nan = np.full(np.shape(value.real), np.nan)
+        yield Planar(nan, nan), name
+    elif isinstance(value, tuple):
+        for field_, part in value._asdict().items():  # type: ignore[attr-defined]
+            for bad, what in spoilt(part, field_):
+                yield value._replace(**{field_: bad}), what  # type: ignore[attr-defined]
+    else:
+        yield np.full(np.shape(value), np.nan), name

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from random import Random
 from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.blocks import REGISTRY
@@ -27,7 +27,6 @@ from blockmech.builders import Graph
 from blockmech.friction.laws import Coulomb
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
 from blockmech.model.structure import LinkRef
-from blockmech.testing.chance import Chance, Drawn, Seeded
 from blockmech.testing.placers import PLACERS, SIZES, Placed, place_group, random_shape
 from blockmech.values import Link, Marker, Place, Vector
 
@@ -45,6 +44,9 @@ __all__ = [
 ]
 
 AXES: tuple[Literal["ground", "link"], ...] = ("ground", "link")
+Seeded = Random
+"""Choices from a seed; the same seed gives the same mechanism."""
+
 KINDS = ("dyad.rrr", "dyad.rrp", "dyad.rpr", "dyad.prp", "dyad.rpp")
 EVERY = (*KINDS, "driven.rrr", "group.general")
 
@@ -92,7 +94,7 @@ class Case:
         return f"Case(request={self.request!r}, graph={self.graph.to_json()})"
 
 
-def random_mechanism(chance: Chance, options: Options | None = None) -> Case:
+def random_mechanism(chance: Random, options: Options | None = None) -> Case:
     """A random valid mechanism; see the module's text.
 
     Parameters
@@ -111,11 +113,7 @@ def mechanisms(options: Options | None = None) -> SearchStrategy[Case]:
     """Hypothesis strategy of random valid mechanisms."""
     from hypothesis import strategies as st
 
-    @st.composite  # type: ignore[untyped-decorator]  # hypothesis is not installed for users
-    def cases(draw: Callable[..., Any]) -> Case:
-        return random_mechanism(Drawn(draw), options)
-
-    return cases()
+    return st.builds(random_mechanism, st.randoms(use_true_random=False), st.just(options))
 
 
 @dataclass
@@ -133,7 +131,7 @@ class _Draft:
 class _Maker:
     """Makes one mechanism, block by block in formation order."""
 
-    def __init__(self, chance: Chance, options: Options) -> None:
+    def __init__(self, chance: Random, options: Options) -> None:
         self.chance = chance
         self.options = options
         self.frame: dict[str, Marker] = {}
@@ -142,9 +140,9 @@ class _Maker:
         self.count = 0
 
     def make(self) -> Case:
-        for _ in range(self.chance.integer(*self.options.drivers)):
+        for _ in range(self.chance.randint(*self.options.drivers)):
             self._driver()
-        for _ in range(self.chance.integer(*self.options.groups)):
+        for _ in range(self.chance.randint(*self.options.groups)):
             self._group()
         graph = Graph("random", gravity=(0.0, -9.81) if self.options.gravity else (0.0, 0.0))
         elements = self._elements()
@@ -180,8 +178,8 @@ class _Maker:
         Every third pin, where there is one, goes on a place that others use already.
         """
         taken = [] if guide else self._points(link)
-        if taken and self.chance.integer(0, 2) == 0:
-            return self.chance.pick(taken)
+        if taken and self.chance.randint(0, 2) == 0:
+            return self.chance.choice(taken)
         return self._new_marker(link, guide)
 
     def _new_marker(self, link: LinkRef, guide: bool = False) -> tuple[str, complex, complex]:
@@ -221,16 +219,16 @@ class _Maker:
         return [(f"{link.block}.{name}", o + e * at, e) for name, at in places.items()]
 
     def _signed(self, low: float, high: float) -> float:
-        return self.chance.uniform(low, high) * self.chance.pick((-1, 1))
+        return self.chance.uniform(low, high) * self.chance.choice((-1, 1))
 
     # -- blocks ---------------------------------------------------------------------
 
     def _driver(self) -> None:
-        moving = self.options.moving_drives and self.drafts and self.chance.integer(0, 2) == 0
-        link = self.chance.pick(self._links()) if moving else LinkRef("frame", "frame")
-        slide = self.options.slides and self.chance.integer(0, 2) == 0
+        moving = self.options.moving_drives and self.drafts and self.chance.randint(0, 2) == 0
+        link = self.chance.choice(self._links()) if moving else LinkRef("frame", "frame")
+        slide = self.options.slides and self.chance.randint(0, 2) == 0
         name = f"drive{len(self.at) + 1}"
-        source, p, u = self._marker(link, guide=slide or bool(self.chance.integer(0, 1)))
+        source, p, u = self._marker(link, guide=slide or bool(self.chance.randint(0, 1)))
         if slide:
             q = self._signed(0.2, 1.5)
             place = {"slider": (p + q * u, u)}
@@ -243,7 +241,7 @@ class _Maker:
         self.at[name] = q
 
     def _group(self) -> None:
-        kind = self.chance.pick([k for k in self.options.kinds if k in REGISTRY])
+        kind = self.chance.choice([k for k in self.options.kinds if k in REGISTRY])
         make = self._general if kind == "group.general" else self._dyad
         for _ in range(20):  # places that cannot close well enough are drawn again
             made, feeds = make(kind)
@@ -265,8 +263,8 @@ class _Maker:
     def _dyad(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
         joints = [j for j in REGISTRY[kind].joints.values() if j.outer]
         links = self._links()
-        first = self.chance.pick(links)
-        second = self.chance.pick([k for k in links if k != first])
+        first = self.chance.choice(links)
+        second = self.chance.choice([k for k in links if k != first])
         ends = [
             (j.name, *self._marker(link, j.kind == "P"))
             for j, link in zip(joints, (first, second), strict=True)
@@ -278,7 +276,7 @@ class _Maker:
         shape = random_shape(self.chance, self.options.sizes, self.options.pairs)
         links = self._links()
         found = {
-            name: self._marker(self.chance.pick(links), tie.guided)
+            name: self._marker(self.chance.choice(links), tie.guided)
             for name, tie in shape.items()
             if not tie.first
         }
@@ -310,7 +308,7 @@ class _Maker:
         links = {}
         for link in draft.places:
             properties: dict[str, Any] = {"markers": draft.markers.get(link, {})}
-            if self.options.masses and self.chance.integer(0, 3):
+            if self.options.masses and self.chance.randint(0, 3):
                 properties["mass"] = self.chance.uniform(0.1, 5.0)
                 properties["inertia"] = self.chance.uniform(0.01, 1.0)
                 properties["cm"] = complex(self._signed(0.0, 0.8), self._signed(0.0, 0.5))
@@ -322,11 +320,11 @@ class _Maker:
         else:
             kinds = {name: joint.kind for name, joint in cls.joints.items()}
         for joint, kind in kinds.items():
-            if self.options.friction and self.chance.integer(0, 1):
+            if self.options.friction and self.chance.randint(0, 1):
                 law: dict[str, Any] = {"coefficient": self.chance.uniform(0.05, 0.3)}
                 if kind == "R":
                     law["radius"] = self.chance.uniform(0.005, 0.05)
-                elif self.chance.integer(0, 1):
+                elif self.chance.randint(0, 1):
                     law["guide_length"] = self.chance.uniform(0.5, 1.5)
                 friction[joint] = Coulomb(**law)
         return cls(**draft.numbers, links=links, friction=friction)
@@ -334,32 +332,32 @@ class _Maker:
     def _elements(self) -> dict[str, tuple[Block, dict[str, str]]]:
         found: dict[str, tuple[Block, dict[str, str]]] = {}
         links = self._links()
-        for i in range(self.chance.integer(0, 2) if self.options.loads else 0):
-            where = self._marker(self.chance.pick(links[1:]), guide=False)[0]
+        for i in range(self.chance.randint(0, 2) if self.options.loads else 0):
+            where = self._marker(self.chance.choice(links[1:]), guide=False)[0]
             force = Vector(complex(self._signed(1.0, 500.0), self._signed(1.0, 500.0)))
-            axes = self.chance.pick(AXES)
+            axes = self.chance.choice(AXES)
             found[f"force{i}"] = (Force(force=force, axes=axes), {"at": where})
-        if self.options.loads and self.chance.integer(0, 1):
-            where = self._marker(self.chance.pick(links[1:]), guide=False)[0]
+        if self.options.loads and self.chance.randint(0, 1):
+            where = self._marker(self.chance.choice(links[1:]), guide=False)[0]
             found["couple"] = (Couple(moment=self._signed(1.0, 200.0)), {"on": where})
-        if self.options.springs and self.chance.integer(0, 1):
-            a = self.chance.pick(links)
-            b = self.chance.pick([k for k in links if k != a])
+        if self.options.springs and self.chance.randint(0, 1):
+            a = self.chance.choice(links)
+            b = self.chance.choice([k for k in links if k != a])
             spring = Spring(
                 stiffness=self.chance.uniform(10.0, 1000.0),
                 free_length=self.chance.uniform(0.0, 1.0),
-                damping=self.chance.pick((0.0, 5.0)),
+                damping=self.chance.choice((0.0, 5.0)),
             )
             # Ends at new places: a spring without length has no direction.
             ends = {"a": self._new_marker(a)[0], "b": self._new_marker(b)[0]}
             found["spring"] = (spring, ends)
-        if self.options.twists and self.chance.integer(0, 1):
-            a = self.chance.pick(links)
-            b = self.chance.pick([k for k in links if k != a])
+        if self.options.twists and self.chance.randint(0, 1):
+            a = self.chance.choice(links)
+            b = self.chance.choice([k for k in links if k != a])
             twist = TorsionSpring(
                 stiffness=self.chance.uniform(1.0, 100.0),
                 rest_angle=self.chance.uniform(-1.0, 1.0),
-                damping=self.chance.pick((0.0, 2.0)),
+                damping=self.chance.choice((0.0, 2.0)),
             )
             found["twist"] = (twist, {"a": _address(a), "b": _address(b)})
         return found

@@ -41,27 +41,6 @@ def types(data, general=""):
 # ---- the example of the format ------------------------------------------------------------
 
 
-def hand_wired():
-    """The slider-crank of the format as blocks wired by hand."""
-    graph = bm.Graph("slider_crank", gravity=(0.0, -9.81))
-    pin_friction = bm.Coulomb(coefficient=0.1, radius=0.01)
-    graph.add("frame", bm.Frame(markers={"O": (0, 0), "S": bm.Marker(at=(0, 0), angle=0.0)}))
-    crank = bm.Link(mass=1.0, inertia=0.01, cm=(0.05, 0.0))
-    graph.add("motor", bm.Crank(length=0.1, links={"crank": crank}))
-    rod = bm.Link(mass=2.0, inertia=0.05, cm=(0.15, 0.0))
-    piston = bm.Link(mass=1.5, inertia=0.002)
-    friction = {"B": pin_friction, "S": bm.Coulomb(coefficient=0.1)}
-    graph.add("dyad", bm.RRP(l=0.3, links={"i": rod, "j": piston}, friction=friction))
-    graph.add("gas", bm.Force(force=(-500.0, 0.0)))
-    for wire in (
-        *("frame.O motor.A", "motor.B dyad.B", "frame.S dyad.S"),
-        "dyad.j gas.at",
-    ):
-        graph.connect(*wire.split())
-    graph.drive("motor", bm.ConstantRate(rate=100.0))
-    return graph.compile()
-
-
 SAME = {
     "link.rod.p": "dyad.B.p",
     "link.rod.omega": "dyad.i.omega",
@@ -76,15 +55,6 @@ SAME = {
     "driver.motor.drive": "motor.drive",
     "driver.motor.J_red": "motor.J_red",
 }
-
-
-def test_the_example_is_the_mechanism_wired_by_hand():
-    at = np.linspace(0.1, 6.2, 40)
-    made = read(machines.SLIDER_CRANK).compile().run(at=at)
-    wired = hand_wired().run(at=at)
-    for ours, theirs in SAME.items():
-        scale = np.abs(wired[theirs]).max()
-        assert np.abs(made[ours] - wired[theirs]).max() <= ROUNDING * max(scale, 1e-6), ours
 
 
 def test_the_example_becomes_a_crank_and_an_rrp_dyad():

@@ -13,7 +13,7 @@ import blockmech as bm
 from blockmech.model.joints import document
 from blockmech.model.joints.diagnosis import CODES, TEXTS
 from blockmech.model.joints.schema import joints_schema
-from blockmech.model.problems import FILE_CODES
+from tests.codes import FILE_CODES
 from tests.doors import linkage_of
 from tests.model.joints import machines
 from tests.model.joints.chance import document as random_document

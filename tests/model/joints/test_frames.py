@@ -17,7 +17,6 @@ ROUNDING = 1e-11  # [-] of the largest force: roundings times a condition of som
 
 LAW = {"kind": "polynomial", "of": "rate", "coefficients": [2.0, -0.7]}
 OF_STROKE = {"kind": "polynomial", "coefficients": [3.0, -2.0, 0.5]}
-OF_DRIVER = {"kind": "fourier", "mean": 1.0, "cosines": [0.4], "sines": [0.2, 0.1]}
 
 
 def reframed(data, seed):

@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from blockmech.analysis.trade.points import Point, Reference, Skipped, Trade, front, order
-from blockmech.analysis.trade.timing import Clock
+from blockmech.analysis.trade.measure import Clock
+from blockmech.analysis.trade.points import Point, Reference, Skipped, front, order
+from blockmech.analysis.trade.report import Trade
+from blockmech.analysis.trade.run_settings import trade_run
 from blockmech.errors import Problem, RequestError, close_match
 
 if TYPE_CHECKING:
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "order", "trade"]
 
-QUESTIONS = ("run", "simulate")
 REQUESTS = {
     "run": ("at", "samples", "times", "rates", "accelerations", "static"),
     "simulate": ("until", "times", "start", "friction"),
@@ -38,20 +39,21 @@ def trade(
 ) -> Trade:
     """Measure what settings cost and what they buy, for one question.
 
+    Settings are run from cheap to dear until the budget is spent; the rest is named.
+
     Parameters
     ----------
     question : "run" for a sweep (with friction, where the mechanism has it), "simulate"
     want : outputs that matter; by default all of them for a sweep, and the motion of the
         drivers for a simulation
-    budget : time [s] for the whole, libraries once loaded; settings that do not fit it are
-        skipped and named, and where it does not hold the finest reference, or all samples, a
-        coarser one or fewer of them are taken, and the notes say so
+    budget : time [s] for the whole, after which no other setting is begun
     target : error that is wanted [- or rad]
     within : longest time of one run that is wanted [s]
     static : a sweep without inertia
     say : called with what is measured now, its number and how many there are
-    request : for a sweep ``at``, ``samples`` (3601), ``times``, ``rates``,
-        ``accelerations``; for a simulation ``until``, ``times``, ``start``, ``friction``
+    request : for a sweep ``at``, ``samples`` (3601, of a slow mechanism 361), ``times``,
+        ``rates``, ``accelerations``; for a simulation ``until``, ``times``, ``start``,
+        ``friction``
 
     Returns
     -------
@@ -64,18 +66,13 @@ def trade(
     given = request | ({"static": True} if static else {})
     _refuse_mistakes(question, {"budget": budget, "target": target, "within": within}, given)
     names = (want,) if isinstance(want, str) else None if want is None else tuple(want)
-    if question == "simulate":
-        import scipy.integrate  # noqa: F401  loading it is no part of what a run takes
-    clock = Clock.started(budget)
-    told = say or _silent
+    clock, told = Clock.started(budget), say or (lambda *_: None)
     if question == "run":
-        from blockmech.analysis.trade.sweep import trade_sweep
-
-        found = trade_sweep(mechanism, names or ("*",), clock, dict(request), static, told)
+        found = trade_run(mechanism, names or ("*",), clock, dict(request), static, told)
     else:
-        from blockmech.analysis.trade.moving import trade_motion
+        from blockmech.analysis.trade.simulate_settings import trade_simulation  # loads SciPy
 
-        found = trade_motion(mechanism, names, clock, request, told)
+        found = trade_simulation(mechanism, names, clock, request, told)
     return replace(found, target=target, within=within, spent=clock.spent)
 
 
@@ -83,14 +80,14 @@ def _refuse_mistakes(
     question: str, limits: Mapping[str, float | None], given: Iterable[str]
 ) -> None:
     """Refuse an unknown question, limits that are none, and what a question does not take."""
-    if question not in QUESTIONS:
+    if question not in REQUESTS:
         raise RequestError(
             Problem(
                 "unknown-question",
                 "question",
                 f'no question "{question}"',
                 "questions: run, simulate",
-                close_match(question, QUESTIONS),
+                close_match(question, REQUESTS),
             )
         )
     problems = [
@@ -118,7 +115,3 @@ def _elsewhere(name: str, question: str) -> str:
     """The question that takes a setting, as a remedy."""
     other = [q for q, known in REQUESTS.items() if q != question and name in known]
     return f"leave it out, or ask the question {other[0]}" if other else ""
-
-
-def _silent(what: str, number: int, count: int) -> None:
-    pass

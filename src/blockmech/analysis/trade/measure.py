@@ -1,32 +1,30 @@
-"""Candidates measured one after the other, as far as a budget goes.
-
-What a run will cost is predicted from its kernel evaluations before it is made. What does
-not fit what is left, with its repeats, is skipped and named; what turns out dearer than
-it may be is stopped.
-"""
+"""Settings measured one after the other, from cheap to dear, until a budget is spent."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass
+from statistics import median
+from typing import Any, NamedTuple
 
 from blockmech.analysis.trade.points import Point, Skipped
-from blockmech.analysis.trade.timing import FEWEST, RAN_OUT, Clock, OutOfTime, once, timed
 from blockmech.errors import RequestError
 from blockmech.result import Result
 
+FEWEST, MOST = 5, 25  # warm repeats
+LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little
+SPENT = "the budget is spent"
+
 Said = Callable[[str, int, int], None]  # what is measured now, its number, of how many
-Measured = tuple[tuple[Point, ...], tuple[Skipped, ...]]
-RUNS = FEWEST + 1  # of a setting: a cold one, and the fewest warm ones
 
 
 class Candidate(NamedTuple):
-    """One setting: how it is named, how it is run, and its steps if it has a number of them."""
+    """One setting: how it is named, and how it is run."""
 
     method: str
     setting: str
     options: Mapping[str, Any]
-    steps: int = 0
 
     @property
     def label(self) -> str:
@@ -34,76 +32,92 @@ class Candidate(NamedTuple):
         return f"{self.method}, {self.setting}" if self.setting else self.method
 
 
-class Bench(Protocol):
-    """A question whose settings can be run, judged and foretold."""
+class Question(NamedTuple):
+    """How a setting is run, counted and judged.
 
-    def expected(self, candidate: Candidate) -> float:
-        """Time of one run [s] before it is made; 0 where nothing is known."""
-        ...
+    Attributes
+    ----------
+    run : a setting and the moment of `Clock` that ends it -> its result; None where it was
+        stopped
+    evaluations : kernel evaluations of a run
+    error : difference of a run to the reference [-]
+    """
 
-    def run(self, candidate: Candidate, limit: float | None = None) -> Result:
-        """One run; raises `OutOfTime` where it would take longer than a limit [s]."""
-        ...
+    run: Callable[[Candidate, float], Result | None]
+    evaluations: Callable[[Result], int]
+    error: Callable[[Result], float]
 
-    def seen(self, candidate: Candidate, seconds: float, result: Result | None) -> None:
-        """Learn what a run took [s]; no result where it was stopped."""
-        ...
 
-    def evaluations(self, result: Result) -> int:
-        """Kernel evaluations of a run."""
-        ...
+@dataclass
+class Clock:
+    """What is left of a budget [s], begun at a reading of the clock."""
 
-    def error(self, result: Result) -> float:
-        """Difference of a run to the reference [-]."""
-        ...
+    budget: float
+    begun: float
+
+    @classmethod
+    def started(cls, budget: float) -> Clock:
+        """A clock that starts now."""
+        return cls(budget, time.perf_counter())
+
+    @property
+    def spent(self) -> float:
+        """Time since the start [s]."""
+        return time.perf_counter() - self.begun
+
+    @property
+    def left(self) -> float:
+        """What is left [s]; negative when the budget is spent."""
+        return self.budget - self.spent
 
 
 def measured(
-    bench: Bench, candidates: Sequence[Candidate], floor: float, clock: Clock, say: Said
-) -> Measured:
-    """Points of the candidates that apply and fit the budget; Ctrl-C keeps what is done."""
+    question: Question, candidates: Sequence[Candidate], floor: float, clock: Clock, say: Said
+) -> tuple[tuple[Point, ...], tuple[Skipped, ...]]:
+    """Points of the settings that apply and fit the budget; Ctrl-C keeps what is done."""
     points: list[Point] = []
     skipped: list[Skipped] = []
-    refused: set[str] = set()
+    closed: set[str] = set()  # methods of which no finer setting is tried
     for i, c in enumerate(candidates):
-        if c.method in refused:
+        if c.method in closed:
             continue
         try:
             say(c.label, i, len(candidates))
-            found = _point(bench, c, floor, clock)
+            found = _point(question, c, floor, clock)
         except RequestError as refusal:
-            refused.add(c.method)
+            closed.add(c.method)
             skipped.append(Skipped(c.method, f"does not apply: {refusal.problems[0].found}"))
         except KeyboardInterrupt:
             skipped += [Skipped(r.label, "interrupted") for r in candidates[i:]]
             break
         else:
-            if isinstance(found, Point):
-                points.append(found)
+            if found is None:
+                skipped.append(Skipped(c.label, SPENT))
             else:
-                skipped.append(Skipped(c.label, found))
+                points.append(found)
     return tuple(points), tuple(skipped)
 
 
-def _point(bench: Bench, c: Candidate, floor: float, clock: Clock) -> Point | str:
-    """A candidate measured, or why it is skipped."""
-    expected = RUNS * bench.expected(c)
-    left = clock.left
-    if expected > left or left <= 0:
-        return clock.too_long(expected)
-    limit = left / RUNS
-    try:
-        result, cold = once(lambda: bench.run(c, limit))
-    except OutOfTime:
-        bench.seen(c, limit, None)
-        return f"takes longer than {limit:.2g} s, so six runs do not fit the budget"
-    bench.seen(c, cold, result)
-    if FEWEST * cold > clock.left:
-        return clock.too_long(FEWEST * cold)
-    took = timed(lambda: bench.run(c), clock)
-    if took is None:
-        return RAN_OUT
-    bench.seen(c, took.seconds, result)
-    error, count = bench.error(result), bench.evaluations(result)
-    options = dict(c.options)
-    return Point(c.method, c.setting, *took, count, max(error, floor), options, error < floor)
+def _point(question: Question, c: Candidate, floor: float, clock: Clock) -> Point | None:
+    """A setting measured: a cold run, then warm ones; None where the budget ends before five."""
+    end = clock.begun + clock.budget
+    if clock.left <= 0:
+        return None
+    result = question.run(c, end)
+    if result is None:
+        return None
+    times: list[float] = []
+    while len(times) < FEWEST or (len(times) < MOST and sum(times) < LONG_ENOUGH):
+        if clock.left <= 0:
+            if len(times) < FEWEST:
+                return None
+            break
+        begun = time.perf_counter()
+        if question.run(c, end) is None:
+            return None
+        times.append(time.perf_counter() - begun)
+    error, took = question.error(result), (median(times), min(times), max(times), len(times))
+    count = question.evaluations(result)
+    return Point(
+        c.method, c.setting, *took, count, max(error, floor), dict(c.options), error < floor
+    )

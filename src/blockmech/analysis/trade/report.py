@@ -1,4 +1,4 @@
-"""The trade on paper: a table, CSV, JSON, and the recommendation in one sentence."""
+"""The trade: a choice among measured settings; as a table, CSV, JSON and a sentence."""
 
 from __future__ import annotations
 
@@ -7,17 +7,114 @@ import io
 import math
 import os
 import platform
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.trade.points import USUAL
+from blockmech.analysis.trade.points import ALIKE, NEARLY, Point, Reference, Skipped, as_fast, front
 from blockmech.files import writing
 
-if TYPE_CHECKING:
-    from blockmech.analysis.trade.points import Point, Trade
-
+USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
+
+
+@dataclass(frozen=True)
+class Trade:
+    """Speed against accuracy for one question, measured.
+
+    Attributes
+    ----------
+    mechanism : its name
+    question : what was asked, in words
+    measure : what the error is, in words
+    counted : what the evaluations are, in words
+    reference : what errors are measured against
+    points : measured settings, method by method
+    skipped : settings left out, with the reason
+    notes : what a reader must know
+    target, within : the wanted error, and the longest time of a run [s], or None
+    spent : time that the whole took [s]
+    """
+
+    mechanism: str
+    question: str
+    measure: str
+    counted: str
+    reference: Reference
+    points: tuple[Point, ...]
+    skipped: tuple[Skipped, ...] = ()
+    notes: tuple[str, ...] = ()
+    target: float | None = None
+    within: float | None = None
+    spent: float = 0.0
+
+    @property
+    def pareto(self) -> tuple[Point, ...]:
+        """Points that no other beats in both time and error, from fast to exact."""
+        return front(self.points, "seconds")
+
+    @property
+    def pareto_by_evaluations(self) -> tuple[Point, ...]:
+        """The same with kernel evaluations as the cost."""
+        return front(self.points, "evaluations")
+
+    def best(self, target: float | None = None, within: float | None = None) -> Point | None:
+        """The setting to take for a target error, a time limit [s], or both; None without any.
+
+        Within the target the fewest evaluations count, and among those within a factor
+        1.5 of them the time, as far as it tells them apart: of those whose spreads overlap
+        that of the fastest, the fewest evaluations again, then the smaller error if its
+        quickest run is as quick. Without a target, 1e-9 is taken, or, if a time limit is
+        given, the most exact setting; those within a factor 10 of it count as equal.
+        """
+        fit = [p for p in self.points if math.isfinite(p.error)]
+        fit = [p for p in fit if within is None or p.seconds <= within]
+        if target is None and within is None:
+            target = USUAL
+        if target is None:
+            target = 10 * min((p.error for p in fit), default=math.inf)
+        fit = [p for p in fit if p.error <= target]
+        fewest = min((p.evaluations for p in fit), default=0)
+        few = [p for p in fit if p.evaluations <= NEARLY * fewest]
+        quickest = min((p.low for p in few), default=0.0)
+        return min(
+            as_fast(few),
+            key=lambda p: (p.evaluations, p.low > ALIKE * quickest, p.error),
+            default=None,
+        )
+
+    @property
+    def recommended(self) -> Point | None:
+        """The setting to take for this trade's own target and time limit."""
+        return self.best(self.target, self.within)
+
+    @property
+    def recommendation(self) -> str:
+        """The choice in one sentence, what a faster setting would cost, where errors are known."""
+        return sentence(self)
+
+    def series(self) -> dict[str, list[Point]]:
+        """Points by method, in the order measured."""
+        found: dict[str, list[Point]] = {}
+        for point in self.points:
+            found.setdefault(point.method, []).append(point)
+        return found
+
+    def text(self) -> str:
+        """The trade as a table with its recommendation."""
+        return text(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The trade as JSON data; what is not finite is None."""
+        return to_dict(self)
+
+    def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
+        """The points as CSV text, written to a file if a path is given."""
+        return to_csv(self, path)
+
+    def __str__(self) -> str:
+        return self.text()
 
 
 def duration(seconds: float) -> str:
@@ -39,12 +136,7 @@ def size(error: float) -> str:
 
 
 def sentence(trade: Trade) -> str:
-    """The recommendation, what a faster setting would cost, and where errors are known."""
-    where = f"; errors are known {trade.judged} only" if trade.judged and trade.points else ""
-    return _choice(trade) + where
-
-
-def _choice(trade: Trade) -> str:
+    """The recommendation, and what a faster setting would cost."""
     best = trade.recommended
     if best is None:
         return _nothing(trade)
@@ -128,10 +220,10 @@ def _row(p: Point, best: bool) -> tuple[str, ...]:
 
 def machine() -> dict[str, str]:
     """The machine and the versions that a measurement belongs to."""
-    import blockmech
+    from importlib.metadata import version  # slow to load
 
     return {
-        "blockmech": blockmech.__version__,
+        "blockmech": version("blockmech"),
         "python": platform.python_version(),
         "numpy": np.__version__,
         "system": platform.system(),

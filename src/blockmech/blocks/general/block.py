@@ -27,6 +27,7 @@ from blockmech.blocks.contract import (
     Kernels,
     inner_joint,
     outer_joint,
+    wrong_friction,
 )
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
@@ -35,7 +36,6 @@ from blockmech.blocks.mistakes import (
     bad_name,
     refuse,
     unknown_name,
-    wrong_friction,
     wrong_links,
 )
 from blockmech.friction.laws import Coulomb
@@ -56,8 +56,8 @@ from blockmech.values import (
 )
 
 if TYPE_CHECKING:
-    from blockmech.model.assur import Unit
-    from blockmech.model.rigidity import Pair
+    from blockmech.assur.groups import Unit
+    from blockmech.assur.pairs import Pair
 
 PairType = Literal["R", "P"]
 SUPPORTS = "the supports"  # how counting and its messages call all earlier links
@@ -199,7 +199,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
     @cached_property
     def structural(self) -> tuple[Pair, ...]:
         """The pairs without geometry, for counting; earlier links are one, ``SUPPORTS``."""
-        from blockmech.model.rigidity import Pair
+        from blockmech.assur.pairs import Pair
 
         found = []
         for name, pair in self.pairs.items():
@@ -210,14 +210,14 @@ class GeneralGroup(AssurGroup, type="group.general"):
     @cached_property
     def unit(self) -> Unit:
         """What the group is in the trade's terms: kind and class."""
-        from blockmech.model.assur import classify
+        from blockmech.assur.groups import classify
 
         return classify(self.link_names, self.structural, [j.name for j in self.driven])
 
     @property
     def group_class(self) -> str:  # type: ignore[override]
         """The group's class in Roman numerals."""
-        from blockmech.model.assur import roman
+        from blockmech.assur.groups import roman
 
         return roman(self.unit.number)
 

@@ -2,7 +2,7 @@
 
 A pin of m links is m - 1 pairs: of its first link with each other one. Which links the pairs
 of a pin join is free as long as it has no friction, so pins are seated on the link that is
-placed first (`pins.reseat`); the motion is the same, and forces are sums.
+placed first (`reseat`); the motion is the same, and forces are sums.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import Literal, TypeAlias
 
 import networkx as nx
 
+from blockmech.assur.formation import reseat
+from blockmech.assur.pairs import Pair, Side
+from blockmech.assur.pairs import axes as shared_axes
 from blockmech.friction.laws import Coulomb
-from blockmech.model import pins
 from blockmech.model.joints.contents import FRAME, GuideGiven
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.pins import Side, reseat
-from blockmech.model.rigidity import Pair
 
 
 @dataclass(frozen=True)
@@ -121,13 +121,13 @@ def _span(numbers: Iterable[float]) -> float:
 
 
 def axes(pairs: Connections, size: float) -> dict[str, str]:
-    """Pair -> the axis that it has in common with others for good; see `pins.axes`."""
+    """Pair -> the axis that it has in common with others for good; see `shared_axes`."""
     sides = (
         Side(c.name, link, c.kind, c.on(link) if c.kind == "R" else c.guide(link))
         for c in pairs.values()
         for link in c.links
     )
-    return pins.axes(sides, size)
+    return shared_axes(sides, size)
 
 
 def structural(pairs: Connections, axis: Mapping[str, str]) -> list[Pair]:

@@ -17,13 +17,24 @@ from pydantic_core import PydanticCustomError
 
 from blockmech.blocks.mistakes import refuse
 from blockmech.blocks.registry import REGISTRY
+from blockmech.errors import Problem, close_match, listed, shown
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.contract import Element
 from blockmech.model.expect import Expectation
 from blockmech.model.laws_of_motion import AnyLaw
 from blockmech.model.migrations import VERSION
 from blockmech.model.scene import Initial, Stops
-from blockmech.values import Angle, Link, Number, Place, Strictly, Vector, default, mistake
+from blockmech.values import (
+    NAME_RULE,
+    Angle,
+    Link,
+    Number,
+    Place,
+    Strictly,
+    Vector,
+    default,
+    mistake,
+)
 
 FORMAT = "blockmech/joints"
 FRAME = "frame"
@@ -240,6 +251,19 @@ def sections() -> dict[str, Section]:
             "type", {kind: _load_model(cls) for kind, cls in elements.items()}, "a {}"
         ),
     }
+
+
+def bad_name(what: str, name: str, where: str = "") -> Problem:
+    """The problem of a name that could not stand in an address."""
+    found = f"{shown(name)} is not a {what} name"
+    return Problem("bad-name", where or name or '""', found, NAME_RULE, "choose another name")
+
+
+def unknown_kind(word: Any, where: str, section: Section) -> Problem:
+    """The problem that names an unknown kind of an item and its nearest relatives."""
+    remedy = close_match(word, section.models) if isinstance(word, str) else ""
+    found, valid = f"no {section.key} {shown(word)}", f"{section.key}s: {listed(section.models)}"
+    return Problem("wrong-value", where, found, valid, remedy)
 
 
 class JointsDocument(Strictly):

@@ -20,13 +20,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from blockmech.errors import GraphError, Problem
-from blockmech.model.assur import Unit
-from blockmech.model.formation import Formation, formation
+from blockmech.assur.formation import Formation, formation
+from blockmech.assur.groups import Unit
+from blockmech.errors import GraphError, Problem, in_file
 from blockmech.model.joints.closing import Closing, Poses, given_poses
 from blockmech.model.joints.connections import (
     Connections,
-    Seated,
     axes,
     connections,
     seated,
@@ -41,7 +40,7 @@ from blockmech.model.joints.diagnosis import (
     why_not,
     why_stuck,
 )
-from blockmech.model.joints.diagram import Diagram
+from blockmech.model.joints.diagram import Diagram, Sequence
 from blockmech.model.joints.elements import links_read_as_they_are
 from blockmech.model.joints.frames import (
     DeadCentre,
@@ -51,10 +50,9 @@ from blockmech.model.joints.frames import (
     general_group,
 )
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.references import Known, reference_problems
+from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.special import Layout
 from blockmech.model.naming import Names
-from blockmech.model.problems import in_file
 
 if TYPE_CHECKING:
     from blockmech.model.graph import Graph
@@ -87,16 +85,6 @@ class Decomposition:
         return graph_of(self.data)
 
 
-@dataclass(frozen=True)
-class Sequence:
-    """A document taken apart, its joints closed, nothing of it made into blocks yet."""
-
-    pairs: Connections  # as the document names them
-    seats: Seated
-    formation: Formation
-    poses: Poses
-
-
 def decompose(linkage: Linkage, general: General = "") -> Decomposition:
     """Drivers and Assur groups of a document as a graph of blocks.
 
@@ -118,7 +106,7 @@ def decompose(linkage: Linkage, general: General = "") -> Decomposition:
 
 def sequence(linkage: Linkage) -> Sequence:
     """The formation sequence of a document and its pose, refined. Raises like `decompose`."""
-    wrong = list(reference_problems(linkage, Known.of(linkage)))
+    wrong = list(reference_problems(linkage))
     if wrong:
         raise GraphError(wrong)
     pairs, size = connections(linkage), size_of(linkage)

@@ -12,17 +12,16 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 
-from blockmech.errors import Problem, listed
-from blockmech.model.assur import Unit
-from blockmech.model.determinacy import Finding, diagnose
-from blockmech.model.elimination import MOST_WORK, TooTangledError
-from blockmech.model.formation import formation
+from blockmech.assur.diagnosis import Finding, diagnose
+from blockmech.assur.formation import formation
+from blockmech.assur.groups import Unit
+from blockmech.assur.rank import TooTangledError
+from blockmech.assur.rigidity import rigidity
+from blockmech.errors import Problem, listed, path_text
 from blockmech.model.joints.closing import CLOSED, FEW, Closing, Poses
 from blockmech.model.joints.connections import structural
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.special import Layout, Special, special_geometry
-from blockmech.model.problems import path_text
-from blockmech.model.rigidity import rigidity
 
 CODES: Mapping[str, str] = {
     "unconnected-links": "links that no joint joins to the rest",
@@ -70,8 +69,8 @@ def _by_rank(layout: Layout) -> list[Problem]:
     together = _coincident(layout)
     if together:
         return together
-    findings = diagnose(layout.links, layout.counted, (FRAME,), layout.driven, MOST_WORK)
-    state = rigidity(layout.links, layout.counted, (FRAME,), (), MOST_WORK)
+    findings = diagnose(layout.links, layout.counted, (FRAME,), layout.driven)
+    state = rigidity(layout.links, layout.counted, (FRAME,), ())
     said = _Words(layout.drivers, state.mobility, state.counted)
     special = special_geometry(layout, state.mobility)
     if special is not None:
@@ -119,7 +118,7 @@ def _coincident(layout: Layout) -> list[Problem]:
     apart = structural(pairs, dict.fromkeys(pairs, ""))
     if not any(axis.values()) or not formation(links, apart, (FRAME,), driven).complete:
         return []
-    held = rigidity(links, layout.counted, (FRAME,), driven, MOST_WORK)
+    held = rigidity(links, layout.counted, (FRAME,), driven)
     for o in held.overconstrained:
         groups: dict[str, list[str]] = defaultdict(list)
         for name in o.pairs:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from blockmech.assur.formation import Formation
+from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import GraphError
-from blockmech.model.assur import Unit
-from blockmech.model.contents import FORMAT
 from blockmech.model.diagram import Wire
+from blockmech.model.document import FORMAT
 from blockmech.model.graph import Graph
 from blockmech.model.joints.closing import Poses, coordinate
 from blockmech.model.joints.connections import Connection, Connections, Seated, angle_of
@@ -23,15 +25,22 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.migrations import VERSION
 from blockmech.model.naming import JointName, LinkName, Names
-from blockmech.model.refusals import validated
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
-
-if TYPE_CHECKING:
-    from blockmech.model.joints.decompose import Sequence
+from blockmech.validation_errors import validated
 
 MOST_IN_NAME = 3  # links that a group is named after
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """A document taken apart, its joints closed, nothing of it made into blocks yet."""
+
+    pairs: Connections  # as the document names them
+    seats: Seated
+    formation: Formation
+    poses: Poses
 
 
 class Diagram:

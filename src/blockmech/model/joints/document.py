@@ -12,24 +12,25 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from blockmech.errors import FormatError, Problem
-from blockmech.model.contents import FORMAT as GRAPH
+from blockmech.errors import MOST, FormatError, Problem, in_file, path_text, said_already, shown
+from blockmech.model.document import FORMAT as GRAPH
 from blockmech.model.joints.contents import (
     EXTRAS,
     FORMAT,
     LOADS,
     JointsDocument,
     Section,
+    bad_name,
     sections,
+    unknown_kind,
 )
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.references import Known, bad_name, reference_problems, unknown_kind
+from blockmech.model.joints.references import reference_problems
 from blockmech.model.migrations import VERSION, version_problem
-from blockmech.model.problems import MOST, in_file, path_text, said_already
 from blockmech.model.reading import data_of, text_of
-from blockmech.model.refusals import validated
 from blockmech.model.writing import canonical_text, plain, write_checked
-from blockmech.values import is_name, shown
+from blockmech.validation_errors import validated
+from blockmech.values import is_name
 
 SECTIONS = ("links", "joints", "drivers", "loads")
 
@@ -146,8 +147,7 @@ def _read(text: str) -> _Draft:
             part = _part(draft, (name, item), said, section)
             if part is not None:
                 getattr(linkage, name)[item] = part
-    known = Known(*(set(given[key]) for key in ("links", "joints", "drivers")))
-    draft.note(reference_problems(linkage, known))
+    draft.note(reference_problems(linkage, given))
     return draft
 
 

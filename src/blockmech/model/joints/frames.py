@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from blockmech.model.assur import Unit
+from blockmech.assur.groups import Unit
 from blockmech.model.joints.closing import CLOSED, Poses
 from blockmech.model.joints.connections import Connection, Connections, angle_of
 from blockmech.plane import cross, dot

@@ -14,9 +14,10 @@ from blockmech.model.joints.contents import (
     JointGiven,
     LinkGiven,
     PinGiven,
+    bad_name,
     sections,
+    unknown_kind,
 )
-from blockmech.model.joints.references import bad_name, unknown_kind
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
@@ -157,7 +158,7 @@ class Linkage(KnownAttributes):
 
 def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given]) -> Any:
     """A part of the document. Raises `GraphError` with places in the document."""
-    from blockmech.model.problems import path_text
+    from blockmech.errors import path_text
 
     try:
         return model(**given)

@@ -12,7 +12,8 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from blockmech.model.joints.contents import FRAME, JointsDocument, Section, sections
-from blockmech.model.schema import NAME, _InWrittenOrder
+from blockmech.model.schema import NAME
+from blockmech.validation_errors import InWrittenOrder
 
 
 def joints_schema() -> dict[str, Any]:
@@ -22,7 +23,7 @@ def joints_schema() -> dict[str, Any]:
     for section in items.values():
         models += [model for model in (section.plain, *section.models.values()) if model]
     places, shared = models_json_schema(
-        [(model, "validation") for model in models], schema_generator=_InWrittenOrder
+        [(model, "validation") for model in models], schema_generator=InWrittenOrder
     )
     parts = shared["$defs"]
     key = {model: places[model, "validation"]["$ref"].rsplit("/", 1)[-1] for model in models}

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blockmech.model.formation import formation
+from blockmech.assur.formation import formation
+from blockmech.assur.pairs import Pair
 from blockmech.model.joints.closing import FEW, SINGULAR, Closing, Floats, Poses
 from blockmech.model.joints.connections import Connections, structural
 from blockmech.model.joints.contents import FRAME
-from blockmech.model.rigidity import Pair
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,151 @@
+"""A function of one coordinate looked through for its extrema, and two searches to rounding.
+
+The function becomes a series (`blockmech.series`); its extrema are roots of the series'
+derivative, good to rounding over the curvature. Where there is no series (a corner, a jump,
+the edge of what exists) panels are halved until they are tiny, and their own samples stand
+for the extrema there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.series import EPS, Floats, Series, fit, nodes, panels
+
+TURN = 2 * math.pi
+NODES = 64  # of a panel
+HALVINGS = 200  # more than any bracket of doubles of like size has
+ASIDE = 0.2  # [rad] about 0.4 of a panel: extrema at round angles are in the middle of panels
+ROUNDED = 16 * EPS  # of a value that comes of some ten operations
+NOISY = 8.0  # rounding of a value over one of its NODES coefficients: the root of their number
+
+
+@dataclass(frozen=True)
+class Span:
+    """A range of a coordinate, walked by a share u from 0 to 1.
+
+    What goes like the root of the distance from an end is smooth in u, as the places crowd
+    there like squares. A ``turn`` closes on itself and has no ends.
+
+    ``size`` is for a slide that goes on without end: its places crowd within that size.
+    """
+
+    low: float
+    high: float
+    turn: bool = False
+    size: float = math.inf
+
+    def place(self, u: Floats) -> Floats:
+        """Coordinates of shares."""
+        low, high = self._stretched(self.low), self._stretched(self.high)
+        if self.turn:
+            return np.asarray(low + (high - low) * u)
+        from_low = (high - low) * np.sin(u * (math.pi / 2)) ** 2
+        from_high = (high - low) * np.cos(u * (math.pi / 2)) ** 2
+        w = np.where(u < 0.5, low + from_low, high - from_high)
+        return np.asarray(w if math.isinf(self.size) else self.size * np.sinh(w))
+
+    def slope(self, u: Floats) -> Floats:
+        """Derivative of `place` of a range that ends."""
+        return np.asarray((self.high - self.low) * (math.pi / 2) * np.sin(u * math.pi))
+
+    def _stretched(self, q: float) -> float:
+        return q if math.isinf(self.size) else math.asinh(q / self.size)
+
+    def panels(self, samples: int) -> Floats:
+        """Edges of panels for so many samples a turn."""
+        length = self._stretched(self.high) - self._stretched(self.low)
+        return panels(0.0, 1.0, max(1, math.ceil(samples / NODES * length / TURN)))
+
+
+class Scan(NamedTuple):
+    """Places from low to high, between which the function only rises or only falls.
+
+    Attributes
+    ----------
+    x : (m,) rising
+    y : (m,) values there
+    noise : (m,) rounding of the values
+    rough : (m,) whether there is no series here, so that extrema are known as samples only
+    """
+
+    x: Floats
+    y: Floats
+    noise: Floats
+    rough: NDArray[np.bool_]
+
+
+def scan(
+    function: Callable[[Floats], Floats],
+    span: Span,
+    edges: Floats,
+    value: Callable[[Floats], Floats] | None = None,
+) -> Scan:
+    """Look through a function on a span.
+
+    Parameters
+    ----------
+    function : (k,) -> (k,), values at places; NaN where there is none
+    edges : of the panels to begin with, see `Span.panels`
+    value : values with extrema at the same places, to be returned in place of the function's
+    """
+    series = fit(lambda u: function(span.place(u)), edges, n=NODES)
+    u, panel = _shares(series)
+    x = span.place(u)
+    x, first = np.unique(x, return_index=True)
+    y = np.asarray((value or function)(x), dtype=float)
+    panel = panel[first]
+    noise = NOISY * series.rounding + ROUNDED * np.abs(series.c).max(axis=1)
+    return Scan(x, y, noise[panel], ~series.resolved[panel])
+
+
+def _shares(series: Series) -> tuple[Floats, NDArray[np.intp]]:
+    """Where to look: ends of panels, extrema, all samples where there is no series."""
+    inner = (series.edges[:-1, None] + series.edges[1:, None]) / 2
+    inner = inner + np.diff(series.edges)[:, None] / 2 * nodes(NODES)
+    kept = np.zeros(inner.shape, dtype=bool)
+    kept[:, [0, -1]] = True
+    kept[~series.resolved] = True
+    found = series.extrema()
+    u = np.concatenate([series.edges[[0, -1]], inner[kept], found])
+    own = np.nonzero(kept)[0]
+    last = len(series.c) - 1
+    at = np.clip(np.searchsorted(series.edges, found, "right") - 1, 0, last)
+    return u, np.concatenate([[0, last], own, at]).astype(np.intp)
+
+
+def bisect(holds: Callable[[float], bool], inside: float, outside: float) -> float:
+    """The last place, going from ``inside`` to ``outside``, where a condition holds.
+
+    ``inside`` is taken to hold and ``outside`` not to; they are not asked. No number lies
+    between what is returned and one where the condition fails.
+    """
+    for _ in range(HALVINGS):
+        middle = inside + (outside - inside) / 2
+        if middle in (inside, outside):
+            break
+        if holds(middle):
+            inside = middle
+        else:
+            outside = middle
+    return inside
+
+
+def minimize(function: Callable[[float], float], low: float, high: float) -> float:
+    """Place of a minimum in a bracket; it need not be smooth. NaN counts as large."""
+    from scipy.optimize import minimize_scalar
+
+    middle, half = low + (high - low) / 2, (high - low) / 2
+
+    def apart(d: float) -> float:
+        y = function(middle + d * half)
+        return math.inf if math.isnan(y) else y
+
+    found = minimize_scalar(apart, bounds=(-1.0, 1.0), method="bounded", options={"xatol": EPS})
+    return float(middle + found.x * half)

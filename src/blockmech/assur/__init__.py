@@ -1,0 +1,1 @@
+"""Links and pairs without lengths: generic rank, Assur groups, what is wrong with a structure."""

@@ -1,0 +1,259 @@
+"""The formation sequence: links and pairs taken apart into drivers and Assur groups.
+
+Every condition of a pair (two, three of a driven one) is given to a link that it places,
+three to a link: a maximum matching. Links that wait for each other, the strongly connected
+sets, are exactly the drivers and the minimal Assur groups, whichever matching was found
+(Dulmage-Mendelsohn; [S11] calls it a pebble game). Linear for chains of dyads.
+
+Source: [S11] Sljoka, Shai & Whiteley, Checking mobility and decomposition of linkages via
+pebble game algorithm, ASME IDETC 2011.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import networkx as nx
+import numpy as np
+
+from blockmech.assur.groups import DYADS, Unit, classify
+from blockmech.assur.pairs import Pair, sorted_parts
+from blockmech.assur.rank import TooTangledError
+from blockmech.assur.rigidity import rigidity
+
+Edge: TypeAlias = tuple[int | None, int | None, int]
+"""Two nodes by number, None for all earlier links, and how many conditions join them."""
+
+
+@dataclass(frozen=True)
+class Formation:
+    """Units in formation order, and what could not be placed.
+
+    A unit comes as soon as the links that it waits for are there; of several, drivers
+    first, then by the name of the first link.
+
+    Attributes
+    ----------
+    units : drivers and groups in order
+    rest : links that are not placed, sorted: over-constrained, loose, or waiting for such
+    spare : pairs with a condition that no link is left to take, sorted
+    """
+
+    units: tuple[Unit, ...]
+    rest: tuple[str, ...] = ()
+    spare: tuple[str, ...] = ()
+
+    @property
+    def complete(self) -> bool:
+        """Every link is placed and no pair is left over."""
+        return not self.rest and not self.spare
+
+    def __str__(self) -> str:
+        return " -> ".join(map(str, self.units))
+
+
+def formation(
+    links: Iterable[str],
+    pairs: Iterable[Pair],
+    earlier: Collection[str],
+    drivers: Collection[str] = (),
+) -> Formation:
+    """Drivers and minimal Assur groups in formation order.
+
+    Parameters
+    ----------
+    links : the moving links; earlier ones among them are passed over
+    pairs : the pairs between links and earlier links
+    earlier : the frame and everything already placed
+    drivers : names of the driven pairs; one between two links of which neither is placed
+        before the other is part of a group
+
+    Notes
+    -----
+    If the structure is not sound, the units are those that can be placed all the same;
+    `diagnose` says what is wrong with the rest. Counting finds the groups; each is then
+    checked by the rank of its own conditions, and one that is over-constrained inside
+    (3n = 2p all the same) goes to the rest with everything that waits for it.
+    """
+    moving, ordered = sorted_parts(links, pairs, earlier, drivers)
+    index = {a: v for v, a in enumerate(moving)}
+    edges: list[Edge] = [
+        (index.get(p.first), index.get(p.second), 3 if p.name in drivers else 2) for p in ordered
+    ]
+    given = _give([3] * len(moving), edges)
+    parts = nx.condensation(given.waits)
+    part_of: Mapping[int, int] = parts.graph["mapping"]
+    own: dict[int, list[Pair]] = defaultdict(list)
+    for pair, takers in zip(ordered, given.takers, strict=True):
+        if takers:  # by both links: then they wait for each other and are one part
+            own[part_of[min(takers)]].append(pair)
+    crowded = {v for e in given.spare for v in edges[e][:2] if v is not None}
+    unsound = crowded.union(given.short, *(nx.descendants(given.waits, v) for v in crowded))
+    units: dict[int, Unit] = {}
+    for n, members in parts.nodes(data="members"):
+        if not unsound.intersection(members):
+            unit = classify([moving[v] for v in members], own[n], drivers)
+            if _holds(unit):
+                units[n] = unit
+    bad = set(parts) - set(units)
+    parts.remove_nodes_from(bad.union(*(nx.ancestors(parts, n) for n in bad)))
+    order = _in_order(parts, {n: (unit.number > 1, min(unit.links)) for n, unit in units.items()})
+    placed = {a for n in order for a in units[n].links}
+    return Formation(
+        units=tuple(units[n] for n in order),
+        rest=tuple(a for a in moving if a not in placed),
+        spare=tuple(ordered[e].name for e in given.spare),
+    )
+
+
+class _Given(NamedTuple):
+    """Which node takes the conditions of which edge."""
+
+    waits: nx.DiGraph[int]  # from each node to those at the other side of what it takes
+    takers: list[set[int]]  # per edge
+    spare: list[int]  # edges with a condition that is left over
+    short: list[int]  # nodes with less than they need
+
+
+def _give(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
+    """Give the conditions of edges to the nodes that they join, as many as these need.
+
+    A maximum flow from a source by the edges and the nodes to a sink. (SciPy's bipartite
+    matching takes minutes for a chain of 300 dyads.)
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import maximum_flow
+
+    n, source = len(need), len(need) + len(edges)
+    number = np.array([number for *_, number in edges], dtype=np.int32)
+    ways = [(e, v) for e, edge in enumerate(edges) for v in {*edge[:2]} - {None}]
+    along, into = np.array(ways, dtype=np.int32).reshape(-1, 2).T
+    tails = np.concatenate([np.full(len(edges), source), n + along, np.arange(n)])
+    heads = np.concatenate([np.arange(n, source), into, np.full(n, source + 1)])
+    most = np.concatenate([number, number[along], np.array(need, dtype=np.int32)])
+    network = coo_array((most, (tails, heads)), shape=(source + 2, source + 2)).tocsr()
+    flow = maximum_flow(network, source, source + 1).flow.tocoo()
+    waits: nx.DiGraph[int] = nx.DiGraph()
+    waits.add_nodes_from(range(n))
+    takers: list[set[int]] = [set() for _ in edges]
+    left, lacking = number.tolist(), list(need)
+    for tail, v, taken in zip(
+        flow.row.tolist(), flow.col.tolist(), flow.data.tolist(), strict=True
+    ):
+        if taken > 0 and v < n:
+            e = tail - n
+            takers[e].add(v)
+            left[e] -= taken
+            lacking[v] -= taken
+            waits.add_edges_from((v, w) for w in edges[e][:2] if w not in (None, v))
+    return _Given(waits, takers, _which(left), _which(lacking))
+
+
+def _which(numbers: Iterable[int]) -> list[int]:
+    return [k for k, number in enumerate(numbers) if number]
+
+
+def _in_order(parts: nx.DiGraph[int], rank: Mapping[int, object]) -> list[int]:
+    """Parts after those that they wait for, the lowest rank first."""
+    return list(nx.lexicographical_topological_sort(parts.reverse(), key=rank.__getitem__))
+
+
+def _holds(unit: Unit) -> bool:
+    """Whether the unit's own conditions place its links, for generic lengths.
+
+    By their rank, unless they are so many that counting must do.
+    """
+    if unit.kind == "driver":
+        return True
+    axes = [(p.kind, p.axis) for p in unit.pairs if p.axis]
+    if unit.kind in DYADS and len(axes) == len(set(axes)):
+        return True
+    others = {a for p in unit.outer for a in p.links}.difference(unit.links)
+    with suppress(TooTangledError):
+        return rigidity(unit.links, unit.pairs, others, unit.driven).determinate
+    return True
+
+
+# Pins of three links and more.
+
+
+def reseat(
+    links: Iterable[str],
+    pairs: Iterable[Pair],
+    earlier: Collection[str],
+    drivers: Collection[str] = (),
+) -> tuple[Pair, ...]:
+    """Seat every pin of three links and more on the link that is placed first.
+
+    A pin of m links is m - 1 pairs of one axis, and which links they join is free: the
+    motion is the same. A poor choice makes dyads wait for each other, as if they were a
+    group of a higher class; this choice leaves the smallest groups. A pair that joins the
+    same links as before keeps its name, others take the names left over. Driven pairs
+    stay. The force of the old pair from a to b is the sum over the new pairs from the
+    links at a's side to those at b's side, the old pair cut; friction belongs to the pairs
+    as they were, so a pin with friction is better left alone (give its pairs no axis).
+    """
+    moving, ordered = sorted_parts(links, pairs, earlier, drivers)
+    index = {a: v for v, a in enumerate(moving)}
+    pins = [pin for pin in _pins(ordered) if _is_tree(pin, earlier)]
+    pinned = {p.name for pin in pins for p in pin}
+    # a pin is a node of two freedoms that each of its links holds in place
+    edges: list[Edge] = []
+    for p in ordered:
+        number = (p.name not in pinned) * 2 + (p.name in drivers)
+        edges.append((index.get(p.first), index.get(p.second), number))
+    for v, pin in enumerate(pins, start=len(moving)):
+        edges += [(index.get(a), v, 2) for a in sorted({a for p in pin for a in p.links})]
+    given = _give([3] * len(moving) + [2] * len(pins), edges)
+    parts = nx.condensation(given.waits)
+    members: Mapping[int, set[int]] = dict(parts.nodes(data="members"))
+    order = _in_order(parts, {n: min(part) for n, part in members.items()})
+    place = {v: k for k, n in enumerate(order) for v in members[n]}
+    rank = {a: (place[v], a) for a, v in index.items()} | {a: (-1, a) for a in earlier}
+    seated = [pair for pin in pins for pair in _seat(pin, rank, drivers)]
+    return tuple(
+        sorted([p for p in ordered if p.name not in pinned] + seated, key=lambda p: p.name)
+    )
+
+
+def _pins(pairs: Iterable[Pair]) -> list[list[Pair]]:
+    """R pairs of one axis that join each other, two and more."""
+    graph: nx.Graph[tuple[str, str]] = nx.Graph()
+    shared = [p for p in pairs if p.kind == "R" and p.axis]
+    graph.add_edges_from(((p.axis, p.first), (p.axis, p.second)) for p in shared)
+    found: dict[int, list[Pair]] = defaultdict(list)
+    at = {node: n for n, part in enumerate(nx.connected_components(graph)) for node in part}
+    for p in shared:
+        found[at[p.axis, p.first]].append(p)
+    return [pin for pin in found.values() if len(pin) > 1]
+
+
+def _is_tree(pin: Sequence[Pair], earlier: Collection[str]) -> bool:
+    """Whether the pairs of a pin are none too many."""
+    joined = {a for p in pin for a in p.links}
+    return len(pin) == len(joined) - 1 and len(joined.intersection(earlier)) < 2
+
+
+def _seat(
+    pin: Sequence[Pair], rank: Mapping[str, tuple[int, str]], drivers: Collection[str]
+) -> list[Pair]:
+    """The pairs of one pin, each link on the first but for driven pairs."""
+    seated = [p for p in pin if p.name in drivers]
+    left = [p for p in pin if p.name not in drivers]
+    lumps: nx.Graph[str] = nx.Graph()
+    lumps.add_nodes_from(a for p in pin for a in p.links)
+    lumps.add_edges_from(p.links for p in seated)
+    seat, *others = sorted(
+        (min(part, key=lambda a: rank[a]) for part in nx.connected_components(lumps)),
+        key=lambda a: rank[a],
+    )
+    for a in sorted(others, key=lambda a: not any({seat, a} == set(p.links) for p in left)):
+        ends = {seat, a}
+        p = min(left, key=lambda p: (ends != set(p.links), a not in p.links, p.name))
+        left.remove(p)
+        seated.append(p if ends == set(p.links) else Pair(p.name, seat, a, "R", p.axis))
+    return seated

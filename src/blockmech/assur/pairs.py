@@ -1,0 +1,128 @@
+"""Kinematic pairs between links, without lengths, and which of them share an axis for good.
+
+R pairs whose places on a common link coincide turn about one point, P pairs whose guides on a
+common link are parallel slide in one direction; counting has to know it. A pin of m links is
+m - 1 pairs of one axis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import networkx as nx
+
+SAME = 1e-9
+"""[-] of the size, or rad: nearer places and directions on one link are one, those three times
+as far apart are not. A thousand times the rounding of a place that was computed."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A kinematic pair between two links, without geometry.
+
+    Attributes
+    ----------
+    name : name of the pair
+    first, second : the two links
+    kind : "R" or "P"
+    axis : pairs of the same kind with the same non-empty axis coincide: R pairs turn
+        about one point, P pairs slide in one direction. Empty: an axis of its own.
+    """
+
+    name: str
+    first: str
+    second: str
+    kind: Literal["R", "P"] = "R"
+    axis: str = ""
+
+    @property
+    def links(self) -> tuple[str, str]:
+        """Both links."""
+        return self.first, self.second
+
+    def other(self, link: str) -> str:
+        """The link at the other side."""
+        return self.second if link == self.first else self.first
+
+
+def sorted_parts(
+    links: Iterable[str], pairs: Iterable[Pair], earlier: Collection[str], drivers: Collection[str]
+) -> tuple[list[str], list[Pair]]:
+    """The moving links and the pairs by name, so that no answer depends on their order.
+
+    Raises `ValueError` where pairs or drivers name what is not there, or a name is used twice.
+    """
+    moving, ordered = sorted(set(links) - set(earlier)), sorted(pairs, key=lambda p: p.name)
+    names = Counter(pair.name for pair in ordered)
+    wrong = {
+        "pairs name unknown links": {a for p in ordered for a in p.links}.difference(
+            moving, earlier
+        ),
+        "pairs of the same name": {name for name, number in names.items() if number > 1},
+        "drivers name unknown pairs": set(drivers).difference(names),
+    }
+    for what, which in wrong.items():
+        if which:
+            raise ValueError(f"{what}: {', '.join(sorted(which))}")
+    return moving, ordered
+
+
+class Side(NamedTuple):
+    """What one link of a pair has of it.
+
+    pair, link : their names
+    kind : "R" or "P"
+    at : [m] place of an R pair, [-] unit direction of a P pair's guide, in the link's frame
+    """
+
+    pair: str
+    link: str
+    kind: Literal["R", "P"]
+    at: complex
+
+
+def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
+    """Pair -> the axis that it has in common with others for good, "" for one of its own.
+
+    ``size`` [m] is that of the mechanism. A side that is left out, because its place is
+    not known, coincides with nothing. Places are one where they fall into one cell of a grid
+    or of one that is shifted by half a cell, so that near ones are never kept apart.
+    """
+    graph: nx.Graph[object] = nx.Graph()
+    for side in sides:
+        graph.add_node(side.pair)
+        # a direction and its opposite have the same square
+        z = side.at / size if side.kind == "R" else side.at * side.at
+        for shift in (0, 0.5, 0.5j, 0.5 + 0.5j):
+            w = z / (2 * SAME) + shift
+            cell = (side.link, side.kind, shift, math.floor(w.real), math.floor(w.imag))
+            graph.add_edge(side.pair, cell)
+    found = {name: "" for name in graph if isinstance(name, str)}
+    for part in nx.connected_components(graph):
+        names = [name for name in part if isinstance(name, str)]
+        if len(names) > 1:
+            found.update(dict.fromkeys(names, min(names)))
+    return found
+
+
+def carriers(pairs: Sequence[Pair], earlier: Collection[str]) -> set[str]:
+    """Links that only carry a pin of others, which might as well sit on each other.
+
+    All their pairs, which are taken as undriven, are R pairs of one axis, of which there is
+    none too many. Earlier links are one body.
+    """
+    body = {a: "" if a in earlier else a for p in pairs for a in p.links}
+    axes_on: dict[str, set[str]] = defaultdict(set)
+    shared: dict[str, nx.MultiGraph[str]] = defaultdict(nx.MultiGraph)
+    for p in pairs:
+        axis = p.axis if p.kind == "R" else ""
+        ends = [body[a] for a in p.links]
+        for end in ends:
+            axes_on[end].add(axis)
+        shared[axis].add_edge(*ends)
+    trees = {axis for axis, graph in shared.items() if axis and nx.is_forest(graph)}
+    return {a for a, b in body.items() if len(axes_on[b]) == 1 and axes_on[b] <= trees}

@@ -1,0 +1,154 @@
+"""Commands that ask one question of a mechanism: check, verify, limits, modes, extremes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from blockmech.builders import Graph, Opened, opened, problems_in
+from blockmech.cli.numbers import coordinates
+from blockmech.cli.options import (
+    AsJson,
+    At,
+    DegreesOfText,
+    GraphFile,
+    compiled,
+    option,
+    refused,
+    si_only,
+    switch,
+)
+from blockmech.cli.terminal import note, patience, say, say_data
+
+
+def check(file: GraphFile, json: AsJson = False) -> None:
+    """Find all problems of a file, or say what the mechanism is.
+
+    Of links and joints that is the formation sequence and the mobility, or what keeps them
+    from being a mechanism.
+    """
+    problems = problems_in(file)
+    if json:
+        facts = {} if problems else _facts(opened(file))
+        rows = [p.to_dict() for p in problems]
+        say_data(file, {"ok": not problems, **facts, "problems": rows})
+    elif problems:
+        note(*map(str, problems))
+    else:
+        found = opened(file)
+        say(repr(found))
+        if not isinstance(found, Graph):
+            say(f"mobility {found.compile().structure.mobility}")
+    if problems:
+        raise typer.Exit(2)
+
+
+def _facts(found: Opened) -> dict[str, Any]:
+    if isinstance(found, Graph):
+        structure = found.structure()
+        formula = structure.formula
+    else:
+        made = found.decompose()
+        structure, formula = made.graph.structure(), str(made.formation)
+    return {
+        "graph": found.name,
+        "links": len(structure.links) - 1,
+        "pairs": structure.pairs,
+        "mobility": structure.mobility,
+        "formula": formula,
+    }
+
+
+def verify(file: GraphFile, at: At = None, json: AsJson = False) -> None:
+    """Check balances, powers and the two routes to the driving moment."""
+    mechanism = compiled(file)
+    given = coordinates(mechanism, at or [])
+    with patience("verifying"):
+        found = mechanism.verify(**({} if given is None else {"at": given}))
+    if json:
+        rows = [
+            {"name": r.name, "value": r.value, "allowed": r.allowed, "ok": r.ok} for r in found.rows
+        ]
+        say_data(file, {"ok": found.ok, "rows": rows})
+    else:
+        say(str(found))
+    if not found.ok:
+        raise typer.Exit(1)
+
+
+def limits(
+    file: GraphFile,
+    driver: Annotated[str | None, option("Only this driver; by default each.", "NAME")] = None,
+    at: Annotated[
+        list[str] | None,
+        option("Where another driver is held; by default where its law begins.", "[DRIVER=]NUMBER"),
+    ] = None,
+    deg: DegreesOfText = False,
+    json: AsJson = False,
+) -> None:
+    """Find the arcs of each driver on which the mechanism closes."""
+    si_only(json, deg)
+    mechanism = compiled(file)
+    held = {}
+    for name, row in (coordinates(mechanism, at or []) or {}).items():
+        if len(row) != 1:
+            raise refused(f"--at {name}", f"it names {len(row)} places", "give one number")
+        held[name] = row[0]
+    moving = mechanism.drivers if driver is None else (driver,)
+    for name in held:
+        if moving == (name,):
+            raise refused(f"--at {name}", "this driver is the one that moves", "hold another one")
+    with patience("searching"):
+        found = [
+            mechanism.limits(moved, {d: q for d, q in held.items() if d != moved})
+            for moved in moving or (None,)
+        ]
+    if json:
+        say_data(file, {"limits": [f.to_dict() for f in found]})
+    else:
+        say("\n".join(f.text(degrees=deg) for f in found))
+
+
+def modes(
+    file: GraphFile,
+    at: At = None,
+    group: Annotated[list[str] | None, option("Only this group; may be repeated.", "NAME")] = None,
+    driver: Annotated[
+        str | None, option("Along which arcs are sought; by default the only one.", "NAME")
+    ] = None,
+    no_arcs: Annotated[bool, switch("no-arcs", "Do not seek the arcs of each mode.")] = False,
+    deg: DegreesOfText = False,
+    json: AsJson = False,
+) -> None:
+    """List all assembly modes of each group, what chooses them, and where they exist."""
+    si_only(json, deg)
+    mechanism = compiled(file)
+    with patience("searching"):
+        found = mechanism.modes(
+            coordinates(mechanism, at or []), driver=driver, groups=group or None, arcs=not no_arcs
+        )
+    if json:
+        say_data(file, found.to_dict())
+    else:
+        say(found.text(degrees=deg))
+
+
+def extremes(
+    file: GraphFile,
+    names: Annotated[
+        list[str], typer.Argument(metavar="OUTPUT...", help="Outputs, e.g. dyad.C.p.x crank.drive.")
+    ],
+    stroke: Annotated[
+        bool, switch("stroke", "Of each its stroke and the time ratio instead.")
+    ] = False,
+    json: AsJson = False,
+) -> None:
+    """Find extremes of outputs over the cycle, refined beyond the samples."""
+    mechanism = compiled(file)
+    with patience("searching"):
+        found = [mechanism.stroke(n) if stroke else mechanism.extremes(n) for n in names]
+    if json:
+        say_data(file, {"strokes" if stroke else "extremes": [f.to_dict() for f in found]})
+    else:
+        say("\n".join(map(str, found)))

@@ -1,0 +1,270 @@
+"""Data against a pydantic model: the model, or one problem per mistake in the trade's words.
+
+Pydantic says where and what kind; the model's JSON Schema knows units and keys there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import islice
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from pydantic.json_schema import GenerateJsonSchema
+
+from blockmech.errors import MOST, Path, Problem, close_match, listed, path_text, shown, unknown_key
+
+Model = TypeVar("Model", bound=BaseModel)
+
+LAST = ("links", "markers", "friction", "slider", "useful")
+"""Fields that many blocks share; they follow the block's own, in this order."""
+
+
+def field_order(model: type[BaseModel]) -> list[str]:
+    """Names of a model's fields as they are written: its own, then inherited, then `LAST`."""
+    names: list[str] = []
+    for cls in model.__mro__:
+        if issubclass(cls, BaseModel):
+            inherited = {n for base in cls.__bases__ for n in getattr(base, "model_fields", ())}
+            names += [n for n in cls.model_fields if n not in inherited and n not in names]
+    return sorted(names, key=lambda n: LAST.index(n) if n in LAST else -1)
+
+
+class InWrittenOrder(GenerateJsonSchema):
+    """A JSON Schema whose keys stand in the order in which they are written."""
+
+    def model_schema(self, schema: Any) -> dict[str, Any]:
+        found = super().model_schema(schema)
+        if "properties" in found:
+            model = schema["cls"]
+            names = field_order(model)
+            if self.by_alias:
+                names = [model.model_fields[n].alias or n for n in names]
+            found["properties"] = {n: found["properties"][n] for n in names}
+        return found
+
+
+def validated(
+    model: type[Model], raw: Any, what: str, at: Path = ()
+) -> tuple[Model | None, list[Problem]]:
+    """The data as a model, or one problem per mistake.
+
+    Parameters
+    ----------
+    model : what the data should be
+    raw : the data
+    what : what the data is called, e.g. "dyad.rrr"
+    at : path of the data in the document
+    """
+    try:
+        return model.model_validate(raw), []
+    except ValidationError as error:
+        return None, _problems(error, model, raw, what, at)
+
+
+def problems_of(error: ValidationError, model: type[BaseModel], given: Any) -> list[Problem]:
+    """What is wrong with a model made in Python, where keys are the names of its fields."""
+    return _problems(error, model, given, model.__name__, (model.__name__,), by_alias=False)
+
+
+def _problems(
+    error: ValidationError,
+    model: type[BaseModel],
+    raw: Any,
+    what: str,
+    at: Path,
+    by_alias: bool = True,
+) -> list[Problem]:
+    schema = model.model_json_schema(by_alias, schema_generator=InWrittenOrder)
+    found = []
+    for line in _first_mistakes(error, model, raw):
+        found.append(_problem(_Place(schema, raw, _path_in(raw, line), what, at), line))
+    return list(_united(found))
+
+
+def _first_mistakes(error: ValidationError, model: type[BaseModel], raw: Any) -> list[Any]:
+    """The first of pydantic's mistakes, soon even where there are a million."""
+    flood = 10 * MOST
+    lines = list[Any]()
+    for most in () if error.error_count() <= flood else (MOST // 10, flood, 20 * flood):
+        try:
+            model.model_validate(_beginning(raw, most))
+        except ValidationError as shorter:
+            if shorter.error_count() <= flood:
+                lines = [x for x in shorter.errors(include_url=False) if not _comes_later(raw, x)]
+        if lines:
+            break
+    return (lines or error.errors(include_url=False))[: MOST + 1]
+
+
+def _beginning(raw: Any, most: int) -> Any:
+    """The first items of every object and list."""
+    if isinstance(raw, dict):
+        return {key: _beginning(item, most) for key, item in islice(raw.items(), most)}
+    return [_beginning(item, most) for item in raw[:most]] if isinstance(raw, list) else raw
+
+
+def _comes_later(raw: Any, line: Any) -> bool:
+    """Whether a key is missing only because the beginning of an object was looked at."""
+    path = _path_in(raw, line)
+    for part in path[:-1]:
+        raw = raw[part]
+    return line["type"] == "missing" and path[-1] in raw
+
+
+def _path_in(raw: Any, line: Any) -> list[str | int]:
+    """Pydantic's location without what is not in the data: tags of unions and the like."""
+    path: list[str | int] = []
+    for k, part in enumerate(line["loc"], start=1):
+        is_key = isinstance(raw, dict) and part in raw
+        is_index = isinstance(raw, list) and isinstance(part, int) and part < len(raw)
+        if is_key or is_index or (line["type"] == "missing" and k == len(line["loc"])):
+            path.append(part)
+        if is_key or is_index:
+            raw = raw[part]
+    return path
+
+
+def _united(problems: list[Problem]) -> Iterator[Problem]:
+    """Problems with one sentence where a value fits none of several types."""
+    for problem in problems:
+        if problem.code != "wrong-type":
+            yield problem
+            continue
+        inside = (f"{problem.where}.", f"{problem.where}[")
+        same = [p for p in problems if p.code == problem.code and p.where == problem.where]
+        if problem is same[0] and not any(p.where.startswith(inside) for p in problems):
+            types = [p.found.split(" must be ", 1)[-1].rsplit(", got ", 1)[0] for p in same]
+            said = problem.found.replace(types[0], " or ".join(dict.fromkeys(types)), 1)
+            yield replace(problem, found=said)
+
+
+class _Place:
+    """A place in data that do not fit: what stands there, and what its schema says."""
+
+    def __init__(
+        self, schema: Mapping[str, Any], raw: Any, path: list[str | int], what: str, at: Path
+    ) -> None:
+        self.where = path_text([*at, *path])
+        self.owner = what if len(path) < 2 else path_text([*at, *path[:-1]])
+        tail = path[-2:] if path and isinstance(path[-1], int) else path[-1:]
+        self.name = path_text(tail) or self.owner  # as a sentence calls the value
+        parent = _schema_at(schema, raw, path[:-1])
+        self.keys = list(
+            dict.fromkeys(k for m in _members(schema, parent) for k in m.get("properties", ()))
+        )
+        self.here = _schema_at(schema, raw, path)
+        units = [m["unit"] for m in _members(schema, self.here) if "unit" in m]
+        self.unit = units[0] if units else ""
+
+
+MUST: Mapping[str, tuple[str, str]] = {
+    "greater_than": ("wrong-value", "> {gt:g}{unit}"),
+    "greater_than_equal": ("wrong-value", ">= {ge:g}{unit}"),
+    "less_than": ("wrong-value", "< {lt:g}{unit}"),
+    "less_than_equal": ("wrong-value", "<= {le:g}{unit}"),
+    "finite_number": ("non-finite", "a finite number{in_unit}"),
+    "float_type": ("wrong-type", "a number{in_unit}"),
+    "int_type": ("wrong-type", "a whole number"),
+    "string_type": ("wrong-type", "a text"),
+    "bool_type": ("wrong-type", "true or false"),
+    "dict_type": ("wrong-type", "an object {{...}}"),
+    "model_type": ("wrong-type", "an object {{...}}"),
+    "model_attributes_type": ("wrong-type", "an object {{...}}"),
+    "list_type": ("wrong-type", "a list [...]"),
+}
+"""Pydantic's type -> our code, and what a value must be."""
+
+
+def _problem(place: _Place, line: Any) -> Problem:
+    """One of pydantic's mistakes as a problem."""
+    kind, said, more = line["type"], line["input"], line.get("ctx", {})
+    where, name = place.where, place.name
+    if kind in MUST:
+        code, rule = MUST[kind]
+        unit = f" {place.unit}" if place.unit else ""
+        text = rule.format(unit=unit, in_unit=unit and f" in{unit}", **more)
+        return Problem(code, where, f"{name} must be {text}, got {shown(said)}")
+    if kind == "missing":
+        unit = f" [{place.unit}]" if place.unit else ""
+        return Problem("missing-key", where, f'{place.owner} needs "{name}"{unit}', "", "add it")
+    if kind == "extra_forbidden":
+        return unknown_key(where, place.owner, str(line["loc"][-1]), place.keys)
+    if kind == "too_short":
+        least, has = more["min_length"], more["actual_length"]
+        return Problem("wrong-value", where, f"{name} must have at least {least} values, has {has}")
+    if kind == "literal_error":
+        allowed = more["expected"].replace("'", '"')
+        words = re.findall(r'"([^"]*)"', allowed)
+        if line["loc"][-1] == "[key]":
+            return unknown_key(where, place.owner, str(said), words)
+        remedy = close_match(said, words) if isinstance(said, str) else ""
+        found = f"{name} must be {allowed}, got {shown(said)}"
+        return Problem("wrong-value", where, found, "", remedy)
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return _no_such_kind(place, line)
+    # mistakes that models name themselves have a hyphen; then whatever else pydantic may say
+    plain = str(line["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    found = str(more.get("found", plain))
+    found = f"{name} {found}" if found.startswith("must ") else found
+    code = kind if "-" in kind else "wrong-value"
+    return Problem(code, where, found, more.get("valid", ""), more.get("remedy", ""))
+
+
+def _no_such_kind(place: _Place, line: Any) -> Problem:
+    """The problem of a value that says its kind wrongly or not at all."""
+    choice = place.here.get("discriminator", {"propertyName": "law", "mapping": {}})
+    key, tags = choice["propertyName"], list(choice["mapping"])
+    where, known = f"{place.where}.{key}", f"{key}s: {listed(tags)}"
+    if line["type"] == "union_tag_not_found":
+        return Problem("missing-key", where, f'{place.where} needs "{key}"', known, "add it")
+    said = line["input"].get(key)
+    remedy = close_match(said, tags) if isinstance(said, str) else ""
+    return Problem("wrong-value", where, f"no {key} {shown(said)}", known, remedy)
+
+
+# A JSON Schema, followed along a path.
+
+
+def _members(root: Mapping[str, Any], node: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """A schema, or its alternatives, with references resolved."""
+    if "$ref" in node:
+        return _members(root, root["$defs"][node["$ref"].rsplit("/", 1)[-1]])
+    for key in ("anyOf", "oneOf"):
+        if key in node:
+            return [node] + [m for option in node[key] for m in _members(root, option)]
+    return [node]
+
+
+def _schema_at(root: Mapping[str, Any], raw: Any, path: Path) -> Mapping[str, Any]:
+    """The schema of the value at a path, {} where it says nothing."""
+    node = _chosen(root, root, raw)
+    for part in path:
+        within = [_step(m, part) for m in _members(root, node)]
+        node = next((n for n in within if n), {})
+        try:
+            raw = raw[part]
+        except (LookupError, TypeError):
+            raw = None
+        node = _chosen(root, node, raw)
+    return node
+
+
+def _chosen(root: Mapping[str, Any], node: Mapping[str, Any], raw: Any) -> Mapping[str, Any]:
+    """Of several kinds, the one that the data names."""
+    if "discriminator" in node and isinstance(raw, dict):
+        tag = raw.get(node["discriminator"]["propertyName"])
+        option = node["discriminator"]["mapping"].get(tag) if isinstance(tag, str) else None
+        if option:
+            return _members(root, {"$ref": option})[0]
+    return node
+
+
+def _step(node: Mapping[str, Any], part: str | int) -> Mapping[str, Any]:
+    if isinstance(part, int):
+        found = node.get("items", {})
+    else:
+        found = node.get("properties", {}).get(part) or node.get("additionalProperties", {})
+    return found if isinstance(found, dict) else {}

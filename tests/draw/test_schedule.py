@@ -1,0 +1,29 @@
+"""The picture of a schedule: every call is a box, every kind of edge has its colour."""
+
+import pytest
+
+from blockmech.draw import draw
+from blockmech.draw.schedule import draw_schedule
+from blockmech.errors import RequestError
+from tests.wiring import watt
+
+
+def test_every_call_has_a_box_and_every_kind_a_key():
+    plan = watt().compile().plan(["crank.drive", "crank.J_red"])
+    figure = draw_schedule(plan)
+    (axes,) = figure.axes
+    said = [text.get_text().split("\n")[0] for text in axes.texts if text.get_text()]
+    stages = [call[1] for call in plan.graph()]
+    assert sorted(s for s in said if s in stages) == sorted(stages)
+    assert {"crank", "first", "last"} <= set(said)
+    keys = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert keys == {data["kind"] for *_, data in plan.graph().edges(data=True)}
+
+
+def test_a_schedule_is_a_kind_of_picture_and_has_no_poses(tmp_path):
+    path = draw(watt(), tmp_path / "s.svg", "schedule", want="*.p")
+    assert (
+        path.read_bytes() == draw(watt(), tmp_path / "t.svg", "schedule", want="*.p").read_bytes()
+    )
+    with pytest.raises(RequestError, match="a schedule has no poses"):
+        draw(watt(), tmp_path / "s.svg", "schedule", at=1.0)
