@@ -135,12 +135,12 @@ def _series(plain: System, place: float, reach: float, n: int) -> Series | None:
 class FollowingSystem(System):
     """A system that reads inertia and effort from series near its change points."""
 
-    @cached_property
     @property
     def noise(self) -> float:
         """What the series leave out."""
         return ENDED
 
+    @cached_property
     def period(self) -> float | None:
         """Period [rad] of everything that depends on the driver's coordinate."""
         return period_through(self.compiled, super().period)

@@ -69,7 +69,7 @@ INNERMOST = 1e-4  # of an amplitude: beside the equilibrium within
 AT_REST = 1e-4  # distance from a stable equilibrium, in spans, that counts as rest
 SAME = 1e-9  # relative difference of periods, or of loads a period later, that is rounding
 COMMON = 1000  # periods of one load in the common one at most
-FAR = 1e4  # spans that a driver without turns may go without a standstill
+FAR = 1e3  # spans that a driver without turns may go without a standstill, or a search
 TIMED = 'ask for "time=<s>" to see how it goes on'
 ELSEWHERE = f"start elsewhere, or {TIMED}"
 GIVE = 'give the period of the loads: "steady=<s>"'
@@ -225,6 +225,9 @@ class Flow:
 
     def after(self, x: Floats, span: float, tolerance: float) -> Floats:
         """The state (2k,) some time [s] later."""
+        most = np.array([FAR * self.system.span] * self.k + [FAR * self.speed] * self.k)
+        if not (np.abs(x - self.x) <= most).all():  # a root search went astray
+            raise Lost("a way without end", math.nan)
         motion = self.run(self.asked(x, Until("time", span)), tolerance)
         if motion.end != "time":
             raise Lost(motion.end, motion.t_end - self.request.start.t)
