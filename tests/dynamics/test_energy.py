@@ -144,8 +144,9 @@ def test_period_of_a_swing():
 
 def test_one_ulp_from_the_separatrix_it_says_that_the_data_do_not_decide():
     motion = run(pendulum(), 0.0, "time=50", 2.0)
-    assert not motion.reached
-    assert any("rounding of the data" in note or "do not decide" in note for note in motion.notes)
+    assert motion.status == "failed"
+    assert motion.end == "not decided"
+    assert any("part after t =" in note for note in motion.notes)
 
 
 # -- regimes ---------------------------------------------------------------------------------
@@ -153,11 +154,12 @@ def test_one_ulp_from_the_separatrix_it_says_that_the_data_do_not_decide():
 
 def test_regimes_are_named():
     cases = {
-        "libration": run(pendulum(), 1.0, "time=1"),
-        "rotation": run(pendulum(), 1.0, "time=1", 3.0),
-        "secular": run(pendulum(couple=1.5), 0.0, "time=1"),
-        "secular braking": run(pendulum(couple=-0.2), 0.0, "time=1", 6.0),
-        "turning back": run(pendulum(couple=-1.5), 0.0, "time=1", 1.0),
+        "to a standstill": run(pendulum(), 1.0, "standstill"),
+        "libration": run(pendulum(), 1.0, "time=9"),
+        "rotation": run(pendulum(), 1.0, "time=9", 3.0),
+        "secular": run(pendulum(couple=1.5), 0.0, "time=9"),
+        "secular braking": run(pendulum(couple=-0.2), 0.0, "time=9", 6.0),
+        "one way": run(pendulum(), 1.0, "time=1"),
         "rest": run(pendulum(), 0.0, "time=1"),
         "end stop": run(pendulum(stops=(-0.5, 2.0)), 1.0, "time=9"),
         "dead centre": run(fourbar(), 0.3, "time=9"),
@@ -194,7 +196,7 @@ def test_braking_runs_back_the_way_it_came(rate):
 def test_a_hundred_thousand_turns_cost_what_one_turn_costs():
     one = run(pendulum(), 0.0, "turns=1", 3.0)
     many = run(pendulum(), 0.0, "turns=100000", 3.0)
-    assert many.cost == one.cost
+    assert many.cost.evaluations <= 3 * one.cost.evaluations  # one more pair of runs judges it
     assert abs(many.t_end / one.t_end / 1e5 - 1) <= 1e-15
     with mp.workdps(30):
         turn = 4 / mp.mpf(3) * mp.ellipk(mp.mpf(4) / 9)
@@ -206,7 +208,7 @@ def test_secular_motion_over_a_thousand_turns_keeps_its_energy():
     motion = run(system, 0.3, "turns=1000", 4.0)
     gained = 0.5 * TURN * 1000
     assert abs(motion.qd_end**2 / 2 - 8.0 - gained) <= 1e-11 * gained
-    assert motion.cost.evaluations <= 400
+    assert motion.cost.evaluations <= 800  # four runs, a turn and what begins the next each
 
 
 def test_end_stop_ends_the_run_with_its_name():

@@ -28,7 +28,7 @@ SIZES = (8, 12, 16, 20, 24)  # poses of a series; even, so that none is at the c
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side
 SHORTEST = REACH / 64
 APART = 0.45  # of the distance to the next change point or kink: both sides keep clear of it
-ENDED = 1e-12  # end of a series, relative, that is good enough; otherwise it is made shorter
+ENDED = 1e-13  # end of a series, relative: what poses a tenth of a radian away leave, eps / d^2
 USED = 0.5  # share of the reach within which the series is read: its ends are less exact
 
 
@@ -134,6 +134,11 @@ def _series(plain: System, place: float, reach: float, n: int) -> Series | None:
 
 class FollowingSystem(System):
     """A system that reads inertia and effort from series near its change points."""
+
+    @property
+    def noise(self) -> float:
+        """What the series leave out."""
+        return ENDED
 
     @cached_property
     def period(self) -> float | None:

@@ -62,7 +62,8 @@ def stated(fine: Motion, apart: Difference) -> Motion:
     """A run with the error that its difference from a coarser one tells."""
     size = float(np.max(np.abs(fine.q_end)))
     if fine.t_end > fine.t_start:
-        size = max(size, float(np.abs(fine.at(fine.times(COMPARED)).q).max()))
+        q, qd = fine.at(fine.times(COMPARED))
+        size = max(size, float(np.abs(q).max())) + abs(fine.t_end) * float(np.abs(qd).max())
     late = 0.0 if fine.end == "time" else apart.t + ROUNDING * abs(fine.t_end)
     return replace(fine, error=apart.q + ROUNDING * size, time_error=fine.time_error + late)
 
@@ -91,18 +92,18 @@ def refined(
     smallest = math.inf
     while True:
         if coarse.end in (INTERRUPTED, TOO_MANY):
-            return _stopped(coarse, best)
+            return stopped(coarse, best)
         following = finer(setting, smallest)
         if following is None:
             break
         fine = run(following)
         if fine.end in (INTERRUPTED, TOO_MANY) and fine.t_end < coarse.t_end:
-            return _stopped(fine, best or coarse)
+            return stopped(fine, best or coarse)
         apart = difference(coarse, fine, wanted)
         if best is not None and apart.agree and not apart.q < smallest:
             break  # rounding is all that is left
         if apart.agree or best is None or not _agreed(best):
-            best, smallest = _candidate(coarse, fine, apart, wanted), apart.q
+            best, smallest = judged(coarse, fine, apart, wanted), apart.q
         if apart.agree and best.error <= target:
             break
         coarse, setting = fine, following
@@ -113,7 +114,7 @@ def _agreed(motion: Motion) -> bool:
     return motion.end != UNDECIDED
 
 
-def _candidate(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[float]) -> Motion:
+def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[float]) -> Motion:
     """The finer of two runs with its error, or what both know of the motion."""
     if apart.agree:
         return stated(fine, apart)
@@ -145,7 +146,7 @@ def _candidate(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence
     )
 
 
-def _stopped(motion: Motion, best: Motion | None) -> Motion:
+def stopped(motion: Motion, best: Motion | None) -> Motion:
     """What is kept of a run that was stopped: the better run before it, if there is one."""
     if best is None or best.t_end < motion.t_end:
         note = f"{motion.end}: the error is not judged by another run"

@@ -80,8 +80,8 @@ def rule(n: int) -> Rule:
 def tail(series: Floats, noise: float = 0.0) -> Floats:
     """What a series (..., n) leaves out, relative to its largest coefficient.
 
-    The largest of the last quarter. Where that is no smaller than a third of the quarter before
-    and below the square root of rounding, the coefficients have stopped falling: what is left
+    The largest of the last quarter. Where that is no smaller than a third of those before, from
+    a third on, and below the square root of rounding, they have stopped falling: what is left
     is rounding of the values, which no shorter piece makes smaller, and it counts as none; so
     does what is below the relative noise of the values, where that is known.
     """
@@ -89,7 +89,7 @@ def tail(series: Floats, noise: float = 0.0) -> Floats:
     size = np.abs(series)
     top = size.max(axis=-1)
     last = size[..., n - n // 4 :].max(axis=-1)
-    before = size[..., n - n // 2 : n - n // 4].max(axis=-1)
+    before = size[..., n // 3 : n - n // 4].max(axis=-1)
     with np.errstate(all="ignore"):
         left = np.where(top > 0, last / top, 0.0)
     flat = (3 * last >= before) & (left <= math.sqrt(EPS))

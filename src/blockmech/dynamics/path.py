@@ -18,11 +18,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from blockmech.dynamics.estimate import missed, refined
+from blockmech.dynamics.estimate import (
+    Difference,
+    difference,
+    judged,
+    missed,
+    stated,
+    stopped,
+)
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
     DEAD_CENTRE,
@@ -34,7 +41,17 @@ from blockmech.dynamics.motion import (
     Motion,
     Status,
 )
-from blockmech.dynamics.panels import EPS, Floats, Panel, basis, final_energy, roots, rule, tail
+from blockmech.dynamics.panels import (
+    EPS,
+    Floats,
+    Panel,
+    basis,
+    final_energy,
+    roots,
+    rule,
+    tail,
+)
+from blockmech.dynamics.request import Start
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.road import CLOSE, SLIPS, Piece, Road
 from blockmech.dynamics.track import Leg, PathTrack, Pattern, Standing, durations
@@ -45,8 +62,9 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 TURN = 2 * math.pi
-NODES, MORE, LARGEST = 40, 8, 64  # of a panel: to begin with, more each time, at most
-FINEST = 64 * EPS  # what series of that length leave of rounding; asked for without a target
+NODES, MORE = 40, 8  # of a panel, and more of a finer one
+FINEST = 16 * EPS  # what series of that length leave of rounding; asked for without a target
+BESIDE = 4  # ulps of start and work by which a run beside is off: a sum of some ten terms
 COARSEST = 1e-5  # relative, of series: a looser one saves no node
 MOST = 8_000  # panels of a run; ten seconds of work and more
 SHORT = 8  # a piece is made anew if what happens in it needs no more than this part of it
@@ -56,13 +74,15 @@ SHORT = 8  # a piece is made anew if what happens in it needs no more than this 
 class PathRun:
     """One run: where the motion is, and what it left behind.
 
-    t [s] counts from the start of the run; K [J]; sign is the direction of the motion.
+    t [s] counts from the start of the run; K [J]; sign is the direction of the motion. A run
+    ``beside`` has rounding of its own added to the energy of each panel.
     """
 
     system: System
     request: SimulationRequest
     n: int
     tolerance: float
+    beside: bool = False
     road: Road = field(init=False)
     t: float = 0.0
     q: float = 0.0
@@ -82,6 +102,11 @@ class PathRun:
     def __post_init__(self) -> None:
         self.road = Road(self.system, self.n, self.tolerance)
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
+
+    @property
+    def rounding(self) -> float:
+        """Relative error of the work of a panel that nobody can see."""
+        return BESIDE * EPS + 2 * self.system.noise
 
     # -- the run ------------------------------------------------------------
 
@@ -195,6 +220,8 @@ class PathRun:
         """The motion goes over a panel."""
         self.legs.append(panel)
         self.t, self.q, self.K = panel.t1, panel.q1, max(panel.K1, 0.0)
+        if self.beside and self.K > 0:
+            self.K += self.rounding * abs(panel.q1 - panel.q0) * float(np.abs(panel.w).mean())
         if self.system.progress is not None:
             self.system.progress("moving", self.t, self.t_goal if self.t_goal < math.inf else None)
 
@@ -284,7 +311,7 @@ class PathRun:
             return
         size = sum(abs(p.q1 - p.q0) * float(np.abs(p.w).mean()) for p in panels)
         gain = self.K - K
-        if self.system.lossless or abs(gain) <= 64 * EPS * size:  # a sum of some hundred terms
+        if self.system.lossless or abs(gain) <= 16 * self.rounding * size:  # of some panels
             gain = 0.0
         if gain != 0 and not self.place_only:  # what the rate takes changes from turn to turn
             self.mark = turned
@@ -445,7 +472,10 @@ class PathRun:
         n, known = self.n, span.energy
         last = final_energy(n, span.p, span.length, span.backward, span.limit, known, w)
         if K.min() > 0 and last > 0:
-            return None
+            near = math.sqrt(EPS) * span.length
+            if span.limit or last > -float(w[-1]) * near:
+                return None  # but a standstill that is at the end but for rounding is in it
+            return span.anchor + self.sign * (span.length - last / float(w[-1]))
         if span.limit:
             return 0.5 * (self.q + span.anchor)  # closer first
         v = np.concatenate([[0.0], rule(n).v, [1.0]])
@@ -472,7 +502,7 @@ class PathRun:
                 self.K = 0.0
                 self.stand()
                 return None
-            if length <= 0 or sign * (guess - piece.end(sign)) > 0:
+            if length <= 0 or sign * (guess - piece.end(sign)) > math.sqrt(EPS) * length:
                 return None
             span = Span(guess, length, 2, True, False, 0.0)
             work, J = self.work(piece, span)
@@ -529,33 +559,60 @@ class PathRun:
         return min(found, key=lambda x: self.sign * x) if found else None
 
 
-class Setting(NamedTuple):
-    """Nodes of a panel, what its series may leave out, and whether it starts an ulp beside."""
-
-    n: int
-    tolerance: float
-    beside: bool
-
-
 def along_path(system: System, request: SimulationRequest) -> Motion:
-    """The motion by the path method, with its error (`estimate`)."""
+    """The motion by the path method, with its error (`estimate`).
+
+    Of two runs the coarser has fewer nodes and is some ulps beside, in its start and in the
+    work of each panel: where that matters, the data do not tell more. What it leaves
+    unresolved is looked at by finer panels once.
+    """
     target = request.accuracy or FINEST
     share = min(max(target / 8, FINEST), COARSEST)
+    resting = _at_rest(system, request, share)
+    if resting is not None:
+        return stated(resting, Difference(0.0, 0.0, True))
+    best = None
+    for n in (NODES, NODES + MORE):
+        coarse = _run(system, _beside(request), n, share, True)
+        if coarse.end in (INTERRUPTED, TOO_MANY):
+            return stopped(coarse, best)
+        fine = _run(system, request, n + MORE, share, False)
+        if fine.end in (INTERRUPTED, TOO_MANY) and fine.t_end < coarse.t_end:
+            return stopped(fine, best or coarse)
+        apart = difference(coarse, fine, request.times)
+        found = judged(coarse, fine, apart, request.times)
+        best = found if best is None or found.error < best.error else best
+        if best.error <= target and best.status != "failed":
+            break
+        share = FINEST
+    assert best is not None
+    return best if request.accuracy is None else missed(best, request.accuracy)
 
-    def run(setting: Setting) -> Motion:
-        start = request.start
-        q = math.nextafter(start.q, math.inf) if setting.beside else start.q
-        moved = replace(request, start=start._replace(q=q))
-        path = PathRun(system, moved, setting.n, setting.tolerance)
-        path.run()
-        return path_motion(path)
 
-    def finer(setting: Setting, apart: float) -> Setting | None:
-        n = setting.n + MORE
-        return Setting(n, max(setting.tolerance / 8, FINEST), False) if n <= LARGEST else None
+def _run(
+    system: System, request: SimulationRequest, n: int, tolerance: float, beside: bool
+) -> Motion:
+    """One run with n nodes a panel, its series resolved to a relative tolerance."""
+    path = PathRun(system, request, n, tolerance, beside)
+    path.run()
+    return path_motion(path)
 
-    motion = refined(run, Setting(NODES, share, True), finer, target, request.times)
-    return motion if request.accuracy is None else missed(motion, request.accuracy)
+
+def _beside(request: SimulationRequest) -> SimulationRequest:
+    """The same from some ulps beside."""
+    q, rate, t = request.start
+    start = Start(q + BESIDE * math.ulp(q), rate * (1 + BESIDE * EPS), t)
+    return replace(request, start=start)
+
+
+def _at_rest(system: System, request: SimulationRequest, tolerance: float) -> Motion | None:
+    """The motion of a start from which nothing moves; else None."""
+    path = PathRun(system, request, NODES, tolerance)
+    path.q = float(request.start.q)
+    if request.start.rate or start_failure(system, path.q, 0.0):
+        return None
+    path.leave()
+    return path_motion(path) if path.end else None
 
 
 def path_motion(run: PathRun) -> Motion:

@@ -140,7 +140,11 @@ class Road:
     def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:
         """The farthest place that a new piece may reach, and what ends the road there."""
         system = self.system
-        far = q + sign * min(length, (system.period or system.span) / PIECES)
+        covered = [x for p in self.pieces for x in (p.data.low, p.data.high)]
+        usual = (system.period or system.span) / PIECES
+        if system.period is None and covered:  # along a guide they double
+            usual = max(usual, max(covered) - min(covered))
+        far = q + sign * min(length, usual)
         stops = [p.data.low if sign > 0 else p.data.high for p in self.pieces]
         stops += list(system.knots)
         if system.period is not None:

@@ -61,15 +61,15 @@ if TYPE_CHECKING:
 TURN = 2 * math.pi
 FINE, LOOSE = 1e-13, 1e-8  # tolerances of flows: for fixed points, and to follow a motion
 SETTLING = 30  # periods of flow before a root is looked for (numerics 14)
-TIMES = 5  # as often
-PERIODS = (1, 2, 4, 3)  # of the loads in one of the motion that are tried
+TIMES = 3  # as often
+PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried
 PASSAGES = 60  # standstills and turns that are followed, or sampled ahead
 INWARD, OUTWARD = 0.6, 1.25  # factors by which amplitudes or speeds are sampled ahead
 INNERMOST = 1e-4  # of an amplitude: beside the equilibrium within
 AT_REST = 1e-4  # distance from a stable equilibrium, in spans, that counts as rest
 SAME = 1e-9  # relative difference of periods, or of loads a period later, that is rounding
 COMMON = 1000  # periods of one load in the common one at most
-FAR = 1e4  # spans that a driver without turns may go without a standstill
+FAR = 1e3  # spans that a driver without turns may go without a standstill, or a search
 TIMED = 'ask for "time=<s>" to see how it goes on'
 ELSEWHERE = f"start elsewhere, or {TIMED}"
 GIVE = 'give the period of the loads: "steady=<s>"'
@@ -225,6 +225,9 @@ class Flow:
 
     def after(self, x: Floats, span: float, tolerance: float) -> Floats:
         """The state (2k,) some time [s] later."""
+        most = np.array([FAR * self.system.span] * self.k + [FAR * self.speed] * self.k)
+        if not (np.abs(x - self.x) <= most).all():  # a root search went astray
+            raise Lost("a way without end", math.nan)
         motion = self.run(self.asked(x, Until("time", span)), tolerance)
         if motion.end != "time":
             raise Lost(motion.end, motion.t_end - self.request.start.t)

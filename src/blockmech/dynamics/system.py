@@ -201,6 +201,11 @@ class System:
         return free and loads.lossless(self.compiled.structure)
 
     @property
+    def noise(self) -> float:
+        """Relative error of inertia and effort beyond rounding."""
+        return 0.0
+
+    @property
     def load_size(self) -> Callable[[float], float]:
         """q -> sum of the magnitudes of the contributions to tau at rest."""
         return self._programs.load_size

@@ -31,6 +31,7 @@ from blockmech.dynamics.motion import (
     END_STOP,
     IMPOSSIBLE,
     INTERRUPTED,
+    REST,
     Event,
     Floats,
     Motion,
@@ -47,7 +48,7 @@ TURN = 2 * math.pi
 STEPS = 200  # of a run in time without a step or a target
 ANGLE_STEP = 1e-3  # [rad], or of the span, of euler_q without one
 MOST_STEPS = 2_000_000  # in a run; half a minute
-GIVEN_UP = 25_000  # steps without a goal in time after which it is perhaps never met
+GIVEN_UP = 25_000  # steps after which a goal is perhaps never met, and a target is missed
 BLOCK = 8192  # samples of euler_q in one batch
 DOUBT = 4.0  # stated error over the difference of step and half step: order 1 differs by half
 SHORTEST = 2.0**-30  # of a step: where a halved one is nothing
@@ -169,20 +170,28 @@ def _rk4_step(system: System, walk: Walk, goal: Goal, step: float) -> None:
     """One step, shorter where the whole one leads to where nothing is defined."""
     t, y = walk.t[-1], np.array([walk.q[-1], walk.qd[-1]])
     h = min(step, goal.t_last - t)
+    shortened = False
     while True:
         after = _runge_kutta(system, t, y, h)
-        if np.isfinite(after).all():
+        bounced = y[1] * after[1] < 0 and (shortened or _near_end(system, t, y, after))
+        if np.isfinite(after).all() and not bounced:
             break
-        h /= 2
-        if h < SHORTEST * step:
-            margin = system.acceleration(float(y[0]), float(y[1]), t)[1]
-            end = DEAD_CENTRE if margin < NEAR_DEAD_CENTRE else IMPOSSIBLE
+        h, shortened = h / 2, True
+        if h < SHORTEST * step or bounced:
+            end = DEAD_CENTRE if _near_end(system, t, y, y) else IMPOSSIBLE
             if end == DEAD_CENTRE:
                 walk.note(end)
             walk.stop(end)
             return
-    last = goal.t_last if t + h >= goal.t_last * (1 - SHORTEST) and h < step else t + h
-    _rk4_events(walk, goal, t, y, last, after)
+    whole = not shortened and t + step >= goal.t_last
+    _rk4_events(walk, goal, t, y, goal.t_last if whole else t + h, after)
+
+
+def _near_end(system: System, t: float, y: Floats, after: Floats) -> bool:
+    """Whether a step that turns back does so beside a dead centre."""
+    states = (y, after)
+    margins = [system.acceleration(float(z[0]), float(z[1]), t)[1] for z in states]
+    return not min(margins) > NEAR_DEAD_CENTRE
 
 
 def _runge_kutta(system: System, t: float, y: Floats, h: float) -> Floats:
@@ -194,7 +203,8 @@ def _runge_kutta(system: System, t: float, y: Floats, h: float) -> Floats:
     k2 = slope(t + h / 2, y + h / 2 * k1)
     k3 = slope(t + h / 2, y + h / 2 * k2)
     k4 = slope(t + h, y + h * k3)
-    found: Floats = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    with np.errstate(invalid="ignore"):
+        found: Floats = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     # the state itself must be possible too: the next step begins there
     return found if np.isfinite(slope(t + h, found)).all() else np.full(2, math.nan)
 
@@ -295,6 +305,8 @@ class _Euler:
             slope = 0.5 * w2 * (J[i + 1] - J[i]) / d
             xi = (tau[i] - slope) / J[i]
             if self._stepped(float(q[i]), d, w2, xi):
+                if self.walk.end == REST and found.margin[i] < NEAR_DEAD_CENTRE:
+                    self.walk.stop(DEAD_CENTRE)
                 return
             w2 += 2 * xi * d
 
@@ -318,7 +330,7 @@ class _Euler:
             walk.stop("time", "reached")
             return True
         if span == 0.0 and stands:
-            walk.stop("rest")
+            walk.stop(REST)
             return True
         walk.add(t + span, end, 0.0 if stands else way * math.sqrt(after))
         if stands:
@@ -354,12 +366,19 @@ def _judged(
         apart = difference(motion, finer, request.times)
         off = DOUBT * apart.q if apart.agree else math.inf
         late = 0.0 if motion.end == "time" else DOUBT * apart.t + (0.0 if apart.agree else math.inf)
+        if motion.end in (DEAD_CENTRE, IMPOSSIBLE):  # it stopped within a step of it
+            late += 2 * float(np.diff(walk_times(motion)).max(initial=0.0))
         motion = replace(motion, error=off, time_error=late)
         steps = (motion.t_end - motion.t_start) / step if method == "rk4" else BLOCK / step
-        if request.step is not None or target is None or off <= target or steps > MOST_STEPS:
+        if request.step is not None or target is None or off <= target or steps > GIVEN_UP:
             break
         motion, step = finer, step / 2
     return motion if target is None else missed(motion, target)
+
+
+def walk_times(motion: Motion) -> Floats:
+    """Times [s] of the steps of a motion."""
+    return motion.track.t if isinstance(motion.track, StepTrack) else np.empty(0)
 
 
 def _motion(

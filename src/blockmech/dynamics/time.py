@@ -65,6 +65,7 @@ SOLVERS = {"dop853": DOP853, "lsoda": LSODA, "radau": Radau}
 TARGET = 1e-9  # [rad or m] if none is given
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
+SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
 EVALUATIONS = 400_000  # at most in a run; some seconds
 EVALUATIONS_WITHOUT_TIME = 100_000  # where the goal may never be met
 FOREVER = 1e9  # [s] for goals without a time
@@ -233,6 +234,8 @@ class Run:
     tolerance: float
     name: str  # told to those who follow the progress
     rest: float  # [rad or m]: a swing shorter than this is none
+    max_step: float = math.inf  # [s]
+    longest: float = 0.0  # [s] step so far
     t: float = 0.0
     y: Floats = field(default_factory=lambda: np.empty(0))
     times: list[float] = field(default_factory=list)
@@ -349,7 +352,8 @@ class Run:
         tol = self.tolerance
         rtol = np.array([FLOOR] * k + [max(tol, FLOOR)] * (k + 1))
         atol = np.array([tol] * k + [tol * speed] * k + [tol * work])
-        return SOLVERS[self.method](self.equation, self.t, self.y, bound, rtol=rtol, atol=atol)
+        make, longest = SOLVERS[self.method], self.max_step
+        return make(self.equation, self.t, self.y, bound, rtol=rtol, atol=atol, max_step=longest)
 
     def _integrated(self, looking: Looking, bound: float) -> Hit | Verdict | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
@@ -370,6 +374,7 @@ class Run:
                 return self._given_up()
             if solver.t == solver.t_old:
                 continue
+            self.longest = max(self.longest, solver.t - solver.t_old)
             hits = looking.in_step(solver.t_old, solver.t, solver.y, dense)
             last = hits[-1] if hits and hits[-1].rule.terminal else None
             self._took(last.t if last else solver.t, dense(last.t) if last else solver.y, dense)
@@ -578,13 +583,16 @@ class Run:
 def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
     """The motion by an integrator, with its estimated error."""
     target = request.accuracy or TARGET
-    runs = 0
+    runs, longest = 0, math.inf
 
     def run(tolerance: float) -> Motion:
-        nonlocal runs
+        nonlocal runs, longest
         runs += 1
         name = method if runs == 1 else f"{method}, run {runs}"
-        return Run(system, request, method, tolerance, name, target).motion()
+        one = Run(system, request, method, tolerance, name, target, SHORTER * longest)
+        motion = one.motion()
+        longest = one.longest or math.inf
+        return motion
 
     def finer(tolerance: float, apart: float) -> float | None:
         if tolerance <= FLOOR:
