@@ -48,7 +48,7 @@ from blockmech.dynamics.periodic import (
     slope,
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
-from blockmech.dynamics.time import SOLVERS, Equation, Run, in_time, scales
+from blockmech.dynamics.time import SOLVERS, TARGET, Equation, Run, in_time, scales
 from blockmech.errors import Problem, RequestError
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
@@ -377,6 +377,7 @@ class Stroboscope:
         at = x.copy()
         at[free] = begin
         asked = flow.asked(at, Until("time", n * self.T))
+        asked = replace(asked, accuracy=(asked.accuracy or TARGET) / 10)  # `gain` enlarges it
         once = in_time(flow.system, asked, flow.method)
         if once.end == INTERRUPTED:
             raise KeyboardInterrupt
@@ -477,7 +478,7 @@ def _passage(flow: Flow, x: Floats, tolerance: float = LOOSE) -> Passage:
     begin, period = float(x[0]), flow.system.period
     if any(map(math.isfinite, flow.system.stops[0])):
         period = None  # no turn repeats for ever
-    far = period or FAR * flow.system.span
+    far = period or FAR**2 * flow.system.span
 
     def gone(t: float, q: Any, qd: Any) -> float:
         return abs(float(q) - begin) - far
