@@ -69,7 +69,7 @@ INNERMOST = 1e-4  # of an amplitude: beside the equilibrium within
 AT_REST = 1e-4  # distance from a stable equilibrium, in spans, that counts as rest
 SAME = 1e-9  # relative difference of periods, or of loads a period later, that is rounding
 COMMON = 1000  # periods of one load in the common one at most
-FAR = 1e3  # spans that a driver without turns may go without a standstill, or a search
+FAR = 1e4  # spans that a driver without turns may go without a standstill, or a search
 TIMED = 'ask for "time=<s>" to see how it goes on'
 ELSEWHERE = f"start elsewhere, or {TIMED}"
 GIVE = 'give the period of the loads: "steady=<s>"'
@@ -367,7 +367,9 @@ class Stroboscope:
 
         try:
             steps = flow.steps()[free]
-            begin = root(moved, x[free], method="hybr", options={"xtol": 100 * EPS}).x
+            begin = x[free]
+            if np.abs(moved(begin) / steps).max() > LOOSE / 100:  # else it is one already
+                begin = root(moved, begin, method="hybr", options={"xtol": 100 * EPS}).x
             left = moved(begin)
             jump = slope(moved, begin, steps)
         except Lost:
@@ -478,7 +480,7 @@ def _passage(flow: Flow, x: Floats, tolerance: float = LOOSE) -> Passage:
     begin, period = float(x[0]), flow.system.period
     if any(map(math.isfinite, flow.system.stops[0])):
         period = None  # no turn repeats for ever
-    far = period or FAR**2 * flow.system.span
+    far = period or FAR * flow.system.span
 
     def gone(t: float, q: Any, qd: Any) -> float:
         return abs(float(q) - begin) - far
@@ -651,6 +653,8 @@ def _swinging(flow: Flow, x: Floats, there: Passage) -> Floats | Motion:
         return _libration(flow, centre, a, change, r0 * (1 - INNERMOST), r0 * (1 + INNERMOST))
     last = r0
     for r in _ahead(r0, inward, INNERMOST):
+        if r > INWARD * FAR * flow.system.span / SETTLING:
+            break
         found = change(r)
         if isinstance(found, np.ndarray):
             return back.x
