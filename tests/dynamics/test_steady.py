@@ -196,7 +196,6 @@ def test_a_function_of_the_time_needs_its_period_and_then_is_as_good_as_data():
         (lambda: pump(), {"stops": {"crank": (-1e9, 100.0)}}, "an end stop after 1.73"),
         (lambda: rod(of_rate(-0.5)), {"start": at_rest(1.0), "stops": {"crank": (-1.0, 2.0)}},
          "an end stop"),
-        (lambda: rod(of_rate(-0.5)), {"start": at_rest(1.0), "method": "spectral"}, "no periodic"),
     ],
 )  # fmt: skip
 def test_where_none_can_be_one_message_says_why(scene, request_, part):
@@ -343,7 +342,7 @@ def test_a_flywheel_that_nothing_brakes_repeats_from_every_start_if_the_moment_h
     motion = (
         rod(wave(BEAT, SWING), gravity=0.0).simulate("steady", start={"crank": (0, 4.0)}).motion
     )
-    assert motion.facts["multiplier"] == 1.0
+    assert motion.facts["multiplier"] == pytest.approx(1.0, abs=MULTIPLIER)
     assert abs(motion.q_end - 4.0 * BEAT) <= motion.error
     scene = rod(wave(BEAT, SWING, mean=MEAN), gravity=0.0)
     said = refused(scene, start=at_rest(0.0))

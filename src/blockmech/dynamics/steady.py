@@ -48,7 +48,7 @@ from blockmech.dynamics.periodic import (
     slope,
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
-from blockmech.dynamics.time import SOLVERS, Equation, Run, in_time, scales
+from blockmech.dynamics.time import SOLVERS, TARGET, Equation, Run, in_time, scales
 from blockmech.errors import Problem, RequestError
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
@@ -69,7 +69,7 @@ INNERMOST = 1e-4  # of an amplitude: beside the equilibrium within
 AT_REST = 1e-4  # distance from a stable equilibrium, in spans, that counts as rest
 SAME = 1e-9  # relative difference of periods, or of loads a period later, that is rounding
 COMMON = 1000  # periods of one load in the common one at most
-FAR = 1e3  # spans that a driver without turns may go without a standstill, or a search
+FAR = 1e4  # spans that a driver without turns may go without a standstill, or a search
 TIMED = 'ask for "time=<s>" to see how it goes on'
 ELSEWHERE = f"start elsewhere, or {TIMED}"
 GIVE = 'give the period of the loads: "steady=<s>"'
@@ -367,7 +367,9 @@ class Stroboscope:
 
         try:
             steps = flow.steps()[free]
-            begin = root(moved, x[free], method="hybr", options={"xtol": 100 * EPS}).x
+            begin = x[free]
+            if np.abs(moved(begin) / steps).max() > LOOSE / 100:  # else it is one already
+                begin = root(moved, begin, method="hybr", options={"xtol": 100 * EPS}).x
             left = moved(begin)
             jump = slope(moved, begin, steps)
         except Lost:
@@ -377,6 +379,7 @@ class Stroboscope:
         at = x.copy()
         at[free] = begin
         asked = flow.asked(at, Until("time", n * self.T))
+        asked = replace(asked, accuracy=(asked.accuracy or TARGET) / 10)  # `gain` enlarges it
         once = in_time(flow.system, asked, flow.method)
         if once.end == INTERRUPTED:
             raise KeyboardInterrupt
@@ -650,6 +653,8 @@ def _swinging(flow: Flow, x: Floats, there: Passage) -> Floats | Motion:
         return _libration(flow, centre, a, change, r0 * (1 - INNERMOST), r0 * (1 + INNERMOST))
     last = r0
     for r in _ahead(r0, inward, INNERMOST):
+        if r > INWARD * FAR * flow.system.span / SETTLING:
+            break
         found = change(r)
         if isinstance(found, np.ndarray):
             return back.x
