@@ -505,6 +505,9 @@ class Run:
             if not found.outcome.solved and found.margin > 0:
                 return Verdict("ended", SELF_LOCKED)
         if not np.isfinite(np.asarray(self.equation(later, ahead), dtype=float)).all():
+            rate = float(np.abs(y[self.equation.drivers]))
+            places = PAST * max(1.0, float(np.abs(y[0])))  # it comes so near, and steps so short
+            self.left = PAST * max(abs(t), EPS) + (places / rate if rate else 0.0)
             return Verdict("ended", IMPOSSIBLE)
         return Verdict("failed", "the solver's step became too small")
 
