@@ -21,6 +21,7 @@ import numpy as np
 from blockmech.dynamics.events import ON, watched
 from blockmech.dynamics.motion import (
     END_STOP,
+    INTERRUPTED,
     TOO_MANY,
     UNDECIDED,
     Cost,
@@ -229,7 +230,8 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     elif "rate" in depends:
         why = "the loads depend on the rate"
     motion = along_path(system, replace(request, why=why))
-    if motion.end in (TOO_MANY, UNDECIDED) or not motion.error < math.inf:
+    unsure = motion.end in (TOO_MANY, UNDECIDED) or not motion.error < math.inf
+    if unsure and motion.end != INTERRUPTED:
         why = f"along the path: {motion.end}"
         other = _in_time(system, replace(request, why=why), once=True)
         if other.error < motion.error or motion.status == "failed":
