@@ -35,7 +35,7 @@ from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.steady import steady_motion
 from blockmech.dynamics.teaching import euler_q, rk4
-from blockmech.dynamics.time import SOLVERS, in_time
+from blockmech.dynamics.time import SOLVERS, TARGET, in_time
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.plane import EPS
 
@@ -231,8 +231,9 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
         why = "the loads depend on the rate"
     motion = along_path(system, replace(request, why=why))
     unsure = motion.end in (TOO_MANY, UNDECIDED) or not motion.error < math.inf
+    unsure |= not motion.reached and motion.error > TARGET
     if unsure and motion.end != INTERRUPTED:
-        why = f"along the path: {motion.end}"
+        why = f"along the path: {motion.end}, error {motion.error:.1e}"
         other = _in_time(system, replace(request, why=why), once=True)
         if other.error < motion.error or motion.status == "failed":
             return other
