@@ -113,11 +113,10 @@ def test_a_long_step_does_not_pass_the_whole_place(method):
     assert abs(ends[0].t_end - ends[1].t_end) <= ends[0].time_error + ends[1].time_error
 
 
-@pytest.mark.parametrize("method", ["rk4", "euler_q"])
 @pytest.mark.parametrize("q", [-0.0136, -0.00903, -0.3])
-def test_fixed_steps_stop_before_it_whatever_lies_behind_the_start(yoke, method, q):
+def test_steps_of_the_coordinate_stop_before_it_whatever_lies_behind_the_start(yoke, q):
     """Another such place just behind the start was taken for the only one."""
-    found = yoke.simulate("time=0.2", method=method, start={"crank": (q, 0.0)}).motion
+    found = yoke.simulate("time=0.2", method="euler_q", step=1e-3, start={"crank": (q, 0.0)}).motion
     assert found.end == "no inertia"
-    assert -math.pi <= found.q_end < -3.0
+    assert abs(found.q_end + math.pi) <= 1e-3
     assert found.error == math.inf  # of steps at speeds without bound nothing is known

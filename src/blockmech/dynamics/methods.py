@@ -21,6 +21,7 @@ import numpy as np
 from blockmech.dynamics.events import ON, watched
 from blockmech.dynamics.motion import (
     END_STOP,
+    INTERRUPTED,
     TOO_MANY,
     UNDECIDED,
     Cost,
@@ -34,7 +35,7 @@ from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.steady import steady_motion
 from blockmech.dynamics.teaching import euler_q, rk4
-from blockmech.dynamics.time import SOLVERS, in_time
+from blockmech.dynamics.time import SOLVERS, TARGET, in_time
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.plane import EPS
 
@@ -229,8 +230,10 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     elif "rate" in depends:
         why = "the loads depend on the rate"
     motion = along_path(system, replace(request, why=why))
-    if motion.end in (TOO_MANY, UNDECIDED) or not motion.error < math.inf:
-        why = f"along the path: {motion.end}"
+    unsure = motion.end in (TOO_MANY, UNDECIDED) or not motion.error < math.inf
+    unsure |= not motion.reached and motion.error > TARGET
+    if unsure and motion.end != INTERRUPTED:
+        why = f"along the path: {motion.end}, error {motion.error:.1e}"
         other = _in_time(system, replace(request, why=why), once=True)
         if other.error < motion.error or motion.status == "failed":
             return other

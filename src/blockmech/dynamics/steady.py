@@ -607,7 +607,12 @@ def _rotation(
     low: float,
     high: float,
 ) -> Motion | Floats:
-    """The rotation between two speeds."""
+    """The rotation between two speeds, from the turn of the start."""
+    period = flow.system.period
+    assert period is not None
+    start = float(flow.x[0])
+    q -= period * round((q - start) / period)
+    q = start if abs(q - start) <= SAME else q
     if change(low, FINE) * change(high, FINE) > 0:
         return np.array([q, way * high])
     w = float(brentq(lambda s: change(s, FINE), low, high, xtol=EPS * high, rtol=4 * EPS))
@@ -617,8 +622,6 @@ def _rotation(
         return np.array([change(float(z[0]), FINE) + float(z[0])])
 
     mu = slope(later, begin, QUOTIENT * begin)[0]
-    period = flow.system.period
-    assert period is not None
     asked = flow.asked(np.array([q, way * w]), Until("turns", period / TURN))
     own = flow.request.method in SOLVERS
     once = in_time(flow.system, asked, flow.method) if own else along_path(flow.system, asked)

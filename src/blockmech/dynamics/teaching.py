@@ -31,6 +31,7 @@ from blockmech.dynamics.motion import (
     END_STOP,
     IMPOSSIBLE,
     INTERRUPTED,
+    NO_INERTIA,
     REST,
     Event,
     Floats,
@@ -40,6 +41,7 @@ from blockmech.dynamics.motion import (
     Still,
 )
 from blockmech.dynamics.request import SimulationRequest, bad
+from blockmech.dynamics.time import typical_inertia
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -75,6 +77,12 @@ class Walk:
     def note(self, kind: str) -> None:
         """An event at the last step."""
         self.events.append(Event(kind, self.t[-1], self.q[-1], self.qd[-1]))
+
+    def close(self, end: str) -> None:
+        """What is named ends the walk."""
+        if end != IMPOSSIBLE:
+            self.note(end)
+        self.stop(end)
 
     def stop(self, end: str, status: Status = "ended") -> None:
         """The last step was the last one."""
@@ -178,13 +186,18 @@ def _rk4_step(system: System, walk: Walk, goal: Goal, step: float) -> None:
             break
         h, shortened = h / 2, True
         if h < SHORTEST * step or bounced:
-            end = DEAD_CENTRE if _near_end(system, t, y, y) else IMPOSSIBLE
-            if end == DEAD_CENTRE:
-                walk.note(end)
-            walk.stop(end)
+            walk.close(_what_ends(system, float(y[0])))
             return
     whole = not shortened and t + step >= goal.t_last
     _rk4_events(walk, goal, t, y, goal.t_last if whole else t + h, after)
+
+
+def _what_ends(system: System, q: float) -> str:
+    """What is ahead where no step leads on."""
+    here = system.one(q)
+    if not here.margin > NEAR_DEAD_CENTRE:
+        return DEAD_CENTRE
+    return NO_INERTIA if not NEAR_DEAD_CENTRE * typical_inertia(system, q) < here.J else IMPOSSIBLE
 
 
 def _near_end(system: System, t: float, y: Floats, after: Floats) -> bool:
@@ -296,17 +309,14 @@ class _Euler:
         w2 = self.walk.qd[-1] ** 2
         for i in range(BLOCK):
             if i + 1 >= good:
-                margin = float(found.margin[max(i, 0)])
-                end = DEAD_CENTRE if margin < math.sqrt(NEAR_DEAD_CENTRE) else IMPOSSIBLE
-                if end == DEAD_CENTRE:
-                    self.walk.note(end)
-                self.walk.stop(end)
+                self.walk.close(_what_ends(self.system, float(q[i])))
                 return
             slope = 0.5 * w2 * (J[i + 1] - J[i]) / d
             xi = (tau[i] - slope) / J[i]
             if self._stepped(float(q[i]), d, w2, xi):
-                if self.walk.end == REST and found.margin[i] < NEAR_DEAD_CENTRE:
-                    self.walk.stop(DEAD_CENTRE)
+                if self.walk.end == REST:  # or it bounced off what is ahead
+                    end = _what_ends(self.system, float(q[i]))
+                    self.walk.stop(REST if end == IMPOSSIBLE else end)
                 return
             w2 += 2 * xi * d
 
@@ -368,6 +378,8 @@ def _judged(
         late = 0.0 if motion.end == "time" else DOUBT * apart.t + (0.0 if apart.agree else math.inf)
         if motion.end in (DEAD_CENTRE, IMPOSSIBLE):  # it stopped within a step of it
             late += 2 * float(np.diff(walk_times(motion)).max(initial=0.0))
+        if motion.end == NO_INERTIA:  # of steps at speeds without bound nothing is known
+            off = late = math.inf
         motion = replace(motion, error=off, time_error=late)
         steps = (motion.t_end - motion.t_start) / step if method == "rk4" else BLOCK / step
         if request.step is not None or target is None or off <= target or steps > GIVEN_UP:

@@ -145,11 +145,8 @@ class Equation:
 
     @cached_property
     def typical(self) -> float:
-        """Usual inertia at a few poses around the start [kg m2 or kg]; it may have no bound."""
-        around = np.arange(AROUND) / AROUND
-        J = self.system.sample(self.q0 + self.system.span * around).J
-        good = J[np.isfinite(J) & (J > 0)]
-        return float(np.median(good)) if good.size else 1.0
+        """See `typical_inertia`."""
+        return typical_inertia(self.system, self.q0)
 
     def resisted(self, q: float, qd: float, t: float) -> Resisted:
         """Acceleration and friction of the pairs at a state."""
@@ -174,6 +171,13 @@ class Equation:
     def pair_loads(self, t: float, y: Floats) -> Any:
         """Loads on the pairs with friction."""
         return self.resisted(float(y[0]), float(y[1]), t).loads
+
+
+def typical_inertia(system: System, q: float) -> float:
+    """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
+    J = system.sample(q + system.span * np.arange(AROUND) / AROUND).J
+    good = J[np.isfinite(J) & (J > 0)]
+    return float(np.median(good)) if good.size else 1.0
 
 
 def scales(equation: Equation, t: float, y: Floats) -> tuple[float, float]:
@@ -505,6 +509,9 @@ class Run:
             if not found.outcome.solved and found.margin > 0:
                 return Verdict("ended", SELF_LOCKED)
         if not np.isfinite(np.asarray(self.equation(later, ahead), dtype=float)).all():
+            rate = float(np.abs(y[self.equation.drivers]))
+            places = PAST * max(1.0, float(np.abs(y[0])))  # it comes so near, and steps so short
+            self.left = PAST * max(abs(t), EPS) + (places / rate if rate else 0.0)
             return Verdict("ended", IMPOSSIBLE)
         return Verdict("failed", "the solver's step became too small")
 
