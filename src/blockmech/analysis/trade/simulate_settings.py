@@ -27,14 +27,16 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.dynamics.motion import Motion
 
-FINEST = (  # references and checks, best first; radau is of another kind than dop853
+FINEST = (  # references and checks, best first; coarser ones where those do not end in time
     ("energy", 1e-14),
     ("spectral", 1e-14),
     ("dop853", 1e-13),
+    ("dop853", 1e-9),
     ("radau", 1e-11),
     ("lsoda", 1e-12),
+    ("lsoda", 1e-8),
 )
-ON_A_PATH = {"energy", "spectral"}  # by integrals over the coordinate: no check of each other
+KINDS = {"energy": "path", "spectral": "path"}  # both are integrals over the coordinate
 SHARE = 0.3  # of what is left, for the reference and for its check
 COARSE = 1e-3  # accuracy of the run that says how long the motion lasts
 TIMES = 21  # at which runs are compared, where none are named
@@ -180,10 +182,10 @@ def _referred(
     Of the two that which is surer of itself is the reference, the other one its check.
     """
     refusals: list[RequestError] = []
-    ended: list[tuple[str, Result]] = []
+    ended: list[tuple[str, str, Result]] = []
     for method, accuracy in FINEST:
-        if ended and method in ON_A_PATH:
-            continue
+        if any(KINDS.get(m, m) == KINDS.get(method, method) for m, _, _ in ended):
+            continue  # no check of each other
         try:
             end = time.perf_counter() + SHARE * clock.left
             result = asked.run(end, method=method, accuracy=accuracy)
@@ -191,14 +193,14 @@ def _referred(
             refusals.append(error)
             continue
         if result is not None and motion_of(result).status != "failed":
-            ended.append((f"{method} at {accuracy:g}", result))
+            ended.append((method, f"{method} at {accuracy:g}", result))
         if len(ended) == 2:
             break
     if len(refusals) == len(FINEST):
         raise refusals[-1]
     if len(ended) < 2:
         return None
-    (name, best), (other, check) = sorted(ended, key=lambda run: motion_of(run[1]).error)
+    (_, name, best), (_, other, check) = sorted(ended, key=lambda run: motion_of(run[2]).error)
     errors = reference_errors(best, best, np.ones(best.n, dtype=bool))
     apart = distance(errors, check, best)
     own = motion_of(best).error, motion_of(check).error
