@@ -53,6 +53,7 @@ MOST_STEPS = 2_000_000  # in a run; half a minute
 GIVEN_UP = 25_000  # steps after which a goal is perhaps never met, and a target is missed
 BLOCK = 8192  # samples of euler_q in one batch
 DOUBT = 4.0  # stated error over the difference of step and half step: order 1 differs by half
+SHORTENED = 60  # steps, each half of the way that is left: a double has no more digits
 SHORTEST = 2.0**-30  # of a step: where a halved one is nothing
 NEAR_DEAD_CENTRE = 1e-2  # margin of the last pose at which a dead centre ends the steps
 
@@ -67,6 +68,7 @@ class Walk:
     events: list[Event] = field(default_factory=list)
     status: Status = "reached"
     end: str = ""
+    shortened: int = 0  # steps that did not fit as a whole
 
     def add(self, t: float, q: float, qd: float) -> None:
         """One more step."""
@@ -184,8 +186,9 @@ def _rk4_step(system: System, walk: Walk, goal: Goal, step: float) -> None:
         bounced = y[1] * after[1] < 0 and (shortened or _near_end(system, t, y, after))
         if np.isfinite(after).all() and not bounced:
             break
+        walk.shortened += not shortened
         h, shortened = h / 2, True
-        if h < SHORTEST * step or bounced:
+        if h < SHORTEST * step or bounced or walk.shortened > SHORTENED:
             walk.close(_what_ends(system, float(y[0])))
             return
     whole = not shortened and t + step >= goal.t_last
