@@ -352,18 +352,18 @@ class Run:
             return hit
         return None if hit is None else self._met(hit)
 
-    def _solver(self, bound: float, t: float, y: Floats) -> Any:
+    def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
         k, (speed, work) = self.equation.drivers, self.scales
         tol = self.tolerance
         rtol = np.array([FLOOR] * k + [max(tol, FLOOR)] * (k + 1))
         atol = np.array([tol] * k + [tol * speed] * k + [tol * work])
-        make, longest = SOLVERS[self.method], self.max_step
+        make = SOLVERS[self.method]
         return make(self.equation, t, y, bound, rtol=rtol, atol=atol, max_step=longest)
 
     def _integrated(self, looking: Looking, bound: float) -> Hit | Verdict | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
         try:
-            solver = self._solver(bound, self.t, self.y)
+            solver = self._solver(bound, self.t, self.y, self.max_step)
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
             return self._given_up()
         while solver.status == "running":
@@ -398,7 +398,8 @@ class Run:
         if not t > t0:
             return t, between
         try:
-            solver = self._solver(t, t0, y0)
+            finer = math.isfinite(self.max_step)  # not the one step of the coarser run again
+            solver = self._solver(t, t0, y0, SHORTER * (t - t0) if finer else math.inf)
             while solver.status == "running":
                 solver.step()
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
