@@ -23,9 +23,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from blockmech.dynamics.estimate import difference, missed
+from blockmech.dynamics.events import LEAST_MARGIN
 from blockmech.dynamics.motion import (
     DEAD_CENTRE,
     END_STOP,
@@ -53,6 +54,7 @@ MOST_STEPS = 2_000_000  # in a run; half a minute
 GIVEN_UP = 25_000  # steps after which a goal is perhaps never met, and a target is missed
 BLOCK = 8192  # samples of euler_q in one batch
 DOUBT = 4.0  # stated error over the difference of step and half step: order 1 differs by half
+SHORTENED = 60  # steps, each half of the way that is left: a double has no more digits
 SHORTEST = 2.0**-30  # of a step: where a halved one is nothing
 NEAR_DEAD_CENTRE = 1e-2  # margin of the last pose at which a dead centre ends the steps
 
@@ -67,6 +69,7 @@ class Walk:
     events: list[Event] = field(default_factory=list)
     status: Status = "reached"
     end: str = ""
+    shortened: int = 0  # steps that did not fit as a whole
 
     def add(self, t: float, q: float, qd: float) -> None:
         """One more step."""
@@ -180,14 +183,18 @@ def _rk4_step(system: System, walk: Walk, goal: Goal, step: float) -> None:
     h = min(step, goal.t_last - t)
     shortened = False
     while True:
-        after = _runge_kutta(system, t, y, h)
+        after, margin = _runge_kutta(system, t, y, h)
         bounced = y[1] * after[1] < 0 and (shortened or _near_end(system, t, y, after))
         if np.isfinite(after).all() and not bounced:
             break
+        walk.shortened += not shortened
         h, shortened = h / 2, True
-        if h < SHORTEST * step or bounced:
+        if h < SHORTEST * step or bounced or walk.shortened > SHORTENED:
             walk.close(_what_ends(system, float(y[0])))
             return
+    if margin < NEAR_DEAD_CENTRE and _touches(system, float(y[0]), float(after[0])):
+        walk.close(DEAD_CENTRE)
+        return
     whole = not shortened and t + step >= goal.t_last
     _rk4_events(walk, goal, t, y, goal.t_last if whole else t + h, after)
 
@@ -207,8 +214,19 @@ def _near_end(system: System, t: float, y: Floats, after: Floats) -> bool:
     return not min(margins) > NEAR_DEAD_CENTRE
 
 
-def _runge_kutta(system: System, t: float, y: Floats, h: float) -> Floats:
+def _touches(system: System, before: float, after: float) -> bool:
+    """Whether a margin touches zero between two places, and comes back."""
+    ends = min(before, after), max(before, after)
+    lowest = minimize_scalar(lambda q: system.one(float(q)).margin, bounds=ends, method="bounded")
+    return not lowest.fun > LEAST_MARGIN
+
+
+def _runge_kutta(system: System, t: float, y: Floats, h: float) -> tuple[Floats, float]:
+    """The state a step later, NaN where there is none, and the margin there."""
+    margin = math.nan
+
     def slope(s: float, z: Floats) -> Floats:
+        nonlocal margin
         qdd, margin = system.acceleration(float(z[0]), float(z[1]), s)
         return np.array([z[1], qdd if margin > 0 else math.nan])
 
@@ -219,7 +237,8 @@ def _runge_kutta(system: System, t: float, y: Floats, h: float) -> Floats:
     with np.errstate(invalid="ignore"):
         found: Floats = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     # the state itself must be possible too: the next step begins there
-    return found if np.isfinite(slope(t + h, found)).all() else np.full(2, math.nan)
+    possible = np.isfinite(slope(t + h, found)).all()
+    return (found if possible else np.full(2, math.nan)), margin
 
 
 def _rk4_events(walk: Walk, goal: Goal, t: float, y: Floats, last: float, after: Floats) -> None:
@@ -310,6 +329,10 @@ class _Euler:
         for i in range(BLOCK):
             if i + 1 >= good:
                 self.walk.close(_what_ends(self.system, float(q[i])))
+                return
+            near = min(found.margin[i], found.margin[i + 1]) < NEAR_DEAD_CENTRE
+            if near and _touches(self.system, float(q[i]), float(q[i + 1])):
+                self.walk.close(DEAD_CENTRE)
                 return
             slope = 0.5 * w2 * (J[i + 1] - J[i]) / d
             xi = (tau[i] - slope) / J[i]

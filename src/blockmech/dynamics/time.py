@@ -71,6 +71,7 @@ EVALUATIONS_WITHOUT_TIME = 100_000  # where the goal may never be met
 FOREVER = 1e9  # [s] for goals without a time
 NEAR_DEAD_CENTRE = 1e-3  # margin below which a solver that gives up is at a dead centre
 AHEAD = 1e-9  # relative: how far ahead of where a solver gives up there is no pose
+LOCATED = 1e-3  # of a step: how well dense output locates an event, at least
 PAST = 16 * EPS  # relative: beyond a kink, on which a load that jumps may be the one before
 LEFT = 1.5  # the time left to a singular place is at most this, relative to what its end tells
 AROUND = 7  # poses that tell the size of the inertia
@@ -351,18 +352,18 @@ class Run:
             return hit
         return None if hit is None else self._met(hit)
 
-    def _solver(self, bound: float) -> Any:
+    def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
         k, (speed, work) = self.equation.drivers, self.scales
         tol = self.tolerance
         rtol = np.array([FLOOR] * k + [max(tol, FLOOR)] * (k + 1))
         atol = np.array([tol] * k + [tol * speed] * k + [tol * work])
-        make, longest = SOLVERS[self.method], self.max_step
-        return make(self.equation, self.t, self.y, bound, rtol=rtol, atol=atol, max_step=longest)
+        make = SOLVERS[self.method]
+        return make(self.equation, t, y, bound, rtol=rtol, atol=atol, max_step=longest)
 
     def _integrated(self, looking: Looking, bound: float) -> Hit | Verdict | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
         try:
-            solver = self._solver(bound)
+            solver = self._solver(bound, self.t, self.y, self.max_step)
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
             return self._given_up()
         while solver.status == "running":
@@ -381,11 +382,38 @@ class Run:
             self.longest = max(self.longest, solver.t - solver.t_old)
             hits = looking.in_step(solver.t_old, solver.t, solver.y, dense)
             last = hits[-1] if hits and hits[-1].rule.terminal else None
-            self._took(last.t if last else solver.t, dense(last.t) if last else solver.y, dense)
+            if last is not None:
+                t, y = self._exactly(last, solver.t_old, self.y, dense)
+                self._took(t, y, dense)
+            else:
+                self._took(solver.t, solver.y, dense)
             self._note(hits, dense)
             if last is not None:
                 return last
         return None
+
+    def _exactly(self, hit: Hit, t0: float, y0: Floats, dense: Any) -> tuple[float, Floats]:
+        """Time and state of an event, the state by a step up to it: dense output is coarser."""
+        t, between = hit.t, np.asarray(dense(hit.t))
+        if not t > t0:
+            return t, between
+        try:
+            finer = math.isfinite(self.max_step)  # not the one step of the coarser run again
+            solver = self._solver(t, t0, y0, SHORTER * (t - t0) if finer else math.inf)
+            while solver.status == "running":
+                solver.step()
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+            return t, between
+        y = np.array(solver.y)
+        if solver.status == "failed" or not np.isfinite(y).all():
+            return t, between
+        slope = np.asarray(self.equation(t, y), dtype=np.float64)
+        here, ahead = hit.rule.value(t, y), LOCATED * (t - t0)
+        rise = (hit.rule.value(t + ahead, y + ahead * slope) - here) / ahead
+        late = -here / rise if rise else math.nan
+        moved = y + late * slope
+        known = hit.rule.within > 1 and abs(late) <= ahead and np.isfinite(moved).all()
+        return (t + late, moved) if known else (t, y)
 
     def _took(self, t: float, y: Floats, dense: Any) -> None:
         if t > self.times[-1]:
