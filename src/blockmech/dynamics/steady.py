@@ -551,8 +551,13 @@ def _near_equilibrium(flow: Flow, x: Floats) -> Motion | None:
     found = equilibrium_near(flow.system, x[:1], flow.request.start.t, flow.speed)
     if found is None or found.kind == "unstable":
         return None
-    near = abs(float(found.q[0] - x[0])) <= AT_REST * flow.system.span
-    return at_rest(found, flow.request, ()) if near else None
+    if not abs(float(found.q[0] - x[0])) <= AT_REST * flow.system.span:
+        return None
+    if found.kind == "indifferent":  # it stops where the motion from the start does
+        asked = replace(flow.asked(flow.x, Until("standstill")), accuracy=FINE)
+        motion = in_time(flow.system, asked, "dop853")
+        found = replace(found, q=np.array([motion.q_end]), error=motion.error)
+    return at_rest(found, flow.request, ())
 
 
 def _friction_rest(flow: Flow, x: Floats) -> Motion:
