@@ -49,7 +49,7 @@ from blockmech.dynamics.periodic import (
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.time import SOLVERS, TARGET, Equation, Run, in_time, scales
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import Problem, RequestError, listed
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
 from blockmech.model.structure import Structure
@@ -121,7 +121,7 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
         why = "all loads depend on the driver's coordinate alone"
         return watched(_conserved(along_path(system, replace(request, why=why))), request.watch)
     follow = sorted(depends - {"q"}) or ["joint friction"]
-    request = replace(request, why=request.why or f"the loads depend on {' and '.join(follow)}")
+    request = replace(request, why=request.why or f"the loads depend on {listed(follow)}")
     flow = Flow(system, request)
     if "time" in depends:
         found = _forced(flow)
