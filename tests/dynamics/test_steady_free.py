@@ -163,7 +163,7 @@ def test_a_wheel_in_oil_stops_where_its_momentum_is_used_up():
     motion = (
         rod(of_rate(-drag), gravity=0.0).simulate("steady", start={"crank": (0.0, rate)}).motion
     )
-    assert abs(motion.q_end - J * rate / drag) <= motion.error <= 1e-12
+    assert abs(motion.q_end - J * rate / drag) <= motion.error <= 1e-11  # integrated in time
     assert "indifferent" in motion.notes[0]
 
 

@@ -44,6 +44,7 @@ from blockmech.dynamics.request import (
 )
 from blockmech.engines.numpy import Planar
 from blockmech.errors import Problem, RequestError, listed
+from blockmech.plan import Friction
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
@@ -193,11 +194,18 @@ class Along(Mapping[str, Any]):
     ``unknown``: samples at which the rates of the drivers say nothing about other links.
     """
 
-    def __init__(self, system: System, motion: Motion, t: Floats, unknown: Any = slice(0)) -> None:
+    def __init__(
+        self,
+        mechanism: Compiled,
+        how: Friction,
+        motion: Motion,
+        t: Floats,
+        unknown: Any = slice(0),
+    ) -> None:
         q, qd = motion.at(t)
         qd[unknown] = np.nan
-        self._system, self._t, self._q, self._qd = system, t, q, qd
-        k = len(system.drivers)
+        self._mechanism, self._how, self._t, self._q, self._qd = mechanism, how, t, q, qd
+        k = len(mechanism.drivers)
         self._given: dict[str, Any] = {}
         for name, x in (("q", q), ("qd", qd)):
             columns = [x] if k == 1 else [np.ascontiguousarray(column) for column in x.T]
@@ -220,14 +228,16 @@ class Along(Mapping[str, Any]):
     @cached_property
     def _accelerations(self) -> list[Floats]:
         """q'' (n,) of each driver, the drives idle."""
-        if self._system.friction is None:
+        system = system_of(self._mechanism, method=self._how)  # not kept: programs do not pickle
+        if len(system.drivers) > 1 or system.friction is None:
             return self._without_friction()
         rows = zip(self._q, self._qd, self._t.tolist(), strict=True)
-        return [np.array([self._with_friction(float(q), float(qd), t) for q, qd, t in rows])]
+        found = [_with_friction(system, float(q), float(qd), t) for q, qd, t in rows]
+        return [np.array(found)]
 
     def _without_friction(self) -> list[Floats]:
         """From M q'' = Q - c."""
-        mechanism, n = self._system.compiled, len(self._t)
+        mechanism, n = self._mechanism, len(self._t)
         drivers = mechanism.drivers
         idle = [mechanism.of_driver(d, "drive_by_reduction") for d in drivers]  # c - Q, q'' = 0
         alone = len(drivers) == 1
@@ -246,11 +256,13 @@ class Along(Mapping[str, Any]):
         qdd[good] = np.linalg.solve(M[good], right[good][:, :, None])[:, :, 0]
         return [np.ascontiguousarray(column) for column in qdd.T]
 
-    def _with_friction(self, q: float, qd: float, t: float) -> float:
-        friction = self._system.friction
-        assert friction is not None
-        way = int(np.sign(qd)) or friction.rest(q, t, self._system.load_size(q)).moves
-        return friction.at(q, qd, t, friction.sides(q, way)).qdd if way else 0.0
+
+def _with_friction(system: System, q: float, qd: float, t: float) -> float:
+    """q'' of the only driver; none at a standstill that friction holds."""
+    friction = system.friction
+    assert friction is not None
+    way = int(np.sign(qd)) or friction.rest(q, t, system.load_size(q)).moves
+    return friction.at(q, qd, t, friction.sides(q, way)).qdd if way else 0.0
 
 
 def result_along(
@@ -270,13 +282,13 @@ def result_along(
     friction = friction or ("newton" if "friction_work" in motion.facts else "none")
     given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     plan = mechanism.plan(want, **given)  # type: ignore[arg-type]
-    system = system_of(mechanism, method=friction_asked(friction, tolerance, iterations))
+    how = friction_asked(friction, tolerance, iterations)
     parts: list[tuple[Any, ...]] = []
     engine, done = "numpy", 0
     try:
         for first in range(0, len(t), PART):
             part = t[first : first + PART]
-            samples = Samples(len(part), Along(system, motion, part), part)
+            samples = Samples(len(part), Along(mechanism, how, motion, part), part)
             values, engine = mechanism.evaluate(plan, samples)
             parts.append(values)
             done += len(part)
@@ -285,19 +297,19 @@ def result_along(
             raise
         note = f"interrupted: outputs at the first {done} of {len(t)} times"
         motion = replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
-    samples = Samples(done, Along(system, motion, t[:done]), t[:done])
+    samples = Samples(done, Along(mechanism, how, motion, t[:done]), t[:done])
     whole = parts[0] if len(parts) == 1 else tuple(map(_joined, zip(*parts, strict=True)))
     settings = {**given, "static": False}
     result = Result(mechanism, plan, samples, whole, engine, settings, motion)
-    return _without_limits(system, result, whole) if motion.end == DEAD_CENTRE else result
+    return _without_limits(how, result, whole) if motion.end == DEAD_CENTRE else result
 
 
-def _without_limits(system: System, result: Result, whole: tuple[Any, ...]) -> Result:
+def _without_limits(how: Friction, result: Result, whole: tuple[Any, ...]) -> Result:
     """The same without rates and forces in a dead centre itself, where the motion ends.
 
     There the rate of the driver, mostly zero, does not say how fast the others go.
     """
-    mechanism, motion, t = system.compiled, result.motion, result.time
+    mechanism, motion, t = result.mechanism, result.motion, result.time
     assert motion is not None
     assert t is not None
     margins = [np.broadcast_to(m, t.shape) for m in result.quality.margin.values()]
@@ -306,12 +318,12 @@ def _without_limits(system: System, result: Result, whole: tuple[Any, ...]) -> R
     there = (t == motion.t_end) & (np.min(margins, axis=0) < SINGULAR)
     if not there.any():
         return result
-    samples = Samples(result.n, Along(system, motion, t, there), t)
+    samples = Samples(result.n, Along(mechanism, how, motion, t, there), t)
     values, engine = mechanism.evaluate(result.plan, samples)
     rates = [mechanism.of_driver(d, "rate") for d in mechanism.drivers]
     known = {i for name in rates for i in result.plan.layout.get(name, ())}
     kept = tuple(whole[i] if i in known else x for i, x in enumerate(values))
-    given = Samples(result.n, Along(system, motion, t), t)
+    given = Samples(result.n, Along(mechanism, how, motion, t), t)
     return Result(mechanism, result.plan, given, kept, engine, result.settings, motion)
 
 

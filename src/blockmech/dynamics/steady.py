@@ -49,7 +49,7 @@ from blockmech.dynamics.periodic import (
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.time import SOLVERS, TARGET, Equation, Run, in_time, scales
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import Problem, RequestError, listed
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
 from blockmech.model.structure import Structure
@@ -121,7 +121,7 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
         why = "all loads depend on the driver's coordinate alone"
         return watched(_conserved(along_path(system, replace(request, why=why))), request.watch)
     follow = sorted(depends - {"q"}) or ["joint friction"]
-    request = replace(request, why=request.why or f"the loads depend on {' and '.join(follow)}")
+    request = replace(request, why=request.why or f"the loads depend on {listed(follow)}")
     flow = Flow(system, request)
     if "time" in depends:
         found = _forced(flow)
@@ -551,8 +551,13 @@ def _near_equilibrium(flow: Flow, x: Floats) -> Motion | None:
     found = equilibrium_near(flow.system, x[:1], flow.request.start.t, flow.speed)
     if found is None or found.kind == "unstable":
         return None
-    near = abs(float(found.q[0] - x[0])) <= AT_REST * flow.system.span
-    return at_rest(found, flow.request, ()) if near else None
+    if not abs(float(found.q[0] - x[0])) <= AT_REST * flow.system.span:
+        return None
+    if found.kind == "indifferent":  # it stops where the motion from the start does
+        asked = replace(flow.asked(flow.x, Until("standstill")), accuracy=FINE)
+        motion = in_time(flow.system, asked, "dop853")
+        found = replace(found, q=np.array([motion.q_end]), error=motion.error)
+    return at_rest(found, flow.request, ())
 
 
 def _friction_rest(flow: Flow, x: Floats) -> Motion:

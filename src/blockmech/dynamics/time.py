@@ -417,9 +417,9 @@ class Run:
 
     def _took(self, t: float, y: Floats, dense: Any) -> None:
         if t > self.times[-1]:
-            self.times.append(t)
+            self.times.append(float(t))
             self.pieces.append(dense)
-        self.t, self.y = t, np.array(y)
+        self.t, self.y = float(t), np.array(y)
         self.turned = max(self.turned, abs(float(y[-1])))
         if self.system.progress is not None:
             self.system.progress(self.name, *self._far())
@@ -443,7 +443,7 @@ class Run:
             if hit.rule.kind == STANDSTILL:
                 y[1] = 0.0
             q, qd = (float(y[0]), float(y[1])) if k == 1 else (y[:k], y[k : 2 * k])
-            self.events.append(Event(hit.rule.kind, hit.t, q, qd))
+            self.events.append(Event(hit.rule.kind, float(hit.t), q, qd))
 
     # -- what was met ----------------------------------------------------------------------
 
