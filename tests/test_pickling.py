@@ -11,7 +11,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
-from blockmech.dynamics.until import Watch
+from blockmech.dynamics.request import Watch
 from blockmech.result import Result
 from tests.wiring import ruiz, same_bits
 
@@ -192,29 +192,3 @@ def test_a_copied_motion_is_the_same_at_any_time(name):
 def test_other_outputs_of_a_copied_motion_are_computed_at_its_times():
     result = compiled("watt_sixbar").simulate("time=0.2", method="dop853")
     assert same_bits(result.rerun("*"), copied(result).rerun("*")) == []
-
-
-@pytest.fixture
-def by_lsoda():
-    """A motion by LSODA alone, which runs again for the states at other times."""
-    return compiled("watt_sixbar").simulate("time=1", method="lsoda")
-
-
-def test_of_lsoda_alone_the_times_that_were_asked_for_are_copied(by_lsoda):
-    asked = np.array([0.123, 0.321])
-    states = by_lsoda.motion.at(asked)
-    again = copied(by_lsoda)
-    assert same_bits(by_lsoda, again) == []
-    assert np.array_equal(again.motion.at(asked), states)
-    assert np.array_equal(again.motion.at(again.time), by_lsoda.motion.at(by_lsoda.time))
-
-
-def test_of_lsoda_alone_other_times_are_refused_and_it_says_what_to_do(by_lsoda):
-    again = copied(by_lsoda)
-    with pytest.raises(bm.RequestError) as caught:
-        again.motion.at(0.123)
-    assert str(caught.value) == (
-        "[left-behind] motion.at: a motion by LSODA was pickled with the states at those times "
-        "only that had been asked for. ask motion.at(t) before it is pickled, or simulate with "
-        'method="dop853".'
-    )

@@ -13,8 +13,8 @@ from typing import Any, Literal, Self, TypeVar
 
 from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
-from blockmech.catalogue import Catalogue
-from blockmech.engines import PRECISIONS, NumpyEngine, ScalarEngine
+from blockmech.engines.numpy import PRECISIONS, NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import GraphError, Problem
 from blockmech.failures import without_gaps
 from blockmech.model.graph import Graph
@@ -22,6 +22,7 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
+from blockmech.outputs import Catalogue
 from blockmech.plan import Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
@@ -74,7 +75,7 @@ class Compiled:
         With ``names`` it speaks of the document that a graph was made of. Raises
         `GraphError` with all problems.
         """
-        from blockmech.passes.following import refuse_open_homes
+        from blockmech.passes.homotopy import refuse_open_homes
 
         if isinstance(document, Linkage):
             from blockmech.model.joints.decompose import decompose
@@ -237,14 +238,6 @@ class Compiled:
                 else NumpyEngine(plan.program, precision)
             )
         return self._engines[key]
-
-    @cached_property
-    def reduced(self) -> Any:
-        """The reduced system of forward dynamics; kept, so asking again costs nothing."""
-        from blockmech.dynamics.system.reduction import reduced_system, reduced_systems
-
-        of = self.of_blocks
-        return reduced_system(of) if len(self.drivers) == 1 else reduced_systems(of)
 
     @cached_property
     def frictional_joints(self) -> tuple[str, ...]:

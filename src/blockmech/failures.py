@@ -20,7 +20,7 @@ from blockmech.errors import (
     SampleFailure,
     SingularError,
 )
-from blockmech.passes.following import followed, last_good, path_of
+from blockmech.passes.homotopy import followed, last_good, path_of
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
 from blockmech.result import Result
 

@@ -134,13 +134,15 @@ class Schedule:
         scene: Scene,
         friction: Friction,
         static: bool = False,
-        guess: Guess | None = None,
+        *,
+        guess: Guess,
     ) -> None:
+        """``guess`` serves groups without closed form; see `passes.homotopy.schedule`."""
         self.structure = structure
         self.scene = scene
         self.friction = friction
         self.static = static
-        self.guess = guess or _followed
+        self.guess = guess
         self.entries: list[Entry] = []
         self.shares: list[Share] = []
         self.lines: list[Line] = []
@@ -276,13 +278,6 @@ class Schedule:
             value = f"{base}_{count}"
         self._taken.add(value)
         return value
-
-
-def _followed(s: Schedule, block: str) -> str:
-    """The guess of a group's pose by following it from its home."""
-    from blockmech.passes.following import guess  # few mechanisms need it
-
-    return s.ask(guess, block)
 
 
 Reader = Callable[..., Any]

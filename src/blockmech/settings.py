@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from blockmech.engines import PRECISIONS
+from blockmech.engines.numpy import PRECISIONS
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.friction.solvers import METHODS
 from blockmech.plan import Friction

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import blockmech as bm
-from blockmech.engines import NumpyEngine
+from blockmech.engines.numpy import NumpyEngine
 from blockmech.mechanism import Mechanism
 from tests.dynamics import machines
 

@@ -2,7 +2,7 @@
 
 One text serves batches and single poses: points are complex numbers, ``sqrt`` and
 ``exp`` come from NumPy or from the standard library. Nothing of the package is used
-but the reduced system that the numbers are handed over in.
+but the system that the numbers are handed over in.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.system.reduced import ReducedSystem, Sample
+from tests.dynamics.synthetic import Synthetic
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 
@@ -85,13 +85,12 @@ def dyad(m: Any, B: Moving, D: Moving, li: float, lj: float, branch: int, second
 Parts = Callable[[Any, Any, bool], tuple[Any, Any, Any, Any]]  # -> J, tau, dJ, margin
 
 
-def reduced(parts: Parts, **more: Any) -> ReducedSystem:
+def reduced(parts: Parts, **more: Any) -> Synthetic:
     """A reduced system from the text of a linkage."""
 
-    def sample(q: Any, wanted: frozenset[str]) -> Sample:
-        with np.errstate(all="ignore"):
-            J, tau, dJ, margin = parts(BATCH, q, "dJ" in wanted)
-        return Sample(J, tau, margin, dJ if "dJ" in wanted else None)
+    def batch(q: Any, qd: Any, t: float) -> tuple[Any, Any, Any]:
+        J, tau, _, margin = parts(BATCH, q, False)
+        return J, tau, margin
 
     def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
         try:
@@ -100,7 +99,7 @@ def reduced(parts: Parts, **more: Any) -> ReducedSystem:
             return math.nan, math.nan, math.nan, 0.0
         return J, tau, dJ, margin
 
-    return ReducedSystem(sample=sample, one=one, **more)
+    return Synthetic(one, batch, **more)
 
 
 def watt_parts(m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
@@ -127,7 +126,7 @@ def watt_parts(m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
     return J, tau, dJ, m.low(m1, m2)
 
 
-def watt(**more: Any) -> ReducedSystem:
+def watt(**more: Any) -> Synthetic:
     """The Watt six-bar."""
     return reduced(watt_parts, **more)
 
@@ -171,12 +170,12 @@ class Squeezer:
         return J, tau, dJ, m.low(m1, m.low(m2, m3))
 
 
-def squeezer(couple: float = 0.033, **more: Any) -> ReducedSystem:
+def squeezer(couple: float = 0.033, **more: Any) -> Synthetic:
     """Andrews' squeezer mechanism."""
     return reduced(Squeezer(couple), **more)
 
 
-def pendulum(couple: float = 0.0, **more: Any) -> ReducedSystem:
+def pendulum(couple: float = 0.0, **more: Any) -> Synthetic:
     """A point mass 1 kg at 1 m, gravity 1 m/s2, q from the lowest place, and a couple [N m]."""
 
     def parts(m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
@@ -215,25 +214,25 @@ class FourBar:
         return 9.81 * height
 
 
-def fourbar(**more: Any) -> ReducedSystem:
+def fourbar(**more: Any) -> Synthetic:
     """The four-bar that runs into dead centres."""
     return reduced(FourBar(), **more)
 
 
-def guided(inertia: float, effort: Callable[[Any], Any], **more: Any) -> ReducedSystem:
+def guided(inertia: float, effort: Callable[[Any], Any], **more: Any) -> Synthetic:
     """A body on a straight guide: constant inertia [kg], effort(q) [N]."""
 
-    def sample(q: Any, wanted: frozenset[str]) -> Sample:
-        dJ = 0 * q if "dJ" in wanted else None
-        return Sample(inertia + 0 * q, effort(q) + 0 * q, 1 + 0 * q, dJ)
+    def batch(q: Any, qd: Any, t: float) -> tuple[Any, Any, Any]:
+        return inertia, effort(q) + 0 * q, 1.0
 
     def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
         return inertia, float(effort(q)), 0.0, 1.0
 
-    return ReducedSystem(sample=sample, one=one, kind="translation", period=None, **more)
+    given = {"rotary": (False,), "period": None, "span": 1.0}
+    return Synthetic(one, batch, **given, **more)
 
 
-def smooth(rng: np.random.Generator, mean: float) -> ReducedSystem:
+def smooth(rng: np.random.Generator, mean: float) -> Synthetic:
     """A random smooth scene: Fourier series of J and tau, tau with a mean effort [N m]."""
     k = np.arange(1, 4)
     a, b = rng.normal(size=(2, 3)) * 0.5**k
@@ -245,18 +244,18 @@ def smooth(rng: np.random.Generator, mean: float) -> ReducedSystem:
         cos, sin = np.cos(w), np.sin(w)
         return J0 + cos @ c + sin @ d, mean + cos @ a + sin @ b, (cos * k) @ d - (sin * k) @ c
 
-    def sample(q: Any, wanted: frozenset[str]) -> Sample:
-        J, tau, dJ = parts(q)
-        return Sample(J, tau, np.ones_like(q), dJ if "dJ" in wanted else None)
+    def batch(q: Any, qd: Any, t: float) -> tuple[Any, Any, Any]:
+        J, tau, _ = parts(q)
+        return J, tau, 1.0
 
     def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
         J, tau, dJ = parts(np.float64(q))
         return float(J), float(tau), float(dJ), 1.0
 
-    return ReducedSystem(sample=sample, one=one)
+    return Synthetic(one, batch)
 
 
-def motored(stall: float = 60.0, idle: float = 20.0, damper: float = 0.3) -> ReducedSystem:
+def motored(stall: float = 60.0, idle: float = 20.0, damper: float = 0.3) -> Synthetic:
     """The Watt six-bar with a motor M = stall (1 - q'/idle) and a damper that varies with q."""
     base = watt()
 
@@ -266,19 +265,12 @@ def motored(stall: float = 60.0, idle: float = 20.0, damper: float = 0.3) -> Red
     def motor(q: Any, qd: Any, t: float = 0.0) -> Any:
         return stall * (1 - qd / idle) if stall else 0.0 * qd
 
-    def sample(q: Any, wanted: frozenset[str]) -> Sample:
-        found = base.sample(q, wanted - {"damping"})
-        return found._replace(damping=damping(q) if "damping" in wanted else None)
+    def batch(q: Any, qd: Any, t: float) -> tuple[Any, Any, Any]:
+        found = base.sample(q)
+        return found.J, found.tau + motor(q, qd) - damping(q) * qd, found.margin
 
     def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
-        J, tau, dJ, margin = base.one(q, qd, t)
+        J, tau, dJ, margin = base.one(q)
         return J, tau + float(motor(q, qd)) - float(damping(q)) * qd, dJ, margin
 
-    return ReducedSystem(
-        sample=sample,
-        one=one,
-        depends_on=frozenset({"q", "rate"}),
-        damped=True,
-        rate_load=motor,
-        rate_load_one=lambda q, qd, t: float(motor(q, qd)),
-    )
+    return Synthetic(one, batch, depends_on=frozenset({"q", "rate"}))

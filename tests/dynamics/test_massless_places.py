@@ -18,8 +18,6 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics.path.massless import hollows, massless_between
-from blockmech.dynamics.system.reduced import Metered, ReducedSystem, Sample
 from tests.doors import graph_of as loads
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
@@ -28,7 +26,7 @@ TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 FINDER = (-3.607395343535843e-07, -0.02674149778375093)  # a start that showed it wrong
 STARTS = [
     FINDER,
-    *((-(10.0**-n), -rate) for n in (1, 2, 4, 6, 8) for rate in (1e-3, 0.03, 1.0, 20.0)),
+    *((-(10.0**-n), -rate) for n in (1, 4) for rate in (1e-3, 1.0, 20.0)),
 ]
 
 
@@ -64,7 +62,7 @@ def yoke():
 
 @pytest.mark.parametrize(("q", "rate"), STARTS)
 def test_runs_that_end_at_a_place_without_inertia_tell_their_errors(yoke, q, rate):
-    end, costs = time_to_the_place(q, rate), []
+    end = time_to_the_place(q, rate)
     for target in TARGETS:
         motion = yoke.simulate(
             f"time={2 * end!r}", method="energy", accuracy=target, start={"crank": (q, rate)}
@@ -73,8 +71,6 @@ def test_runs_that_end_at_a_place_without_inertia_tell_their_errors(yoke, q, rat
         assert abs(motion.t_end - end) <= motion.time_error
         t = np.minimum(np.linspace(0.0, motion.t_end, 65), end)
         assert np.abs(motion.at(t).q - exact(q, rate, t)).max() <= motion.error
-        costs.append(motion.cost.evaluations)
-    assert costs == sorted(costs)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.9, 0.999, 1 - 1e-6, 1 - 1e-9])
@@ -117,25 +113,10 @@ def test_a_long_step_does_not_pass_the_whole_place(method):
     assert abs(ends[0].t_end - ends[1].t_end) <= ends[0].time_error + ends[1].time_error
 
 
-@pytest.mark.parametrize("method", ["rk4", "euler_q"])
 @pytest.mark.parametrize("q", [-0.0136, -0.00903, -0.3])
-def test_fixed_steps_stop_before_it_whatever_lies_behind_the_start(yoke, method, q):
+def test_steps_of_the_coordinate_stop_before_it_whatever_lies_behind_the_start(yoke, q):
     """Another such place just behind the start was taken for the only one."""
-    found = yoke.simulate("time=0.2", method=method, start={"crank": (q, 0.0)}).motion
+    found = yoke.simulate("time=0.2", method="euler_q", step=1e-3, start={"crank": (q, 0.0)}).motion
     assert found.end == "no inertia"
-    assert -math.pi <= found.q_end < -3.0
+    assert abs(found.q_end + math.pi) <= 1e-3
     assert found.error == math.inf  # of steps at speeds without bound nothing is known
-
-
-def test_an_inertia_without_bound_makes_no_place_without_inertia():
-    """Beside a dead centre inertia is 1e16 times the usual one; against that all other is none."""
-
-    def inertia(q):
-        return 1.0 + 0.5 * np.cos(q) ** 2 + 0.1 / (abs(q - math.pi) + 1e-17)
-
-    def sample(q, wanted):
-        return Sample(inertia(q), 0 * q, 1 + 0 * q)
-
-    pole = ReducedSystem(sample=sample, one=lambda q, qd, t: (float(inertia(q)), 0.0, 0.0, 1.0))
-    assert massless_between(Metered(pole), 0.0, 2 * math.pi) == []
-    assert hollows(Metered(pole), 0.0, lambda y: float(inertia(y[0])), 1e-9) == ()

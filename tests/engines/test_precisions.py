@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blockmech.engines import NumpyEngine, bind
-from blockmech.engines.numpy import Planar, primitives
+from blockmech.engines.binding import bind
+from blockmech.engines.numpy import NumpyEngine, Planar, primitives
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.wiring import ruiz, same_bits, toggle, watt
 

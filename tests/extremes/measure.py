@@ -8,7 +8,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from blockmech.engines import PRECISIONS
+from blockmech.engines.numpy import PRECISIONS
 
 from .precise import DIGITS, Precise, half_ulp, rounded
 from .scenes import Scene

@@ -1,12 +1,12 @@
-"""Forward dynamics of a reduced system: choose the method, run it, say why.
+"""Which method computes a motion, and why; what is refused.
 
-| loads depend on         | ``auto`` takes                                              |
-|-------------------------|-------------------------------------------------------------|
-| q only                  | ``energy``                                                  |
-| q and q'                | ``spectral``; ``dop853`` where the driver stops on the way   |
-| time, or several drivers | ``dop853``; ``lsoda`` for loose targets where the table may serve |
+| loads depend on          | ``auto`` takes                                                |
+|--------------------------|---------------------------------------------------------------|
+| q only                   | ``energy``                                                    |
+| q and q', joint friction | ``spectral``                                                  |
+| time, or several drivers | ``dop853``; ``radau`` where that needs too many steps (stiff) |
 
-The steady state is a search of its own (`steady`).
+A user's event that ends the run takes an integrator. The steady state is a search of its own.
 """
 
 from __future__ import annotations
@@ -14,238 +14,247 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from blockmech.dynamics.ends import TOO_MANY
-from blockmech.dynamics.fixed.fixed_steps import by_euler_q, by_rk4
-from blockmech.dynamics.integration.equation import may_be_tabulated
-from blockmech.dynamics.integration.in_time import in_time, several_in_time
-from blockmech.dynamics.integration.integrate import Method
-from blockmech.dynamics.motion import Motion
-from blockmech.dynamics.path.energy import energy
-from blockmech.dynamics.path.spectral import spectral
-from blockmech.dynamics.progress import once
-from blockmech.dynamics.rest import at_once, nothing, trouble
-from blockmech.dynamics.steady import conserved, steady_motion, steady_motions
-from blockmech.dynamics.system.reduced import (
-    TURN,
+from blockmech.dynamics.events import ON, watched
+from blockmech.dynamics.motion import (
+    END_STOP,
+    INTERRUPTED,
+    TOO_MANY,
+    UNDECIDED,
     Cost,
-    Metered,
-    MeteredSystems,
-    ReducedSystem,
-    ReducedSystems,
+    Event,
+    Motion,
+    Status,
+    Still,
 )
-from blockmech.dynamics.until import Asked, Progress, Start, Until, Watch
-from blockmech.dynamics.watching import watched_motion
+from blockmech.dynamics.path import along_path
+from blockmech.dynamics.request import SimulationRequest
+from blockmech.dynamics.rest import equilibrium, start_failure
+from blockmech.dynamics.steady import steady_motion
+from blockmech.dynamics.teaching import euler_q, rk4
+from blockmech.dynamics.time import SOLVERS, TARGET, in_time
 from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.plane import EPS
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.system import System
 
 MethodName: TypeAlias = Literal[
     "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
 ]
-ENDLESS_WAY = "the time to the end of the driver's range does not converge"
-INTEGRATED = 1e-12  # [rad or m] what an integrator leaves of the error, over a radian or metre
-LOOSE = 1e-6  # target from which on LSODA is the cheaper one
+BALANCED = 8 * EPS  # of the loads' size: what rounding of a sum of some ten efforts leaves
+WITHOUT = 'leave it out with friction="none" (--friction none)'
 
 
-def move(
-    system: Metered | ReducedSystem | ReducedSystems,
-    start: Start | tuple[Any, Any],
-    until: Until | str,
-    method: str = "auto",
-    accuracy: float | None = None,
-    step: float | None = None,
-    watch: Sequence[Watch] = (),
-    times: Any = (),
-    progress: Progress | None = None,
-) -> Motion:
+def move(system: System, request: SimulationRequest) -> Motion:
     """The motion of the drivers from a start until something ends it.
 
-    Parameters
-    ----------
-    system : one driver (counted if it comes with its meter) or several
-    start : driver coordinate [rad or m], rate and time [s]; with k drivers the rows
-        (q0 (k,), rate0 (k,))
-    until : what ends the run, or its spelling ("swings=3")
-    method : one of `MethodName`; with several drivers "auto" or an integrator
-    accuracy : target for the error of q [rad or m], or None for the method's own
-    step : of ``rk4`` [s] and ``euler_q`` [rad or m]
-    watch : the user's events
-    times : times [s] at which the answer is wanted; they count in the error estimate
-    progress : told now and then how far the run is; it may raise `KeyboardInterrupt`
-
-    Raises
-    ------
-    RequestError : a method or goal that does not exist or does not fit the loads.
+    Raises `RequestError` for a method or goal that does not exist or does not fit the loads.
     """
-    until = Until.parse(until) if isinstance(until, str) else until
-    wanted = tuple(np.asarray(times, dtype=np.float64).ravel().tolist())
-    watches = tuple(watch)
-    if isinstance(system, ReducedSystems):
-        told = None if progress is None else once(progress)
-        asked = Asked(_NOWHERE, until, accuracy, "", wanted, watches, told)
-        return _several(system, start, asked, method)
-    meter = system if isinstance(system, Metered) else Metered(system)
-    if progress is not None:
-        progress = meter.progress = once(progress)
-    asked = Asked(Start(*start), until, accuracy, "asked for", wanted, watches, progress)
-    named = _checked(method, meter.system, until, watches)
-    if until.goal == "time" and until.value == 0:
-        return _at_once(meter, asked, named)
-    if named == "auto":
-        return _automatic(meter, asked)
-    motion = _by_name(meter, asked, named, step)
-    if isinstance(motion, str):
-        raise RequestError(
-            Problem("method", "method", f'"{named}" cannot do it: {motion}', "", 'use "auto"')
-        )
-    return motion
+    method = checked(system, request)
+    motion = unmoved(system, request, method)
+    if motion is None:
+        motion = _automatic(system, request) if method == "auto" else _named(system, request)
+    status: Status = "failed" if motion.end == TOO_MANY else motion.status
+    return replace(motion, cost=system.cost, status=status)
 
 
-def _at_once(meter: Metered, asked: Asked, method: str) -> Motion:
-    q, rate, t = asked.start
-    reason = trouble(meter.one(q, rate, t))
-    if reason:
-        return nothing(meter, asked, method, reason)
-    return at_once("none" if method == "auto" else method, asked, q, rate, meter.cost)
+# -- refusals ------------------------------------------------------------------------------
 
 
-_NOWHERE = Start(math.nan)
-
-
-def _several(systems: ReducedSystems, start: tuple[Any, ...], asked: Asked, method: str) -> Motion:
-    goal = asked.until.goal
-    if goal not in ("time", "event", "steady"):
-        raise _refused("until", goal, "it needs one driver", ("time", "event", "steady"))
-    chosen = "dop853" if method == "auto" else method
-    if chosen not in get_args(Method):
-        raise _refused("method", method, "it needs one driver", ("auto", *get_args(Method)))
-    q0, qd0 = (np.asarray(x, dtype=np.float64) for x in start[:2])
-    t0 = float(start[2]) if len(start) > 2 else 0.0
-    why = "several drivers" if method == "auto" else "asked for"
-    asked = replace(asked, start=Start(math.nan, math.nan, t0), why=why)
-    if goal == "time" and asked.until.value == 0:
-        return at_once(chosen, asked, q0, qd0, Cost())
-    if goal == "steady":
-        return steady_motions(MeteredSystems(systems), q0, qd0, asked, method)
-    return several_in_time(MeteredSystems(systems), q0, qd0, asked, chosen)  # type: ignore[arg-type]
-
-
-def _checked(
-    method: str, system: ReducedSystem, until: Until, watches: tuple[Watch, ...]
-) -> MethodName:
-    """The method, if it exists and fits the loads."""
-    names = get_args(MethodName)
+def checked(system: System, request: SimulationRequest) -> MethodName:
+    """The method, if it exists and fits what moves."""
+    method, goal, names = request.method, request.until.goal, get_args(MethodName)
     if method not in names:
-        raise RequestError(
-            Problem(
-                "method",
-                "method",
-                f'there is no method "{method}"',
-                f"valid: {listed(names)}",
-                close_match(str(method), names),
-            )
-        )
+        hint = close_match(str(method), names)
+        found = f'there is no method "{method}"'
+        raise RequestError(Problem("method", "method", found, f"valid: {listed(names)}", hint))
+    if len(system.drivers) > 1:
+        _check_several(system, method, goal)
+        return method  # type: ignore[return-value]
     depends = system.depends_on
+    rubs = system.friction is not None
     if method in ("energy", "euler_q") and not depends <= {"q"}:
-        found = listed(sorted(depends - {"q"}))
-        raise _refused("method", method, f"the loads depend on {found} as well", ("auto",))
+        also = listed(sorted(depends - {"q"}))
+        raise refused("method", method, f"the loads depend on {also} as well", ("auto",))
     if method == "spectral" and "time" in depends:
-        raise _refused("method", method, "the loads depend on time", ("dop853", "lsoda", "radau"))
-    if until.goal == "event" and not any(w.terminal for w in watches):
-        raise _refused("until", "event", "no event is given that ends the run", ())
-    if method in ("rk4", "euler_q") and (until.goal in ("event", "steady") or watches):
-        raise _refused("method", method, "it knows no events", ("auto", "dop853"))
+        raise refused("method", method, "the loads depend on time", tuple(SOLVERS))
+    if method in ("energy", "rk4", "euler_q") and rubs:
+        raise refused("method", method, "the joints have friction", ("auto", *SOLVERS))
+    if goal == "event" and not any(w.terminal for w in request.watch):
+        raise refused("until", "event", "no event is given that ends the run", ())
+    if method in ("rk4", "euler_q") and (goal in ("event", "steady") or request.watch):
+        raise refused("method", method, "it knows no events", ("auto", "dop853"))
+    if method in ("energy", "spectral") and goal == "event":
+        why = "it looks for events after the run, so it needs another end"
+        raise refused("method", method, why, ("auto", *SOLVERS))
     return method  # type: ignore[return-value]
 
 
-def _refused(where: str, what: str, why: str, valid: Sequence[str]) -> RequestError:
-    return RequestError(
-        Problem(where, where, f'"{what}": {why}', f"valid: {listed(valid)}" if valid else "")
+def _check_several(system: System, method: str, goal: str) -> None:
+    if goal not in ("time", "event", "steady"):
+        raise refused("until", goal, "it needs one driver", ("time", "event", "steady"))
+    if method != "auto" and method not in SOLVERS:
+        raise refused("method", method, "it needs one driver", ("auto", *SOLVERS))
+    joints = system.compiled.frictional_joints
+    if joints and system.method is not None and system.method.method != "none":
+        found = "joint friction in motion needs a mechanism with one driver"
+        raise RequestError(Problem("friction-in-motion", listed(joints), found, "", WITHOUT))
+
+
+def refused(where: str, what: str, why: str, valid: Sequence[str]) -> RequestError:
+    """What does not fit, and what would."""
+    remedy = f"valid: {listed(valid)}" if valid else ""
+    return RequestError(Problem(where, where, f'"{what}": {why}', remedy))
+
+
+# -- starts from which nothing moves -------------------------------------------------------
+
+
+def standing(
+    request: SimulationRequest, method: str, status: Status, end: str, **more: Any
+) -> Motion:
+    """A motion that stays at its start."""
+    q, qd, t = request.start
+    fields: dict[str, Any] = {
+        "why": request.why,
+        "regime": "none",
+        "t_end": t,
+        "events": (),
+        "error": 0.0,
+        "time_error": 0.0,
+    }
+    return Motion(
+        method=method,
+        status=status,
+        end=end,
+        t_start=t,
+        q_end=q,
+        qd_end=qd,
+        track=Still(q, qd),
+        accuracy=request.accuracy,
+        cost=Cost(),
+        **(fields | more),
     )
 
 
-def _automatic(meter: Metered, asked: Asked) -> Motion:
-    depends, goal = meter.system.depends_on, asked.until.goal
-    if depends <= {"q"} and goal != "event":
-        why = "all loads depend on the driver's coordinate alone"
-        system = meter.system
-        motion = energy(meter, replace(asked, why=why))
-        if goal == "steady":
-            return watched_motion(conserved(motion), asked.watches)
-        if _endless_way(motion):
-            meter.system = system  # what was found on the way is the method's own
-            return in_time(meter, replace(asked, why=f"by energy {ENDLESS_WAY}"), "dop853")
-        if _may_be_better_in_time(motion):
-            meter.system = system
-            motion = _better_in_time(meter, asked, motion)
-        return watched_motion(motion, asked.watches)
+def unmoved(system: System, request: SimulationRequest, method: str) -> Motion | None:
+    """The motion of a start that stays: no time, a stop, an equilibrium, no pose; else None."""
+    steady = request.until.goal == "steady"
+    name = "none" if method == "auto" else method
+    held = _held_by_stop(system, request)
+    if held is not None and not steady:
+        return held
+    alone = len(system.drivers) == 1
+    q, rate, t = request.start
+    failure = start_failure(system, q, rate, t) if alone else ""
+    if failure and not steady:
+        notes = (f"{failure} at the start",)
+        return standing(
+            request, name, "failed", failure, notes=notes, error=math.inf, time_error=math.inf
+        )
+    if request.until.goal == "time" and request.until.value == 0:
+        why = request.why or "no time is asked for"
+        return standing(request, name, "reached", "time", why=why)
+    if alone and not steady and method in (*SOLVERS, "rk4", "euler_q"):
+        return _at_equilibrium(system, request, method)
+    return None
+
+
+def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
+    """A start that is pressed against an end stop."""
+    at, rates = (np.atleast_1d(x) for x in request.start[:2])
+    for i, (ends, q, rate) in enumerate(zip(system.stops, at, rates, strict=True)):
+        for stop, way in zip(ends, (-1.0, 1.0), strict=True):
+            if not (math.isfinite(stop) and abs(q - stop) <= ON * max(1.0, abs(stop))):
+                continue
+            if way * (rate or _push(system, request, i)) > 0:
+                driver = system.compiled.drivers[i]
+                end = END_STOP if at.size == 1 else f"{END_STOP} of {driver}"
+                event = Event(end, request.start.t, request.start.q, request.start.rate)
+                why = "it starts at an end stop that holds it"
+                return standing(
+                    request, "none", "ended", end, why=why, regime=END_STOP, events=(event,)
+                )
+    return None
+
+
+def _push(system: System, request: SimulationRequest, i: int) -> float:
+    """Which way a driver at rest would start."""
+    if system.friction is not None:
+        q = float(request.start.q)
+        return system.friction.rest(q, request.start.t, system.load_size(q)).moves
+    qdd, _ = system.acceleration(*request.start)
+    return float(np.atleast_1d(qdd)[i])
+
+
+def _at_equilibrium(system: System, request: SimulationRequest, method: str) -> Motion | None:
+    """A start at rest at which the loads do not push; the path method sees to its own."""
+    q, rate, t = request.start
+    if rate or "time" in system.depends_on or system.friction is not None:
+        return None
+    if abs(system.one(q, 0.0, t).tau) > BALANCED * system.load_size(q):
+        return None
+    kind, facts, notes = equilibrium(system, q)
+    timed = request.until.goal == "time"
+    return standing(
+        request,
+        method,
+        "reached" if timed else "rest",
+        "time" if timed else kind,
+        regime="rest",
+        t_end=t + (request.until.value if timed else 0.0),
+        events=(Event("rest", t, q, 0.0),),
+        notes=(kind, *notes),
+        facts=facts,
+    )
+
+
+# -- running -------------------------------------------------------------------------------
+
+
+def _automatic(system: System, request: SimulationRequest) -> Motion:
+    depends, goal = system.depends_on, request.until.goal
+    several = len(system.drivers) > 1
     if goal == "steady":
-        follow = listed(sorted(depends - {"q"}))
-        found = steady_motion(meter, replace(asked, why=f"the loads depend on {follow}"))
-        return watched_motion(found, asked.watches)
-    why = "a user's event ends the run" if goal == "event" else "the loads depend on time"
-    if "time" not in depends and goal != "event":
-        why = "the loads depend on the rate, and the driver does not stop"
-        marched = spectral(meter, replace(asked, why=why))
-        if not isinstance(marched, str):
-            return watched_motion(marched, asked.watches)
-        why = f"the loads depend on the rate; {marched}"
-    accuracy = asked.accuracy
-    loose = accuracy is not None and accuracy >= LOOSE and goal == "time" and not asked.watches
-    loose = loose and may_be_tabulated(meter.system)
-    # by kernels LSODA may take more of them, and its rounding may miss the target
-    chosen: Method = "lsoda" if loose else "dop853"
-    motion = in_time(meter, replace(asked, why=why), chosen, instead="dop853")
-    if motion.end == TOO_MANY and goal == "time" and not loose:
-        return in_time(meter, replace(asked, why=f"{why}; it is stiff"), "radau")
+        return steady_motion(system, request)
+    if several or "time" in depends or goal == "event":
+        why = "a user's event ends the run" if goal == "event" else "the loads depend on time"
+        return _in_time(system, replace(request, why="several drivers" if several else why))
+    why = "all loads depend on the driver's coordinate alone"
+    if system.friction is not None:
+        why = "the joints have friction"
+    elif "rate" in depends:
+        why = "the loads depend on the rate"
+    motion = along_path(system, replace(request, why=why))
+    unsure = motion.end in (TOO_MANY, UNDECIDED) or not motion.error < math.inf
+    unsure |= not motion.reached and motion.error > TARGET
+    if unsure and motion.end != INTERRUPTED:
+        why = f"along the path: {motion.end}, error {motion.error:.1e}"
+        other = _in_time(system, replace(request, why=why), once=True)
+        if other.error < motion.error or motion.status == "failed":
+            return other
+    return watched(motion, request.watch)
+
+
+def _in_time(system: System, request: SimulationRequest, once: bool = False) -> Motion:
+    motion = in_time(system, request, "dop853")
+    if motion.end == TOO_MANY and request.until.goal == "time" and not once:
+        return in_time(system, replace(request, why=f"{request.why}; it is stiff"), "radau")
     return motion
 
 
-def _may_be_better_in_time(motion: Motion) -> bool:
-    """Whether the energy method misses the target by more than an integrator does.
-
-    It sums the energy from far away, so its rounding tells where the motion nearly stops;
-    an integrator does not come to an end as near. Whether it is tried depends on the error
-    that is left, not on the target: a looser one must not cost more.
-    """
-    way = abs(float(motion.q_end) - float(motion.at(motion.t_start).q))
-    swings = sum(event.kind == "standstill" for event in motion.events)
-    floor = INTEGRATED * max(1.0, way, TURN * swings)
-    return not motion.reached and motion.status == "reached" and motion.error > floor
-
-
-def _better_in_time(meter: Metered, asked: Asked, motion: Motion) -> Motion:
-    """The same motion by DOP853, if its error is smaller."""
-    why = f"by energy rounding leaves {motion.error:.1e}"
-    other = in_time(meter, replace(asked, why=why), "dop853", INTEGRATED)
-    if other.end == motion.end and other.error < motion.error:
-        return other
-    return replace(motion, cost=other.cost)
-
-
-def _endless_way(motion: Motion) -> bool:
-    """Whether the energy method has come to no result."""
-    return motion.method == "energy" and motion.status != "failed" and not motion.error < math.inf
-
-
-def _by_name(meter: Metered, asked: Asked, method: MethodName, step: float | None) -> Motion | str:
-    goal = asked.until.goal
-    if method == "energy":
-        if goal == "event":
-            return "it looks for events after the run, so it needs another end"
-        motion = energy(meter, asked)
-        if goal == "steady":
-            motion = conserved(motion)
-        return ENDLESS_WAY if _endless_way(motion) else watched_motion(motion, asked.watches)
-    if goal == "steady":
-        return watched_motion(steady_motion(meter, asked, method), asked.watches)
-    if method == "spectral":
-        found = spectral(meter, asked)
-        return found if isinstance(found, str) else watched_motion(found, asked.watches)
+def _named(system: System, request: SimulationRequest) -> Motion:
+    request, method = replace(request, why="asked for"), request.method
+    if request.until.goal == "steady":
+        return steady_motion(system, request)
+    if method in SOLVERS:
+        return in_time(system, request, method)
     if method == "rk4":
-        return by_rk4(meter, asked, step)
+        return rk4(system, request)
     if method == "euler_q":
-        return by_euler_q(meter, asked, step)
-    return in_time(meter, asked, method)  # type: ignore[arg-type]
+        return euler_q(system, request)
+    return watched(along_path(system, request), request.watch)

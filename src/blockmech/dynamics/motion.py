@@ -5,21 +5,34 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, Final, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from blockmech.dynamics.chebyshev import Floats
-from blockmech.dynamics.system.reduced import Cost
-
+Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
 
-LOOKS = 361  # samples among which the largest and smallest speed are looked for
-CLOSER, ZOOMS = 33, 4  # samples around each of them, and how often so
+# What ends a motion before its goal: names that all methods share.
+END_STOP: Final = "end stop"
+DEAD_CENTRE: Final = "dead centre"
+IMPOSSIBLE: Final = "impossible pose"
+NO_INERTIA: Final = "no inertia"
+UNDEFINED_LOAD: Final = "undefined load"
+INTERRUPTED: Final = "interrupted"  # by the user; what was done is kept
+TOO_MANY: Final = "more evaluations than allowed"
+REST: Final = "rest"
+SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulomb's law
+AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
+UNDECIDED: Final = "not decided"  # two runs that should agree end differently
+
+SPEED_SAMPLES = 361  # one a degree of a turn: among them extremes of the speed are looked for
 FACT_UNITS: Mapping[str, str] = {
     "swing_time": "s",
     "period": "s",
     "work_per_period": "J",
+    "friction_work": "J",
     "period_of_loads": "rad",
     "mean_speed": "{q}/s",
     "frequency": "rad/s",
@@ -29,9 +42,24 @@ FACT_UNITS: Mapping[str, str] = {
     "no_inertia_time": "s",
     "time_step": "s",
     "coordinate_step": "{q}",
+    "holding_low": "{effort}",
+    "holding_high": "{effort}",
 }
-"""Units of the facts that have one, ``{q}`` for that of the driver's coordinate."""
+"""Units of the facts that have one; ``{q}`` for that of the driver's coordinate."""
 ANGLE = "_angle"  # what the names of facts end with that are angles [rad]
+
+
+class Cost(NamedTuple):
+    """What a run cost in kernel evaluations."""
+
+    samples: int = 0  # samples in batches
+    calls: int = 0  # batch calls
+    singles: int = 0  # single states
+
+    @property
+    def evaluations(self) -> int:
+        """Samples and single states together."""
+        return self.samples + self.singles
 
 
 class State(NamedTuple):
@@ -61,7 +89,7 @@ class Track(Protocol):
 def fact_unit(name: str, coordinate: str) -> str:
     """Unit of a fact or figure, "" where dimensionless; ``coordinate`` is the driver's unit."""
     unit = "rad" if name.endswith(ANGLE) else FACT_UNITS.get(name, "")
-    return unit.format(q=coordinate)
+    return unit.format(q=coordinate, effort="N m" if coordinate == "rad" else "N")
 
 
 @dataclass(frozen=True)
@@ -115,14 +143,19 @@ class Motion:
     def at(self, t: Any) -> State:
         """State at times t [s], of any shape; NaN outside the run."""
         times = np.asarray(t, dtype=np.float64)
-        if times.size == 1 and np.ndim(self.q_end) == 0 and times.item() == self.t_end:
-            return State(np.full(times.shape, self.q_end), np.full(times.shape, self.qd_end))
         flat = times.ravel()
         inside = (flat >= self.t_start) & (flat <= self.t_end)
         state = self.track.state(np.where(inside, flat, self.t_start))
-        mask = inside if state.q.ndim == 1 else inside[:, None]
+        last = flat == self.t_end
+        mask, end = (inside, last) if state.q.ndim == 1 else (inside[:, None], last[:, None])
         shape = times.shape + state.q.shape[1:]
-        return State(*(np.where(mask, x, np.nan).reshape(shape) for x in state))
+        pairs = zip(state, (self.q_end, self.qd_end), strict=True)
+        found = (np.where(end, there, np.where(mask, x, np.nan)) for x, there in pairs)
+        return State(*(x.reshape(shape) for x in found))
+
+    def times(self, count: int) -> Floats:
+        """That many times, equally spaced over the run [s]."""
+        return np.linspace(self.t_start, self.t_end, count)
 
     def fluctuation(self, start: float, end: float) -> float:
         """How uneven the speed is between two times [s]: (w_max - w_min) / w_mean [-].
@@ -130,7 +163,7 @@ class Motion:
         The coefficient of fluctuation, by which flywheels are sized; of one driver. Infinite
         where the driver does not advance.
         """
-        t = np.linspace(start, end, LOOKS)
+        t = np.linspace(start, end, SPEED_SAMPLES)
         q, qd = self.track.state(t)
         advance = abs(float(q[-1] - q[0]))
         if advance == 0:
@@ -147,20 +180,17 @@ class Motion:
         return found
 
     def _highest(self, t: Floats, qd: Floats, sign: int) -> float:
-        """The largest ``sign * qd``, by looking closer and closer."""
-        found = -math.inf
+        """The largest ``sign * qd``: the largest sample, or what lies beside it."""
+        found = float((sign * qd).max())
         for i in np.argsort(sign * qd)[-2:].tolist():  # both ends of a period may be the largest
-            near = t
-            for _ in range(ZOOMS):
-                near = np.linspace(near[max(i - 1, 0)], near[min(i + 1, near.size - 1)], CLOSER)
-                w = sign * self.track.state(near).qd
-                i = int(np.argmax(w))
-                found = max(found, float(w[i]))
+            near = float(t[max(i - 1, 0)]), float(t[min(i + 1, t.size - 1)])
+            best = minimize_scalar(
+                lambda x: -sign * float(self.track.state(np.array([x])).qd[0]),
+                bounds=near,
+                method="bounded",
+            )
+            found = max(found, -float(best.fun))
         return found
-
-    def times(self, count: int) -> Floats:
-        """That many times, equally spaced over the run [s]."""
-        return np.linspace(self.t_start, self.t_end, count)
 
 
 @dataclass(frozen=True)

@@ -4,27 +4,163 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.dynamics.until import Until, Watch
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.dynamics.motion import Floats
+from blockmech.errors import Problem, RequestError, close_match, listed
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-Array: TypeAlias = NDArray[np.float64]
+Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
+Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
+Progress: TypeAlias = Callable[[str, float, float | None], None]
+"""Told now and then in a run: what is at work, how far it is, and the whole where that is known.
+
+It may raise `KeyboardInterrupt` to stop the run, which keeps what was done.
+"""
+
+TAKES = {
+    "swings": "a whole number from 1 on",
+    "turns": "a number above 0",
+    "time": "a number from 0 on",
+    "angle": "a number",
+}
+SPELLINGS = (
+    "standstill",
+    "swings=<count>",
+    "turns=<count>",
+    "time=<s>",
+    "angle=<rad or m>, or 60deg",
+    "steady",
+    "steady=<s>, the period of the loads",
+    "event",
+)
 PAIRS = "give them by driver, like {pairs}"
-WATCH = 'blockmech.dynamics.until.Watch("name", lambda t, q, rate: ...)'
-GIVE = f"give one in Python: watch=[{WATCH}]"
+WATCH = 'blockmech.dynamics.request.Watch("name", lambda t, q, rate: ...)'
 START, STOPS = '{"crank": (0.0, 1.0)}', '{"crank": (-1.0, 2.0)}'
 
 
-def goal_of(until: Any, times: Array | None) -> Until:
+class Start(NamedTuple):
+    """Where a run begins: coordinate [rad or m], rate, time [s]; arrays (k,) with k drivers."""
+
+    q: Any
+    rate: Any = 0.0
+    t: float = 0.0
+
+
+@dataclass(frozen=True)
+class Watch:
+    """A user's event: where ``surface(t, q, q')`` changes sign.
+
+    direction : +1 rising only, -1 falling only, 0 both
+    terminal : whether the run ends there
+    """
+
+    name: str
+    surface: Surface
+    direction: int = 0
+    terminal: bool = True
+
+
+@dataclass(frozen=True)
+class Until:
+    """What ends a run.
+
+    ``standstill``; ``swings`` (that many standstills after the start); ``turns`` of the
+    driver; ``time`` [s] after the start; ``angle``: the driver coordinate reaches it
+    [rad or m]; ``steady``: what the motion settles to, a periodic motion or rest;
+    ``event``: the first terminal event.
+
+    forcing : [s] period of loads of the time whose law does not tell it, of ``steady`` only
+
+    >>> Until.parse("swings=3")
+    Until(goal='swings', value=3.0)
+    """
+
+    goal: Goal
+    value: float = 1.0
+    forcing: float = field(default=0.0, repr=False)
+
+    @classmethod
+    def parse(cls, text: str) -> Until:
+        """Read ``standstill``, ``steady``, ``event`` or ``<goal>=<number>``.
+
+        ``steady=<s>`` names the period of the loads.
+        """
+        name, _, number = text.partition("=")
+        degrees = name == "angle" and number.rstrip().endswith("deg")
+        try:
+            value = float(number.rstrip().removesuffix("deg" if degrees else "")) if number else 1.0
+        except ValueError:
+            value = math.nan
+        forced = name == "steady" and bool(number)
+        valued = name in TAKES or forced
+        wrong = not math.isfinite(value) or (forced and value <= 0)
+        if name not in get_args(Goal):
+            raise _no_end(text, close_match(name, get_args(Goal)))
+        if valued is not bool(number) or wrong:
+            takes = TAKES.get(name, "the period of the loads [s] or nothing" if forced else "")
+            raise _no_end(text, f'"{name}" takes {takes or "no number"}')
+        if forced:
+            return cls("steady", forcing=value)
+        return cls(name, math.radians(value) if degrees else value).checked()  # type: ignore[arg-type]
+
+    def checked(self) -> Until:
+        """Itself, if there can be such an end.
+
+        Raises `RequestError` for a time before the start, or a count that is none.
+        """
+        goal, value = self.goal, self.value
+        takes = TAKES.get(goal, "")
+        fits = math.isfinite(value) and {
+            "time": value >= 0,
+            "turns": value > 0,
+            "swings": value >= 1 and value == round(value),
+        }.get(goal, True)
+        if goal not in get_args(Goal) or not fits:
+            raise _no_end(f"{goal}={value:g}", f'"{goal}" takes {takes}' if takes else "")
+        return self
+
+
+@dataclass(frozen=True)
+class SimulationRequest:
+    """All that a run is asked for, read; end stops and progress are the `System`'s.
+
+    Attributes
+    ----------
+    start : floats with one driver, arrays (k,) with k drivers
+    accuracy : target for the error of q [rad or m], or None
+    method : the name asked for, "auto" among them
+    step : of ``rk4`` [s] and ``euler_q`` [rad or m]
+    times : further times [s] at which the answer is wanted
+    watch : the user's events
+    why : why this method, recorded in the result
+    """
+
+    start: Start
+    until: Until
+    accuracy: float | None = None
+    method: str = "auto"
+    step: float | None = None
+    times: tuple[float, ...] = ()
+    watch: tuple[Watch, ...] = ()
+    why: str = ""
+
+    @property
+    def t_last(self) -> float:
+        """Time [s] at which the run ends at the latest; infinite without a goal in time."""
+        return self.start.t + self.until.value if self.until.goal == "time" else math.inf
+
+
+# -- reading what a user gave --------------------------------------------------------------
+
+
+def goal_of(until: Any, times: Floats | None) -> Until:
     """What ends the run; without a word the last of the times asked for, or the standstill."""
     if until is None:
         return Until("time", float(times.max())) if times is not None else Until("standstill")
@@ -32,22 +168,22 @@ def goal_of(until: Any, times: Array | None) -> Until:
         return until.checked()
     if isinstance(until, str):
         return Until.parse(until)
-    raise _bad("until", f"{until!r} says nothing about when to stop", 'write for example "time=2"')
+    raise bad("until", f"{until!r} says nothing about when to stop", 'write for example "time=2"')
 
 
-def starts_of(mechanism: Compiled, start: Any) -> Pairs:
+def starts_of(compiled: Compiled, start: Any) -> Pairs:
     """Driver -> (q [rad or m], rate) of every driver, in their order."""
     asked = pairs_of("start", start, START) or {}
-    given = {d: (x.q, x.rate) for d, x in mechanism.scene.initial.items()} | asked
-    missing = [d for d in mechanism.drivers if d not in given]
-    unknown = [d for d in given if d not in mechanism.drivers]
+    given = {d: (x.q, x.rate) for d, x in compiled.scene.initial.items()} | asked
+    missing = [d for d in compiled.drivers if d not in given]
+    unknown = [d for d in given if d not in compiled.drivers]
     if missing or unknown:
         raise RequestError(
             Problem(
                 "no-start",
-                mechanism.scene.address("initial"),
+                compiled.scene.address("initial"),
                 f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}",
-                f"drivers: {listed(mechanism.drivers)}",
+                f"drivers: {listed(compiled.drivers)}",
                 'give it "initial": {"<driver>": {"q": ..., "rate": ...}}, or say where it '
                 "starts: start= in Python, --start on the command line",
             )
@@ -55,8 +191,37 @@ def starts_of(mechanism: Compiled, start: Any) -> Pairs:
     for d, pair in asked.items():
         if not all(map(math.isfinite, pair)):
             found = f"({pair[0]:g}, {pair[1]:g}) are not two finite numbers"
-            raise _bad(f"start.{d}", found, "give coordinate and rate")
-    return {d: given[d] for d in mechanism.drivers}
+            raise bad(f"start.{d}", found, "give coordinate and rate")
+    return {d: given[d] for d in compiled.drivers}
+
+
+def stops_of(compiled: Compiled, starts: Pairs, stops: Any) -> tuple[tuple[float, float], ...]:
+    """(Lowest, highest) coordinate of each driver [rad or m]: those given, else the scene's.
+
+    Raises `RequestError` for a driver that is none, stops in the wrong order, or a start
+    that is not between them.
+    """
+    given = pairs_of("stops", stops, STOPS)
+    scene = compiled.scene
+    found = {d: s.bounds for d, s in scene.stops.items()} if given is None else given
+    problems = []
+    for driver, (low, high) in found.items():
+        where = scene.address("stops", driver) if given is None else f"stops.{driver}"
+        if driver not in compiled.drivers:
+            none, valid = f'no driver "{driver}"', f"drivers: {listed(compiled.drivers)}"
+            problems.append(Problem("unknown-driver", where, none, valid))
+        elif not low < high:
+            order = f"the lowest must be below the highest, got {low:.9g} and {high:.9g}"
+            problems.append(Problem("bad-value", where, order))
+        elif not low <= starts[driver][0] <= high:
+            q = starts[driver][0]
+            outside = f"the start {driver}.q = {q:.9g} is not between the end stops"
+            valid, remedy = f"{low:.9g} to {high:.9g}", "start between them, or move them"
+            problems.append(Problem("start-outside-stops", where, outside, valid, remedy))
+    if problems:
+        raise RequestError(problems)
+    free = (-math.inf, math.inf)
+    return tuple((float(low), float(high)) for low, high in (found.get(d, free) for d in starts))
 
 
 def pairs_of(where: str, given: Any, example: str) -> dict[str, tuple[float, float]] | None:
@@ -64,14 +229,14 @@ def pairs_of(where: str, given: Any, example: str) -> dict[str, tuple[float, flo
     if given is None:
         return None
     if not isinstance(given, Mapping):
-        raise _bad(where, f"{given!r} names no driver", PAIRS.format(pairs=example))
+        raise bad(where, f"{given!r} names no driver", PAIRS.format(pairs=example))
     found = {}
     for driver, pair in given.items():
         try:
             first, second = (float(x) for x in pair)
         except (TypeError, ValueError):
             at = f"{where}.{driver}"
-            raise _bad(at, f"{pair!r} are not two numbers", PAIRS.format(pairs=example)) from None
+            raise bad(at, f"{pair!r} are not two numbers", PAIRS.format(pairs=example)) from None
         found[driver] = (first, second)
     return found
 
@@ -85,26 +250,41 @@ def size_of(where: str, given: Any) -> float | None:
     except (TypeError, ValueError):
         size = math.nan
     if not (math.isfinite(size) and size > 0):
-        raise _bad(where, f"{given!r} is not a number above zero", "leave it out, or give one")
+        raise bad(where, f"{given!r} is not a number above zero", "leave it out, or give one")
     return size
+
+
+def times_of(times: Any) -> Floats | None:
+    """(n,) output times [s], or None."""
+    if times is None:
+        return None
+    try:
+        column = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise bad("times", "not a row of numbers", "give times like 0:2:201") from None
+    if column.ndim != 1 or not len(column) or not np.isfinite(column).all() or column.min() < 0:
+        found = "not a row of finite times from 0 s on"
+        raise bad("times", found, "give times like 0:2:201")
+    return column
 
 
 def watches_of(given: Any, goal: Until) -> tuple[Watch, ...]:
     """The user's events; one of them must be able to end a run that goes on until then."""
     row = (given,) if isinstance(given, Watch) else given
     if not isinstance(row, Sequence) or not all(isinstance(x, Watch) for x in row):
-        raise _bad("watch", f"{given!r} are not events", f"give {WATCH}")
+        raise bad("watch", f"{given!r} are not events", f"give {WATCH}")
     if goal.goal == "event" and not any(x.terminal for x in row):
-        raise _bad("until", '"event": no event is given that ends the run', GIVE)
-    return tuple(replace(x, surface=_Asked(x.name, x.surface)) for x in row)
+        remedy = f"give one in Python: watch=[{WATCH}]"
+        raise bad("until", '"event": no event is given that ends the run', remedy)
+    return tuple(replace(x, surface=_CheckedSurface(x.name, x.surface)) for x in row)
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _CheckedSurface:
     """A user's surface, whose mistakes are told as such."""
 
     name: str
-    surface: Callable[..., Any]
+    surface: Surface
 
     def __call__(self, t: float, q: Any, qd: Any) -> float:
         """The surface at a state; NaN where there is no state."""
@@ -123,6 +303,7 @@ class _Asked:
         return number
 
     def refused(self, found: str, t: float, q: Any, qd: Any) -> RequestError:
+        """The message about a surface that fails."""
         at = f"at t = {t:.9g} s, q = {q}, rate = {qd}"
         remedy = "give a number that changes its sign where the event is"
         return RequestError(
@@ -130,19 +311,31 @@ class _Asked:
         )
 
 
-def times_of(times: Any) -> Array | None:
-    """(n,) output times [s], or None."""
-    if times is None:
+def progress_of(progress: Any) -> Progress | None:
+    """Who is told of progress; silent from when it raised: what is kept is still looked at."""
+    if progress is None:
         return None
-    try:
-        column = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise _bad("times", "not a row of numbers", "give times like 0:2:201") from None
-    if column.ndim != 1 or not len(column) or not np.isfinite(column).all() or column.min() < 0:
-        found = "not a row of finite times from 0 s on"
-        raise _bad("times", found, "give times like 0:2:201")
-    return column
+    if not callable(progress):
+        raise bad("progress", f"{progress!r} cannot be called", "give a function, or leave it out")
+    raised = False
+
+    def told(what: str, done: float, whole: float | None) -> None:
+        nonlocal raised
+        if not raised:
+            try:
+                progress(what, done, whole)
+            except KeyboardInterrupt:
+                raised = True
+                raise
+
+    return told
 
 
-def _bad(where: str, found: str, remedy: str) -> RequestError:
+def bad(where: str, found: str, remedy: str) -> RequestError:
+    """A request that cannot be."""
     return RequestError(Problem("bad-request", where, found, "", remedy))
+
+
+def _no_end(text: str, remedy: str) -> RequestError:
+    found = f'"{text}" says nothing about when to stop'
+    return RequestError(Problem("until", "until", found, f"valid: {listed(SPELLINGS)}", remedy))

@@ -1,115 +1,47 @@
-"""Starts from which nothing moves: equilibria, and poses that do not exist."""
+"""Rest: equilibria of one driver, and starts from which there is no motion."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
-from blockmech.dynamics.ends import IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
-from blockmech.dynamics.motion import Event, Motion, Still
-from blockmech.dynamics.system.reduced import TURN, Cost, Metered, One
-from blockmech.dynamics.until import Asked
+import numpy as np
 
-STEP = 2e-4  # of a turn: of the difference quotient of the effort
+from blockmech.dynamics.motion import IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
 
+if TYPE_CHECKING:
+    from blockmech.dynamics.system import System
 
-def resting(meter: Metered, asked: Asked, method: str = "energy") -> Motion:
-    """A start at an equilibrium: it stays there; stable or not is said.
-
-    Cost: four single poses for d tau/dq.
-    """
-    start, until = asked.start, asked.until
-    system = meter.system
-    h = STEP * (system.period or (TURN if system.kind == "rotation" else system.span))
-    J = meter.one(start.q).J
-    a, b, c, d = (meter.one(start.q + k * h).tau for k in (-2, -1, 1, 2))
-    slope = (a - 8 * b + 8 * c - d) / (12 * h)
-    facts: dict[str, float] = {}
-    notes: tuple[str, ...] = ()
-    if a == d == 0:
-        kind = "indifferent equilibrium"
-    elif slope < 0:
-        kind = "stable equilibrium"
-        facts["frequency"] = math.sqrt(-slope / J)
-    elif slope > 0:
-        kind = "unstable equilibrium"
-        rate = facts["rate"] = math.sqrt(slope / J)
-        notes = (f"it stays there only in theory: any disturbance grows as exp({rate:.6g} t)",)
-    else:
-        kind = "equilibrium"
-    timed = until.goal == "time"
-    return Motion(
-        method=method,
-        why=asked.why,
-        regime="rest",
-        status="reached" if timed else "rest",
-        end="time" if timed else kind,
-        t_start=start.t,
-        t_end=start.t + (until.value if timed else 0.0),
-        q_end=start.q,
-        qd_end=0.0,
-        track=Still(start.q),
-        events=(Event("rest", start.t, start.q, 0.0),),
-        error=0.0,
-        time_error=0.0,
-        accuracy=asked.accuracy,
-        cost=meter.cost,
-        notes=(kind, *notes),
-        facts=facts,
-    )
+STEP = 1e-3  # [rad] or share of the span: of a fourth-order difference, whose error it makes 1e-12
 
 
-def trouble(one: One) -> str:
-    """Why a state is no start of a motion, or an empty string."""
-    if not one.margin > 0:
+def start_failure(system: System, q: float, rate: float, t: float = 0.0) -> str:
+    """Why nothing can start at a place; empty where it can."""
+    found = system.sample(np.array([q]), rate, t)
+    J, tau, margin = (float(x[0]) for x in found)
+    if not (margin > 0 and math.isfinite(J)):
         return IMPOSSIBLE
-    if not (one.J > 0 and math.isfinite(one.J)):
+    if not J > 0:
         return NO_INERTIA
-    return "" if math.isfinite(one.tau) else UNDEFINED_LOAD
+    return "" if math.isfinite(tau) else UNDEFINED_LOAD
 
 
-def nothing(meter: Metered, asked: Asked, method: str, reason: str) -> Motion:
-    """No motion at all, and why."""
-    start = asked.start
-    return Motion(
-        method=method,
-        why=asked.why,
-        regime="none",
-        status="failed",
-        end=reason,
-        t_start=start.t,
-        t_end=start.t,
-        q_end=start.q,
-        qd_end=start.rate,
-        track=Still(start.q),
-        events=(),
-        error=math.inf,
-        time_error=math.inf,
-        accuracy=asked.accuracy,
-        cost=meter.cost,
-        notes=(f"{reason} at the start",),
-    )
+def equilibrium(system: System, q: float) -> tuple[str, dict[str, float], tuple[str, ...]]:
+    """The kind of an equilibrium at q, its facts and what must be said of it.
 
-
-def at_once(method: str, asked: Asked, q: Any, qd: Any, cost: Cost) -> Motion:
-    """The motion of no duration: the time asked for is that of the start.
-
-    ``q``, ``qd``: floats, or arrays (k,) with several drivers.
+    From d tau/dq, by a difference of the effort at rest.
     """
-    return Motion(
-        method=method,
-        why=asked.why or "no time is asked for",
-        regime="none",
-        status="reached",
-        end="time",
-        t_start=asked.start.t,
-        t_end=asked.start.t,
-        q_end=q,
-        qd_end=qd,
-        track=Still(q, qd),
-        events=(),
-        error=0.0,
-        time_error=0.0,
-        accuracy=asked.accuracy,
-        cost=cost,
-    )
+    h = STEP * (1.0 if system.rotary[0] else system.span)
+    sample = system.sample(q + h * np.array([-2.0, -1.0, 0.0, 1.0, 2.0]))
+    a, b, _, c, d = sample.tau.tolist()
+    J = float(sample.J[2])
+    slope = (a - 8 * b + 8 * c - d) / (12 * h)
+    if a == d == 0:
+        return "indifferent equilibrium", {}, ()
+    if slope < 0:
+        return "stable equilibrium", {"frequency": math.sqrt(-slope / J)}, ()
+    if slope > 0:
+        rate = math.sqrt(slope / J)
+        note = f"it stays there only in theory: any disturbance grows as exp({rate:.6g} t)"
+        return "unstable equilibrium", {"rate": rate}, (note,)
+    return "equilibrium", {}, ()

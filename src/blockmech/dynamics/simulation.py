@@ -1,8 +1,8 @@
 """Simulate: a mechanism moves under its loads, and everything else follows from that.
 
-The reduced system carries the motion; the wanted outputs are then computed at the
-output times through the same pruned plan as any other run. A request that asks for
-the driver's motion alone computes no acceleration and no reaction.
+The system carries the motion of the drivers; the wanted outputs are then computed at the
+output times through the same pruned plan as any other run. A request that asks for the
+drivers' motion alone computes no acceleration and no reaction, unless joints have friction.
 
 Sources: [D14] Durango et al. 2014, Fig. 1 and section 2.
 """
@@ -12,47 +12,55 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.dynamics.ends import DEAD_CENTRE, INTERRUPTED, TOO_MANY
-from blockmech.dynamics.methods import move
-from blockmech.dynamics.motion import Motion, Still
+from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.methods import move, standing
+from blockmech.dynamics.motion import (
+    DEAD_CENTRE,
+    IMPOSSIBLE,
+    INTERRUPTED,
+    TOO_MANY,
+    UNDEFINED_LOAD,
+    Event,
+    Floats,
+    Motion,
+)
 from blockmech.dynamics.request import (
-    STOPS,
+    Progress,
+    SimulationRequest,
+    Start,
+    Until,
+    Watch,
     goal_of,
-    pairs_of,
+    progress_of,
     size_of,
     starts_of,
+    stops_of,
     times_of,
     watches_of,
 )
-from blockmech.dynamics.silent import told_of_loads
-from blockmech.dynamics.steady.forcing import forcing_period
-from blockmech.dynamics.stops import as_watches, held_at_start, named, stops_of
-from blockmech.dynamics.system.knots import time_knots_of
-from blockmech.dynamics.system.reduced import Cost, Metered, ReducedSystem, ReducedSystems
-from blockmech.dynamics.system.reduction import refuse_friction
-from blockmech.dynamics.system.split import period_of
-from blockmech.dynamics.until import Progress, Start, Until, Watch
-from blockmech.dynamics.watching import stopped_motion
 from blockmech.engines.numpy import Planar
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import Problem, RequestError, listed
+from blockmech.plan import Friction
 from blockmech.result import Result
 from blockmech.samples import Samples
+from blockmech.settings import friction_asked
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
+    from blockmech.dynamics.system import System
 
-Array = NDArray[np.float64]
-Starts = Mapping[str, tuple[float, float]]
+Pairs: TypeAlias = Mapping[str, tuple[float, float]]
 OUTPUTS = 201  # output times where none are named
 SINGULAR = 1e-10  # margin of a dead centre itself, but for rounding
 PART = 1 << 16  # outputs computed between two places where an interruption keeps what is done
-LATEST = 1e3  # [s] up to which kinks in time are listed for a run without an end in time
-SETTINGS = {"friction": "none", "tolerance": None, "iterations": None, "static": False}
+FRICTIONLESS = {"friction": "none", "tolerance": None, "iterations": None, "static": False}
+ACTIONS = (".couple", ".force")  # outputs of a load
+NEARBY = 1e-6  # of the run: how long before its end it is looked at which way rates go
+AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
 
 
 def simulate(
@@ -62,12 +70,14 @@ def simulate(
     method: str = "auto",
     accuracy: float | None = None,
     step: float | None = None,
-    times: Sequence[float] | Array | None = None,
-    start: Starts | None = None,
-    stops: Starts | None = None,
+    times: Sequence[float] | Floats | None = None,
+    start: Pairs | None = None,
+    stops: Pairs | None = None,
     watch: Sequence[Watch] = (),
     want: Iterable[str] | str = ("*.q", "*.rate"),
     friction: str | None = None,
+    tolerance: float | None = None,
+    iterations: int | None = None,
     progress: Progress | None = None,
 ) -> Result:
     """Move a mechanism from its start until something ends the run.
@@ -85,7 +95,8 @@ def simulate(
     stops : driver -> (lowest, highest) coordinate [rad or m]; by default the scene's
     watch : the user's events
     want : outputs at the output times
-    friction : "none" leaves joint friction out; without it such a scene is refused
+    friction : of the joints: "none", "single", "successive" or "newton" (default)
+    tolerance, iterations : of ``successive``, as in a run
     progress : told now and then (what is at work, how far it is, the whole or None)
 
     Returns
@@ -96,27 +107,76 @@ def simulate(
 
     Raises
     ------
-    RequestError where the scene has no start or one beyond an end stop, no inertia, joint
-    friction that is not waived, the method does not apply, or a number cannot be
+    RequestError where the scene has no start or one beyond an end stop, no inertia, the
+    method does not apply, or a number cannot be
     """
-    if friction != "none":
-        if friction is not None:
-            raise _error("friction", f'"{friction}" is not computed in motion', 'only "none"')
-        refuse_friction(mechanism.frictional_joints)
-    if progress is not None and not callable(progress):
-        raise _error(
-            "progress", f"{progress!r} cannot be called", "give a function, or leave it out"
-        )
+    settings = {"friction": friction or "newton", "tolerance": tolerance, "iterations": iterations}
+    how = friction_asked(friction or "newton", tolerance, iterations)
+    told = progress_of(progress)
     wanted = times_of(times)
     goal = goal_of(until, wanted)
     starts = starts_of(mechanism, start)
-    shown: Any = () if wanted is None else wanted
-    if wanted is None and goal.goal == "time":
-        shown = np.linspace(0.0, goal.value, OUTPUTS)  # what will be asked for
     target, size = size_of("accuracy", accuracy), size_of("step", step)
-    how = _How(method, target, size, watches_of(watch, goal), shown, progress)
-    motion = _moved(mechanism, starts, goal, how, pairs_of("stops", stops, STOPS))
-    motion = replace(motion, notes=(*motion.notes, *_remarks(mechanism, motion, goal)))
+    events = watches_of(watch, goal)
+    bounds = stops_of(mechanism, starts, stops)
+    refuse_no_inertia(mechanism)
+    shown = wanted
+    if shown is None:
+        shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
+    request = SimulationRequest(
+        _start(starts), goal, target, method, size, tuple(shown.tolist()), events
+    )
+    system = system_of(mechanism, stops=bounds, method=how, progress=told)
+    motion = with_undefined_loads(mechanism, _moved(system, request))
+    motion = replace(motion, notes=(*motion.notes, *_remarks(system, motion, goal)))
+    return _at_times(mechanism, motion, wanted, want, settings)
+
+
+def _start(starts: Pairs) -> Start:
+    q, rate = (np.array([pair[i] for pair in starts.values()], dtype=float) for i in (0, 1))
+    return Start(float(q[0]), float(rate[0])) if q.size == 1 else Start(q, rate)
+
+
+def _moved(system: System, request: SimulationRequest) -> Motion:
+    try:
+        return move(system, request)
+    except KeyboardInterrupt:  # before there was anything but the start
+        steady = request.until.goal == "steady"
+        notes = ("interrupted before a steady state was found",) if steady else ()
+        return standing(request, "none", "ended", INTERRUPTED, notes=notes)
+
+
+def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
+    """What else a reader must know of how a run ended."""
+    found = []
+    if motion.end == TOO_MANY and goal.goal not in ("time", "steady"):
+        met = f"{goal.goal} was not reached in {motion.t_end - motion.t_start:.6g} s"
+        found.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
+    if goal.forcing and "time" not in system.depends_on:
+        found.append(f"no load follows the time: the period {goal.forcing:.9g} s is not used")
+    return found
+
+
+def refuse_no_inertia(mechanism: Compiled) -> None:
+    """Refuse a mechanism that cannot be accelerated because nothing has mass."""
+    structure = mechanism.structure
+    if not any(structure.properties(link).massive for link in structure.links):
+        found = "no link has mass or inertia, so loads set no motion"
+        remedy = 'give links "mass" and "inertia"'
+        raise RequestError(Problem("no-inertia", mechanism.name, found, "", remedy))
+
+
+# -- outputs along a motion ----------------------------------------------------------------
+
+
+def _at_times(
+    mechanism: Compiled,
+    motion: Motion,
+    wanted: Floats | None,
+    want: Iterable[str] | str,
+    settings: Mapping[str, Any],
+) -> Result:
+    """The result at the wanted times, those after the end left out."""
     if wanted is None:
         wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
     inside = (wanted >= motion.t_start) & (wanted <= motion.t_end)
@@ -125,121 +185,7 @@ def simulate(
         note = f"{late} of {len(wanted)} times after the end are left out"
         motion = replace(motion, notes=(*motion.notes, note))
         wanted = wanted[inside] if inside.any() else np.array([motion.t_end])
-    return result_along(mechanism, motion, wanted, want)
-
-
-def _remarks(mechanism: Compiled, motion: Motion, goal: Until) -> list[str]:
-    """What else a reader must know of how a run ended."""
-    said = []
-    if motion.end == TOO_MANY and goal.goal not in ("time", "steady"):
-        met = f"{goal.goal} was not reached in {motion.t_end - motion.t_start:.6g} s"
-        said.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
-    if goal.forcing and "time" not in mechanism.reduced.depends_on:
-        said.append(f"no load follows the time: the period {goal.forcing:.9g} s is not used")
-    return said
-
-
-class _How(NamedTuple):
-    """The last arguments of `move`, in its order."""
-
-    method: str
-    accuracy: float | None
-    step: float | None
-    watch: tuple[Watch, ...]
-    times: Any
-    progress: Progress | None
-
-
-def _moved(
-    mechanism: Compiled, starts: Starts, goal: Until, how: _How, stops: Starts | None
-) -> Motion:
-    """The motion of the drivers by the method asked for."""
-    bounds = stops_of(mechanism.scene, mechanism.drivers, starts, stops)
-    return told_of_loads(mechanism.of_blocks, _run(mechanism, starts, goal, how, bounds))
-
-
-def _run(mechanism: Compiled, starts: Starts, goal: Until, how: _How, bounds: Starts) -> Motion:
-    reduced = mechanism.reduced
-    if "time" in reduced.depends_on:
-        reduced = _timed(mechanism, reduced, goal)
-    held = held_at_start(reduced, starts, bounds)
-    if held is not None:
-        return held
-    try:
-        if isinstance(reduced, ReducedSystem):
-            return _one_moved(reduced, starts, goal, how, bounds)
-        return _several_moved(reduced, mechanism.drivers, starts, goal, how, bounds)
-    except KeyboardInterrupt:  # before there was anything but the start
-        found = _stopped_at_once(starts)
-        if goal.goal != "steady":
-            return found
-        return replace(found, notes=("interrupted before a steady state was found",))
-
-
-def _timed(
-    mechanism: Compiled, reduced: ReducedSystem | ReducedSystems, goal: Until
-) -> ReducedSystem | ReducedSystems:
-    """With kinks of the loads in time and, for a steady state, the periods of the loads."""
-    structure = mechanism.structure
-    latest = goal.value if goal.goal == "time" else LATEST
-    if goal.goal == "steady":
-        latest = forcing_period(structure, goal.forcing)
-        reduced = replace(reduced, time_period=latest)
-        if isinstance(reduced, ReducedSystems):
-            rotary = [structure.driver_joint(d).rotary for d in mechanism.drivers]
-            each = zip(mechanism.drivers, rotary, strict=True)
-            periods = tuple(period_of(structure, d, turns) or 0.0 for d, turns in each)
-            reduced = replace(reduced, periods=periods)
-    return replace(reduced, time_knots=time_knots_of(structure, latest))
-
-
-def _one_moved(
-    reduced: ReducedSystem, starts: Starts, goal: Until, how: _How, stops: Starts
-) -> Motion:
-    ((driver, (q, rate)),) = starts.items()
-    if driver not in stops:
-        return move(Metered(reduced), Start(q, rate), goal, *how)
-    reduced = replace(reduced, stops=stops[driver])
-    return stopped_motion(move(Metered(reduced), Start(q, rate), goal, *how), stops[driver])
-
-
-def _several_moved(
-    reduced: ReducedSystems,
-    drivers: tuple[str, ...],
-    starts: Starts,
-    goal: Until,
-    how: _How,
-    stops: Starts,
-) -> Motion:
-    q0, qd0 = (np.array([pair[i] for pair in starts.values()], dtype=float) for i in (0, 1))
-    how = how._replace(watch=(*how.watch, *as_watches(drivers, stops)))
-    motion = move(reduced, (q0, qd0), goal, *how)
-    if motion.end in {named(driver) for driver in stops}:
-        motion = replace(motion, status="ended")
-    return motion
-
-
-def _stopped_at_once(starts: Starts) -> Motion:
-    """A run that was interrupted before its first step."""
-    rows = np.array(list(starts.values()), dtype=float)
-    q, qd = (float(rows[0, i]) if len(rows) == 1 else rows[:, i] for i in (0, 1))
-    return Motion(
-        method="none",
-        why="",
-        regime="none",
-        status="ended",
-        end=INTERRUPTED,
-        t_start=0.0,
-        t_end=0.0,
-        q_end=q,
-        qd_end=qd,
-        track=Still(q, qd),
-        events=(),
-        error=0.0,
-        time_error=0.0,
-        accuracy=None,
-        cost=Cost(),
-    )
+    return result_along(mechanism, motion, wanted, want, **settings)
 
 
 class Along(Mapping[str, Any]):
@@ -249,17 +195,22 @@ class Along(Mapping[str, Any]):
     """
 
     def __init__(
-        self, mechanism: Compiled, motion: Motion, t: Array, unknown: Any = slice(0)
+        self,
+        mechanism: Compiled,
+        how: Friction,
+        motion: Motion,
+        t: Floats,
+        unknown: Any = slice(0),
     ) -> None:
         q, qd = motion.at(t)
         qd[unknown] = np.nan
-        self._mechanism, self._t = mechanism, t
+        self._mechanism, self._how, self._t, self._q, self._qd = mechanism, how, t, q, qd
+        k = len(mechanism.drivers)
         self._given: dict[str, Any] = {}
-        many = q.ndim > 1
-        for i in range(len(mechanism.drivers)):
-            self._given[f"q_{i}"] = np.ascontiguousarray(q[:, i]) if many else q
-            self._given[f"qd_{i}"] = np.ascontiguousarray(qd[:, i]) if many else qd
-        self._names = (*self._given, *(f"qdd_{i}" for i in range(len(mechanism.drivers))))
+        for name, x in (("q", q), ("qd", qd)):
+            columns = [x] if k == 1 else [np.ascontiguousarray(column) for column in x.T]
+            self._given |= {f"{name}_{i}": column for i, column in enumerate(columns)}
+        self._names = (*self._given, *(f"qdd_{i}" for i in range(k)))
 
     def __getitem__(self, name: str) -> Any:
         if name in self._given:
@@ -275,18 +226,28 @@ class Along(Mapping[str, Any]):
         return len(self._names)
 
     @cached_property
-    def _accelerations(self) -> list[Array]:
-        """q'' (n,) of each driver from M q'' = Q - c, the drives idle."""
-        mechanism, n = self._mechanism.of_blocks, len(self._t)
+    def _accelerations(self) -> list[Floats]:
+        """q'' (n,) of each driver, the drives idle."""
+        system = system_of(self._mechanism, method=self._how)  # not kept: programs do not pickle
+        if len(system.drivers) > 1 or system.friction is None:
+            return self._without_friction()
+        rows = zip(self._q, self._qd, self._t.tolist(), strict=True)
+        found = [_with_friction(system, float(q), float(qd), t) for q, qd, t in rows]
+        return [np.array(found)]
+
+    def _without_friction(self) -> list[Floats]:
+        """From M q'' = Q - c."""
+        mechanism, n = self._mechanism, len(self._t)
         drivers = mechanism.drivers
-        rest = {f"qdd_{i}": np.zeros(n) for i in range(len(drivers))}
-        idle = [f"{d}.drive_by_reduction" for d in drivers]  # c - Q, at q'' = 0
-        mass = f"{drivers[0]}.J_red" if len(drivers) == 1 else "mechanism.M"
+        idle = [mechanism.of_driver(d, "drive_by_reduction") for d in drivers]  # c - Q, q'' = 0
+        alone = len(drivers) == 1
+        mass = mechanism.of_driver(drivers[0], "J_red") if alone else "mechanism.M"
         plan = mechanism.plan((*idle, mass), friction="none")
+        rest = {f"qdd_{i}": np.zeros(n) for i in range(len(drivers))}
         samples = Samples(n, {**self._given, **rest}, self._t)
         values, engine = mechanism.evaluate(plan, samples)
-        found = Result(mechanism, plan, samples, values, engine, SETTINGS)
-        if len(drivers) == 1:
+        found = Result(mechanism, plan, samples, values, engine, FRICTIONLESS)
+        if alone:
             return [-found[idle[0]] / found[mass]]
         right = -np.stack([found[name] for name in idle], axis=-1)
         M = found[mass]
@@ -296,20 +257,38 @@ class Along(Mapping[str, Any]):
         return [np.ascontiguousarray(column) for column in qdd.T]
 
 
+def _with_friction(system: System, q: float, qd: float, t: float) -> float:
+    """q'' of the only driver; none at a standstill that friction holds."""
+    friction = system.friction
+    assert friction is not None
+    way = int(np.sign(qd)) or friction.rest(q, t, system.load_size(q)).moves
+    return friction.at(q, qd, t, friction.sides(q, way)).qdd if way else 0.0
+
+
 def result_along(
-    mechanism: Compiled, motion: Motion, t: Array, want: Iterable[str] | str
+    mechanism: Compiled,
+    motion: Motion,
+    t: Floats,
+    want: Iterable[str] | str,
+    friction: str | None = None,
+    tolerance: float | None = None,
+    iterations: int | None = None,
 ) -> Result:
     """The wanted outputs at times (n,) [s] of a motion.
 
-    Interrupted, it gives them at the times until then, and says so.
+    Joint friction is that of the motion, if nothing else is said. Interrupted, it gives the
+    outputs at the times until then, and says so.
     """
-    plan = mechanism.plan(want, friction="none")
+    friction = friction or ("newton" if "friction_work" in motion.facts else "none")
+    given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    plan = mechanism.plan(want, **given)  # type: ignore[arg-type]
+    how = friction_asked(friction, tolerance, iterations)
     parts: list[tuple[Any, ...]] = []
     engine, done = "numpy", 0
     try:
         for first in range(0, len(t), PART):
             part = t[first : first + PART]
-            samples = Samples(len(part), Along(mechanism, motion, part), part)
+            samples = Samples(len(part), Along(mechanism, how, motion, part), part)
             values, engine = mechanism.evaluate(plan, samples)
             parts.append(values)
             done += len(part)
@@ -318,13 +297,14 @@ def result_along(
             raise
         note = f"interrupted: outputs at the first {done} of {len(t)} times"
         motion = replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
-    samples = Samples(done, Along(mechanism, motion, t[:done]), t[:done])
+    samples = Samples(done, Along(mechanism, how, motion, t[:done]), t[:done])
     whole = parts[0] if len(parts) == 1 else tuple(map(_joined, zip(*parts, strict=True)))
-    result = Result(mechanism, plan, samples, whole, engine, SETTINGS, motion)
-    return _without_limits(result, whole) if motion.end == DEAD_CENTRE else result
+    settings = {**given, "static": False}
+    result = Result(mechanism, plan, samples, whole, engine, settings, motion)
+    return _without_limits(how, result, whole) if motion.end == DEAD_CENTRE else result
 
 
-def _without_limits(result: Result, whole: tuple[Any, ...]) -> Result:
+def _without_limits(how: Friction, result: Result, whole: tuple[Any, ...]) -> Result:
     """The same without rates and forces in a dead centre itself, where the motion ends.
 
     There the rate of the driver, mostly zero, does not say how fast the others go.
@@ -338,13 +318,13 @@ def _without_limits(result: Result, whole: tuple[Any, ...]) -> Result:
     there = (t == motion.t_end) & (np.min(margins, axis=0) < SINGULAR)
     if not there.any():
         return result
-    samples = Samples(result.n, Along(mechanism, motion, t, there), t)
+    samples = Samples(result.n, Along(mechanism, how, motion, t, there), t)
     values, engine = mechanism.evaluate(result.plan, samples)
     rates = [mechanism.of_driver(d, "rate") for d in mechanism.drivers]
     known = {i for name in rates for i in result.plan.layout.get(name, ())}
     kept = tuple(whole[i] if i in known else x for i, x in enumerate(values))
-    given = Samples(result.n, Along(mechanism, motion, t), t)
-    return Result(mechanism, result.plan, given, kept, engine, SETTINGS, motion)
+    given = Samples(result.n, Along(mechanism, how, motion, t), t)
+    return Result(mechanism, result.plan, given, kept, engine, result.settings, motion)
 
 
 def _joined(pieces: tuple[Any, ...]) -> Any:
@@ -355,5 +335,61 @@ def _joined(pieces: tuple[Any, ...]) -> Any:
     return np.concatenate([np.atleast_1d(x) for x in pieces])
 
 
-def _error(where: str, found: str, remedy: str) -> RequestError:
-    return RequestError(Problem("bad-request", where, found, "", remedy))
+# -- loads without a value -----------------------------------------------------------------
+
+
+def with_undefined_loads(mechanism: Compiled, motion: Motion) -> Motion:
+    """The motion; its end named after a load that has no value there, if there is one.
+
+    A method only sees that the equation of motion says nothing further on, as it does where
+    links do not reach: tables that end, functions that give NaN, springs of no length.
+    """
+    if motion.end not in (IMPOSSIBLE, UNDEFINED_LOAD) and motion.status != "failed":
+        return motion
+    silent = undefined_loads(mechanism, motion)
+    if not silent:
+        return motion
+    events = [event for event in motion.events if event.kind != motion.end]
+    if motion.status != "failed":
+        events.append(Event(UNDEFINED_LOAD, motion.t_end, motion.q_end, motion.qd_end))
+    note = f"{listed(silent)} gives no value beyond t = {motion.t_end:.9g} s"
+    return replace(motion, end=UNDEFINED_LOAD, events=tuple(events), notes=(*motion.notes, note))
+
+
+def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
+    """Loads that have no value where the motion ended or just ahead, in a good pose."""
+    names = list(mechanism.structure.elements)
+    if not names:
+        return []
+    q, rate, t = _ahead(motion)
+    given: dict[str, Floats] = {}
+    for i in range(q.shape[1]):
+        given |= {f"q_{i}": q[:, i], f"qd_{i}": rate[:, i], f"qdd_{i}": np.zeros(len(t))}
+    wanted = {
+        name: [o for o in mechanism.outputs if o.startswith(f"{name}.") and o.endswith(ACTIONS)]
+        for name in names
+    }
+    every = [output for outputs in wanted.values() for output in outputs]
+    plan = mechanism.plan(every, friction="none")
+    samples = Samples(len(t), given, t)
+    values, engine = mechanism.evaluate(plan, samples)
+    found = Result(mechanism, plan, samples, values, engine, {"friction": "none"})
+    good = np.ones(len(t), bool)
+    for margin in found.quality.margin.values():
+        good &= np.broadcast_to(margin, t.shape) > 0
+
+    def silent(output: str) -> bool:
+        return bool(np.isnan(np.broadcast_to(found[output].T, t.shape)[good]).any())
+
+    return [name for name, outputs in wanted.items() if any(map(silent, outputs))]
+
+
+def _ahead(motion: Motion) -> tuple[Floats, Floats, Floats]:
+    """States from the end on: coordinates and rates (n, k), times (n,)."""
+    end, rate = (np.atleast_1d(x).astype(float) for x in (motion.q_end, motion.qd_end))
+    before = motion.at(motion.t_end - NEARBY * (motion.t_end - motion.t_start)).qd
+    grows = np.sign(rate - np.atleast_1d(before))
+    far = np.array(AHEAD)[:, None]
+    q = end + far * np.sign(rate) * np.maximum(np.abs(end), 1.0)
+    rates = rate + far * grows * np.maximum(np.abs(rate), 1.0)
+    return q, rates, motion.t_end + far[:, 0] * max(abs(motion.t_end), 1.0)

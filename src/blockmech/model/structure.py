@@ -60,7 +60,7 @@ class FollowedBranch(NamedTuple):
 
     driver : the one driver that moves the dyad
     points : change points [rad or m], rising; of a crank those of one turn
-    first : the branch where every factor of `blockmech.passes.branches.passed` is +1
+    first : the branch where every factor of `blockmech.passes.forward.passed` is +1
     scale : 1 rad, or a length [m] by which distances along a slide are judged
     """
 
@@ -125,7 +125,7 @@ class Structure:
 
     @cached_property
     def paths(self) -> dict[str, Any]:
-        """Room for the paths of groups without closed form; see `passes.following`."""
+        """Room for the paths of groups without closed form; see `passes.homotopy`."""
         return {}
 
     @cached_property

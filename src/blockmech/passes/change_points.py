@@ -24,12 +24,13 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from blockmech.blocks.modes import TwoModes
-from blockmech.engines import NumpyEngine
+from blockmech.engines.numpy import NumpyEngine
 from blockmech.errors import GraphError, Problem
 from blockmech.model.scene import Scene
 from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
-from blockmech.plan import Friction, Schedule
+from blockmech.passes.homotopy import schedule
+from blockmech.plan import Friction
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -92,8 +93,8 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
 
 
 def _search(structure: Structure, scene: Scene, block: str, driver: str, q_home: float) -> _Search:
-    schedule = Schedule(structure, scene, Friction("none"))
-    program = schedule.program([f"{schedule.ask(position, block)}.det"])
+    made = schedule(structure, scene, Friction("none"))
+    program = made.program([f"{made.ask(position, block)}.det"])
     engine = NumpyEngine(program)
 
     def size(q: Floats) -> Floats:

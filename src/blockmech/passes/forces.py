@@ -41,6 +41,11 @@ def negated(x: Complex) -> Complex:
     return -x
 
 
+def product(x: Real, y: Real) -> Real:
+    """x y"""
+    return x * y
+
+
 def guide_force(N: Real, along: Real, u: Complex) -> Complex:
     """Force of a guide on the slider: N n + (T + tau) u."""
     return imul(u, N) + mul(u, along)
@@ -65,9 +70,22 @@ def carried(s: Schedule, link: LinkRef) -> Resultant:
     return total
 
 
+def shared(s: Schedule, link: LinkRef) -> Resultant:
+    """The applied loads of a link times the input ``load_share`` (1, or 0: none)."""
+    found, share = s.ask(applied, link), s.unknown("load_share")
+    return Resultant(
+        tuple(s.emit(mul, force, share, name=f"{link}_F_share") for force in found.forces),
+        tuple(s.emit(product, moment, share, name=f"{link}_M_share") for moment in found.moments),
+    )
+
+
 def link_load(s: Schedule, link: LinkRef) -> str:
     """Everything that loads a link, as one resultant about its origin."""
-    total = s.ask(inertial, link) + s.ask(applied, link) + s.ask(carried, link)
+    if s.friction.method == friction.GIVEN:
+        loads = s.ask(shared, link) + s.ask(friction.given_on, link)
+    else:
+        loads = s.ask(applied, link)
+    total = s.ask(inertial, link) + loads + s.ask(carried, link)
     force = s.sum(total.forces, f"{link}_F") if total.forces else ZERO
     moment = s.sum(total.moments, f"{link}_M") if total.moments else "0.0"
     return s.emit(load, force, moment, name=f"{link}_load")
@@ -87,7 +105,7 @@ def smooth(s: Schedule, block: str) -> str | None:
 
 def solution(s: Schedule, block: str) -> str | None:
     """The solved friction of a block's pairs, driven ones aside: ``t``, and how it went."""
-    if not s.ask(friction.coupled_joints, block):
+    if s.friction.method == friction.GIVEN or not s.ask(friction.coupled_joints, block):
         return None  # before the reactions are asked for: nothing here needs them
     reactions = s.ask(smooth, block)
     return None if reactions is None else s.ask(friction.solve, block, reactions)
@@ -95,6 +113,9 @@ def solution(s: Schedule, block: str) -> str | None:
 
 def resisting(s: Schedule, ref: JointRef) -> str:
     """Friction of a pair on the later link: couple [N m] or force [N]."""
+    if s.friction.method == friction.GIVEN:
+        known = ref in s.ask(friction.friction_joints, ref.block)
+        return s.ask(friction.given, ref) if known else "0.0"
     found = s.ask(friction_at, ref)
     return "0.0" if found is None else f"{found[0]}.t[{found[1]}]"
 

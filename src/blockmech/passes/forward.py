@@ -10,13 +10,12 @@ Sources: [R10] Fig. 3, [D14] Fig. 2 and section 2 (i).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from blockmech.blocks.contract import BuiltIn
-from blockmech.model.structure import JointRef, LinkRef, MarkerRef
-from blockmech.passes.branches import followed
+from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef
 from blockmech.plan import Entry, Schedule
-from blockmech.plane import imul, mul
+from blockmech.plane import EPS, cross, expi, imul, mul, sign, sqrt
 from blockmech.typing import Complex, Guide, GuideAcceleration, GuideVelocity, Real
 
 ZERO, ONE = "ZERO", "ONE"  # the constant vectors, named by every engine
@@ -364,3 +363,68 @@ def guide_direction(s: Schedule, ref: JointRef) -> str:
 
 def _suffix(mode: str) -> str:
     return f"_{mode}" if mode else ""
+
+
+# -- branches that follow the motion ------------------------------------------------------
+#
+# The branch of a dyad that follows the motion through change points, as values of a program.
+#
+# One factor +1 or -1 a change point: the side of it on which the driver is. For a crank
+# the side is the sign of sin((q - q_c)/2), which changes at q_c and one turn further on,
+# and so on: an odd number of change points a turn gives another mode on every other turn.
+#
+# At the distance d [rad] from a change point a place has lost eps/d, a rate eps/d^2, an
+# acceleration or a reaction eps/d^3 (measured on a rhombus: 3e-13, 3e-9 and 6e-7 at d = 1e-4,
+# 1e-4 and 1e-3), and dyads in a row pass on what they have lost. So nearer than eps^(1/4),
+# 1.2e-4 rad in double precision, there is no answer: the branch is NaN, and with it the dyad.
+#
+# Sources: Hunt, Kinematic Geometry of Mechanisms, 1978 (uncertainty configurations).
+
+
+def side_of(x: Real, scale: Real) -> Real:
+    """+1 or -1 by the sign of a distance; NaN where it is too small to tell anything."""
+    return sign(x) * sqrt(sign(abs(x) - scale * sqrt(sqrt(EPS))))
+
+
+def half_turned(q: Real) -> Complex:
+    """Unit vector at half the angle of the driver."""
+    return expi(0.5 * q)
+
+
+def passed(branch: Real, half: Complex, point: Complex, scale: Real) -> Real:
+    """The branch on this side of a change point; ``point`` is the unit vector at half of it."""
+    return branch * side_of(cross(point, half), 0.5 * scale)
+
+
+def passed_slide(branch: Real, q: Real, point: Real, scale: Real) -> Real:
+    """The branch on this side of a change point of a slide; ``scale`` is a length of it [m]."""
+    return branch * side_of(q - point, scale)
+
+
+def with_branch(p: Any, branch: Real) -> Any:
+    """The block's numbers with the branch of each sample."""
+    return p._replace(branch=branch)
+
+
+def followed(s: Schedule, block: str, numbers: str) -> str:
+    """The block's numbers with the branch that follows the motion."""
+    there: FollowedBranch = s.structure.followed[block]
+    branch = s.ask(branch_along, there)
+    return s.emit(with_branch, numbers, branch, name=f"P_{block}_here")
+
+
+def branch_along(s: Schedule, there: FollowedBranch) -> str:
+    """The branch as a function of the driver; dyads that change together share it."""
+    branch = s.parameter(("branch", there.first), there.first, "branch")
+    if not there.points:
+        return branch
+    q = s.input("q", there.driver)
+    rotary = s.structure.driver_joint(there.driver).rotary
+    along = s.emit(half_turned, q, name="half_turned") if rotary else q
+    passing = passed if rotary else passed_slide
+    scale = s.parameter(("scale", there.scale), there.scale, "scale")
+    for point in there.points:
+        place = expi(0.5 * point) if rotary else point
+        slot = s.parameter(("change point", point), place, "change_point")
+        branch = s.emit(passing, branch, along, slot, scale, name="branch")
+    return branch

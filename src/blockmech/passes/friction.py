@@ -29,12 +29,13 @@ from blockmech.passes.forward import (
     position,
     slip,
 )
-from blockmech.passes.loads import active, load
+from blockmech.passes.loads import NOTHING, Resultant, active, at_arm, load
 from blockmech.passes.pairs import PairLoad, pair_load, slider_arm
 from blockmech.plan import Schedule
 from blockmech.plane import cross, hyp, imul, maximum, mul, sign, where
 from blockmech.typing import Complex, Load, Real
 
+GIVEN = "given"  # method: the friction of every pair is an input of the program
 REST = "REST"  # share of the largest speed that counts as rest; named by every engine
 
 
@@ -100,6 +101,11 @@ def opposite_load(a: Load) -> Load:
     return Load(-a.F, -a.M)
 
 
+def opposite(t: Real) -> Real:
+    """What the earlier link gets."""
+    return -t
+
+
 def friction_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     """Joints of a block whose friction is computed."""
     b = s.structure.blocks[block]
@@ -116,6 +122,43 @@ def coupled_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     """
     joints = s.ask(friction_joints, block)
     return tuple(ref for ref in joints if not s.structure.joint(ref).driven)
+
+
+def given_joints(s: Schedule) -> tuple[JointRef, ...]:
+    """Joints whose friction is an input of the program, method "given"."""
+    return tuple(ref for block in s.structure.blocks for ref in s.ask(friction_joints, block))
+
+
+def given(s: Schedule, ref: JointRef) -> str:
+    """Input with the friction of a pair on its later link: couple [N m] or force [N]."""
+    return s.unknown(f"friction_{s.ask(given_joints).index(ref)}")
+
+
+def given_on(s: Schedule, link: LinkRef) -> Resultant:
+    """Given friction in the pairs of a block on one of its links.
+
+    Nothing of driven pairs: their friction only changes what the drive has to give.
+    """
+    total = NOTHING
+    for ref in s.ask(coupled_joints, link.block):
+        joint = s.structure.joint(ref)
+        if link.link != joint.later and (joint.outer or link.link != joint.links[0]):
+            continue
+        t = s.ask(given, ref)
+        if link.link != joint.later:
+            t = s.emit(opposite, t, name=f"{ref}_back")
+        if joint.kind == "R":
+            total += Resultant((), (t,))
+            continue
+        force = s.emit(mul, s.ask(guide_direction, ref), t, name=f"{ref}_T")
+        arm = s.ask(slider_arm, ref)
+        if link.link != joint.later:
+            later = s.ask(link_position, s.structure.later_link(ref)).vector
+            point = later if arm is None else s.emit(place, later, arm, name=f"{ref}_S")
+            own = s.ask(link_position, link).vector
+            arm = s.emit(difference, point, own, name=f"{ref}_S_on_{link.link}")
+        total += at_arm(s, force, arm, f"{ref}_T")
+    return total
 
 
 def top_speed(s: Schedule, block: str) -> str:

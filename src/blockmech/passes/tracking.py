@@ -22,7 +22,7 @@ from blockmech.plan import Friction, Schedule
 from blockmech.plane import SCALAR_PRIMITIVES
 
 if TYPE_CHECKING:
-    from blockmech.engines import NumpyEngine
+    from blockmech.engines.numpy import NumpyEngine
 
 Array = NDArray[Any]
 
@@ -96,7 +96,7 @@ class Tracker:
 
     @cached_property
     def _batch(self) -> NumpyEngine:
-        from blockmech.engines import NumpyEngine
+        from blockmech.engines.numpy import NumpyEngine
 
         return NumpyEngine(self.program)
 

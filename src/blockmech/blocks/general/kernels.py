@@ -7,7 +7,7 @@
     margin         squared ratio of the extreme singular values of J
 
 The guess is a pose that the core has followed from the group's home
-(`blockmech.passes.following`), so the answer is a function of the sample alone.
+(`blockmech.passes.homotopy`), so the answer is a function of the sample alone.
 
 Sources: [R10] Eqs. 2-7 and [D14] Eqs. 1-8 for groups of any class.
 """

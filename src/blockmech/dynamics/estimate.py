@@ -1,0 +1,161 @@
+"""Estimates of errors, one rule for all methods (numerics 14).
+
+A run at the target and a finer one: the finer is returned, the difference and 4 eps |q| is its
+stated error. It is refined until that meets the target or stops falling. Two runs that end
+differently, or differ by more than the way itself, did not reach what was asked: the motion is
+given as far as both agree, and says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from blockmech.dynamics.motion import INTERRUPTED, TOO_MANY, UNDECIDED, Floats, Motion
+from blockmech.plane import EPS
+
+Setting = TypeVar("Setting")
+
+COMPARED = 129  # times spread over a run at which two runs are compared, beside those wanted
+ROUNDING = 4 * EPS  # of |q| or t: what rounding leaves of sums of either
+LAST_KNOWN = 1e-3  # [rad or m] up to which two runs that part count as one
+
+
+class Difference(NamedTuple):
+    """How far two runs are apart.
+
+    q : [rad or m] largest difference at common times
+    t : [s] difference of the ends
+    agree : whether both end by the same thing and differ by less than the way
+    """
+
+    q: float
+    t: float
+    agree: bool
+
+
+def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
+    """Times [s] at which two runs are compared."""
+    last = min(a.t_end, b.t_end)
+    spread = np.linspace(a.t_start, last, COMPARED)
+    return np.union1d(spread, [t for t in wanted if a.t_start <= t <= last])
+
+
+def difference(coarse: Motion, fine: Motion, wanted: Sequence[float] = ()) -> Difference:
+    """How far two runs of one motion are apart."""
+    times = common_times(coarse, fine, wanted)
+    found = [np.abs(coarse.at(times).q - fine.at(times).q).max()]
+    same = coarse.end == fine.end and coarse.status == fine.status
+    if same:
+        found.append(np.abs(np.asarray(coarse.q_end) - np.asarray(fine.q_end)).max())
+    q = float(np.max(found))
+    way = float(np.ptp(fine.at(times).q, axis=0).max())
+    late = abs(coarse.t_end - fine.t_end)
+    return Difference(q, late, same and (q <= way or way == 0 or fine.t_end == fine.t_start))
+
+
+def stated(fine: Motion, apart: Difference) -> Motion:
+    """A run with the error that its difference from a coarser one tells."""
+    size = float(np.max(np.abs(fine.q_end)))
+    if fine.t_end > fine.t_start:
+        q, qd = fine.at(fine.times(COMPARED))
+        size = max(size, float(np.abs(q).max())) + abs(fine.t_end) * float(np.abs(qd).max())
+    late = 0.0 if fine.end == "time" else apart.t + ROUNDING * abs(fine.t_end)
+    return replace(fine, error=apart.q + ROUNDING * size, time_error=fine.time_error + late)
+
+
+def missed(motion: Motion, target: float) -> Motion:
+    """The motion, with a note if its error is above the target."""
+    if motion.error <= target or motion.status == "failed" or motion.end == INTERRUPTED:
+        return motion
+    note = f"accuracy not reached: {motion.error:.1e} instead of {target:.1e}"
+    return replace(motion, notes=(*motion.notes, note))
+
+
+def refined(
+    run: Callable[[Setting], Motion],
+    first: Setting,
+    finer: Callable[[Setting, float], Setting | None],
+    target: float,
+    wanted: Sequence[float] = (),
+) -> Motion:
+    """A motion whose error is estimated, and meets the target if a setting does.
+
+    ``finer`` gives the next setting from the last one and the difference seen (infinite
+    before there is one), None where there is none.
+    """
+    coarse, setting, best = run(first), first, None
+    smallest = math.inf
+    while True:
+        if coarse.end in (INTERRUPTED, TOO_MANY):
+            return stopped(coarse, best)
+        following = finer(setting, smallest)
+        if following is None:
+            break
+        fine = run(following)
+        if fine.end in (INTERRUPTED, TOO_MANY) and fine.t_end < coarse.t_end:
+            return stopped(fine, best or coarse)
+        apart = difference(coarse, fine, wanted)
+        if best is not None and apart.agree and not apart.q < smallest:
+            break  # rounding is all that is left
+        if apart.agree or best is None or not _agreed(best):
+            best, smallest = judged(coarse, fine, apart, wanted), apart.q
+        if apart.agree and best.error <= target:
+            break
+        coarse, setting = fine, following
+    return replace(coarse, error=math.inf, time_error=math.inf) if best is None else best
+
+
+def _agreed(motion: Motion) -> bool:
+    return motion.end != UNDECIDED
+
+
+def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[float]) -> Motion:
+    """The finer of two runs with its error, or what both know of the motion."""
+    if apart.agree:
+        return stated(fine, apart)
+    times = common_times(coarse, fine, wanted)
+    off = np.abs(coarse.at(times).q - fine.at(times).q)
+    off = off if off.ndim == 1 else off.max(axis=1)
+    parted = np.flatnonzero(~(off <= LAST_KNOWN))
+    last = int(parted[0]) - 1 if parted.size else times.size - 1
+    t = float(times[max(last, 0)])
+    state = fine.at(t)
+    one = state.q.ndim == 0
+    words = (
+        f"one ends in {coarse.end}, the other in {fine.end}"
+        if coarse.end != fine.end
+        else f"they differ by {apart.q:.1e}"
+    )
+    note = f"two runs that differ in accuracy alone part after t = {t:.9g} s: {words}"
+    return replace(
+        fine,
+        status="failed",
+        end=UNDECIDED,
+        t_end=t,
+        q_end=float(state.q) if one else state.q,
+        qd_end=float(state.qd) if one else state.qd,
+        events=tuple(e for e in fine.events if e.t <= t),
+        error=float(off[: max(last, 0) + 1].max()),
+        time_error=math.inf,
+        notes=(*fine.notes, note),
+    )
+
+
+def stopped(motion: Motion, best: Motion | None) -> Motion:
+    """What is kept of a run that was stopped: the better run before it, if there is one."""
+    if best is None or best.t_end < motion.t_end:
+        note = f"{motion.end}: the error is not judged by another run"
+        return replace(motion, error=math.inf, time_error=math.inf, notes=(*motion.notes, note))
+    judged = math.isfinite(best.error) and best.error > 0
+    error = best.error if judged else math.inf
+    if motion.end == TOO_MANY:
+        return replace(best, error=error)
+    words = "by coarser runs" if judged else "not judged by another run"
+    note = f"interrupted: the error is {words}"
+    notes = (*best.notes, note)
+    return replace(best, status="ended", end=INTERRUPTED, error=error, notes=notes)

@@ -1,0 +1,271 @@
+"""What the loads of a scene depend on, read from the elements' own declarations.
+
+Kinks are driver coordinates and times at which a load is not smooth: rows of tables, and the
+half turn at which an angle that does not count turns jumps. Inside a panel or a step they
+silently cost the order of a method, so panels and steps end there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
+from blockmech.loads.contract import VELOCITY_READS, Element, Following
+from blockmech.loads.force import Force
+from blockmech.loads.laws import Constant, Fourier, Table
+from blockmech.loads.motor import Motor
+from blockmech.loads.spring import Spring
+from blockmech.loads.torsion_spring import TorsionSpring, twist
+from blockmech.model.structure import JointRef, Structure
+from blockmech.passes.forward import ZERO, link_velocity, marker_velocity
+from blockmech.passes.homotopy import followed, path_of, schedule
+from blockmech.passes.loads import (
+    NOTHING,
+    cm_velocity,
+    element_parameters,
+    readings,
+    terminal_reading,
+    terminal_term,
+    weight_on,
+)
+from blockmech.plan import Friction
+from blockmech.plane import EPS, hyp
+from blockmech.typing import Complex, Real
+
+TURN = 2 * math.pi
+FREE = Friction("none")
+RATE_READS = frozenset({*VELOCITY_READS, "qd"})
+SAME = 1e-12  # relative distance of two periods that fit: files may give them to 12 digits
+KINK_SAMPLES = 720  # of a turn, between which the passing of a kink is looked for
+REACH = 3.0  # lengths of a mechanism on either side in which kinks of a slide are looked for
+REPEATED = 4000  # repetitions of a table of the time at most
+
+
+def depends_on(structure: Structure) -> frozenset[str]:
+    """What the loads depend on: "q" always, "rate" and "time" where declared."""
+    found = {"q"}
+    for element in structure.elements.values():
+        for reads in element.reads().values():
+            found |= {"rate"} if RATE_READS & set(reads) else set()
+            found |= {"time"} if "t" in reads else set()
+    return frozenset(found)
+
+
+def lossless(structure: Structure) -> bool:
+    """Whether every load has a potential that is the same in the same pose.
+
+    Weights have; springs, and forces that stay as they are in ground axes.
+    """
+    return all(
+        (isinstance(e, Spring | TorsionSpring) and not e.damping)
+        or (isinstance(e, Force) and e.axes == "ground")
+        for e in structure.elements.values()
+    )
+
+
+def largest_length(structure: Structure) -> float:
+    """A length [m] over which things change: the largest that the blocks declare."""
+    names = ("length", "l_i", "l_j")
+    found = [
+        float(getattr(block, name, 0.0) or 0.0)
+        for block in structure.blocks.values()
+        for name in names
+    ]
+    return max(found, default=0.0) or 1.0
+
+
+def _law(element: Element) -> Any:
+    return element.law if isinstance(element, Following) else None
+
+
+# -- periods -------------------------------------------------------------------------------
+
+
+def period_of(structure: Structure, driver: str) -> float | None:
+    """Period [rad] of everything that depends on the coordinate; None if there is none."""
+    rotary = structure.driver_joint(driver).rotary
+    if not rotary or not all(path_of(structure, n).repeats for n in followed(structure)):
+        return None
+    turns = 1
+    for element in structure.elements.values():
+        law = _law(element)
+        if law is None or "coordinate" not in law.variables():
+            continue
+        if not isinstance(element, Following) or element.driver != driver:
+            continue
+        if isinstance(law, Fourier) and law.period is None:
+            more = law.turns or 1
+        elif isinstance(law, Table | Fourier) and law.whole:
+            more = _turns(law.whole)
+        else:
+            return None
+        if not more:
+            return None
+        turns = math.lcm(turns, more)
+    return TURN * turns
+
+
+def _turns(period: float) -> int:
+    """Whole turns [-] after which a period fits; 0 if it never does."""
+    ratio = period / TURN
+    if ratio >= 0.5:
+        return round(ratio) if abs(ratio - round(ratio)) <= SAME * ratio else 0
+    return 1 if abs(1 / ratio - round(1 / ratio)) <= SAME / ratio else 0
+
+
+def time_periods(structure: Structure) -> list[float]:
+    """Periods [s] of the loads that follow the time and tell one."""
+    laws = (_law(element) for element in structure.elements.values())
+    return [law.whole for law in laws if getattr(law, "whole", 0.0) and law.of == "time"]
+
+
+# -- kinks ---------------------------------------------------------------------------------
+
+
+def knots_of(structure: Structure, scene: Any, driver: str) -> tuple[float, ...]:
+    """Driver coordinates [rad or m] of kinks: of one period from 0, or within reach."""
+    period = period_of(structure, driver)
+    span = TURN if structure.driver_joint(driver).rotary else largest_length(structure)
+    low, high = (0.0, period) if period else (-REACH * span, REACH * span)
+    found: list[float] = []
+    for name, element in structure.elements.items():
+        law = _law(element)
+        if law is not None and "coordinate" not in law.variables():
+            continue
+        if isinstance(element, Following) and element.driver is not None:
+            if isinstance(law, Table):
+                found += _rows(law, low, high)
+        elif kinks := _kinks(element):
+            turning = isinstance(element, Motor | TorsionSpring)
+            measure = _measure(structure, scene, name, element)
+            samples = KINK_SAMPLES * max(1, round((high - low) / span)) + 1
+            found += _passings(measure, kinks, turning, np.linspace(low, high, samples))
+    return tuple(sorted({x % period for x in found} if period else set(found)))
+
+
+def time_knots_of(structure: Structure, latest: float) -> tuple[float, ...]:
+    """Times [s] of kinks, up to the latest; infinite: as many as a run may meet."""
+    found: set[float] = set()
+    for element in structure.elements.values():
+        law = _law(element)
+        if isinstance(law, Table) and law.variables() == ("time",):
+            most = REPEATED * law.whole if law.whole else math.inf
+            found.update(_rows(law, 0.0, min(latest, most)))
+    return tuple(sorted(found))
+
+
+def _rows(law: Table, low: float, high: float) -> list[float]:
+    """Arguments of a table, repeated as it repeats, from low to high."""
+    numbers = law.numbers()
+    rows = [float(numbers.start + x) for x in numbers.knots]
+    if not law.whole:
+        return [x for x in rows if low <= x <= high]
+    first = math.floor((low - rows[-1]) / law.whole)
+    last = math.ceil((high - rows[0]) / law.whole)
+    repeated = (x + k * law.whole for k in range(first, last + 1) for x in rows[:-1])
+    return [x for x in repeated if low <= x <= high]
+
+
+def _kinks(element: Element) -> list[float]:
+    """Values of an element's own measure at which its load has a kink."""
+    if isinstance(element, TorsionSpring):
+        return [math.pi] if element.stiffness else []
+    law = _law(element)
+    if law is None or isinstance(law, Constant):
+        return []
+    if not isinstance(element, Motor):
+        rows = law.numbers() if isinstance(law, Table) else None
+        return [] if rows is None else [float(rows.start + x) for x in rows.knots]
+    one_turn = isinstance(law, Table | Fourier) and law.turns == 1
+    one_turn |= isinstance(law, Fourier) and law.period is None and law.turns is None
+    wrap = [] if one_turn else [math.pi]
+    return [*_rows(law, -math.pi, math.pi), *wrap] if isinstance(law, Table) else wrap
+
+
+def _measure(structure: Structure, scene: Any, name: str, element: Element) -> Any:
+    """The program that gives an element's own measure."""
+    s = schedule(structure, scene, FREE)
+    if isinstance(element, TorsionSpring):
+        args = [s.ask(terminal_reading, JointRef(name, terminal), "e") for terminal in ("a", "b")]
+        measure: Any = twist
+    else:
+        assert isinstance(element, Following)
+        measure, reads = element.own_measure(rate=False)
+        args = readings(s, name, reads)
+    value = s.emit(measure, *args, s.ask(element_parameters, name), name="measure")
+    return s.program([value])
+
+
+def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> list[float]:
+    """Driver coordinates at which a measure passes one of its kinks, between samples."""
+    if program.inputs != ("q_0",):
+        return []
+    single = ScalarEngine(program)
+    values = np.asarray(NumpyEngine(program).run({"q_0": q}, q.size)[0])
+    found = []
+    for level in kinks:
+
+        def above(x: float, level: float = level) -> float:
+            d = float(single.one([x])[0]) - level
+            return math.remainder(d, TURN) if turning else d
+
+        with np.errstate(all="ignore"):
+            d = values - level
+            if turning:
+                d = np.remainder(d + math.pi, TURN) - math.pi
+            passed = (d[:-1] * d[1:] < 0) & ((np.abs(np.diff(d)) < math.pi) | (not turning))
+        found += [float(x) for x in q[d == 0]]
+        for i in np.flatnonzero(passed).tolist():
+            found.append(float(brentq(above, q[i], q[i + 1], xtol=EPS, rtol=4 * EPS)))
+    return found
+
+
+# -- size ----------------------------------------------------------------------------------
+
+
+def work_at_most(F: Complex, v: Complex) -> Real:
+    """|F| |v|: what a force can give per unit driver rate, whatever its direction."""
+    return hyp(F) * hyp(v)
+
+
+def turn_at_most(M: Real, om: Real) -> Real:
+    """|M om|"""
+    return abs(M * om)
+
+
+def load_size(structure: Structure, scene: Any, driver: str) -> Callable[[float], float]:
+    """q -> sum of the magnitudes of the contributions to tau, at rest and time 0."""
+    s = schedule(structure, scene, FREE)
+    terms = []
+    for link in structure.links:
+        force = s.ask(weight_on, link) if link != structure.frame_link else NOTHING
+        v = s.ask(cm_velocity, link, driver) if force else ZERO
+        if v != ZERO:
+            terms.append(s.emit(work_at_most, force.forces[0], v, name=f"{link}_size"))
+    for name, element in structure.elements.items():
+        for terminal, declared in element.terminals.items():
+            ref = JointRef(name, terminal)
+            marker = structure.holds[ref]
+            given = s.ask(terminal_term, ref)
+            if declared.kind == "point":
+                v, nothing = s.ask(marker_velocity, marker, driver), ZERO
+                kernel: Callable[..., Real] = work_at_most
+            else:
+                v, nothing = s.ask(link_velocity, marker.on, driver).scalar, "0.0"
+                kernel = turn_at_most
+            if v != nothing:
+                terms.append(s.emit(kernel, given, v, name=f"{ref}_size"))
+    program = s.program([s.sum(terms, "size") if terms else "0.0"])
+    engine = ScalarEngine(program)
+
+    def size(q: float) -> float:
+        given = {"q_0": q}
+        return float(engine.one([given.get(name, 0.0) for name in program.inputs])[0])
+
+    return size

@@ -1,1 +1,0 @@
-"""Motions found along the driver's path: energy and time as quadratures, no steps in time."""

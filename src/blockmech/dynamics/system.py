@@ -1,0 +1,300 @@
+r"""The system: all that dynamics knows of a mechanism.
+
+The reduction pass turns a scene into inertia and effort on the drivers' coordinates q,
+
+    J(q) q'' + J'(q) q'^2 / 2 = tau(q, q', t)          one driver
+    M(q) q'' + c(q, q') = Q(q, q', t)                  several
+
+and, where joints have friction, `friction` adds what the pairs resist with. Impossible poses
+are NaN or have a margin that is not positive; nothing here raises on a pose.
+
+Units: q [rad] or [m], J [kg m2] or [kg], tau [N m] or [N].
+
+Sources: [D14] Durango et al. 2014, Eqs. 1-6.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.dynamics import loads
+from blockmech.dynamics.friction import JointFriction, MotionProgram
+from blockmech.dynamics.motion import Cost
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
+from blockmech.passes import forward, reduction
+from blockmech.passes.homotopy import schedule
+from blockmech.plan import Friction, Program, Schedule
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+    from blockmech.dynamics.request import Progress
+
+Floats: TypeAlias = NDArray[np.float64]
+TURN = 2 * math.pi
+FREE = Friction("none")
+REPORTED = 64  # evaluations between two words of progress: some milliseconds of work
+
+
+class Sample(NamedTuple):
+    """What a batch of states of one driver yields; arrays (n,)."""
+
+    J: Floats  # [kg m2 or kg]
+    tau: Floats  # [N m or N] all loads at (q, q', t)
+    margin: Floats  # [-]
+
+    @property
+    def possible(self) -> NDArray[np.bool_]:
+        """Where the mechanism closes and everything is a number."""
+        return np.asarray((self.margin > 0) & np.isfinite(self.J) & np.isfinite(self.tau))
+
+
+class One(NamedTuple):
+    """What one state of one driver yields; floats."""
+
+    J: float
+    tau: float
+    dJ: float  # dJ/dq
+    margin: float
+
+
+class Terms(NamedTuple):
+    """Equation of motion M q'' + c = Q of k drivers at one state."""
+
+    M: Floats  # (k, k)
+    c: Floats  # (k,)
+    Q: Floats  # (k,)
+    margin: float
+
+
+class Programs:
+    """The programs of a mechanism's equations of motion, each made when it is first asked for."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self.structure, self.scene = compiled.structure, compiled.scene
+        self.drivers = self.structure.drivers
+
+    def _schedule(self) -> Schedule:
+        return schedule(self.structure, self.scene, FREE)
+
+    @cached_property
+    def reduced(self) -> tuple[Program, NumpyEngine]:
+        """J, tau, then the margins, of one driver in batches; no acceleration is computed."""
+        s = self._schedule()
+        (driver,) = self.drivers
+        values = [s.ask(reduction.inertia, driver, driver), s.ask(reduction.reduced_load, driver)]
+        program = s.program([*values, *margins(s)])
+        return program, NumpyEngine(program)
+
+    @cached_property
+    def equation(self) -> tuple[Program, ScalarEngine]:
+        """M, Q, c (one driver: dJ/dq), then the margins, at one state."""
+        s = self._schedule()
+        drivers = self.drivers
+        M = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
+        Q = [s.ask(reduction.reduced_load, k) for k in drivers]
+        rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
+        c = [s.ask(rule, k) for k in drivers]
+        program = s.program([*M, *Q, *c, *margins(s)])
+        return program, ScalarEngine(program)
+
+    @cached_property
+    def friction(self) -> MotionProgram | None:
+        """Reactions in motion, of one driver; None where no joint has friction."""
+        rates = loads.depends_on(self.structure) != {"q"}
+        return MotionProgram.of(self.structure, self.scene, rates)
+
+    @cached_property
+    def load_size(self) -> Callable[[float], float]:
+        """q -> sum of the magnitudes of the contributions to tau at rest."""
+        return loads.load_size(self.structure, self.scene, self.drivers[0])
+
+    @cached_property
+    def knots(self) -> tuple[float, ...]:
+        """Driver coordinates of kinks of the loads."""
+        return loads.knots_of(self.structure, self.scene, self.drivers[0])
+
+
+def margins(s: Schedule) -> list[str]:
+    """Margins of the groups whose poses the schedule needs."""
+    found = [e.block for e in s.entries if e.stage == "position"]
+    return [s.ask(forward.margin, b) for b in found if s.structure.blocks[b].closes]
+
+
+def inputs(program: Program, given: Mapping[str, Any]) -> list[Any]:
+    """The inputs of a program in its order."""
+    return [given[name] for name in program.inputs]
+
+
+def programs(compiled: Compiled) -> Programs:
+    """The programs of a mechanism, see `Compiled.once`."""
+    return Programs(compiled)
+
+
+@dataclass
+class System:
+    """A mechanism as dynamics sees it; one per run, because it counts its evaluations.
+
+    Attributes
+    ----------
+    stops : (low, high) end stops of each driver, infinite where there is none
+    method : how joint friction is solved; None where it is left out or there is none
+    """
+
+    compiled: Compiled
+    stops: tuple[tuple[float, float], ...] = ()
+    method: Friction | None = None
+    progress: Progress | None = None
+    samples: int = 0
+    calls: int = 0
+    singles: int = 0
+    _programs: Programs = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._programs = self.compiled.once(programs)
+        if not self.stops:
+            self.stops = ((-math.inf, math.inf),) * len(self.drivers)
+
+    # -- what it is ------------------------------------------------------------
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Drivers in formation order."""
+        return self.compiled.structure.drivers
+
+    @cached_property
+    def rotary(self) -> tuple[bool, ...]:
+        """Whether each driver's coordinate is an angle."""
+        return tuple(self.compiled.structure.driver_joint(d).rotary for d in self.drivers)
+
+    @cached_property
+    def depends_on(self) -> frozenset[str]:
+        """What the loads depend on, of {"q", "rate", "time"}."""
+        return loads.depends_on(self.compiled.structure)
+
+    @cached_property
+    def period(self) -> float | None:
+        """Period [rad] of everything that depends on the only driver's coordinate."""
+        return loads.period_of(self.compiled.structure, self.drivers[0])
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Kinks of loads [rad or m]: of one period from 0, or within reach."""
+        return self._programs.knots
+
+    @cached_property
+    def span(self) -> float:
+        """A length [rad or m] over which things change."""
+        return TURN if self.rotary[0] else loads.largest_length(self.compiled.structure)
+
+    @cached_property
+    def lossless(self) -> bool:
+        """Whether the loads have a potential with the period, and no joint has friction."""
+        free = self.friction is None and self.period is not None
+        return free and loads.lossless(self.compiled.structure)
+
+    @property
+    def noise(self) -> float:
+        """Relative error of inertia and effort beyond rounding."""
+        return 0.0
+
+    @property
+    def load_size(self) -> Callable[[float], float]:
+        """q -> sum of the magnitudes of the contributions to tau at rest."""
+        return self._programs.load_size
+
+    @cached_property
+    def friction(self) -> JointFriction | None:
+        """Joint friction in motion; None where there is none or it is left out."""
+        if self.method is None or self.method.method == "none":
+            return None
+        program = self._programs.friction
+        return None if program is None else JointFriction(program, self.method, self._count)
+
+    @property
+    def cost(self) -> Cost:
+        """Evaluations so far."""
+        return Cost(self.samples, self.calls, self.singles)
+
+    # -- states ------------------------------------------------------------
+
+    def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:
+        """J, tau and margin of one driver at states of any shape."""
+        program, engine = self._programs.reduced
+        self._count(q.size, True)
+        flat = q.ravel()
+        rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
+        given = {"q_0": flat, "qd_0": rates, "t": np.full(flat.shape, t)}
+        with np.errstate(all="ignore"):
+            J, tau, *rest = engine.run({n: given[n] for n in program.inputs}, flat.size)
+            margin = np.minimum.reduce([np.ones(flat.size), *rest])
+        return Sample(*(np.asarray(x).reshape(q.shape) for x in (J, tau, margin)))
+
+    def one(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
+        """One state of one driver."""
+        program, engine = self._programs.equation
+        self._count(1, False)
+        J, tau, dJ, *rest = engine.one(inputs(program, {"q_0": q, "qd_0": qd, "t": t}))
+        return One(J, tau, dJ, least(rest))
+
+    def terms(self, q: Floats, qd: Floats, t: float = 0.0) -> Terms:
+        """The equation of motion of several drivers at one state."""
+        program, engine = self._programs.equation
+        self._count(1, False)
+        k = len(self.drivers)
+        given: dict[str, float] = {"t": t}
+        for i in range(k):
+            given[f"q_{i}"], given[f"qd_{i}"] = float(q[i]), float(qd[i])
+        values = engine.one(inputs(program, given))
+        M = np.array(values[: k * k]).reshape(k, k)
+        Q, c = np.array(values[k * k : k * k + k]), np.array(values[k * k + k : k * k + 2 * k])
+        return Terms(M, c, Q, least(values[k * k + 2 * k :]))
+
+    def acceleration(
+        self, q: Any, qd: Any, t: float, sides: tuple[int, ...] | None = None
+    ) -> tuple[Any, float]:
+        """q'' and the margin: floats, or an array (k,) with several drivers.
+
+        ``sides``: directions of slip of the pairs with friction, see `JointFriction`. Where
+        there is no acceleration (no inertia, no pose, self-locking) it is NaN.
+        """
+        if sides is not None and self.friction is not None:
+            found = self.friction.at(q, qd, t, sides)
+            return found.qdd, found.margin
+        if len(self.drivers) == 1:
+            J, tau, dJ, margin = self.one(q, qd, t)
+            return ((tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan), margin
+        M, c, Q, margin = self.terms(q, qd, t)
+        try:
+            return np.linalg.solve(M, Q - c), margin
+        except np.linalg.LinAlgError:
+            return np.full(len(Q), math.nan), margin
+
+    def _count(self, samples: int, batch: bool) -> None:
+        before = self.samples + self.singles
+        if batch:
+            self.samples += samples
+            self.calls += 1
+        else:
+            self.singles += samples
+        after = self.samples + self.singles
+        if self.progress is not None and before // REPORTED != after // REPORTED:
+            self.progress("computing", float(after), None)
+
+
+def least(values: Any) -> float:
+    """The smallest of 1 and some margins; NaN if one is."""
+    found = 1.0
+    for m in values:
+        if not m >= found:
+            if m != m:
+                return math.nan
+            found = float(m)
+    return found

@@ -1,1 +1,0 @@
-"""What moves: the reduced system of a mechanism, and what its loads depend on."""

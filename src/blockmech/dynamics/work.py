@@ -1,0 +1,157 @@
+"""dK/dq at the nodes of a panel, as a function of the kinetic energy there.
+
+Loads of the place alone do not ask for it; loads of the rate take the rate that it means, and
+joint friction is solved with the reactions that follow.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from blockmech.dynamics.friction import JointFriction, Loads, Placed, Responses, Sides
+from blockmech.dynamics.panels import EPS, Floats, slopes
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.system import System
+
+STEPS = 20  # of Newton: it ends by itself where steps no longer fall, after 4 to 8
+FAST = 1 / 16  # by which a step falls while the matrix of Newton's method serves: a digit and more
+SLOWEST = 1e-40  # [rad/s or m/s] a rate that only says in which direction loads of the rate act
+
+
+class Work(Protocol):
+    """dK/du along the motion at the nodes of a panel, with the energy K (n,) there."""
+
+    follows_energy: bool
+
+    def __call__(self, K: Floats) -> Floats:
+        """dK/du (n,)."""
+        ...
+
+
+class OfPlace:
+    """Loads of the place alone."""
+
+    follows_energy = False
+
+    def __init__(self, rows: Floats, sign: int) -> None:
+        self._w: Floats = sign * rows[1]
+
+    def __call__(self, K: Floats) -> Floats:
+        """The effort, in the direction of the motion."""
+        return self._w
+
+
+class OfRate:
+    """Loads that follow the rate as well."""
+
+    follows_energy = True
+
+    def __init__(self, system: System, q: Floats, rows: Floats, sign: int) -> None:
+        self._system, self._q, self._J, self._sign = system, q, rows[0], sign
+
+    def __call__(self, K: Floats) -> Floats:
+        """The effort at the rates that K means."""
+        rate = self._sign * np.sqrt(2 * np.maximum(K, 0.0) / self._J)
+        found = self._system.sample(self._q, np.where(rate == 0, self._sign * SLOWEST, rate))
+        return np.asarray(self._sign * found.tau)
+
+
+class OfFriction:
+    """Joint friction, with loads of the place and perhaps of the rate.
+
+    lost : (n,) what friction takes, dW/du, at the energy that was asked for last
+    settled : whether there was a solution at all nodes
+    loads : (n, m) on the pairs
+    """
+
+    follows_energy = True
+
+    def __init__(
+        self, friction: JointFriction, q: Floats, rows: Floats, sign: int, sides: Sides
+    ) -> None:
+        self._friction, self._q, self._sign, self._sides = friction, q, sign, sides
+        self._placed = Placed.of(rows, len(sides))
+        self.lost = np.zeros(q.size)
+        self.loads = np.zeros((q.size, len(sides)), dtype=complex)
+        self.limit = np.ones(q.size)
+
+    def _acting(self, qd2: Floats) -> Loads:
+        if not self._friction.program.rate_loads:
+            return self._placed.loads(qd2)
+        rate = self._sign * np.maximum(np.sqrt(np.maximum(qd2, 0.0)), SLOWEST)
+        return self._friction.loads(self._q, rate)
+
+    def __call__(self, K: Floats) -> Floats:
+        """Effort and friction at the rates that K means."""
+        r: Responses = self._placed.responses
+        qd2 = 2 * K / r.J  # beyond a standstill it goes on smoothly, with a negative square
+        found = self._friction.solve(r, self._acting(qd2), self._sides)
+        slowed = (r.s * found.t).sum(axis=1)
+        self.lost, self.loads, self.limit = -self._sign * slowed, found.F, found.limit
+        return np.asarray(self._sign * (found.effort - self._placed.square.push * qd2))
+
+
+class Span(NamedTuple):
+    """Where a panel lies: from its anchor over a length, see `panels.Panel`.
+
+    energy : [J] at the anchor, or before a limit
+    """
+
+    anchor: float
+    length: float
+    p: int
+    backward: bool
+    limit: bool
+    energy: float
+
+    def places(self, v: Floats, sign: int) -> Floats:
+        """Driver coordinates of v."""
+        way = sign * self.length * v**self.p
+        return np.asarray(self.anchor - way if self.backward else self.anchor + way)
+
+
+def settled(work: Work, span: Span, n: int, guess: Floats | None = None) -> tuple[Floats, Floats]:
+    """w and K at the n nodes of a panel that fit each other; NaN where there is no work.
+
+    Newton's method on  w = work(K),  K = energy + G w; its matrix serves while steps fall fast.
+    """
+    G = slopes(n, span.p, span.length, span.backward, span.limit)
+    w: Floats
+    if not work.follows_energy:
+        w = work(np.full(n, span.energy))
+        return w, span.energy + G @ w
+    w = work(np.full(n, span.energy)) if guess is None else guess
+    inverse, last = None, math.inf
+    for _ in range(STEPS):
+        K = span.energy + G @ w
+        beyond = None if inverse is not None else work(K + _step(K))
+        there = work(K)
+        if beyond is not None:
+            inverse = _inverse((beyond - there) / _step(K), G)
+        assert inverse is not None
+        change: Any = inverse @ (there - w)
+        size = float(np.abs(change).max())
+        if not math.isfinite(size):
+            return np.full(n, math.nan), K
+        w = w + change
+        if size <= 4 * EPS * float(np.abs(w).max()) or size >= last:
+            break
+        inverse, last = (inverse if size <= FAST * last else None), size
+    return w, span.energy + G @ w
+
+
+def _step(K: Floats) -> Floats:
+    """Steps of a difference quotient in the energy."""
+    return np.asarray(math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + 5e-324)
+
+
+def _inverse(slope: Floats, G: Floats) -> Floats:
+    """Inverse of the matrix of Newton's method."""
+    matrix = np.eye(slope.size) - slope[:, None] * G
+    if not np.isfinite(matrix).all():
+        return np.full(matrix.shape, math.nan)
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)

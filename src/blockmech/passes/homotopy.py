@@ -1,0 +1,404 @@
+"""Following a group without closed form from its home to a sample.
+
+The pose of a general group at driver values q is the one reached from its home along the
+straight line of driver values, by small steps: predict with the rates, correct with Newton,
+shorten what needs a large correction or might have passed a dead centre. So an answer is
+a function of the sample alone, in any order, batch or chunk. Groups that it hangs on and
+that have no closed form either are followed along the same line.
+
+A step is safe if the Jacobian, its rows of unit length, changes by less than its smallest
+singular values at both ends: by Weyl's inequality no singular Jacobian lies between, so
+another mode that comes near is not taken for this one, however near it comes.
+
+With one driver all lines lie on one axis: *knots* along it are laid once, outward from
+home and the same whoever asks, and a sample starts from the last one before it. Behind a
+dead centre a crank's pose is that of whole turns before, if the path leads there.
+
+Sources: Allgower & Georg, Introduction to numerical continuation methods, 2003, ch. 2
+(Euler-Newton predictor-corrector); Golub & Van Loan, Matrix Computations, 2013, 8.6
+(perturbation of singular values).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.blocks.general import GeneralGroup
+from blockmech.errors import GraphError, Problem, listed
+from blockmech.model.scene import Scene
+from blockmech.model.structure import Structure
+from blockmech.passes.tracking import Stand, Tracker
+from blockmech.plan import Friction, Schedule
+
+Array = NDArray[Any]
+TURN = 2 * math.pi
+CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
+STRIDE = 0.3  # [rad] turn of a link in one step
+SMALLEST = 1e-14  # share of a line, or of knots, at which the path ends: a dead centre, to rounding
+CHANGE = 0.7  # of what the singular values allow: how much J may change in one step
+FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
+DEAD = 1e-7  # [-] smallest singular value of a home: nearer its modes are one, to rounding
+BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
+MOST = 5000  # steps of a line
+MODES = 12  # turns of the driver on which a group may be in another mode each
+SAME = 1e-9  # [-] difference of poses that are one pose
+
+
+def schedule(
+    structure: Structure, scene: Scene, friction: Friction, static: bool = False
+) -> Schedule:
+    """A program to be made, which follows groups without closed form from their homes."""
+    return Schedule(structure, scene, friction, static, guess=lambda s, b: s.ask(guess, b))
+
+
+def guess(s: Schedule, block: str) -> str:
+    """The guess of a general group's pose: links' places, and the share of the path."""
+    path = path_of(s.structure, block)
+    q = "".join(f"{s.input('q', d)}, " for d in path.drivers)
+    return s.emit(path, f"({q})", name=f"{block}_guess")
+
+
+def path_of(structure: Structure, block: str) -> Path:
+    """The path of a general group; made once for a structure, so knots are laid once."""
+    if block not in structure.paths:
+        structure.paths[block] = Path(structure, block)
+    found: Path = structure.paths[block]
+    return found
+
+
+def followed(structure: Structure) -> tuple[str, ...]:
+    """Groups without closed form, in formation order."""
+    return tuple(name for name, block in structure.blocks.items() if block.own_form)
+
+
+def refuse_open_homes(structure: Structure) -> None:
+    """Raise `GraphError` for every general group that does not close at its home."""
+    problems: list[Problem] = []
+    for name in followed(structure):
+        try:
+            path_of(structure, name).at_home  # noqa: B018
+        except GraphError as error:
+            problems += error.problems
+    if problems:
+        raise GraphError(list(dict.fromkeys(problems)))
+
+
+class Path:
+    """Follows one general group, and those it hangs on, from its home.
+
+    Called by programs with the driver values: numbers, or arrays (...).
+    """
+
+    def __init__(self, structure: Structure, block: str) -> None:
+        self.__name__ = f"path_{block}"
+        self.block = block
+        self.structure = structure
+        group = structure.blocks[block]
+        assert isinstance(group, GeneralGroup)
+        self.group = group
+        upstream = structure.upstream[block]
+        self.drivers = tuple(d for d in structure.drivers if d in upstream)
+        self._problems()
+        above = structure.ancestors(block)
+        groups = [name for name in followed(structure) if name in above]
+        self.tracker = Tracker(structure, groups, self.drivers)
+        self.own = len(group.link_names)  # the last links of the state
+
+    def _problems(self) -> None:
+        given = self.group.home.drivers
+        missing = [d for d in self.drivers if d not in given]
+        strange = [d for d in given if d not in self.drivers]
+        if missing or strange:
+            found = [f"no value of {listed(missing)}"] * bool(missing)
+            found += [f"{listed(strange)} does not move it"] * bool(strange)
+            valid = f"drivers that move it: {listed(self.drivers) or 'none'}"
+            where = f"{self.block}.home.drivers"
+            raise GraphError(Problem("bad-home", where, "; ".join(found), valid))
+
+    @cached_property
+    def home(self) -> Array:
+        """Driver values at home (k,)."""
+        return np.array([self.group.home.drivers[d] for d in self.drivers], float)
+
+    @cached_property
+    def at_home(self) -> Stand:
+        """The refined pose at home, one sample; rates are those of a line that stands still.
+
+        Raises `GraphError` where the links do not close there.
+        """
+        places: list[tuple[float, float, float, float]] = []
+        for name in self.tracker.groups:
+            if name == self.block:
+                rows = (self.group.home.poses[link] for link in self.group.link_names)
+                places += [(x, y, math.cos(a), math.sin(a)) for x, y, a in rows]
+            else:
+                places += self._of_another(name)
+        still = np.zeros((1, len(self.drivers)))
+        found, first = self.tracker.at(self.home[None, :], still, np.array([places]), one=True)
+        if not (np.isfinite(first).all() and (found.nearest > DEAD).all()):
+            raise GraphError(
+                Problem(
+                    "bad-home",
+                    f"{self.block}.home",
+                    "the pairs do not close near this pose, or close at a dead centre",
+                    "home is a pose of the links [x, y, angle] and its driver values",
+                    "give the poses of one assembled position; `decompose` finds them",
+                )
+            )
+        return found
+
+    def _of_another(self, name: str) -> list[tuple[float, float, float, float]]:
+        other = path_of(self.structure, name)
+        q = tuple(self.home[self.drivers.index(d)] for d in other.drivers)
+        links, _ = other(q)
+        return [(float(x), float(y), float(c), float(s)) for x, y, c, s in links]
+
+    def __call__(self, q: tuple[Any, ...]) -> Any:
+        """Places and directions of the group's links, and the share of the path (1: all)."""
+        shape = np.broadcast_shapes(*(np.shape(x) for x in q)) if q else ()
+        wanted = np.empty((math.prod(shape), len(q)))
+        for k, x in enumerate(q):
+            wanted[:, k] = np.broadcast_to(x, shape).ravel()
+        place, reached = self.follow(wanted, one=not shape)
+        own = place[:, -self.own :, :]
+        if not shape:
+            links = tuple(tuple(row) for row in own[0].tolist())
+            return links, float(reached[0])
+        columns = np.ascontiguousarray(np.moveaxis(own, 0, -1)).reshape((self.own, 4, *shape))
+        return tuple(tuple(link) for link in columns), reached.reshape(shape)
+
+    def follow(self, q: Array, one: bool = False) -> tuple[Array, Array]:
+        """Places (n, m, 4) at driver values (n, k), NaN where the path ends before, and
+        the share of it (n,) that was possible; by the scalar engine for ``one`` sample."""
+        home, n = self.at_home, len(q)
+        if not self.drivers:
+            return np.repeat(home.place, n, axis=0), np.ones(n)
+        if len(self.drivers) == 1:
+            return self.knots.follow(q[:, 0], one)
+        start = np.repeat(self.home[None, :], n, axis=0)
+        stand, _ = self.tracker.at(start, q - start, np.repeat(home.place, n, axis=0), one)
+        return travel(self, start, stand, q, one)
+
+    @property
+    def repeats(self) -> bool:
+        """Whether a turn of the only driver, if it is a rotary one, ends at home again."""
+        return not self.drivers or (len(self.drivers) == 1 and self.knots.turns == 1)
+
+    @cached_property
+    def knots(self) -> Knots:
+        """Poses along the axis of the only driver."""
+        return Knots(self)
+
+
+def travel(path: Path, start: Array, stand: Stand, end: Array, one: bool) -> tuple[Array, Array]:
+    """Follow n samples from their start (n, k) to their end along straight lines.
+
+    Returns places where they arrived, NaN where the line ends before, and the share of
+    the line (n,) that was gone.
+    """
+    n, line = len(start), end - start
+    finite = np.isfinite(line).all(axis=1)
+    stand = stand.at(np.arange(n))  # a copy
+    gone, h = np.zeros(n), np.minimum(1.0, strides(stand.rate))
+    active = finite.copy()
+    for _ in range(MOST):
+        now = np.flatnonzero(active)
+        if not len(now):
+            break
+        left = 1.0 - gone[now]
+        last = h[now] >= left
+        step = np.where(last, left, h[now])
+        at = np.where(last, 1.0, gone[now] + step)
+        q = np.where(last[:, None], end[now], start[now] + at[:, None] * line[now])
+        here = stand.at(now)
+        ahead = predicted(here.place, here.rate, step)
+        found, first = path.tracker.at(q, line[now], ahead, one)
+        room = room_left(path, here, found, first)
+        good = room >= 1.0
+        taken = now[good]
+        stand.put(taken, found.at(good))
+        gone[taken] = at[good]
+        h[now] = step * growth(room)
+        h[taken] = np.minimum(h[taken], strides(found.rate[good]))
+        active[now] = (gone[now] < 1.0) & (h[now] > SMALLEST)
+    stand.place[gone < 1.0] = np.nan
+    return stand.place, np.where(finite, gone, np.nan)
+
+
+def room_left(path: Path, here: Stand, found: Stand, first: Array) -> Array:
+    """How much longer each step (n,) might have been; below 1 it was too long, 0 if lost."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.sqrt(CORRECTION * extent(path, found) / first)
+        for g, (a, b) in enumerate(zip(here.J, found.J, strict=True)):
+            change = np.sqrt(np.square(b - a).sum(axis=(1, 2)))
+            room = np.minimum(room, CHANGE * (here.nearest[:, g] + found.nearest[:, g]) / change)
+        room = np.where(found.reach <= FAR * path.at_home.reach, room, 0.0)
+    return np.asarray(np.nan_to_num(room, nan=0.0, posinf=np.inf))
+
+
+def extent(path: Path, stand: Stand) -> Array:
+    """What corrections (n,) are measured by [-]: size and radian, more where slides are far out."""
+    moved = (stand.place - path.at_home.place)[..., :2] * path.tracker.weights[:, :2]
+    far = 1.0 + np.abs(moved).max(axis=(1, 2), initial=0.0)
+    return np.asarray(np.maximum(far, stand.reach))
+
+
+def growth(room: Array) -> Array:
+    """Factor (n,) from a step to the next one."""
+    return np.clip(0.7 * room, 0.25, 4.0)
+
+
+def predicted(place: Array, rate: Array, step: Array) -> Array:
+    """Places after a step with constant rates."""
+    moved = np.empty_like(place)
+    moved[..., :2] = place[..., :2] + step[:, None, None] * rate[..., :2]
+    turn = step[:, None] * rate[..., 2]
+    c, s = np.cos(turn), np.sin(turn)
+    moved[..., 2] = c * place[..., 2] - s * place[..., 3]
+    moved[..., 3] = s * place[..., 2] + c * place[..., 3]
+    return moved
+
+
+def strides(rate: Array) -> Array:
+    """Share of the line (n,) in which no link turns further than a stride."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(STRIDE / np.abs(rate[..., 2]).max(axis=1, initial=0.0))
+
+
+def last_good(path: Path, q: Array) -> Array:
+    """Driver values (k,) of the last pose on the line from home to q, where that ends before."""
+    if len(path.drivers) == 1:
+        side = path.knots.sides[1 if q[0] >= path.home[0] else -1]
+        return np.array([side.q[-1]])
+    reached = path.follow(q[None, :], one=True)[1]
+    return np.asarray(path.home + reached * (q - path.home))
+
+
+class Knots:
+    """Poses of a path along its only driver, laid outward from home as far as asked."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.home = float(path.home[0])
+        self.rotary = path.structure.driver_joint(path.drivers[0]).rotary
+        one = np.ones((1, 1))
+        start = path.tracker.at(path.home[None, :], one, path.at_home.place, one=True)[0]
+        unit = 1.0 if self.rotary else path.group.parameters().size
+        self.sides = {way: _Side(path, way, start, unit) for way in (1, -1)}
+
+    def follow(self, q: Array, one: bool) -> tuple[Array, Array]:
+        """As `Path.follow`, for driver values (n,).
+
+        Behind the end of an arc a crank stands where it also stands whole turns before:
+        if that is on the arc, that is its pose.
+        """
+        q = self._folded(q)
+        place, reached = self._along(q, one)
+        lost = np.flatnonzero(reached < 1.0)
+        if not (self.rotary and len(lost)):
+            return place, reached
+        behind = self.home + np.mod(q[lost] - self.home, TURN)
+        for same in (behind, behind - TURN):
+            there, share = self._along(same, one)
+            better = share > reached[lost]
+            place[lost[better]], reached[lost[better]] = there[better], share[better]
+        return place, reached
+
+    def _along(self, q: Array, one: bool) -> tuple[Array, Array]:
+        away = q - self.home
+        place = np.full((len(q), *self.path.at_home.place.shape[1:]), np.nan)
+        reached = np.where(np.isfinite(q), 0.0, np.nan)
+        for way, side in self.sides.items():
+            here = np.flatnonzero(away * way >= 0.0 if way > 0 else away < 0.0)
+            if len(here):
+                place[here], reached[here] = side.follow(q[here], away[here], one)
+        return place, reached
+
+    def _folded(self, q: Array) -> Array:
+        """Driver values of further turns, brought into the first ones where they repeat."""
+        far = np.abs(q - self.home) >= TURN
+        if not (far.any() and self.turns):
+            return q
+        return np.where(far, self.home + np.mod(q - self.home, self.turns * TURN), q)
+
+    @cached_property
+    def turns(self) -> int:
+        """Turns of the driver after which the pose at home is back; 0 if the path ends."""
+        if not self.rotary:
+            return 0
+        home = self.path.at_home.place
+        for k in range(1, MODES + 1):
+            away = np.array([k * TURN])
+            place, _ = self.sides[1].follow(self.home + away, away, one=True)
+            apart = np.abs(place - home).max(axis=0) * self.path.tracker.weights
+            if not np.isfinite(apart).all():
+                return 0
+            if apart.max() < SAME:
+                return k
+        return 0
+
+
+class _Side:
+    """Knots to one side of home; ``unit`` is what the driver is measured by [rad or m]."""
+
+    def __init__(self, path: Path, way: int, start: Stand, unit: float) -> None:
+        self.path, self.way, self.unit = path, way, unit
+        self.q = [float(path.home[0])]
+        self.stands = [start]
+        self.ended = False
+        self.step = unit
+        self._laid: tuple[Array, Stand] | None = None
+
+    def follow(self, q: Array, away: Array, one: bool) -> tuple[Array, Array]:
+        """Places and shares at driver values (n,) on this side."""
+        self._grow(float(np.abs(away).max()))
+        knots, stands = self._arrays()
+        if self.ended:  # one end for all who ask
+            q = np.where((q - knots[-1]) * self.way > 0.0, np.nan, q)
+        k = np.searchsorted(knots * self.way, q * self.way, side="right") - 1
+        start = knots[k]
+        line = q - start
+        stand = stands.at(k)
+        stand = stand._replace(rate=stand.rate * line[:, None, None])
+        place, share = travel(self.path, start[:, None], stand, q[:, None], one)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            gone = np.where(np.isnan(q), knots[-1], start + share * line) - self.path.home[0]
+            return place, np.where(share >= 1.0, 1.0, np.minimum(gone / away, BEFORE))
+
+    def _grow(self, reach: float) -> None:
+        """Lay knots until one is further from home than ``reach``; each by its forerunner."""
+        path, home = self.path, float(self.path.home[0])
+        while not self.ended and abs(self.q[-1] - home) <= reach and len(self.q) < MOST * 20:
+            stand = self.stands[-1]
+            step = min(self.step, float(strides(stand.rate)[0]))
+            while True:
+                q = np.array([[self.q[-1] + self.way * step]])
+                ahead = predicted(stand.place, stand.rate, np.array([self.way * step]))
+                found, first = path.tracker.at(q, np.ones((1, 1)), ahead, one=True)
+                room = room_left(path, stand, found, first)
+                if room[0] >= 1.0:
+                    break
+                step *= float(growth(room)[0])
+                if step < SMALLEST * max(self.unit, abs(self.q[-1])):
+                    self.ended = True
+                    return
+            self.q.append(float(q[0, 0]))
+            self.stands.append(found)
+            self.step = step * float(growth(room)[0])
+            self._laid = None
+
+    def _arrays(self) -> tuple[Array, Stand]:
+        if self._laid is None:
+            columns = zip(*(s.J for s in self.stands), strict=True)
+            J = tuple(np.concatenate(x) for x in columns)
+            place, rate, nearest, reach = (
+                np.concatenate([getattr(s, x) for s in self.stands])
+                for x in ("place", "rate", "nearest", "reach")
+            )
+            self._laid = np.array(self.q), Stand(place, rate, J, nearest, reach)
+        return self._laid

@@ -1,0 +1,99 @@
+"""Systems made of plain functions, for tests: no mechanism stands behind them."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+
+from blockmech.dynamics import methods
+from blockmech.dynamics.request import SimulationRequest, Start, Until
+from blockmech.dynamics.system import One, Sample, System
+
+TURN = 2 * math.pi
+
+
+class Synthetic(System):
+    """A system of functions.
+
+    one : (q, q', t) -> J, tau, dJ, margin; or terms (q, q', t) -> M, c, Q, margin with k drivers
+    batch : the same for arrays, J, tau, margin; without it the states are taken one by one
+    """
+
+    depends_on = frozenset({"q"})
+    period = TURN
+    knots = ()
+    span = TURN
+    lossless = False
+    friction = None
+    drivers = ("q",)
+    rotary = (True,)
+
+    def __init__(self, one=None, batch=None, *, terms=None, k=1, **more):
+        self._given_one, self._given_batch, self._given_terms = one, batch, terms
+        self.method = self.progress = None
+        self.samples = self.calls = self.singles = 0
+        names = tuple("q" if k == 1 else f"q{i}" for i in range(k))
+        vars(self)["drivers"], vars(self)["rotary"] = names, (True,) * k
+        structure = SimpleNamespace(elements={})
+        self.compiled = SimpleNamespace(
+            structure=structure, drivers=names, frictional_joints=(), once=lambda make: make(self)
+        )
+        self.stops = ((-math.inf, math.inf),) * k
+        for name, value in more.items():
+            vars(self)[name] = (value,) if name == "stops" and np.ndim(value) == 1 else value
+
+    def but(self, **more):
+        """The same with something else."""
+        given = {
+            "one": self._given_one,
+            "batch": self._given_batch,
+            "terms": self._given_terms,
+            "k": len(self.drivers),
+        }
+        own = ("depends_on", "period", "knots", "span", "stops", "rotary", "lossless")
+        kept = {name: getattr(self, name) for name in own}
+        if "one" in more and "batch" not in more:
+            given["batch"] = None
+        return Synthetic(**{**given, **kept, **more})
+
+    def load_size(self, q):
+        return 1.0
+
+    def one(self, q, qd=0.0, t=0.0):
+        self._count(1, False)
+        return One(*self._given_one(q, qd, t))
+
+    def sample(self, q, qd=0.0, t=0.0):
+        self._count(q.size, True)
+        rates = np.broadcast_to(np.asarray(qd, dtype=float), q.shape)
+        if self._given_batch is not None:
+            with np.errstate(all="ignore"):
+                found = self._given_batch(q, rates, t)
+            return Sample(*(np.broadcast_to(x, q.shape).astype(float) for x in found))
+        rows = [
+            self._given_one(float(a), float(b), t) for a, b in zip(q.flat, rates.flat, strict=True)
+        ]
+        columns = zip(*rows, strict=True)
+        J, tau, _, margin = (np.array(c, dtype=float).reshape(q.shape) for c in columns)
+        return Sample(J, tau, margin)
+
+    def terms(self, q, qd, t=0.0):
+        self._count(1, False)
+        return self._given_terms(q, qd, t)
+
+
+def move(
+    system, start, until, method="auto", accuracy=None, step=None, watch=(), times=(), progress=None
+):
+    """The motion of a system, as `simulate` asks for it."""
+    until = Until.parse(until) if isinstance(until, str) else until
+    if not isinstance(start, Start):
+        start = Start(*(np.asarray(x, dtype=float) for x in start[:2]))
+    system.progress = progress
+    system.samples = system.calls = system.singles = 0
+    request = SimulationRequest(
+        start, until, accuracy, method, step, tuple(np.ravel(times).tolist()), tuple(watch)
+    )
+    return methods.move(system, request)

@@ -1,0 +1,154 @@
+"""Joint friction in motion: closed forms, rest and what holds it, reversals, refusals."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import blockmech as bm
+from blockmech.errors import RequestError
+from tests.doors import graph_of as loads
+
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
+G = 9.81  # [m/s2]
+LOWEST = -math.pi / 2  # [rad] the pendulum hanging
+METHODS = pytest.mark.parametrize(("method", "accuracy"), [("auto", 1e-10), ("dop853", 1e-7)])
+# numerics 8.5: masses of the paper's linkage, gravity, f' r = 0.05 m in all joints, from 1 rad
+REST_ANGLE, REST_TIME = -1.81768323201221, 13.5898794353  # [rad], [s]
+
+
+def pendulum(coefficient=0.2, radius=0.1, law=None):
+    """A point mass of 1 kg at 1 m on a pin with friction."""
+    graph = bm.Graph("pendulum", gravity=(0.0, -G))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    mass = bm.Link(mass=1.0, inertia=0.0, cm=(1.0, 0.0))
+    friction = {"A": {"law": "coulomb", "coefficient": coefficient, "radius": radius}}
+    graph.add("crank", bm.Crank(length=1.0, links={"crank": mass}, friction=friction))
+    graph.connect("frame.A", "crank.A")
+    if law is not None:
+        graph.add("motor", bm.Motor(law=law))
+        graph.connect("frame.A", "motor.a")
+        graph.connect("crank.crank", "motor.b")
+    return graph.compile()
+
+
+def standstills(first, xi):
+    """Angles from the lowest place at which the pendulum stands still, by its closed form.
+
+    y = th'^2 = C exp(-2 s mu th) + A cos th + s B sin th while the rod pulls.
+    """
+    mu = xi / math.sqrt(1 - xi * xi)
+    a = 2 * G * (1 - 2 * mu * mu) / (1 + 4 * mu * mu)
+    b = -6 * mu * G / (1 + 4 * mu * mu)
+    found = [first]
+    while abs(math.sin(found[-1])) > xi:
+        th, s = found[-1], -1 if found[-1] > 0 else 1
+        c = -(a * math.cos(th) + s * b * math.sin(th)) * math.exp(2 * s * mu * th)
+
+        def y(x, s=s, c=c):
+            return c * math.exp(-2 * s * mu * x) + a * math.cos(x) + s * b * math.sin(x)
+
+        low, high = (-th, 0.0) if y(0.0) > 0 else (0.0, th * (1 - 1e-7))
+        found.append(float(brentq(y, low, high, xtol=1e-15)))
+    return np.array(found[1:])
+
+
+@METHODS
+def test_a_pendulum_on_a_pin_stands_still_where_the_closed_form_says(method, accuracy):
+    wanted = standstills(1.5, 0.02)
+    mech = pendulum()
+    motion = mech.simulate(
+        "time=100", start={"crank": (LOWEST + 1.5, 0.0)}, method=method, accuracy=accuracy
+    ).motion
+    stood = [e.q - LOWEST for e in motion.events if e.kind == "standstill"]
+    assert len(stood) == wanted.size == 27
+    rounding = 1e-13  # of the closed form's last, short swings
+    assert np.abs(stood - wanted).max() <= motion.error + rounding
+    assert motion.reached
+    assert motion.events[-1].kind == "rest"
+    lost = G * (math.cos(wanted[-1]) - math.cos(1.5))
+    assert motion.facts["friction_work"] == pytest.approx(lost, rel=10 * accuracy)
+    low, high = motion.facts["holding_low"], motion.facts["holding_high"]
+    assert low < 0 < high
+
+
+@METHODS
+def test_the_papers_linkage_swings_out_where_the_prototype_said(method, accuracy):
+    data = json.loads((GRAPHS / "ruiz_fourbar.json").read_text("utf-8"))
+    for block in ("crank", "dyad"):
+        for law in data["blocks"][block]["friction"].values():
+            law.update(coefficient=1.0, radius=0.05)
+    del data["blocks"]["weightlike"], data["blocks"]["couple"], data["wires"][3:]
+    data["scene"]["gravity"] = [0.0, -G]
+    data.pop("expect", None)
+    motion = (
+        loads(json.dumps(data))
+        .compile()
+        .simulate("time=100", start={"crank": (1.0, 0.0)}, method=method, accuracy=accuracy)
+        .motion
+    )
+    kinds = [e.kind for e in motion.events]
+    assert (kinds.count("standstill"), kinds[-1]) == (9, "rest")
+    assert "joint reverses" in kinds
+    assert abs(motion.events[-1].q - REST_ANGLE) <= motion.error + 1e-14
+    assert abs(motion.events[-1].t - REST_TIME) <= 1e3 * accuracy
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853"])
+def test_what_friction_holds_stays_where_it_is(method):
+    mech = pendulum()
+    start = {"crank": (LOWEST + 0.5 * 0.02, 0.0)}
+    held = mech.simulate("standstill", start=start, method=method).motion
+    assert (held.status, held.end, held.t_end) == ("rest", "rest", 0.0)
+    timed = mech.simulate("time=1", start=start, method=method).motion
+    assert (timed.status, timed.end, timed.qd_end) == ("reached", "time", 0.0)
+    assert timed.q_end == start["crank"][0]
+
+
+def test_a_load_of_the_time_starts_a_driver_at_rest_when_it_outgrows_friction():
+    """The pin holds xi m g = 0.1962 N m at the lowest place; the moment grows by 0.5 N m/s."""
+    law = {"kind": "polynomial", "of": "time", "coefficients": [0.0, 0.5]}
+    mech = pendulum(law=law)
+    motion = mech.simulate("time=2", start={"crank": (LOWEST, 0.0)}, accuracy=1e-8).motion
+    leaves = 0.02 * G / 0.5
+    assert motion.events[0].kind == "rest"
+    assert motion.at(0.99 * leaves).q == LOWEST
+    assert motion.at(1.05 * leaves).q > LOWEST
+    assert motion.q_end > LOWEST
+
+
+def test_outputs_along_a_motion_with_friction_need_no_drive():
+    mech = pendulum()
+    r = mech.simulate(times=[0.2, 0.4], start={"crank": (0.5, 0.0)}, want=["crank.drive"])
+    assert np.abs(r["crank.drive"]).max() <= 1e-9 * G
+
+
+def test_left_out_it_is_the_motion_without():
+    start = {"crank": (0.5, 0.0)}
+    plain = pendulum(coefficient=0.0).simulate("time=1", start=start).motion
+    waived = pendulum().simulate("time=1", start=start, friction="none").motion
+    assert waived.q_end == plain.q_end
+    assert pendulum().simulate("time=1", start=start).motion.q_end > plain.q_end
+
+
+@pytest.mark.parametrize("method", ["energy", "rk4", "euler_q"])
+def test_methods_without_friction_refuse_it(method):
+    with pytest.raises(RequestError, match="joints have friction"):
+        pendulum().simulate("time=1", start={"crank": (0.5, 0.0)}, method=method)
+
+
+def test_several_drivers_with_friction_are_refused_by_name():
+    data = json.loads((GRAPHS / "fivebar_falling.json").read_text("utf-8"))
+    law = {"law": "coulomb", "coefficient": 0.2, "radius": 0.01}
+    data["blocks"]["left"]["friction"] = {"A": law}
+    data.pop("expect", None)
+    mech = loads(json.dumps(data)).compile()
+    with pytest.raises(RequestError, match="one driver") as caught:
+        mech.simulate("time=0.1")
+    assert "left.A" in str(caught.value)
+    assert mech.simulate("time=0.01", friction="none").motion.end == "time"
