@@ -20,32 +20,27 @@ if TYPE_CHECKING:
     from blockmech.result import Result
 
 
-class _Runs:
-    """What graphs and linkages have in common: they compile and run."""
-
-    def compile(self) -> Mechanism:
-        """Check it and freeze it into a mechanism that computes.
-
-        The mechanism is a snapshot: the document may be edited and compiled again. Outputs of
-        a linkage, which is decomposed, have the names of the document.
-        Raises `GraphError` with all problems.
-        """
-        from blockmech.mechanism import Mechanism
-
-        return Mechanism.of(self)  # type: ignore[arg-type]
-
-    def run(self, **request: Any) -> Result:
-        """Compile and run; see `Mechanism.run`."""
-        return self.compile().run(**request)
-
-
-class Graph(_Runs, graph.Graph):
+class Graph(graph.Graph):
     """A mechanism as a diagram of blocks, with the doors that load, save, compile and run it.
 
     >>> import blockmech as bm
     >>> bm.Graph("fourbar").name
     'fourbar'
     """
+
+    def compile(self) -> Mechanism:
+        """Check the graph and freeze it into a mechanism that computes.
+
+        The mechanism is a snapshot: the graph may be edited and compiled again.
+        Raises `GraphError` with all problems.
+        """
+        from blockmech.mechanism import Mechanism
+
+        return Mechanism.of(self)
+
+    def run(self, **request: Any) -> Result:
+        """Compile and run; see `Mechanism.run`."""
+        return self.compile().run(**request)
 
     def _repr_svg_(self) -> str:
         from blockmech.draw import diagram_svg
@@ -68,7 +63,7 @@ class Decomposition(decompose.Decomposition):
         return Mechanism.of(self.graph, self.names)
 
 
-class Linkage(_Runs, linkage.Linkage):
+class Linkage(linkage.Linkage):
     """A mechanism said in links and joints, with the doors that load, save, compile and run it.
 
     >>> import blockmech as bm
@@ -94,6 +89,17 @@ class Linkage(_Runs, linkage.Linkage):
         Raises `GraphError` with all problems.
         """
         return Decomposition(**vars(decompose.decompose(self, general)))
+
+    def compile(self) -> Mechanism:
+        """Decompose the linkage and freeze it into a mechanism that computes.
+
+        Its outputs have the names of the document. Raises `GraphError` with all problems.
+        """
+        return self.decompose().compile()
+
+    def run(self, **request: Any) -> Result:
+        """Compile and run; see `Mechanism.run`."""
+        return self.compile().run(**request)
 
     def __repr__(self) -> str:
         pairs = sum(len(joint.links) - 1 for joint in self.joints.values())
