@@ -64,10 +64,8 @@ LOOSE = 1e-8  # tolerance of the flow by which a motion is followed
 SETTLING = 30  # periods of flow before a root is looked for (numerics 14)
 TIMES = 3  # as often
 PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried
-PASSAGES = 60  # standstills and turns that are followed
-INWARD, OUTWARD = 0.6, 1.25  # factors by which amplitudes or speeds are sampled ahead
-SMALLEST, LARGEST = 1e-4, 1e3  # of the amplitude or speed from which they are
-AT_REST = 1e-4  # distance from a stable equilibrium, in spans, that counts as rest
+INWARD = 0.6  # factor by which amplitudes or speeds are sampled ahead; outward its inverse
+SMALL = 1e-4  # amplitude, relative to the span or to that of the start, that counts as rest
 COMMON = 1000  # periods of one load in the common one at most
 FAR = 1e4  # spans that a driver without turns may go without a standstill, or a search
 TURN = "turn"
@@ -209,7 +207,7 @@ class Flow:
     def run(self, asked: SimulationRequest, tolerance: float) -> Motion:
         """One integration."""
         own = asked.method in SOLVERS and tolerance > FLOWS
-        method, rest = asked.method if own else "dop853", AT_REST * self.system.span
+        method, rest = asked.method if own else "dop853", SMALL * self.system.span
         motion = Run(self.system, asked, method, tolerance, self.name, rest).motion()
         if motion.end == INTERRUPTED:
             raise KeyboardInterrupt
@@ -439,7 +437,7 @@ def _settled(flow: Flow) -> Motion:
     """What loads of place and rate settle to: rest; with one driver also swings and turns."""
     x, several, clock = _left_if_unstable(flow), flow.k > 1, 0.0
     try:
-        for _ in range(PASSAGES):
+        for _ in range(2 * SETTLING):
             rest = _rest_at(flow, x)
             if rest is not None:
                 return rest
@@ -489,7 +487,7 @@ def _rest_at(flow: Flow, x: Floats) -> Motion | None:
     found = equilibrium_near(flow.acceleration, x[:k], flow.size)
     if found is not None and found.kind != "unstable":
         away = float(np.abs((np.append(found.q, np.zeros(k)) - x) / flow.size).max())
-        if away <= (2 * found.error if lossless else AT_REST):
+        if away <= (2 * found.error if lossless else SMALL):
             return _at_rest(flow, _stopping(flow, x, found))
     if lossless:
         raise no_steady(
@@ -505,7 +503,7 @@ def _stopping(flow: Flow, x: Floats, found: Equilibrium) -> Equilibrium:
     if found.kind != "indifferent" or (x == flow.x).all():
         return found
     if flow.k > 1:
-        return found._replace(q=x[: flow.k], error=AT_REST * flow.system.span)
+        return found._replace(q=x[: flow.k], error=SMALL * flow.system.span)
     asked = replace(flow.asked(flow.x, Until("standstill")), accuracy=FLOWS)
     motion = in_time(flow.system, asked, "dop853")
     return found._replace(q=np.array([motion.q_end]), error=motion.error)
@@ -575,7 +573,7 @@ def _ahead(change: Callable[[float], float], z: float, anchor: float) -> float |
     if abs(first) <= LOOSE * abs(z - anchor):
         return z
     inward = first * (z - anchor) < 0
-    factor, end = (INWARD, SMALLEST) if inward else (OUTWARD, LARGEST)
+    factor, end = (INWARD, SMALL) if inward else (1 / INWARD, 1 / SMALL)
     share, last = 1.0, z
     while (share > end) is inward:
         share *= factor
