@@ -131,16 +131,15 @@ def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
     factor, unit = scaled_unit(panel.unit, max(map(abs, panel.shown)))
     alone = len(panel.curves) == 1
     for i, (curve, label) in enumerate(zip(panel.curves, panel.labels, strict=True)):
-        colour, dashes = ink.curve_style(i)
-        style = {"color": colour, "lw": 1.2, "zorder": 2.5, "label": label}
-        _line(axes, x, curve.values[order] * factor, dashes, "o", style)
+        style = {**ink.curve_style(i), "lw": 1.2, "zorder": 2.5, "label": label}
+        _line(axes, x, curve.values[order] * factor, "o", style)
     for i, curve in enumerate(panel.curves):
         if curve.without is not None:
             # One pair of curves differs in colour and dashes; of many, the thin ones.
-            colour = ink.SERIES[1] if alone else ink.curve_style(i)[0]
+            colour = ink.SERIES[1] if alone else ink.curve_style(i)["color"]
             style = {"color": colour, "lw": 1.1 if alone else 0.5, "label": WITHOUT}
-            style["zorder"] = 3 if alone else 2
-            _line(axes, x, curve.without[order] * factor, TWIN if alone else (), "s", style)
+            style |= {"zorder": 3 if alone else 2, "dashes": TWIN if alone else ()}
+            _line(axes, x, curve.without[order] * factor, "s", style)
     _shade_gaps(axes, x, np.vstack([row[order] for row in panel.rows]))
     for at, words in along.events:
         axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1, label=words)
@@ -158,9 +157,7 @@ def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
         axes.set_ylim(low - air, high + air)
 
 
-def _line(
-    axes: Any, x: Array, y: Array, dashes: tuple[float, ...], mark: str, style: dict[str, Any]
-) -> None:
+def _line(axes: Any, x: Array, y: Array, mark: str, style: dict[str, Any]) -> None:
     """A curve; few samples are marked, and so is one that stands alone between gaps."""
     good = np.isfinite(y)
     left, right = np.append(False, good[:-1]), np.append(good[1:], False)
@@ -169,9 +166,7 @@ def _line(
         style = {"marker": mark, "ms": 2.6, "markevery": None, **style}
     elif len(alone):
         style = {"marker": mark, "ms": 2.0, "markevery": alone.tolist(), **style}
-    (line,) = axes.plot(x, y, **style)
-    if dashes:
-        line.set_dashes(dashes)
+    axes.plot(x, y, **style)
 
 
 def _shade_gaps(axes: Any, x: Array, y: NDArray[Any]) -> None:

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from blockmech.draw import palette as ink
-from blockmech.draw import write_figure
-from blockmech.draw.animation import FRICTION_POWER, gif, player, reel_of
+from blockmech.draw.animation import FRICTION_POWER, Animation
 from blockmech.draw.curves import friction_panels, reaction_panels
+from blockmech.draw.motion import moves_of_result
 from blockmech.draw.panels import BOTTOM, PANEL, Abscissa, Curve, Panel, draw_panels
-from blockmech.draw.paper import legend_above, new_figure, shown_name, styled
+from blockmech.draw.paper import legend_above, new_figure, shown_name, styled, write_figure
 from blockmech.dynamics.simulation import result_along
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
@@ -137,11 +137,14 @@ def phase_plots(result: Result, degrees: bool = True) -> dict[str, Any]:
             figure = new_figure(ink.COLUMN, BOTTOM + PANEL, layout="constrained")
             axes = figure.subplots()
             for i, (x, y) in enumerate(zip(over, rates, strict=True)):
-                colour, dashes = ink.curve_style(i)
-                ends: dict[str, Any] = {"marker": "o", "color": colour, "ms": 3, "zorder": 3}
-                (line,) = axes.plot(x.values, y.values, color=colour, label=shown_name(x.name))
-                if dashes:
-                    line.set_dashes(dashes)
+                style = ink.curve_style(i)
+                ends: dict[str, Any] = {
+                    "marker": "o",
+                    "color": style["color"],
+                    "ms": 3,
+                    "zorder": 3,
+                }
+                axes.plot(x.values, y.values, **style, label=shown_name(x.name))
                 axes.plot(x.values[:1], y.values[:1], mfc=ink.PAPER, **ends)
                 axes.plot(x.values[-1:], y.values[-1:], **ends)
             of = f" of {shown_name(over[0].name)}" if len(over) == 1 else ""
@@ -164,8 +167,8 @@ def animated(result: Result, degrees: bool = True) -> dict[str, bytes]:
     want = want if result.settings["friction"] != "none" else []
     times = motion.times((frames - 1) * finer + 1)
     moving = result_along(result.mechanism, motion, times, want)
-    reel = reel_of(moving, degrees=degrees, seconds=seconds, every=finer)
-    return {"animation.gif": gif(reel), "animation.html": player(reel).encode()}
+    film = Animation(moves_of_result(moving), seconds, None, degrees, every=finer)
+    return {"animation.gif": film.gif, "animation.html": film.html.encode()}
 
 
 def screen_time(duration: float) -> float:
