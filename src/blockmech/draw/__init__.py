@@ -157,8 +157,8 @@ def run_pictures(
     drawn = {name: draw_panels(panels, along) for name, panels in pictures_of(result).items()}
     with whole_folder(folder) as home:
         return [
-            Path(folder) / write_figure(plot.figure, home / f"{name}.png").name
-            for name, plot in drawn.items()
+            Path(folder) / write_figure(figure, home / f"{name}.png").name
+            for name, figure in drawn.items()
         ]
 
 
@@ -186,7 +186,7 @@ def plot(
         panels = tuple(p for group in pictures_of(result).values() for p in group)
     else:
         panels = chosen_panels(result, result if names is None else names)
-    return write_figure(draw_panels(panels, along).figure, path, suffix)
+    return write_figure(draw_panels(panels, along), path, suffix)
 
 
 def _mechanism(subject: Subject) -> Compiled:
