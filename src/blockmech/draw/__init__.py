@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
 from blockmech.compiled import Compiled
 from blockmech.draw.animation import MOVING, Animation, film_of
@@ -23,7 +23,6 @@ from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.model.graph import Graph
-from blockmech.model.joints.linkage import Linkage
 from blockmech.result import Result
 
 __all__ = [
@@ -36,7 +35,14 @@ __all__ = [
     "run_pictures",
 ]
 
-Subject: TypeAlias = Graph | Linkage | Compiled
+
+class Document(Protocol):
+    """A graph or linkage."""
+
+    def compile(self) -> Compiled: ...
+
+
+Subject: TypeAlias = Document | Compiled
 
 KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING, "schedule": STILL}
 
@@ -190,7 +196,7 @@ def plot(
 
 
 def _mechanism(subject: Subject) -> Compiled:
-    return subject if isinstance(subject, Compiled) else Compiled.of(subject)
+    return subject if isinstance(subject, Compiled) else subject.compile()
 
 
 def _diagram_figure(subject: Subject) -> Any:
