@@ -75,5 +75,5 @@ def test_a_diagram_names_joints_and_links_beside_the_blocks(crank):
 
 def test_curves_of_a_run_are_named_after_joints(crank):
     panels = pictures_of(crank.run(samples=13))
-    names = {curve.name for panel in panels["reactions"] for curve in panel.curves}
+    names = {name for panel in panels["reactions"] for name in panel.curves}
     assert names == {"joint.A", "joint.B", "joint.O", "joint.S"}

@@ -154,7 +154,7 @@ def _split(
     quantity: str,
     unit: str,
     curves: Mapping[str, Array],
-    without: Mapping[str, Array] | None = None,
+    bare: Mapping[str, Array] = NOTHING,
 ) -> Panels:
     """One panel, or of many curves one for each block; blocks with few curves share one."""
     blocks: dict[str, dict[str, Array]] = {}
