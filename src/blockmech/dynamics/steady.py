@@ -44,6 +44,7 @@ from blockmech.dynamics.periodic import (
     QUOTIENT,
     Equilibrium,
     FixedPoint,
+    PeriodicMotion,
     equilibrium_near,
     fixed_point,
     repeated,
@@ -116,7 +117,8 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
         if request.method not in ("auto", "energy"):
             raise no_steady(OWN, 'use method "auto" or "energy"')
         why = "all loads depend on the driver's coordinate alone"
-        return watched(_conserved(along_path(system, replace(request, why=why))), request.watch)
+        motion = along_path(system, replace(request, why=why))
+        return watched(_conserved(motion, request), request.watch)
     follow = sorted(depends - {"q"}) or ["joint friction"]
     request = replace(request, why=request.why or f"the loads depend on {listed(follow)}")
     flow = Flow(system, request)
@@ -127,7 +129,7 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
     return found if several else watched(found, request.watch)
 
 
-def _conserved(motion: Motion) -> Motion:
+def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
     """The motion by ``energy`` from the start, if it repeats: its first period."""
     if motion.status == "failed" or motion.end == INTERRUPTED:
         return motion
@@ -135,16 +137,21 @@ def _conserved(motion: Motion) -> Motion:
         return replace(motion, status="reached", end="steady")
     period = motion.facts.get("period")
     if period is not None:
-        t_end = motion.t_start + period
-        q, qd = motion.track.state(np.array([t_end]))
+        t0 = motion.t_start
+        shift = float(np.diff(motion.track.state(np.array([t0, t0 + period])).q)[0])
+        whole = shift if motion.regime == "rotation" else 0.0
+        track = PeriodicMotion(motion.track, period, whole, t0)
+        t_end = max([t0 + period, *request.times])
+        (q,), (qd,) = track.state(np.array([t_end]))
         return replace(
             motion,
             status="reached",
             end="steady",
             t_end=t_end,
-            q_end=float(q[0]),
-            qd_end=float(qd[0]),
-            events=tuple(e for e in motion.events if e.t <= t_end),
+            q_end=float(q),
+            qd_end=float(qd),
+            track=track,
+            events=tuple(e for e in motion.events if e.t <= t0 + period),
             facts={**motion.facts, "multiplier": 1.0},
             notes=(*motion.notes, FAMILY),
         )
@@ -242,7 +249,7 @@ class Flow:
     def once(self, x: Floats, until: Until) -> Motion:
         """A period of a periodic motion, with its error."""
         asked = self.asked(x, until)
-        if "time" not in self.system.depends_on and asked.method not in SOLVERS:
+        if until.goal == "turns" and asked.method not in SOLVERS:
             return along_path(self.system, asked)
         own = asked.method if asked.method in SOLVERS else "dop853"
         finer = (asked.accuracy or TARGET) / 10  # the gain of the map enlarges it
