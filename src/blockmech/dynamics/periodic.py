@@ -159,10 +159,8 @@ def fixed_point(change: Callable[[Floats], Floats], z: Floats, size: Floats) -> 
         return change(begin + u * size) / size
 
     u = np.zeros(z.size)
-    if not np.abs(moved(u)).max() <= NEUTRAL:
-        u = np.asarray(
-            root(moved, u, options={"xtol": NEUTRAL / 10, "maxfev": SEARCH}).x, dtype=np.float64
-        )
+    if not np.abs(moved(u)).max() <= NONE:
+        u = np.asarray(root(moved, u, options={"xtol": NONE, "maxfev": SEARCH}).x, dtype=np.float64)
     left, jump = moved(u), slope(moved, u, np.full(z.size, QUOTIENT))
     if not (np.isfinite(jump).all() and np.abs(left).max() <= NEUTRAL):
         return None
