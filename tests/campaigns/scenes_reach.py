@@ -27,7 +27,7 @@ def play() -> None:
     from tests.dynamics.honesty import RUNS, mechanism
 
     command()(["test", str(GRAPHS)], standalone_mode=False)
-    for path in sorted(GRAPHS.glob("*.json")):
+    for path in sorted([*GRAPHS.glob("*.json"), *GRAPHS.glob("motions/*.json")]):
         mech = bm.Graph.load(path).compile()
         if not all(driver in mech.scene.initial for driver in mech.drivers):
             continue
