@@ -131,12 +131,12 @@ def resting(
 class FixedPoint(NamedTuple):
     """A fixed point of a Poincare map.
 
-    z : (n,) where it is
+    x : (2k,) the state there
     multipliers : (n,) of disturbances, the largest first
     gain : how many times larger its error is than that of the map
     """
 
-    z: Floats
+    x: Floats
     multipliers: Any
     gain: float
 
@@ -147,29 +147,36 @@ class FixedPoint(NamedTuple):
         return "neutral" if abs(beyond) <= NEUTRAL else "stable" if beyond < 0 else "unstable"
 
 
-def fixed_point(change: Callable[[Floats], Floats], z: Floats, size: Floats) -> FixedPoint | None:
-    """The fixed point of a map near z (n,), or None.
+def fixed_point(
+    change: Callable[[Floats], Floats], x: Floats, free: Sequence[int], size: Floats
+) -> FixedPoint | None:
+    """The fixed point of a map near a state (2k,), or None.
 
-    change : z -> by how much a return changes it, NaN where there is no return
-    size : (n,) by which the parts of z are measured
+    change : state -> by how much a return changes it (2k,), NaN where there is no return
+    free : (n,) parts of the state that vary on the section
+    size : (2k,) by which the parts are measured
     """
-    begin = z
+
+    def at(u: Floats) -> Floats:
+        found = x.copy()
+        found[free] += u * size[free]
+        return found
 
     def moved(u: Floats) -> Floats:
-        return change(begin + u * size) / size
+        return (change(at(u)) / size)[free]
 
-    u = np.zeros(z.size)
+    u = np.zeros(len(free))
     if not np.abs(moved(u)).max() <= NONE:
-        u = np.asarray(root(moved, u, options={"xtol": NONE, "maxfev": SEARCH}).x, dtype=np.float64)
-    left, jump = moved(u), slope(moved, u, np.full(z.size, QUOTIENT))
+        u = np.asarray(root(moved, u, options={"xtol": NONE, "maxfev": SEARCH}).x)
+    left, jump = moved(u), slope(moved, u, np.full(u.size, QUOTIENT))
     if not (np.isfinite(jump).all() and np.abs(left).max() <= NEUTRAL):
         return None
     U, steep, V = np.linalg.svd(jump)
     some = steep > NEUTRAL  # along the others every point is a fixed one
     u = u - (U[:, some].T @ left / steep[some]) @ V[some]  # Newton's last step
-    values = np.linalg.eigvals(jump + np.eye(z.size))
+    values = np.linalg.eigvals(jump + np.eye(u.size))
     order = np.argsort(-np.abs(values), kind="stable")
-    return FixedPoint(begin + u * size, values[order], 1 + 1 / np.min(steep[some], initial=1.0))
+    return FixedPoint(at(u), values[order], 1 + 1 / np.min(steep[some], initial=1.0))
 
 
 @dataclass(frozen=True)

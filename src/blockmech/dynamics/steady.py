@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -28,15 +29,7 @@ from scipy.optimize import brentq
 
 from blockmech.dynamics import loads
 from blockmech.dynamics.events import STANDSTILL, watched
-from blockmech.dynamics.motion import (
-    DEAD_CENTRE,
-    END_STOP,
-    IMPOSSIBLE,
-    INTERRUPTED,
-    REST,
-    Floats,
-    Motion,
-)
+from blockmech.dynamics.motion import IMPOSSIBLE, INTERRUPTED, REST, Floats, Motion
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.periodic import (
     FLOWS,
@@ -92,14 +85,9 @@ class Lost(Exception):
         self.end, self.t = end, t
 
     def after(self, clock: float) -> RequestError:
-        """What the motion from the start ends in, and when."""
-        name = {
-            IMPOSSIBLE: "an impossible pose, or where a load has no value,",
-            DEAD_CENTRE: f"a {DEAD_CENTRE}",
-            END_STOP: f"an {END_STOP}",
-        }.get(self.end, f"the {self.end}" if self.end.startswith(END_STOP) else self.end)
+        """What ends the motion from the start, and when."""
         when = f" after {clock + self.t:.6g} s" if math.isfinite(self.t) else ""
-        return no_steady(f"the motion from the start ends in {name}{when}", ELSEWHERE)
+        return no_steady(f"the motion from the start ends{when}: {self.end}", ELSEWHERE)
 
 
 def no_steady(why: str, remedy: str = TIMED) -> RequestError:
@@ -299,11 +287,11 @@ def _common(one: float, first: str, other: float, second: str) -> float:
 
 
 class Orbit(NamedTuple):
-    """A periodic motion under loads that repeat: its state as a period of them begins."""
+    """A periodic motion under loads that repeat, from where a period of them begins."""
 
     point: FixedPoint
-    x: Floats
     periods: int  # of the loads in one of it
+    seen: bool  # to come from the start
 
 
 class Stroboscope:
@@ -349,8 +337,8 @@ class Stroboscope:
         """How far two states are apart, relative to a motion's size."""
         return float(np.abs(self.wrapped(other - x) / self.flow.size)[self.free].max())
 
-    def orbits(self) -> Iterator[tuple[Orbit, bool]]:
-        """Orbits near the start and what it settles to, and whether it is seen to come there."""
+    def orbits(self) -> Iterator[Orbit]:
+        """Orbits near the start and near what it settles to."""
         x = self.flow.x
         if self.away(x, self.flow.after(x, self.T, FLOWS)) <= NONE / 100:
             yield from self._near(x, (1,))
@@ -360,47 +348,40 @@ class Stroboscope:
             x[self.cyclic] = self.flow.x[self.cyclic]
             yield from self._near(x, PERIODS)
 
-    def _near(self, x: Floats, periods: Sequence[int]) -> Iterator[tuple[Orbit, bool]]:
+    def _near(self, x: Floats, periods: Sequence[int]) -> Iterator[Orbit]:
         for n in periods:
 
-            def change(z: Floats, n: int = n) -> Floats:
-                at = x.copy()
-                at[self.free] = z
-                return self.wrapped(self.flow.after(at, n * self.T, FLOWS) - at)[self.free]
+            def change(x: Floats, n: int = n) -> Floats:
+                return self.wrapped(self.flow.after(x, n * self.T, FLOWS) - x)
 
-            try:
-                point = fixed_point(change, x[self.free], self.flow.size[self.free])
-            except Lost:
-                continue
-            if point is not None:
-                at = x.copy()
-                at[self.free] = point.z
-                yield Orbit(point, at, n), self.away(x, at) <= INWARD
+            with suppress(Lost):
+                point = fixed_point(change, x, self.free, self.flow.size)
+                if point is not None:
+                    yield Orbit(point, n, self.away(x, point.x) <= INWARD)
 
 
 def _forced(flow: Flow) -> Motion:
     """A periodic motion under loads of the time, after some periods of flow."""
     flow.name = "stroboscopic map"
     forcing = flow.request.until.forcing
-    seen = Stroboscope(flow, forcing_period(flow.system.compiled.structure, forcing))
-    best: tuple[Orbit, bool] | None = None
+    map_ = Stroboscope(flow, forcing_period(flow.system.compiled.structure, forcing))
+    best: Orbit | None = None
     try:
-        for found in seen.orbits():
-            kind = found[0].point.kind
-            best = found if best is None or kind == "stable" else best
-            if kind != "unstable":
+        for orbit in map_.orbits():
+            best = orbit if best is None or orbit.point.kind == "stable" else best
+            if orbit.point.kind != "unstable":
                 break
     except Lost as lost:
         raise lost.after(0.0) from None
     if best is None:
-        raise _unfound(seen)
-    return _forced_motion(seen, *best)
+        raise _unfound(map_)
+    return _forced_motion(map_, best)
 
 
-def _unfound(seen: Stroboscope) -> RequestError:
-    x, T = seen.flow.x, seen.T
-    if seen.flow.k == len(seen.cyclic) == 1:
-        gain = float(seen.flow.after(x, T, FLOWS)[1] - x[1])
+def _unfound(map_: Stroboscope) -> RequestError:
+    x, T = map_.flow.x, map_.T
+    if map_.flow.k == len(map_.cyclic) == 1:
+        gain = float(map_.flow.after(x, T, FLOWS)[1] - x[1])
         why = f"in every {T:.9g} s the loads change the rate by {gain:.6g}, whatever it is"
         return no_steady(why, "add a damper or a motor curve")
     return no_steady(
@@ -410,15 +391,15 @@ def _unfound(seen: Stroboscope) -> RequestError:
     )
 
 
-def _forced_motion(seen: Stroboscope, orbit: Orbit, near: bool) -> Motion:
+def _forced_motion(map_: Stroboscope, orbit: Orbit) -> Motion:
     """The motion of an orbit; a driver that goes on for ever must not come to a stop."""
-    flow, point = seen.flow, orbit.point
-    once = flow.once(orbit.x, Until("time", orbit.periods * seen.T))
-    step = np.append(once.q_end, once.qd_end) - orbit.x
-    whole = step - seen.wrapped(step)
-    whole[seen.cyclic] = step[seen.cyclic]
+    flow, point = map_.flow, orbit.point
+    once = flow.once(point.x, Until("time", orbit.periods * map_.T))
+    step = np.append(once.q_end, once.qd_end) - point.x
+    whole = step - map_.wrapped(step)
+    whole[map_.cyclic] = step[map_.cyclic]
     shift = whole[: flow.k]
-    for i in seen.cyclic:
+    for i in map_.cyclic:
         stopped = any(map(math.isfinite, flow.system.stops[i]))
         if stopped and abs(shift[i]) > 10 * point.gain * once.error:
             raise no_steady(
@@ -426,13 +407,9 @@ def _forced_motion(seen: Stroboscope, orbit: Orbit, near: bool) -> Motion:
                 f"{once.t_end - once.t_start:.9g} s and comes to an end stop",
                 ELSEWHERE,
             )
-    settles = near and point.kind == "stable"
-    notes = [
-        "the motion from the start settles to it"
-        if settles
-        else "the motion from the start was not seen to come to this one"
-    ]
-    notes += [CYCLIC] if seen.cyclic else []
+    settles = orbit.seen and point.kind == "stable"
+    notes = [f"the motion from the start {'settles to it' if settles else 'was not seen there'}"]
+    notes += [CYCLIC] if map_.cyclic else []
     periods = {"periods_of_the_loads": float(orbit.periods)}
     return repeated(point, once, shift, flow.request, flow.name, notes, **periods)
 
@@ -453,9 +430,7 @@ def _settled(flow: Flow) -> Motion:
                 x, clock = flow.after(x, time), clock + time
                 continue
             way = flow.passage(x)
-            if way.kind == REST:
-                return _friction_rest(flow)
-            found = _cycle_from(flow, x, way)
+            found = _friction_rest(flow, way) or _cycle_from(flow, x, way)
             if found is not None:
                 return found
             x, clock = way.x, clock + way.time
@@ -516,10 +491,15 @@ def _stopping(flow: Flow, x: Floats, found: Equilibrium) -> Equilibrium:
     return found._replace(q=np.array([motion.q_end]), error=motion.error)
 
 
-def _friction_rest(flow: Flow) -> Motion:
+def _friction_rest(flow: Flow, way: Passage) -> Motion | None:
     """Where joint friction holds the driver, by the motion from the start itself."""
+    swings_out = flow.system.friction is not None and flow.system.depends_on <= {"q"}
+    if way.kind != REST and not (swings_out and way.kind == STANDSTILL):
+        return None
     asked = replace(flow.request, until=Until("swings", float(COMMON)), watch=())
     motion = along_path(flow.system, asked)
+    if motion.end != REST:
+        return None
     facts = {name: x for name, x in motion.facts.items() if name.startswith("holding")}
     note = "at rest where joint friction holds it"
     return resting(flow.request, np.array([motion.q_end]), motion.error, motion.method, facts, note)
@@ -534,41 +514,43 @@ def _cycle_from(flow: Flow, x: Floats, way: Passage) -> Motion | None:
     swings = way.kind == STANDSTILL
     if swings != (x[1] == 0):
         return None
-    at, free, centre = x.copy(), 0 if swings else 1, None
+    begin, free, centre = x.copy(), 0 if swings else 1, None
     if swings:
         centre = equilibrium_near(flow.acceleration, (x[:1] + way.x[:1]) / 2, flow.size)
         if centre is None or not abs(way.x[0] - x[0]) > abs(centre.q[0] - x[0]) > 0:
             return None
     elif flow.system.period is not None:  # a turn begins where the start is, if it can
         off = math.remainder(float(x[0] - flow.x[0]), flow.system.period)
-        at[0] = flow.x[0] + (off if abs(off) > NONE else 0.0)
+        begin[0] = flow.x[0] + (off if abs(off) > NONE else 0.0)
     anchor = 0.0 if centre is None else float(centre.q[0])
 
-    def change(z: Floats, tolerance: float = FLOWS) -> Floats:
-        state = at.copy()
-        state[free] = z[0]
+    def change(state: Floats, tolerance: float = FLOWS) -> Floats:
+        at = state
         for _ in range(2 if swings else 1):
-            found = flow.passage(state, tolerance)
+            found = flow.passage(at, tolerance)
             if found.kind != way.kind:
-                return np.array([math.nan])
-            state = found.x
-        return state[[free]] - z
+                return np.full(2, math.nan)
+            at = found.x
+        return at - state
 
-    near = _ahead(lambda z: float(change(np.array([z]), LOOSE)[0]), float(x[free]), anchor)
+    def ahead(z: float) -> float:
+        begin[free] = z
+        return float(change(begin, LOOSE)[free])
+
+    near = _ahead(ahead, float(x[free]), anchor)
     if near is None:
         return None
     if near == anchor:
         return None if centre is None or centre.kind == "unstable" else _at_rest(flow, centre)
-    begin = np.array([near])
-    point = fixed_point(change, begin, np.abs(begin - anchor))
+    begin[free] = near
+    point = fixed_point(change, begin, [free], np.full(2, abs(near - anchor)))
     if point is None:
         return None
-    at[free] = point.z[0]
     period = flow.system.period or 0.0
     until = Until("swings", 2.0) if swings else Until("turns", period / loads.TURN)
-    shift = np.array([0.0 if swings else math.copysign(period, at[1])])
-    told = () if swings else (f"found from the speed {at[1]:.6g} at the start of a turn",)
-    return repeated(point, flow.once(at, until), shift, flow.request, flow.name, told)
+    shift = np.array([0.0 if swings else math.copysign(period, near)])
+    told = () if swings else (f"found from the speed {near:.6g} at the start of a turn",)
+    return repeated(point, flow.once(point.x, until), shift, flow.request, flow.name, told)
 
 
 def _ahead(change: Callable[[float], float], z: float, anchor: float) -> float | None:
