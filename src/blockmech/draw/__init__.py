@@ -10,7 +10,7 @@ import html
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.files import AnyPath, writing
@@ -20,11 +20,14 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.draw.animation import Reel
     from blockmech.draw.curves import Axis
-    from blockmech.model.graph import Graph
-    from blockmech.model.joints.linkage import Linkage
     from blockmech.result import Result
 
-    Subject: TypeAlias = Graph | Linkage | Compiled
+    class Document(Protocol):
+        """A graph or linkage."""
+
+        def compile(self) -> Compiled: ...
+
+    Subject: TypeAlias = Document | Compiled
 
 __all__ = [
     "Animation",
@@ -249,7 +252,7 @@ def _pose(subject: Subject, at: Any, trace: Iterable[str] | None, degrees: bool)
 def _mechanism(subject: Subject) -> Compiled:
     from blockmech.compiled import Compiled
 
-    return subject if isinstance(subject, Compiled) else Compiled.of(subject)
+    return subject if isinstance(subject, Compiled) else subject.compile()
 
 
 def _svg(figure: Any) -> str:
