@@ -13,6 +13,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front, trade
+from blockmech.analysis.trade.free_motion import FreeMotion
+from blockmech.analysis.trade.measure import Clock
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.draw.trade import draw_trade, trade_figure
 from blockmech.mechanism import Mechanism
@@ -96,10 +98,12 @@ def test_successive_approximations_contract_at_the_measured_rate() -> None:
 
 @pytest.mark.parametrize(("method", "order", "off"), [("rk4", 4.0, 0.3), ("euler_q", 1.0, 0.15)])
 def test_fixed_steps_show_their_orders(method: str, order: float, off: float) -> None:
-    fine = of(motion(), method)[-2:]
-    (h, e), (half, finer) = ((p.options["step"], p.error) for p in fine)
-    assert finer > 10 * motion().reference.floor
-    assert math.log(e / finer) / math.log(h / half) == pytest.approx(order, abs=off)
+    question = FreeMotion(mechanism("watt_sixbar"), None, {"until": "time=2"}, Clock(PLENTY))
+    fine = [s.options for s in question.settings() if s.method == method][-2:]
+    e, finer = (question.error(question.run(options, PLENTY))[0] for options in fine)
+    assert finer > 10 * question.reference.floor
+    refined = math.log(fine[0]["step"] / fine[1]["step"])
+    assert math.log(e / finer) / refined == pytest.approx(order, abs=off)
 
 
 @pytest.mark.parametrize("method", ["rk4", "euler_q", "dop853"])
