@@ -57,7 +57,7 @@ def trade(
 ) -> None:
     """Measure speed against accuracy for this mechanism, and recommend a setting."""
     from blockmech.analysis.trade import trade as traded
-    from blockmech.draw import still_suffix
+    from blockmech.draw.paper import suffix_of
 
     one_of(json=json, out=out is not None, plot=plot is not None)
     mechanism = compiled(file)
@@ -66,7 +66,7 @@ def trade(
         raise refused("--want", "pictures and files are of one request", "give --want once")
     # What is wrong is said before anything is measured.
     if plot is not None:
-        still_suffix(plot)
+        suffix_of(plot)
     for names in wants:
         mechanism.outputs.match(names or ())
     request: dict[str, Any] = {

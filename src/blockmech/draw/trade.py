@@ -13,8 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.trade.report import Trade
 from blockmech.draw import palette as ink
-from blockmech.draw import still_suffix, write_figure
-from blockmech.draw.paper import legend_above, new_figure, shown_name, styled, wrapped
+from blockmech.draw.paper import (
+    legend_above,
+    new_figure,
+    shown_name,
+    styled,
+    suffix_of,
+    wrapped,
+    write_figure,
+)
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade.measure import Point
@@ -38,7 +45,7 @@ class PlottedTrade(Trade):
 
 def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:
     """Write the picture of a trade; the suffix says the format (png, svg, pdf)."""
-    return write_figure(trade_figure(trade), path, still_suffix(path))
+    return write_figure(trade_figure(trade), path, suffix_of(path))
 
 
 def trade_figure(trade: Trade) -> Any:
@@ -94,14 +101,13 @@ def _panel(axes: Any, trade: Trade, cost: str) -> None:
     axes.axhspan(1e-300, floor, facecolor="none", edgecolor=ink.GREY, hatch="////", lw=0, zorder=0)
     axes.axhline(floor, color=ink.GREY, lw=0.7, zorder=1.5)
     for i, (name, row) in enumerate(trade.series().items()):
-        colour, dashes = ink.curve_style(i)
+        style = ink.curve_style(i)
         row = [p for p in row if math.isfinite(p.error)]
         x, y = [getattr(p, cost) for p in row], [p.error for p in row]
         bars = [[p.seconds - p.fastest for p in row], [p.slowest - p.seconds for p in row]]
         axes.errorbar(
-            x, y, xerr=bars if cost == "seconds" else None, ecolor=colour, elinewidth=0.5,
-            color=colour, lw=0.9, marker=MARKS[i % len(MARKS)], ms=MARK, mfc=ink.PAPER, mew=0.8,
-            label=name, **({"dashes": dashes} if dashes else {}),
+            x, y, xerr=bars if cost == "seconds" else None, elinewidth=0.5, lw=0.9,
+            marker=MARKS[i % len(MARKS)], ms=MARK, mfc=ink.PAPER, mew=0.8, label=name, **style,
         )  # fmt: skip
     errors = [p.error for p in trade.points if math.isfinite(p.error)]
     axes.set_ylim(floor / 5, max([*errors, floor]) * 5)
