@@ -99,6 +99,7 @@ class PathRun:
     lost: float = 0.0  # [J] by friction
 
     def __post_init__(self) -> None:
+        self.tolerance += self.system.noise
         self.road = Road(self.system, self.n, self.tolerance)
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
 
