@@ -20,9 +20,8 @@ from blockmech.plan import Plan
 from blockmech.samples import Samples, make_samples
 
 GROUPS = 12  # wanted outputs above which they are told by quantity
-FEW, MANY = 64, 4096  # samples of a timed run: as many as take no longer than
-LONG = 0.02  # [s], so that a table of all outputs is there within a second
-ROUNDS = 3  # of which the fastest counts
+SAMPLES = 512  # of a timed run: enough that the kernels count, not the calling of them
+ROUNDS = 4  # of which the fastest counts; the first binds the program
 NEAR = 1e-3  # [rad] or [m] around a start, where the mechanism is sure to close
 FAMILIES = (  # the dearest stage that outputs need -> what they are called
     ("force", "reactions and drives"),
@@ -53,23 +52,14 @@ class Share:
     saves: float
 
 
-class Stopwatch:
-    """Times of plans of one mechanism, all on the same samples."""
-
-    def __init__(self, mechanism: Compiled, whole: Plan) -> None:
-        self.mechanism = mechanism
-        self.samples = _samples(mechanism, FEW)
-        share = LONG / max(self.time(whole), LONG * FEW / MANY)
-        self.samples = _samples(mechanism, int(np.clip(FEW * share, FEW, MANY)))
-
-    def time(self, plan: Plan) -> float:
-        """Processor time [s] of a plan's program."""
-        best = np.inf
-        for _ in range(ROUNDS + 1):  # the first binds the program
-            start = time.process_time()
-            self.mechanism.evaluate(plan, self.samples, "numpy")
-            best = min(best, time.process_time() - start)
-        return float(best)
+def _time(mechanism: Compiled, plan: Plan, samples: Samples) -> float:
+    """Processor time [s] of a plan's program."""
+    spent = []
+    for _ in range(ROUNDS):
+        start = time.process_time()
+        mechanism.evaluate(plan, samples, "numpy")
+        spent.append(time.process_time() - start)
+    return min(spent)
 
 
 def explain(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> str:
@@ -95,14 +85,14 @@ def shares(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> t
     """What each wanted output costs; many are told by quantity, as patterns."""
     patterns = (want,) if isinstance(want, str) else tuple(want)
     whole = mechanism.plan(patterns, **settings)
-    watch = Stopwatch(mechanism, whole)
-    total = watch.time(whole)
+    samples = _samples(mechanism)
+    total = _time(mechanism, whole, samples)
     found = []
     for name, members in _groups(mechanism, patterns, whole, settings).items():
         rest = tuple(n for n in whole.want if n not in members)
         plan = mechanism.plan(members, **settings)
-        left = watch.time(mechanism.plan(rest, **settings)) if rest else 0.0
-        alone = watch.time(plan) / total if rest else 1.0
+        left = _time(mechanism, mechanism.plan(rest, **settings), samples) if rest else 0.0
+        alone = _time(mechanism, plan, samples) / total if rest else 1.0
         blocks = tuple(dict.fromkeys(e.block for e in plan.entries))
         stages = tuple(dict.fromkeys(e.stage for e in plan.entries))
         found.append(Share(name, blocks, stages, alone, total / left if left else float("inf")))
@@ -117,9 +107,8 @@ def without_friction(
     if not any(name.startswith("friction/") for name in plan.layout):
         return None
     less = {k: v for k, v in settings.items() if k not in ("tolerance", "iterations")}
-    watch = Stopwatch(mechanism, plan)
-    smooth = mechanism.plan(want, **less | {"friction": "none"})
-    return watch.time(plan) / watch.time(smooth)
+    smooth, samples = mechanism.plan(want, **less | {"friction": "none"}), _samples(mechanism)
+    return _time(mechanism, plan, samples) / _time(mechanism, smooth, samples)
 
 
 def _groups(
@@ -142,12 +131,12 @@ def _groups(
     return found
 
 
-def _samples(mechanism: Compiled, n: int) -> Samples:
+def _samples(mechanism: Compiled) -> Samples:
     """Samples of the drivers' ranges; near the start where there is no law."""
     drivers, scene = mechanism.drivers, mechanism.scene
     try:
-        return make_samples(mechanism, scene, samples=n)
+        return make_samples(mechanism, scene, samples=SAMPLES)
     except RequestError:
         start = {d: scene.initial[d].q if d in scene.initial else 0.0 for d in drivers}
-        at = {d: np.linspace(q, q + NEAR, n) for d, q in start.items()}
+        at = {d: np.linspace(q, q + NEAR, SAMPLES) for d, q in start.items()}
         return make_samples(mechanism, scene, at, rates=dict.fromkeys(drivers, 1.0))
