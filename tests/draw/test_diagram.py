@@ -170,8 +170,8 @@ def test_a_joint_without_a_wire_is_red_and_others_are_not():
     red = palette.ALARM.lower()
     unwired = labelled(drawn, "unwired:")
     assert {a.get_label() for a in unwired} == {"unwired:dyad.D", "unwired:load.at"}
-    assert {to_hex(a.get_edgecolor()) for a in unwired} == {red}
-    assert all(to_hex(a.get_edgecolor()) != red for a in labelled(drawn, "port:"))
+    assert {to_hex(a.get_markeredgecolor()) for a in unwired} == {red}
+    assert all(to_hex(a.get_markeredgecolor()) != red for a in labelled(drawn, "port:"))
     texts = {t.get_text(): to_hex(t.get_color()) for t in drawn.labels}
     assert texts["D (R)"] == red
     assert texts["A (R)"] != red

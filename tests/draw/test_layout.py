@@ -13,7 +13,7 @@ from blockmech.draw.routing import (
     Placed,
     Point,
     Rectangle,
-    assign_tracks,
+    in_tracks,
     place,
     way_between,
 )
@@ -129,12 +129,9 @@ def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
 
 def test_two_wires_that_swap_their_rows_are_told_apart_by_a_dogleg():
     climbs = [Climb(0, 1.0, 4.0), Climb(1, 4.0, 1.0)]
-    assert assign_tracks(climbs) == 3
-    legs = sorted((c for c in climbs if c.leg), key=lambda c: c.leg)
-    (whole,) = (c for c in climbs if not c.leg)
-    assert [c.leg for c in legs] == [1, 2]
-    assert legs[0].track < whole.track < legs[1].track
-    assert legs[0].end == legs[1].start != whole.start
+    first, whole, second = in_tracks(climbs)
+    assert (first.leg, whole.leg, second.leg) == (1, 0, 2)
+    assert first.end == second.start != whole.start
 
 
 def test_rows_have_the_least_sum_of_steps():
