@@ -46,14 +46,7 @@ Want = Annotated[
 Static = Annotated[bool, switch("static", "Leave inertia out.")]
 Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 AsJson = Annotated[bool, switch("json", "Print as JSON.")]
-Json = Annotated[bool, switch("json", "Print the result as JSON.")]
-Out = Annotated[str | None, option("Write results.csv, result.json and the pictures.", "DIR")]
-Csv = Annotated[str | None, option("Write a CSV file; - prints it.", "FILE")]
-Plot = Annotated[str | None, option("Draw the wanted outputs (png, svg, pdf).", "FILE")]
-Degrees = Annotated[bool, switch("deg", "Angles in degrees in the table, CSV and plots.")]
 DegreesOfText = Annotated[bool, switch("deg", "Angles in degrees in the text.")]
-Separator = Annotated[str, option('Of CSV cells: "," ";" "|" or tab.', "SIGN")]
-Decimal = Annotated[str, option('Of CSV numbers: "." or ",".', "SIGN")]
 
 
 def compiled(file: str) -> Mechanism:
@@ -70,25 +63,10 @@ def names_of(want: list[str] | None) -> tuple[str, ...]:
     return tuple(n for part in want or () for n in part.split(",") if n)
 
 
-def check_ways(
-    file: str, json: bool, out: str | None, csv: str | None, plot: str | None, degrees: bool
-) -> None:
-    """Refuse ways of output that do not go together."""
-    one_of(json=json, out=out is not None, csv=csv is not None, plot=plot is not None)
-    spare(file, csv, plot)
-    si_only(json, degrees)
-
-
 def si_only(json: bool, degrees: bool) -> None:
     """Refuse degrees in JSON."""
     if json and degrees:
         raise refused("--deg", "JSON results are in SI units", "leave it out")
-
-
-def spelled(separator: str, decimal: str, degrees: bool) -> dict[str, Any]:
-    """How numbers stand in a table and a CSV file; ``tab`` may be said for the separator."""
-    cells = {"tab": "\t"}.get(separator, separator)
-    return {"separator": cells, "decimal": decimal, "degrees": degrees}
 
 
 def one_of(**given: bool) -> None:

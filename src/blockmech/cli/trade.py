@@ -20,7 +20,7 @@ from blockmech.cli.options import (
     refused,
     switch,
 )
-from blockmech.cli.terminal import note, patience, progress_bar, say
+from blockmech.cli.terminal import note, progress_bar, say
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade import Trade
@@ -93,7 +93,7 @@ def trade(
         if len(found) > 1:
             say("\n\nrequests compared")
             say("\n".join(f"  {t.question}: {t.recommendation}" for t in found))
-        with patience("drawing"):
+        with progress_bar("drawing"):
             say("".join(f"wrote {path}\n" for path in _written(found[0], out, plot)), end="")
     if any(s.why == "interrupted" for t in found for s in t.skipped):
         note("interrupted: what was measured is kept")
