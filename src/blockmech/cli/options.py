@@ -1,7 +1,4 @@
-"""The arguments and options of all commands, what does not go together, and their file.
-
-A file is a graph of blocks or links and joints; every command takes either.
-"""
+"""The options that commands share, and what does not go together."""
 
 from __future__ import annotations
 
@@ -10,10 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.builders import opened
 from blockmech.cli.numbers import MOST
-from blockmech.errors import GraphError, Problem, RequestError, in_file
-from blockmech.mechanism import Mechanism
+from blockmech.errors import Problem, RequestError
 
 
 def option(help: str, metavar: str | None = None, **more: Any) -> Any:
@@ -26,9 +21,6 @@ def switch(name: str, help: str) -> Any:
     return typer.Option(f"--{name}", help=help)  # named, or typer adds --no-name
 
 
-GraphFile = Annotated[
-    str, typer.Argument(metavar="FILE", help="A graph of blocks, or links and joints (JSON).")
-]
 At = Annotated[
     list[str] | None,
     option(
@@ -49,15 +41,6 @@ AsJson = Annotated[bool, switch("json", "Print as JSON.")]
 DegreesOfText = Annotated[bool, switch("deg", "Angles in degrees in the text.")]
 
 
-def compiled(file: str) -> Mechanism:
-    """The mechanism in a file. Raises `FormatError`, `GraphError` that name the file."""
-    found = opened(file)
-    try:
-        return found.compile()
-    except GraphError as error:
-        raise GraphError(in_file(error.problems, file)) from error.__cause__
-
-
 def names_of(want: list[str] | None) -> tuple[str, ...]:
     """Outputs and patterns from the ``--want`` options."""
     return tuple(n for part in want or () for n in part.split(",") if n)
@@ -76,13 +59,13 @@ def one_of(**given: bool) -> None:
         raise refused(" ".join(asked), "only one of them at a time", "--out writes all files")
 
 
+def refused(where: str, found: str, remedy: str, valid: str = "") -> RequestError:
+    """The error of a call that makes no sense."""
+    return RequestError(Problem("bad-request", where, found, valid, remedy))
+
+
 def spare(source: str, *targets: str | None) -> None:
     """Refuse to write over the file that is read."""
     for target in targets:
         if target and Path(target).exists() and Path(target).samefile(source):
             raise refused(target, "it is the graph file itself", "give the output another name")
-
-
-def refused(where: str, found: str, remedy: str, valid: str = "") -> RequestError:
-    """The error of a call that makes no sense."""
-    return RequestError(Problem("bad-request", where, found, valid, remedy))

@@ -7,19 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.numbers import coordinates, times
-from blockmech.cli.options import (
-    At,
-    Explain,
-    GraphFile,
-    Samples,
-    Static,
-    Times,
-    Want,
-    compiled,
-    names_of,
-    option,
-)
+from blockmech.cli.options import At, Explain, Samples, Static, Times, Want, names_of, option
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
 from blockmech.cli.terminal import note, progress_bar, say
 from blockmech.compiled import EVERYTHING

@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
+from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
-from blockmech.cli.options import Explain, GraphFile, Times, Want, compiled, names_of, option
+from blockmech.cli.options import Explain, Times, Want, names_of, option
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
 from blockmech.cli.terminal import progress_bar, say
 from blockmech.compiled import EVERYTHING

@@ -6,14 +6,13 @@ import json as text_of
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.numbers import SECONDS, coordinates, row, times
 from blockmech.cli.options import (
     At,
-    GraphFile,
     Samples,
     Static,
     Times,
-    compiled,
     names_of,
     one_of,
     option,

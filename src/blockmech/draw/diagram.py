@@ -18,7 +18,7 @@ from blockmech.draw import palette as ink
 from blockmech.draw.boxes import Content, Flow, Port, Shown, content_of
 from blockmech.draw.layout import arrange
 from blockmech.draw.palette import ROW, SIZES
-from blockmech.draw.paper import fitting_columns, new_figure, shown_name, styled, wrapped
+from blockmech.draw.paper import fitting_columns, new_page, shown_name, styled, wrapped
 from blockmech.draw.routing import Placed, Point, Rectangle, honour, place
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
@@ -102,10 +102,7 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
     with styled():
         from matplotlib.lines import Line2D
 
-        figure = new_figure(width, total)
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))  # a unit is a point
-        axes.set(xlim=(left, left + width), ylim=(total - head, -head))
-        axes.set_axis_off()
+        figure, axes = new_page(width, total, left, -head)
         drawn = Diagram(figure, axes, content, placed)
         x, y = left + SIZES.margin, SIZES.margin + ROW / 2 - head
         for k, line in enumerate(title):

@@ -182,19 +182,15 @@ def way_between(
 ) -> list[Point]:
     """A plain way between boxes that the user placed, through as few of them as it can.
 
-    ``k`` sets wires side by side.
+    Where the end is not to the right, it goes around below all; ``k`` sets wires side by side.
     """
     (x1, y1), (x2, y2) = start, end
     boxes, aside = list(boxes), (k % 3 - 1) * SIZES.track / 2
     out, into = x1 + SIZES.stub + aside, x2 - SIZES.stub + aside
-    ways: list[list[Point]] = []
-    if x2 - x1 >= 2 * SIZES.stub:
-        across = [out + (into - out) * j / 8 for j in (4, 3, 5, 2, 6, 1, 7, 0, 8)]  # middle first
-        ways += [[start, (x, y1), (x, y2), end] for x in across]
-    levels = [y for r in boxes for y in (r.y - ROW, r.y + r.height + ROW)]
-    for y in [(y1 + y2) / 2, *levels]:
-        around = [(out, y1), (out, y + aside), (into, y + aside), (into, y2)]
-        ways.append([start, *around, end])
+    if out > into:
+        y = max((r.y + r.height for r in boxes), default=max(y1, y2)) + ROW + aside
+        return [start, (out, y1), (out, y), (into, y), (into, y2), end]
+    ways = [[start, (x, y1), (x, y2), end] for x in ((out + into) / 2, out, into)]
     return min(ways, key=lambda way: sum(_runs_through(way, r) for r in boxes))
 
 
