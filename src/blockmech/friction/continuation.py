@@ -13,6 +13,7 @@ the new one.
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -48,10 +49,10 @@ class Path(NamedTuple):
 
     t: tuple[float, ...]  # friction; NaN without a solution
     g: tuple[float, ...]  # [N] loads on the pairs; NaN without a solution
+    iterations: float  # steps of the continuation
+    residual: float  # relative
     outcome: Outcome
     limit: float  # scale of the friction factors up to which a solution exists
-    residual: float  # relative
-    steps: int
 
 
 def continue_from_zero(
@@ -161,33 +162,20 @@ def _polish(eq: Equations, x: Array, count: int) -> Path:
     residual = float(np.abs(n - eq.k * g).max()) / scale
     if residual > 1e-12 or np.abs(n - near).max() > 0.5 * max(1.0, np.abs(near).max()):
         return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
-    t = n * eq.factor * eq.load
-    return Path(
-        tuple(map(float, t)),
-        tuple(map(float, g * eq.load)),
-        Outcome.BY_CONTINUATION,
-        1.0,
-        residual,
-        count,
-    )
+    t = tuple(map(float, n * eq.factor * eq.load))
+    loads = tuple(map(float, g * eq.load))
+    return Path(t, loads, float(count), residual, Outcome.BY_CONTINUATION, 1.0)
 
 
 def _ended(eq: Equations, outcome: Outcome, limit: Any, count: int) -> Path:
-    nothing = (float("nan"),) * eq.m
-    return Path(nothing, nothing, outcome, float(limit), float("nan"), count)
+    nothing = (math.nan,) * eq.m
+    return Path(nothing, nothing, float(count), math.nan, outcome, float(limit))
 
 
 def replaced(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
     """One uncertified sample of Newton's method: continuation's answer in its place."""
-    found = continue_from_zero(k, edges, base, rows)
-    return given._replace(
-        t=found.t,
-        g=found.g,
-        iterations=float(found.steps),
-        residual=found.residual,
-        outcome=float(found.outcome),
-        limit=found.limit,
-    )
+    found = continue_from_zero(k, edges, base, rows)._asdict()
+    return given._replace(**found | {"outcome": float(found["outcome"])})
 
 
 def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, tolerance: float) -> Any:
