@@ -13,7 +13,8 @@ the new one.
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -48,10 +49,10 @@ class Path(NamedTuple):
 
     t: tuple[float, ...]  # friction; NaN without a solution
     g: tuple[float, ...]  # [N] loads on the pairs; NaN without a solution
+    iterations: float  # steps of the continuation
+    residual: float  # relative
     outcome: Outcome
     limit: float  # scale of the friction factors up to which a solution exists
-    residual: float  # relative
-    steps: int
 
 
 def continue_from_zero(
@@ -115,28 +116,31 @@ def _end(
 ) -> Path | None:
     """How the path ends between two points, or None if it goes on."""
 
-    def place(rest: Callable[[Array], float]) -> Array:
-        h = crossing(curve, at, step, rest)
+    def place(h: float) -> Array:
         found = correct(curve, at.v + h * at.tangent, at.tangent)
         return at.v if found is None else found
 
-    def solved(v: Array) -> Path | None:
-        """The answer on the way to v, where lambda is 1 before eta is 0."""
-        if v[-1] < 1.0:
+    def solved(h: float) -> Path | None:
+        """The answer, if on the first part of the step lambda comes to 1 before eta to 0."""
+        if place(h)[-1] < 1.0:
             return None
-        share = (1.0 - at.v[-1]) / (v[-1] - at.v[-1])
-        full = correct(curve, at.v + share * (v - at.v), np.eye(eq.m + 2)[-1])
+        guess = place(crossing(curve, at, h, lambda v: 1.0 - float(v[-1])))
+        guess[-1] = 1.0
+        full = correct(curve, guess, np.eye(eq.m + 2)[-1])
         return None if full is None or full[-2] <= 0.0 else _polish(eq, full, count)
 
-    found = solved(ahead.v)
+    turns = ahead.tangent[-1] <= 0.0
+    if turns:  # what lies behind the turning point is another solution
+        way = side(curve, at)
+        step = crossing(curve, at, step, lambda v: float(point(curve, v, way).tangent[-1]))
+    found = solved(step)
     if found is not None:
         return found
-    if ahead.v[-2] <= 0.0:
-        return _ended(eq, Outcome.ASYMPTOTE, place(lambda v: float(v[-2]))[-1], count)
-    if ahead.tangent[-1] <= 0.0:
-        way = side(curve, at)
-        top = place(lambda v: float(point(curve, v, way).tangent[-1]))
-        return solved(top) or _ended(eq, Outcome.FOLD, top[-1], count)
+    if place(step)[-2] <= 0.0:
+        end = crossing(curve, at, step, lambda v: float(v[-2]))
+        return _ended(eq, Outcome.ASYMPTOTE, place(end)[-1], count)
+    if turns:
+        return _ended(eq, Outcome.FOLD, place(step)[-1], count)
     if ahead.v[-1] >= 1.0:
         return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
     return None
@@ -161,33 +165,20 @@ def _polish(eq: Equations, x: Array, count: int) -> Path:
     residual = float(np.abs(n - eq.k * g).max()) / scale
     if residual > 1e-12 or np.abs(n - near).max() > 0.5 * max(1.0, np.abs(near).max()):
         return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
-    t = n * eq.factor * eq.load
-    return Path(
-        tuple(map(float, t)),
-        tuple(map(float, g * eq.load)),
-        Outcome.BY_CONTINUATION,
-        1.0,
-        residual,
-        count,
-    )
+    t = tuple(map(float, n * eq.factor * eq.load))
+    loads = tuple(map(float, g * eq.load))
+    return Path(t, loads, float(count), residual, Outcome.BY_CONTINUATION, 1.0)
 
 
 def _ended(eq: Equations, outcome: Outcome, limit: Any, count: int) -> Path:
-    nothing = (float("nan"),) * eq.m
-    return Path(nothing, nothing, outcome, float(limit), float("nan"), count)
+    nothing = (math.nan,) * eq.m
+    return Path(nothing, nothing, float(count), math.nan, outcome, float(limit))
 
 
 def replaced(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
     """One uncertified sample of Newton's method: continuation's answer in its place."""
-    found = continue_from_zero(k, edges, base, rows)
-    return given._replace(
-        t=found.t,
-        g=found.g,
-        iterations=float(found.steps),
-        residual=found.residual,
-        outcome=float(found.outcome),
-        limit=found.limit,
-    )
+    found = continue_from_zero(k, edges, base, rows)._asdict()
+    return given._replace(**found | {"outcome": float(found["outcome"])})
 
 
 def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, tolerance: float) -> Any:
