@@ -309,8 +309,9 @@ def _judged(
     if probe.rubs:
         rubbing = _friction_left(request, result, setting, probe, good)
         words += f", {rubbing:.1g} from friction"
-    if not good.all():
-        words += f"; not judged, as they are at or near a dead centre: {(~good).sum()} samples"
+    unsure = result.quality.status.count("ok") - int(good.sum())
+    if unsure:
+        words += f"; not judged, as they are at or near a dead centre: {unsure} samples"
     if probe.errors.left_out:
         names = listed(probe.errors.left_out, 3)
         words += f"; not judged, as they are rounding alone: {names}"
@@ -321,8 +322,6 @@ def _friction_left(
     request: _Request, result: Result, setting: Setting, probe: Probe, good: Any
 ) -> float:
     """Error that the solution of the friction equations leaves."""
-    if setting.friction == "none":
-        return SAFETY * probe.share
     left, quality = 0.0, result.quality
     for block, residual in quality.residual.items():
         P = float(np.max(quality.contraction[block][good], initial=probe.contraction))
