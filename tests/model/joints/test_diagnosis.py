@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.model.joints.diagnosis import CODES
+from tests.codes import LINKAGE_CODES as CODES
 from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import document as random_document

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
 from blockmech.model.diagram import GRAPH_FILE, Wire
 from blockmech.model.joints.closing import Poses, coordinate
-from blockmech.model.joints.connections import Connection, Connections, Seated, angle_of
+from blockmech.model.joints.connections import Connection, Connections, Seated
 from blockmech.model.joints.contents import FRAME, LinkGiven
 from blockmech.model.joints.elements import Hold, element
 from blockmech.model.joints.frames import GENERAL, End, Made, Seat, free_name, xy
@@ -262,7 +263,7 @@ class Diagram:
             if link == FRAME and not markers:
                 continue
             origin = self.marker(link, 0j, 1 + 0j, link)
-            turn = 0.0 if seat.e == 1 else -angle_of(seat.e)
+            turn = 0.0 if seat.e == 1 else -cmath.phase(seat.e)
             links[link] = LinkName(LinkRef(seat.block, seat.link), origin, turn, markers)
         joints = {name: self._joint(name, found) for name in found.pairs}
         return Names(links, joints, dict(self._loads))
