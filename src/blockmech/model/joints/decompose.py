@@ -134,7 +134,7 @@ def _closed(layout: Layout, found: Formation, seats: Seated) -> Poses:
 
 def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposition:
     plain = links_read_as_they_are(linkage.loads, found.pairs)
-    diagram = Diagram(linkage, linkage.driven)
+    diagram = Diagram(linkage, found)
     problems = []
     units = _merged(found.formation.units) if general == "one" else found.formation.units
     for unit in units:
@@ -143,12 +143,12 @@ def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposi
         except DeadCentre as error:
             problems.append(dead_centre(unit.links, str(error)))
             made = general_group(unit, found.seats.pairs)
-        diagram.add(unit, made, found)
+        diagram.add(unit, made)
     if problems:
         raise GraphError(problems)
-    diagram.add_loads(found.pairs)
+    diagram.add_loads()
     shown = Formation(tuple(units), (), ())
-    return Decomposition(diagram.data(), diagram.names(found), shown, found.poses)
+    return Decomposition(diagram.data(), diagram.names(), shown, found.poses)
 
 
 def _made(unit: Unit, found: Sequence, general: General, plain: set[str]) -> Made:
