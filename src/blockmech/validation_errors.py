@@ -162,9 +162,11 @@ def _problem(place: _Place, line: Any) -> Problem:
         return Problem("missing-key", where, f'{place.owner} needs "{name}"{unit}', "", "add it")
     if kind == "extra_forbidden":
         return unknown_key(where, place.owner, str(line["loc"][-1]), place.keys)
-    if kind == "too_short":
-        least, has = more["min_length"], more["actual_length"]
-        return Problem("wrong-value", where, f"{name} must have at least {least} values, has {has}")
+    if kind in ("too_short", "too_long"):
+        most = f"at most {more.get('max_length')}"
+        most = f"at least {more['min_length']}" if kind == "too_short" else most
+        found = f"{name} must have {most} values, has {more['actual_length']}"
+        return Problem("wrong-value", where, found)
     if kind == "literal_error":
         allowed = more["expected"].replace("'", '"')
         words = re.findall(r'"([^"]*)"', allowed)

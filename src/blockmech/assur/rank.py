@@ -33,7 +33,9 @@ def in_bands(nodes: Sequence[str], joined: Iterable[tuple[str, str]]) -> list[st
 
     index = {a: k for k, a in enumerate(nodes)}
     ends = [(index[a], index[b]) for a, b in joined if a in index and b in index]
-    rows, columns = np.array([*ends, *(e[::-1] for e in ends)], dtype=int).reshape(-1, 2).T
+    if not ends:
+        return list(nodes)
+    rows, columns = np.array([*ends, *(e[::-1] for e in ends)]).T
     graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(nodes), len(nodes)))
     return [nodes[k] for k in reverse_cuthill_mckee(graph.tocsr(), symmetric_mode=True)]
 
