@@ -17,8 +17,6 @@ from blockmech.plane import expi
 from blockmech.typing import (
     Complex,
     Guide,
-    GuideAcceleration,
-    GuideVelocity,
     LinkAcceleration,
     LinkPosition,
     LinkVelocity,
@@ -58,13 +56,13 @@ def position(A: Guide, q: Real, p: Crank) -> CrankPose:
     return CrankPose(LinkPosition(A.p, A.u * expi(q)))
 
 
-def velocity(pose: CrankPose, A: GuideVelocity, qd: Real, p: Crank) -> CrankVelocity:
+def velocity(pose: CrankPose, A: LinkVelocity, qd: Real, p: Crank) -> CrankVelocity:
     """Add the driver's rate [rad/s] to the rate of the supporting link."""
     return CrankVelocity(LinkVelocity(A.v, A.om + qd))
 
 
 def acceleration(
-    pose: CrankPose, vel: CrankVelocity, A: GuideAcceleration, qdd: Real, p: Crank
+    pose: CrankPose, vel: CrankVelocity, A: LinkAcceleration, qdd: Real, p: Crank
 ) -> CrankAcceleration:
     """Add the driver's acceleration [rad/s2] to that of the supporting link."""
     return CrankAcceleration(LinkAcceleration(A.a, A.al + qdd))

@@ -17,16 +17,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal, NamedTuple
 
-from blockmech.blocks.contract import (
-    AssurGroup,
-    BuiltIn,
-    Kernels,
-    Line,
-    inner_joint,
-    outer_joint,
-)
-from blockmech.blocks.points import Point, dead_centre, given_points
-from blockmech.blocks.rrr import pin_forces, rates, triangle
+from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.points import Point
+from blockmech.blocks.rrr import bent, pin_forces, rates, transmission, triangle
 from blockmech.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
 from blockmech.typing import (
     Complex,
@@ -138,11 +131,6 @@ def reactions(
     return CylinderReactions(R_B, Slide(cross(e, f), -M_r), R_C, R_D, dot(e, f))
 
 
-def transmission(pose: CylinderPose, p: Cylinder) -> tuple[Real, Real]:
-    """Sine and cosine, up to one factor, of the angle at C."""
-    return abs(pose.det), abs(dot(pose.u, pose.w))
-
-
 def size(pose: CylinderPose, p: Cylinder) -> Real:
     """The larger of both lengths [m]."""
     return maximum(hyp(pose.u), p.l_j)
@@ -204,10 +192,5 @@ class Cylinder(AssurGroup, type="driven.rrr"):
 
         Raises `GraphError` where C lies on the line BD: the branch is not defined there.
         """
-        b, c, d = given_points("Cylinder.from_points", B=B, C=C, D=D)
-        side = cross(d - b, c - b)
-        if side == 0:
-            raise dead_centre(
-                "Cylinder.from_points", "B, C and D lie on one line, so the branch is not defined"
-            )
-        return cls(l_j=abs(d - c), branch=1 if side > 0 else -1, **more)  # type: ignore[arg-type]
+        found = bent("Cylinder.from_points", B, C, D)
+        return cls(l_j=found["l_j"], branch=found["branch"], **more)  # type: ignore[arg-type]

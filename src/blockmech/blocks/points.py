@@ -41,6 +41,13 @@ def angle_between(a: complex, b: complex) -> float:
     return cmath.phase(b * a.conjugate())
 
 
+def branch_of(where: str, determinant: float, why: str) -> int:
+    """The assembly mode, +1 or -1. Raises `GraphError` at a dead centre, which has none."""
+    if determinant == 0:
+        raise dead_centre(where, f"{why}, so the branch is not defined")
+    return 1 if determinant > 0 else -1
+
+
 def dead_centre(where: str, why: str) -> GraphError:
     """The pose is a dead centre, so it does not tell the parameters."""
     return GraphError(
