@@ -35,12 +35,6 @@ Argument: TypeAlias = Literal["coordinate", "rate", "time"]
 Turns = Annotated[int, Field(strict=True, gt=0)]
 
 
-class ConstantNumbers(NamedTuple):
-    """Numbers of a constant law."""
-
-    value: Real  # [N or N m]
-
-
 class PolynomialNumbers(NamedTuple):
     """Numbers of a polynomial."""
 
@@ -67,16 +61,9 @@ class FourierNumbers(NamedTuple):
     sines: tuple[float, ...]
 
 
-class DCNumbers(NamedTuple):
-    """Numbers of a direct-current motor."""
-
-    stall_moment: Real  # [N m]
-    no_load_speed: Real  # [rad/s]
-
-
-def constant(law: ConstantNumbers) -> Real:
+def constant(law: PolynomialNumbers) -> Real:
     """The same at all times."""
-    return law.value
+    return law.coefficients[0]
 
 
 def polynomial(x: Real, law: PolynomialNumbers) -> Real:
@@ -123,11 +110,6 @@ def harmonics(phase: Real, law: FourierNumbers) -> Real:
     return law.mean + total.real
 
 
-def dc(x: Real, law: DCNumbers) -> Real:
-    """The straight line from the stall moment to zero at the no-load speed."""
-    return law.stall_moment * (1 - x / law.no_load_speed)
-
-
 class Law(Strictly):
     """Size of a force [N] or moment [N m]. ``of`` is what it is a function of."""
 
@@ -155,9 +137,9 @@ class Constant(Law):
     kind: Literal["constant"] = "constant"
     value: Number
 
-    def numbers(self) -> ConstantNumbers:
+    def numbers(self) -> PolynomialNumbers:
         """The value."""
-        return ConstantNumbers(self.value)
+        return PolynomialNumbers((self.value,))
 
     def kernel(self) -> Callable[..., Real]:
         """`constant`."""
@@ -319,13 +301,13 @@ class DC(Law):
             raise mistake("wrong-value", "must not be 0")
         return speed
 
-    def numbers(self) -> DCNumbers:
-        """Both ends of the line."""
-        return DCNumbers(self.stall_moment, self.no_load_speed)
+    def numbers(self) -> PolynomialNumbers:
+        """The straight line from the stall moment to zero at the no-load speed."""
+        return PolynomialNumbers((-self.stall_moment / self.no_load_speed, self.stall_moment))
 
     def kernel(self) -> Callable[..., Real]:
-        """`dc`."""
-        return dc
+        """`polynomial`."""
+        return polynomial
 
 
 AnyLaw = Annotated[Constant | Polynomial | Table | Fourier | DC, Field(discriminator="kind")]

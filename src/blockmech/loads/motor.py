@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from blockmech.loads.contract import Following, Reads, Terminal
+from blockmech.loads.contract import Following, Terminal
 from blockmech.plane import angle
 from blockmech.typing import Complex, Real
 
@@ -42,11 +42,9 @@ class Motor(Following, type="load.motor"):
 
     terminals = {"a": Terminal("link"), "b": Terminal("link")}
 
-    def own_measure(self, rate: bool) -> tuple[Callable[..., Any], Reads]:
+    def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The angle of b relative to a, or its rate."""
-        if rate:
-            return relative_rate, {"a": ("om",), "b": ("om",)}
-        return relative_angle, {"a": ("e",), "b": ("e",)}
+        return relative_rate if rate else relative_angle
 
     def kernel(self) -> Callable[..., Any]:
         """The moments."""

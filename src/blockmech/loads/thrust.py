@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import field_validator
 
-from blockmech.loads.contract import Following, Reads, Terminal
+from blockmech.loads.contract import Following, Terminal
 from blockmech.plane import dot, hyp, imul, mul
 from blockmech.typing import Complex, Real
 from blockmech.values import Vector, VectorOrNoneGiven, default, mistake
@@ -80,18 +80,11 @@ class Thrust(Following, type="load.thrust"):
             raise mistake("bad-direction", '"direction" must not be [0, 0]')
         return direction
 
-    def acts_by(self) -> Reads:
-        """Both places, or the direction of the link of a."""
-        return {"a": ("p",), "b": ("p",)} if self.direction is None else {"a": ("e",)}
-
-    def own_measure(self, rate: bool) -> tuple[Callable[..., Any], Reads]:
+    def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The distance from a to b along the force, or its rate."""
         if self.direction is None:
-            what = ("p", "v") if rate else ("p",)
-            return distance_rate if rate else distance, {"a": what, "b": what}
-        if rate:
-            return stroke_rate, {"a": ("p", "v", "e", "om"), "b": ("p", "v")}
-        return stroke, {"a": ("p", "e"), "b": ("p",)}
+            return distance_rate if rate else distance
+        return stroke_rate if rate else stroke
 
     def kernel(self) -> Callable[..., Any]:
         """The forces."""
