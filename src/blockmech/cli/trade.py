@@ -76,9 +76,9 @@ def trade(
         raise refused("--want", "pictures and files are of one request", "give --want once")
     # What is wrong is said before anything is measured.
     if plot is not None:
-        from blockmech.draw import still_suffix
+        from blockmech.draw.paper import suffix_of
 
-        still_suffix(plot)
+        suffix_of(plot)
     for names in wants:
         mechanism.outputs.match(names or ())
     found = []

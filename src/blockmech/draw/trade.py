@@ -16,15 +16,16 @@ import numpy as np
 
 from blockmech.analysis.trade.report import Trade
 from blockmech.draw import palette as ink
-from blockmech.draw import still_suffix, write_figure
 from blockmech.draw.labels import COVERED, Crowd, Label, Rect
 from blockmech.draw.paper import (
     legend_above,
     new_figure,
     shown_name,
     styled,
+    suffix_of,
     text_width,
     wrapped,
+    write_figure,
 )
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class PlottedTrade(Trade):
 
 def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:
     """Write the picture of a trade; the suffix says the format (png, svg, pdf)."""
-    return write_figure(trade_figure(trade), path, still_suffix(path))
+    return write_figure(trade_figure(trade), path, suffix_of(path))
 
 
 def trade_figure(trade: Trade) -> Any:
@@ -118,19 +119,23 @@ def _panel(axes: Any, trade: Trade, series: dict[str, list[Point]], cost: str) -
     axes.axhspan(1e-300, floor, facecolor="none", edgecolor=ink.GREY, hatch="////", lw=0, zorder=0)
     axes.axhline(floor, color=ink.GREY, lw=0.7, zorder=1.5)
     for i, (name, row) in enumerate(series.items()):
-        colour, dashes = ink.curve_style(i)
+        style = ink.curve_style(i)
         x, y = [getattr(p, cost) for p in row], [p.error for p in row]
         if cost == "seconds":
             bars = np.array([[p.seconds - p.low for p in row], [p.high - p.seconds for p in row]])
             axes.errorbar(
-                x, y, xerr=np.maximum(bars, 0), fmt="none", ecolor=colour, elinewidth=0.5, zorder=2
+                x,
+                y,
+                xerr=np.maximum(bars, 0),
+                fmt="none",
+                ecolor=style["color"],
+                elinewidth=0.5,
+                zorder=2,
             )
-        (line,) = axes.plot(
-            x, y, color=colour, lw=0.9, marker=MARKS[i % len(MARKS)], ms=RING,
+        axes.plot(
+            x, y, **style, lw=0.9, marker=MARKS[i % len(MARKS)], ms=RING,
             mfc=ink.PAPER, mew=0.8, zorder=3, label=name,
         )  # fmt: skip
-        if dashes:
-            line.set_dashes(dashes)
     _ticks(axes.xaxis, axes.get_xlim(), 7, INSIDE)
     _ticks(axes.yaxis, axes.get_ylim(), 8)
     axes.grid(True, color=ink.PALE, lw=0.3)
