@@ -86,12 +86,13 @@ class Friction:
     """How the friction equations are solved: the user's trade of speed for accuracy.
 
     method : "none" | "single" | "successive" | "newton"
-    tolerance [N] : largest change of a reaction at which ``successive`` stops
+    tolerance [N] : largest change of a reaction at which ``successive`` stops; by default
+        1e-7 of the largest one
     iterations : fixed number of iterations of ``successive``, or None
     """
 
     method: str = "newton"
-    tolerance: float = 1e-3
+    tolerance: float | None = None
     iterations: int | None = None
 
 

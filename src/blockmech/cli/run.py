@@ -37,7 +37,7 @@ from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 
 Friction = Annotated[str | None, option("none, single, successive or newton.", "METHOD")]
-Tolerance = Annotated[float | None, option("Stop of successive approximations (1e-3 N).", "X")]
+Tolerance = Annotated[float | None, option("Stop of successive approximations [N].", "X")]
 Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")

@@ -193,7 +193,7 @@ class NumpyEngine:
         columns = [self._rounded(name, inputs[name]) for name in self.program.inputs]
         found: tuple[Any, ...] = ()
         with np.errstate(all="ignore"):
-            for k in range(0, n, chunk):
+            for k in range(0, max(n, 1), chunk):
                 part = slice(k, min(k + chunk, n))
                 values = self._program(*(c[part] for c in columns), self.parameters)
                 if n <= chunk:

@@ -37,12 +37,11 @@ class Outcome(enum.IntEnum):
     NOT_CONVERGED = 2
     FOLD = 3
     ASYMPTOTE = 4
-    UNCERTIFIED = 5  # a fixed count of iterations where nothing bounds what it left
 
     @property
     def solved(self) -> bool:
-        """Whether there is an answer, be it one that only its residual describes."""
-        return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION, Outcome.UNCERTIFIED)
+        """Whether there is an answer."""
+        return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION)
 
 
 class Path(NamedTuple):
@@ -274,48 +273,3 @@ def _polish(eq: Equations, x: Array, count: int) -> Path:
 def _ended(eq: Equations, outcome: Outcome, limit: Any, count: int) -> Path:
     nothing = (float("nan"),) * eq.m
     return Path(nothing, nothing, outcome, float(limit), float("nan"), count)
-
-
-def replaced(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
-    """One uncertified sample of Newton's method: continuation's answer in its place."""
-    found = continue_from_zero(k, edges, base, rows)
-    return given._replace(
-        t=found.t,
-        g=found.g,
-        iterations=float(found.steps),
-        residual=found.residual,
-        outcome=float(found.outcome),
-        limit=found.limit,
-    )
-
-
-def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, tolerance: float) -> Any:
-    """One uncertified sample of successive approximations: it stands if continuation agrees.
-
-    Near a contraction rho of 1 the remaining error is rho / (1 - rho) times the last
-    change, and beyond it the iteration may settle on another solution.
-    """
-    found = continue_from_zero(k, edges, base, rows)
-    outcome = found.outcome
-    if outcome == Outcome.BY_CONTINUATION:
-        rho = min(max(given.contraction, 0.0), 1.0 - 1e-12)
-        reach = max(tolerance, 1e-12 * max(found.g)) * max(1.0, rho / (1.0 - rho))
-        off = max(abs(a - b) for a, b in zip(found.g, given.g, strict=True))
-        if given.outcome or not off <= 10.0 * reach:
-            outcome = Outcome.NOT_CONVERGED
-    spoilt = outcome != Outcome.BY_CONTINUATION
-    t = (float("nan"),) * len(given.t) if spoilt else given.t
-    return given._replace(t=t, outcome=float(outcome), limit=found.limit)
-
-
-def bounded(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
-    """One uncertified sample of a fixed count of iterations.
-
-    It stays what the user asked for and is flagged; where Coulomb's equations have no
-    solution at all there is nothing that it approximates, and it is no answer.
-    """
-    found = continue_from_zero(k, edges, base, rows)
-    if found.outcome == Outcome.BY_CONTINUATION:
-        return given._replace(outcome=float(Outcome.UNCERTIFIED), limit=found.limit)
-    nothing = (float("nan"),) * len(given.t)
-    return given._replace(t=nothing, outcome=float(found.outcome), limit=found.limit)
