@@ -56,3 +56,4 @@ class Slide(NamedTuple):
 
     N: Real  # (...) [N] normal force along n = i u, u the guide's direction
     C: Real  # (...) [N m] guide couple about the origin of the later link
+    C_i: Real = 0.0  # (...) [N m] inner: the same about the origin of link i

@@ -19,7 +19,8 @@ rules are numbered, and `blockmech.testing.conformance` tests them by number:
     origin). It returns, named like the joint, a force for a revolute pair and a
     `Slide` for a prismatic pair (outer: on the group; inner: of link i on link j),
     and ``tau`` for a driven joint. A slide's couple is about the origin of the later
-    link; the core moves it to the slider's point.
+    link, and of an inner slide also about that of link i, each from what that link's own
+    loads say best; the core moves the one of the slider's owner to the slider's point.
  7. Kernels are batch-transparent: any batch shape, no loop over samples.
  8. NaN in, NaN out.
  9. Impossible samples are NaN, never an exception.

@@ -128,7 +128,7 @@ def reactions(
     M_i = load_barrel.M + M_r + cross(pose.u, F_r)
     R_B, R_C, R_D = pin_forces(pose, Load(load_barrel.F + F_r, M_i), load_j)
     e, f = pose.barrel.e, R_C - F_r  # f is what the barrel does to the rod
-    return CylinderReactions(R_B, Slide(cross(e, f), -M_r), R_C, R_D, dot(e, f))
+    return CylinderReactions(R_B, Slide(cross(e, f), -M_r, load_barrel.M), R_C, R_D, dot(e, f))
 
 
 def size(pose: CylinderPose, p: Cylinder) -> Real:

@@ -121,13 +121,13 @@ def reactions(pose: RPPPose, load_i: Load, load_j: Load, p: RPP) -> RPPReactions
     """Split the load of link j along the two normals, then balance link i.
 
     Loads are (force [N], moment about the link's origin [N m]); the guide couples are
-    about O.
+    about O, the inner one also about B.
     """
     (F_i, M_i), (F_j, M_j) = load_i, load_j
     k = 1 / pose.det
     N1, N = dot(F_j, pose.j.e) * k, -dot(F_j, pose.i.e) * k
     C1 = M_i - N1 * dot(pose.arm_O - pose.arm_B, pose.i.e)
-    return RPPReactions(imul(pose.i.e, N1) - F_i, Slide(N1, C1), Slide(N, -M_j - C1))
+    return RPPReactions(imul(pose.i.e, N1) - F_i, Slide(N1, C1, M_i), Slide(N, -M_j - C1))
 
 
 def transmission(pose: RPPPose, p: RPP) -> tuple[Real, Real]:

@@ -99,12 +99,12 @@ def reactions(pose: RPRPose, load_i: Load, load_j: Load, p: RPR) -> RPRReactions
     """Solve the moment equation of both links together, then of each alone.
 
     Loads are (force [N], moment about the link's origin [N m]); the guide couple is
-    about D.
+    about D, and about B.
     """
     (F_i, M_i), (F_j, M_j) = load_i, load_j
     N = (M_i + M_j) / pose.det
     f = imul(pose.i.e, N)
-    return RPRReactions(f - F_i, Slide(N, -M_j), -(F_j + f))
+    return RPRReactions(f - F_i, Slide(N, -M_j, M_i), -(F_j + f))
 
 
 def transmission(pose: RPRPose, p: RPR) -> tuple[Real, Real]:

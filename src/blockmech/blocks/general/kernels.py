@@ -228,7 +228,8 @@ def carried(pair: PairPlan, at: Ends, own: tuple[Real, ...], size: Real) -> Any:
     if not pair.prismatic:
         return planar(own[0] * (1 / size), own[1] * (1 / size))
     N = own[0] * (1 / size)
-    return Slide(N, own[-1] + N * dot(at.b.r, at.a.u))
+    b, a = dot(at.b.r, at.a.u), dot(at.a.r + at.d, at.a.u)
+    return Slide(N, own[-1] + N * b, own[-1] + N * a)
 
 
 def margin(pose: Pose, p: Any) -> Real:
