@@ -100,8 +100,11 @@ class Following(Element):
 
     ``law`` is typed data, in Python also a function of ``coordinate``, ``rate`` or ``time``,
     by the names of its parameters. ``driver`` names the driving link whose coordinate or
-    rate is the law's argument; without it that is the element's own, see `own_measure`.
+    rate is the law's argument; without it that is the element's own, see `own_measure`;
+    ``own_coordinate`` says in words which, from where, and which way it grows.
     """
+
+    own_coordinate: ClassVar[str] = ""
 
     law: LawGiven
     driver: str | None = None

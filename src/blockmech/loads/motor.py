@@ -1,8 +1,6 @@
 """A motor between two links: a moment that follows a law of angle, rate or time.
 
-The moment is on b, the opposite on a. What the law is of: the angle of b relative to
-a, in (-pi, pi], or its rate; with ``driver`` the coordinate or the rate of that
-driving link, which counts turns; or the time.
+The moment is on b, the opposite on a, counter-clockwise positive.
 
 Sources: [D14] Durango et al. 2014, section 2 (driving moment as a function of
 position and velocity).
@@ -36,10 +34,15 @@ def relative_rate(om_a: Real, om_b: Real, p: Motor) -> Real:
 class Motor(Following, type="load.motor"):
     """A moment [N m] on link b, the opposite on link a, by a law.
 
+    The law's coordinate is the angle [rad] of link b from link a, counter-clockwise, in
+    (-pi, pi], and its rate [rad/s] that of b less that of a. With ``driver`` they are that
+    driver's, which count turns.
+
     >>> Motor(law={"kind": "dc", "stall_moment": 2.0, "no_load_speed": 100.0}).reads()
     {'a': ('om',), 'b': ('om',)}
     """
 
+    own_coordinate = "angle of b from a, counter-clockwise, in (-pi, pi] [rad]"
     terminals = {"a": Terminal("link"), "b": Terminal("link")}
 
     def own_measure(self, rate: bool) -> Callable[..., Any]:

@@ -1,9 +1,7 @@
 """A thrust between two markers: a force that follows a law of stroke, rate or time.
 
 The force on b points from a to b, or along a direction that turns with the link of a;
-the opposite acts at a. A positive value pushes the markers apart. What the law is of:
-the distance from a to b, measured along the force, or its rate; with ``driver`` the
-coordinate or the rate of that driving link (gas force over the crank angle); or time.
+the opposite acts at a. A positive value pushes the markers apart.
 
 Sources: [D14] Durango et al. 2014, section 2 (loads as functions of position and
 velocity).
@@ -65,10 +63,16 @@ class Thrust(Following, type="load.thrust"):
     ``direction`` [dx, dy] is in the axes of the link of a. Put a on the line of action,
     for the two forces make a couple of their own otherwise.
 
+    The law's coordinate [m] is the way from a to b along ``direction`` (negative where b is
+    behind a), without one the distance of a and b; its rate [m/s] is positive where b moves
+    along ``direction``, or away from a. Turning ``direction`` round changes the sign of both
+    and of the force. With ``driver`` they are that driver's (gas force over the crank angle).
+
     >>> Thrust(law={"kind": "constant", "value": 500.0}).reads()
     {'a': ('p',), 'b': ('p',)}
     """
 
+    own_coordinate = "way from a to b along the direction; without one their distance [m]"
     terminals = {"a": Terminal("point"), "b": Terminal("point")}
 
     direction: VectorOrNoneGiven = default(None)
