@@ -17,11 +17,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import NumpyEngine
@@ -31,18 +30,15 @@ from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
-
-Floats: TypeAlias = NDArray[np.float64]
+from blockmech.series import Floats, coefficients, nodes
 
 TURN = 2 * math.pi
 SEAM = -math.pi / 2  # where the scan of a turn begins
 SAMPLES = 720  # of a turn, or of the travel of a slide
 ASIDE = 0.382  # of a spacing: samples do not fall on the round angles of symmetric poses
 LOW = 0.3  # of the largest determinant: a minimum above it is none
-NODES = 16
+NODES = 16  # even, so that none is at the change point
 REACHES = (12.0, 6.0, 2.5, 1.2)  # spacings on either side that a series covers
-X: Floats = np.asarray(np.cos((np.arange(NODES) + 0.5) * math.pi / NODES))
-TO_SERIES: Floats = np.asarray(np.linalg.inv(chebyshev.chebvander(X, NODES - 1)))
 ENDED = 1e-10  # end of a series that is smooth
 SAME = 1e-7  # spacings within which two dyads change at the same point
 AT_HOME = 1e-3  # of the largest determinant: below it home is at a change point
@@ -160,9 +156,10 @@ def _root(
     size: Callable[[Floats], Floats], guess: float, spacing: float, largest: float
 ) -> float | None:
     """The zero that the size goes through near a guess, or None if it is not smooth there."""
+    x = nodes(NODES)
     for reach in REACHES:
         half = reach * spacing
-        series: Floats = np.asarray(TO_SERIES @ (np.sign(X) * size(guess + half * X) / largest))
+        series = coefficients(np.sign(x) * size(guess + half * x) / largest)
         if not np.isfinite(series).all():
             continue
         if np.abs(series[-4:]).max() <= ENDED * np.abs(series).max():
