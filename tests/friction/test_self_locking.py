@@ -99,6 +99,19 @@ def test_answers_beyond_the_certificate_are_those_of_the_independent_solver(fact
     assert solved >= 5
 
 
+@pytest.mark.parametrize(("q", "kind"), [(1.118, "fold"), (6.0, "fold"), (5.78, "asymptote")])
+def test_just_below_a_limit_the_answer_lies_on_the_branch_from_zero_friction(q, kind):
+    (limit,), codes = limits([q])
+    assert codes == [kind]
+    for below in (1e-2, 4e-4, 1e-5, 1e-8):
+        mech = rough(limit * (1 - below))
+        found = mech.run(at=q)
+        assert [f.code for f in found.quality.flags] == ["by-continuation"]
+        wanted = Twin(mech).judge([q], [10.0], [0.0]).forces.drivers["crank"]
+        # the factor's rounding, over its distance from the limit
+        assert abs(found["crank.drive"][0] - wanted) <= abs(wanted) * 10 * EPS / below
+
+
 def test_newton_is_not_trusted_where_another_solution_is_nearer():
     # at 6 rad and f' r = 1.2 m Newton alone converges to a solution 70 to 90 % off
     mech = rough(1.2)

@@ -112,33 +112,30 @@ def _spare(eq: Equations, contacts: Array, v: Array) -> float:
 def _end(
     eq: Equations, curve: Curve, at: Point, ahead: Point, step: float, count: int
 ) -> Path | None:
-    """How the path ends between two points, or None if it goes on."""
+    """How the path ends between two points, or None if it goes on.
 
-    def place(rest: Callable[[Array], float]) -> Array:
+    The answer lies before the fold, if there is one between them: beyond it the path comes
+    back through lambda = 1 with another solution.
+    """
+
+    def place(rest: Callable[[Array], float], step: float) -> tuple[Array, float]:
         h = crossing(curve, at, step, rest)
         found = correct(curve, at.v + h * at.tangent, at.tangent)
-        return at.v if found is None else found
+        return (at.v if found is None else found), h
 
-    def solved(v: Array) -> Path | None:
-        """The answer on the way to v, where lambda is 1 before eta is 0."""
-        if v[-1] < 1.0:
-            return None
-        share = (1.0 - at.v[-1]) / (v[-1] - at.v[-1])
-        full = correct(curve, at.v + share * (v - at.v), np.eye(eq.m + 2)[-1])
-        return None if full is None or full[-2] <= 0.0 else _polish(eq, full, count)
-
-    found = solved(ahead.v)
-    if found is not None:
-        return found
-    if ahead.v[-2] <= 0.0:
-        return _ended(eq, Outcome.ASYMPTOTE, place(lambda v: float(v[-2]))[-1], count)
-    if ahead.tangent[-1] <= 0.0:
+    top = ahead.v
+    folds = ahead.tangent[-1] <= 0.0
+    if folds:
         way = side(curve, at)
-        top = place(lambda v: float(point(curve, v, way).tangent[-1]))
-        return solved(top) or _ended(eq, Outcome.FOLD, top[-1], count)
-    if ahead.v[-1] >= 1.0:
-        return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
-    return None
+        top, step = place(lambda v: float(point(curve, v, way).tangent[-1]), step)
+    if top[-1] >= 1.0:
+        full, _ = place(lambda v: 1.0 - float(v[-1]), step)
+        if full[-2] > 0.0:
+            return _polish(eq, full, count)
+    if top[-2] <= 0.0:
+        pole, _ = place(lambda v: float(v[-2]), step)
+        return _ended(eq, Outcome.ASYMPTOTE, pole[-1], count)
+    return _ended(eq, Outcome.FOLD, top[-1], count) if folds else None
 
 
 def _polish(eq: Equations, x: Array, count: int) -> Path:
@@ -154,11 +151,11 @@ def _polish(eq: Equations, x: Array, count: int) -> Path:
         n = n - dn
         if np.abs(dn).max() <= 4e-16 * max(1.0, np.abs(n).max()):
             break
-    near = x[:-2] / x[-2]
+    moved = np.append(n, 1.0) / np.hypot(np.linalg.norm(n), 1.0) - x[:-1]
     g, _ = eq.norm(n, 1.0, eq.contacts(eq.loads(n, 1.0)))
     scale = float(np.abs(eq.k * g).max()) or 1.0
     residual = float(np.abs(n - eq.k * g).max()) / scale
-    if residual > 1e-12 or np.abs(n - near).max() > 0.5 * max(1.0, np.abs(near).max()):
+    if residual > 1e-12 or np.abs(moved).max() > 1e-6:  # another solution
         return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
     t = n * eq.factor * eq.load
     return Path(
