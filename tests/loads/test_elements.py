@@ -66,16 +66,6 @@ def test_half_a_turn_from_rest_counts_as_positive(engine):
     assert angle(1 + 0j, -1 + 0j) == angle(-1 + 0j, 1 + 0j) == math.pi
 
 
-def test_energy_of_a_torsion_spring_is_that_of_its_twist():
-    mech = arm(bm.TorsionSpring(stiffness=10.0, rest_angle=0.5), LINKS)
-    found = mech.run(at=Q, want="mechanism.potential_energy")["mechanism.potential_energy"]
-    assert close(found, 5 * wrapped(Q - 0.5) ** 2)
-
-
-def test_torsional_damper_resists_the_rate():
-    assert close(moment(bm.TorsionSpring(stiffness=0.0, damping=2.0), LINKS), -2.0 * RATE + 0 * Q)
-
-
 @ENGINES
 def test_linear_damper_resists_the_rate_of_its_length(engine):
     d = np.exp(1j * Q) - P
