@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 ZERO, ONE, REST = "ZERO", "ONE", "REST"  # constants that every engine names: 0j, 1, rest's share
 NOUGHT = "0.0"  # a number that is known to be zero: nothing is computed with it
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
-MOST_KEPT = 32  # programs whose code is kept
 NO_LETTER = re.compile(r"\W", re.ASCII)
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
@@ -123,7 +122,7 @@ class Program:
         return _compiled(self.source)
 
 
-@functools.lru_cache(maxsize=MOST_KEPT)
+@functools.lru_cache
 def _compiled(source: str) -> CodeType:
     """A program's code: numbers are parameters, so designs of one structure share it."""
     return compile(source, "<plan>", "exec")

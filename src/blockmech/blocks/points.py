@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from pydantic_core import PydanticCustomError
 
-from blockmech.blocks.mistakes import refuse
+from blockmech.blocks.contract import refuse
 from blockmech.errors import GraphError, Problem
 from blockmech.values import Vector, mistake
 

@@ -13,8 +13,6 @@ from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any, ClassVar
 
-from blockmech.plan import Program
-
 OWN = f"{__name__.partition('.')[0]}."  # the package's own modules do not change while it runs
 
 Space = dict[str, Any]
@@ -78,9 +76,9 @@ def _copy(function: FunctionType, space: Space) -> FunctionType:
 
 
 def bind(
-    program: Program, primitives: Mapping[str, Any], constants: Mapping[str, Any]
+    program: Any, primitives: Mapping[str, Any], constants: Mapping[str, Any]
 ) -> Callable[..., tuple[Any, ...]]:
-    """The program as a function of its inputs and parameters, on one number type."""
+    """A `blockmech.plan.Program` as a function of its inputs and parameters, on one number type."""
     space: Space = {**primitives, **constants, **bind_functions(program.functions, primitives)}
     exec(program.code, space)
     run: Callable[..., tuple[Any, ...]] = space["program"]

@@ -31,8 +31,7 @@ from pydantic import (
     model_validator,
 )
 
-from blockmech.blocks.contract import Block
-from blockmech.blocks.mistakes import Mistake, refuse
+from blockmech.blocks.contract import Block, Mistake, refuse
 from blockmech.errors import listed
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw

@@ -25,19 +25,17 @@ from blockmech.blocks.contract import (
     Coordinate,
     Joint,
     Kernels,
+    Mistake,
+    bad_name,
     inner_joint,
     outer_joint,
+    refuse,
+    unknown_name,
     wrong_friction,
+    wrong_links,
 )
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
-from blockmech.blocks.mistakes import (
-    Mistake,
-    bad_name,
-    refuse,
-    unknown_name,
-    wrong_links,
-)
 from blockmech.friction.laws import Coulomb
 from blockmech.values import (
     Angle,
