@@ -73,13 +73,6 @@ class Share(NamedTuple):
     head: str
 
 
-class Line(NamedTuple):
-    """One line of the program: a call and the name of its value."""
-
-    name: str
-    text: str
-
-
 @dataclass(frozen=True)
 class Friction:
     """How the friction equations are solved: the user's trade of speed for accuracy.
@@ -148,7 +141,7 @@ class Schedule:
         self.guess = guess
         self.entries: list[Entry] = []
         self.shares: list[Share] = []
-        self.lines: list[Line] = []
+        self.lines: list[tuple[str, str]] = []  # name of a value and the expression for it
         self.functions: dict[str, Callable[..., Any]] = {}
         self.parameters: dict[str, Any] = {}
         self.inputs: set[str] = set()
@@ -203,7 +196,7 @@ class Schedule:
         key = ("line", text)
         if key not in self._answers:
             value = self._fresh(name)
-            self.lines.append(Line(value, text))
+            self.lines.append((value, text))
             self._answers[key] = value
         answer: str = self._answers[key]
         return answer
@@ -217,7 +210,7 @@ class Schedule:
         for start in range(1, len(kept), LONGEST_SUM):
             text = " + ".join((total, *kept[start : start + LONGEST_SUM]))
             total = self._fresh(name)
-            self.lines.append(Line(total, text))
+            self.lines.append((total, text))
         return total
 
     def kernel(self, entry: Entry, function: Callable[..., Any], *args: str, name: str) -> str:
@@ -262,7 +255,7 @@ class Schedule:
         """The finished program that returns these values."""
         wanted = tuple(outputs)
         inputs = tuple(sorted(self.inputs))
-        body = [f"    {line.name} = {line.text}" for line in self.lines]
+        body = [f"    {name} = {text}" for name, text in self.lines]
         head = [f"def program({', '.join((*inputs, 'P'))}):"]
         if self.parameters:
             head.append(f"    {', '.join(self.parameters)}, = P")
