@@ -10,7 +10,7 @@ Sources: [R10] Ruiz, Durango & Calle 2010, Eqs. 14-16; [D14] Durango et al. 2014
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, outer_joint
 from blockmech.plane import expi
@@ -95,7 +95,7 @@ class Crank(DrivingLink, type="driver.crank"):
     A = outer_joint("R", "crank", reads="guide", driven=True)
     built_in = {"A": BuiltIn("crank"), "B": BuiltIn("crank", "length")}
     lengths = ("length",)
-    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions)
+    kernels = Kernels(position, velocity, acceleration, reactions)
 
     length: Length | None = None
     offset: Angle = 0.0

@@ -15,7 +15,7 @@ Sources: [R10] Ruiz, Durango & Calle 2010, Eqs. 2-7, with a driven length.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
 from blockmech.blocks.points import Point
@@ -175,9 +175,7 @@ class Cylinder(AssurGroup, type="driven.rrr"):
         "Cj": BuiltIn("j", "l_j"),
     }
     lengths = ("l_j", "x_S")
-    kernels: ClassVar[Kernels] = Kernels(
-        position, velocity, acceleration, reactions, transmission, size
-    )
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
     l_j: Length
     branch: Branch = 1

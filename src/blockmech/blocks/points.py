@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import cmath
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from pydantic_core import PydanticCustomError
 
-from blockmech.blocks.contract import refuse
 from blockmech.errors import GraphError, Problem
-from blockmech.values import Vector, mistake
+from blockmech.values import Vector
 
 Point: TypeAlias = complex | tuple[float, float]
 """A place [m] or a direction, as ``x + iy`` or ``(x, y)``."""
@@ -53,11 +52,3 @@ def dead_centre(where: str, why: str) -> GraphError:
     return GraphError(
         Problem("dead-centre", where, why, "", "give another pose, or the parameters themselves")
     )
-
-
-def no_branch(kind: str, raw: Any) -> Any:
-    """Refuse the key ``branch`` for a group with one assembly mode, and say why."""
-    if isinstance(raw, dict) and "branch" in raw:
-        found = f'{kind} takes no "branch": it has one assembly mode, its guides fix the pose'
-        refuse(kind, [(("branch",), mistake("unknown-key", found, "", "remove it"))])
-    return raw

@@ -15,13 +15,12 @@ al. 2014, section 2 (groups of the second class).
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-from pydantic import model_validator
-
-from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.modes import OneMode
 from blockmech.blocks.motion import DyadAcceleration, acceleration_at, velocity_at
-from blockmech.blocks.points import Point, dead_centre, given_points, no_branch, unit
+from blockmech.blocks.points import Point, dead_centre, given_points, unit
 from blockmech.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
 from blockmech.typing import (
     Complex,
@@ -127,7 +126,7 @@ def size(pose: PRPPose, p: PRP) -> Real:
     return maximum(hyp(pose.arm_1), hyp(pose.arm_2))
 
 
-class PRP(AssurGroup, type="dyad.prp"):
+class PRP(OneMode, type="dyad.prp"):
     """Two sliders on two guides, pinned to each other at C.
 
     Parameters
@@ -152,20 +151,13 @@ class PRP(AssurGroup, type="dyad.prp"):
     S2 = outer_joint("P", "j", line=Line(along="x_S2", offset="h2"))
     built_in = {"C": BuiltIn("i"), "Cj": BuiltIn("j")}
     lengths = ("h1", "h2", "x_S1", "x_S2")
-    kernels: ClassVar[Kernels] = Kernels(
-        position, velocity, acceleration, reactions, transmission, size
-    )
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
     h1: Distance = 0.0
     h2: Distance = 0.0
     x_S1: Distance = 0.0
     x_S2: Distance = 0.0
     slider: dict[Literal["S1", "S2"], Literal["later", "earlier"]] = {}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_mode(cls, raw: Any) -> Any:
-        return no_branch("PRP", raw)
 
     @classmethod
     def from_points(

@@ -18,18 +18,18 @@ al. 2014, section 2 (groups of the second class).
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from pydantic import field_validator, model_validator
+from pydantic import field_validator
 
-from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.modes import OneMode
 from blockmech.blocks.motion import DyadAcceleration, acceleration_at, velocity_at
 from blockmech.blocks.points import (
     Point,
     angle_between,
     dead_centre,
     given_points,
-    no_branch,
     unit,
 )
 from blockmech.plane import EPS, cross, dot, expi, hyp, imul, maximum, mul
@@ -140,7 +140,7 @@ def size(pose: RPPPose, p: RPP) -> Real:
     return maximum(hyp(pose.arm_B), hyp(pose.arm_O))
 
 
-class RPP(AssurGroup, type="dyad.rpp"):
+class RPP(OneMode, type="dyad.rpp"):
     """A link on a pin at B, in a guide of a slider that moves on an outer guide.
 
     Parameters
@@ -174,9 +174,7 @@ class RPP(AssurGroup, type="dyad.rpp"):
     S = outer_joint("P", "j", line=Line(along="x_S"))
     built_in = {"B": BuiltIn("i"), "O": BuiltIn("j")}
     lengths = ("h_i", "h_j", "x_S1", "x_S")
-    kernels: ClassVar[Kernels] = Kernels(
-        position, velocity, acceleration, reactions, transmission, size
-    )
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
     beta: Angle
     h_i: Distance = 0.0
@@ -184,11 +182,6 @@ class RPP(AssurGroup, type="dyad.rpp"):
     x_S1: Distance = 0.0
     x_S: Distance = 0.0
     slider: dict[Literal["S1", "S"], Owner] = {}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_mode(cls, raw: Any) -> Any:
-        return no_branch("RPP", raw)
 
     @field_validator("beta")
     @classmethod

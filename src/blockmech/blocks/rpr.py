@@ -16,7 +16,7 @@ al. 2014, section 2 (groups of the second class).
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from pydantic import Field
 
@@ -148,9 +148,7 @@ class RPR(TwoModes, type="dyad.rpr"):
     D = outer_joint("R", "j")
     built_in = {"B": BuiltIn("i"), "D": BuiltIn("j")}
     lengths = ("h_i", "h_j", "x_S")
-    kernels: ClassVar[Kernels] = Kernels(
-        position, velocity, acceleration, reactions, transmission, size
-    )
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
     h_i: Distance = 0.0
     h_j: Distance = 0.0

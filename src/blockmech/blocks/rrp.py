@@ -16,7 +16,7 @@ al. 2014, section 2 (groups of the second class).
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from pydantic import Field
 
@@ -150,7 +150,7 @@ class RRP(TwoModes, type="dyad.rrp"):
     S = outer_joint("P", "j", line=Line(along="x_S", offset="h"))
     built_in = {"B": BuiltIn("i"), "C": BuiltIn("i", "l"), "Cj": BuiltIn("j")}
     lengths = ("l", "h", "x_S")
-    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions, transmission)
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission)
 
     l: Length
     h: Distance = 0.0

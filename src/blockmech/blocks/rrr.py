@@ -13,7 +13,7 @@ Sources: [R10] Ruiz, Durango & Calle 2010; [D14] Durango et al. 2014.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import Field
 
@@ -143,7 +143,7 @@ class RRR(TwoModes, type="dyad.rrr"):
         "Cj": BuiltIn("j", "l_j"),
     }
     lengths = ("l_i", "l_j")
-    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions, transmission)
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission)
 
     l_i: Length
     l_j: Length

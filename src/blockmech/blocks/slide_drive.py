@@ -10,7 +10,7 @@ Eqs. 14-16).
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, Line, outer_joint
 from blockmech.blocks.motion import acceleration_at, velocity_at
@@ -104,7 +104,7 @@ class SlideDrive(DrivingLink, type="driver.slide"):
     link_names = ("slider",)
     S = outer_joint("P", "slider", line=Line(), driven=True)
     built_in = {"S": BuiltIn("slider")}
-    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions)
+    kernels = Kernels(position, velocity, acceleration, reactions)
 
     offset: Distance = 0.0
     sign: Sign = 1
