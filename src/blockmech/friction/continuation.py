@@ -13,8 +13,7 @@ the new one.
 from __future__ import annotations
 
 import enum
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -36,12 +35,11 @@ class Outcome(enum.IntEnum):
     NOT_CONVERGED = 2
     FOLD = 3
     ASYMPTOTE = 4
-    UNCERTIFIED = 5  # a fixed count of iterations where nothing bounds what it left
 
     @property
     def solved(self) -> bool:
-        """Whether there is an answer, be it one that only its residual describes."""
-        return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION, Outcome.UNCERTIFIED)
+        """Whether there is an answer."""
+        return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION)
 
 
 class Path(NamedTuple):
@@ -49,10 +47,10 @@ class Path(NamedTuple):
 
     t: tuple[float, ...]  # friction; NaN without a solution
     g: tuple[float, ...]  # [N] loads on the pairs; NaN without a solution
-    iterations: float  # steps of the continuation
-    residual: float  # relative
     outcome: Outcome
     limit: float  # scale of the friction factors up to which a solution exists
+    residual: float  # relative
+    steps: int
 
 
 def continue_from_zero(
@@ -114,36 +112,30 @@ def _spare(eq: Equations, contacts: Array, v: Array) -> float:
 def _end(
     eq: Equations, curve: Curve, at: Point, ahead: Point, step: float, count: int
 ) -> Path | None:
-    """How the path ends between two points, or None if it goes on."""
+    """How the path ends between two points, or None if it goes on.
 
-    def place(h: float) -> Array:
+    The answer lies before the fold, if there is one between them: beyond it the path comes
+    back through lambda = 1 with another solution.
+    """
+
+    def place(rest: Callable[[Array], float], step: float) -> tuple[Array, float]:
+        h = crossing(curve, at, step, rest)
         found = correct(curve, at.v + h * at.tangent, at.tangent)
-        return at.v if found is None else found
+        return (at.v if found is None else found), h
 
-    def solved(h: float) -> Path | None:
-        """The answer, if on the first part of the step lambda comes to 1 before eta to 0."""
-        if place(h)[-1] < 1.0:
-            return None
-        guess = place(crossing(curve, at, h, lambda v: 1.0 - float(v[-1])))
-        guess[-1] = 1.0
-        full = correct(curve, guess, np.eye(eq.m + 2)[-1])
-        return None if full is None or full[-2] <= 0.0 else _polish(eq, full, count)
-
-    turns = ahead.tangent[-1] <= 0.0
-    if turns:  # what lies behind the turning point is another solution
+    top = ahead.v
+    folds = ahead.tangent[-1] <= 0.0
+    if folds:
         way = side(curve, at)
-        step = crossing(curve, at, step, lambda v: float(point(curve, v, way).tangent[-1]))
-    found = solved(step)
-    if found is not None:
-        return found
-    if place(step)[-2] <= 0.0:
-        end = crossing(curve, at, step, lambda v: float(v[-2]))
-        return _ended(eq, Outcome.ASYMPTOTE, place(end)[-1], count)
-    if turns:
-        return _ended(eq, Outcome.FOLD, place(step)[-1], count)
-    if ahead.v[-1] >= 1.0:
-        return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
-    return None
+        top, step = place(lambda v: float(point(curve, v, way).tangent[-1]), step)
+    if top[-1] >= 1.0:
+        full, _ = place(lambda v: 1.0 - float(v[-1]), step)
+        if full[-2] > 0.0:
+            return _polish(eq, full, count)
+    if top[-2] <= 0.0:
+        pole, _ = place(lambda v: float(v[-2]), step)
+        return _ended(eq, Outcome.ASYMPTOTE, pole[-1], count)
+    return _ended(eq, Outcome.FOLD, top[-1], count) if folds else None
 
 
 def _polish(eq: Equations, x: Array, count: int) -> Path:
@@ -159,55 +151,23 @@ def _polish(eq: Equations, x: Array, count: int) -> Path:
         n = n - dn
         if np.abs(dn).max() <= 4e-16 * max(1.0, np.abs(n).max()):
             break
-    near = x[:-2] / x[-2]
+    moved = np.append(n, 1.0) / np.hypot(np.linalg.norm(n), 1.0) - x[:-1]
     g, _ = eq.norm(n, 1.0, eq.contacts(eq.loads(n, 1.0)))
     scale = float(np.abs(eq.k * g).max()) or 1.0
     residual = float(np.abs(n - eq.k * g).max()) / scale
-    if residual > 1e-12 or np.abs(n - near).max() > 0.5 * max(1.0, np.abs(near).max()):
+    if residual > 1e-12 or np.abs(moved).max() > 1e-6:  # another solution
         return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
-    t = tuple(map(float, n * eq.factor * eq.load))
-    loads = tuple(map(float, g * eq.load))
-    return Path(t, loads, float(count), residual, Outcome.BY_CONTINUATION, 1.0)
+    t = n * eq.factor * eq.load
+    return Path(
+        tuple(map(float, t)),
+        tuple(map(float, g * eq.load)),
+        Outcome.BY_CONTINUATION,
+        1.0,
+        residual,
+        count,
+    )
 
 
 def _ended(eq: Equations, outcome: Outcome, limit: Any, count: int) -> Path:
-    nothing = (math.nan,) * eq.m
-    return Path(nothing, nothing, float(count), math.nan, outcome, float(limit))
-
-
-def replaced(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
-    """One uncertified sample of Newton's method: continuation's answer in its place."""
-    found = continue_from_zero(k, edges, base, rows)._asdict()
-    return given._replace(**found | {"outcome": float(found["outcome"])})
-
-
-def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, tolerance: float) -> Any:
-    """One uncertified sample of successive approximations: it stands if continuation agrees.
-
-    Near a contraction rho of 1 the remaining error is rho / (1 - rho) times the last
-    change, and beyond it the iteration may settle on another solution.
-    """
-    found = continue_from_zero(k, edges, base, rows)
-    outcome = found.outcome
-    if outcome == Outcome.BY_CONTINUATION:
-        rho = min(max(given.contraction, 0.0), 1.0 - 1e-12)
-        reach = max(tolerance, 1e-12 * max(found.g)) * max(1.0, rho / (1.0 - rho))
-        off = max(abs(a - b) for a, b in zip(found.g, given.g, strict=True))
-        if given.outcome or not off <= 10.0 * reach:
-            outcome = Outcome.NOT_CONVERGED
-    spoilt = outcome != Outcome.BY_CONTINUATION
-    t = (float("nan"),) * len(given.t) if spoilt else given.t
-    return given._replace(t=t, outcome=float(outcome), limit=found.limit)
-
-
-def bounded(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
-    """One uncertified sample of a fixed count of iterations.
-
-    It stays what the user asked for and is flagged; where Coulomb's equations have no
-    solution at all there is nothing that it approximates, and it is no answer.
-    """
-    found = continue_from_zero(k, edges, base, rows)
-    if found.outcome == Outcome.BY_CONTINUATION:
-        return given._replace(outcome=float(Outcome.UNCERTIFIED), limit=found.limit)
-    nothing = (float("nan"),) * len(given.t)
-    return given._replace(t=nothing, outcome=float(found.outcome), limit=found.limit)
+    nothing = (float("nan"),) * eq.m
+    return Path(nothing, nothing, outcome, float(limit), float("nan"), count)
