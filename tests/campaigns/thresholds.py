@@ -39,16 +39,13 @@ def is_number(value: ast.expr | None) -> bool:
 
 
 def numbers(path: Path) -> list[tuple[str, int]]:
-    """Names of a module's numbers, and the line after each."""
+    """Names of a module's numbers, and the line of each."""
     found = []
     for statement in ast.parse(path.read_text("utf-8")).body:
         if isinstance(statement, ast.Assign | ast.AnnAssign) and is_number(statement.value):
             target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
             if isinstance(target, ast.Name) and target.id != "TURN":
                 found.append((target.id, statement.end_lineno or statement.lineno))
-            elif isinstance(target, ast.Tuple):
-                names = [t.id for t in target.elts if isinstance(t, ast.Name)]
-                found += [(name, statement.end_lineno or statement.lineno) for name in names]
     return found
 
 
