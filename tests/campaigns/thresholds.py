@@ -1,6 +1,6 @@
 """Doubles and halves every module-level number, one at a time, and runs tests: a script.
 
-    python -m tests.campaigns.thresholds FOLDER [--room dynamics] [--only NAME] -- PYTEST-ARGS
+    python -m tests.campaigns.thresholds FOLDER [--room dynamics] [--only NAME] --tests PYTEST-ARGS
 
 The package is copied to FOLDER and changed there; lines tell which tests a change breaks.
 Numbers that round, like counts, stay whole. What breaks needs its derivation beside it.
@@ -69,7 +69,7 @@ def main() -> None:
     asked.add_argument("folder", type=Path)
     asked.add_argument("--room", default="dynamics")
     asked.add_argument("--only", default="")
-    asked.add_argument("tests", nargs="*")
+    asked.add_argument("--tests", nargs=argparse.REMAINDER, required=True)
     given = asked.parse_args()
     shutil.rmtree(given.folder, ignore_errors=True)
     shutil.copytree(SOURCE, given.folder)
