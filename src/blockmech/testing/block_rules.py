@@ -16,15 +16,9 @@ from numpy.typing import NDArray
 
 from blockmech.blocks.contract import AssurGroup, Moving
 from blockmech.testing.rig import (
-    DRIVE,
     STAGES,
-    Motions,
     Subject,
     after,
-    chosen,
-    count,
-    mixed,
-    only,
     random_loads,
     random_motions,
     request,
@@ -75,7 +69,7 @@ class BlockRules(Checks):
         self.other = random_motions(block, SAMPLES, self.size, seed + 1)
         self.pose = self.subject.position(self.motions)
 
-    def _closing(self, seed: int) -> tuple[Motions, Motions]:
+    def _closing(self, seed: int) -> tuple[Array, Array]:
         """Random motions, and slow ones of them, which differences resolve, that close well."""
         unclosed = f"{type(self.block).__name__} breaks its contract\nrule 3 (positions close"
         unclosed += " the joints):"
@@ -92,14 +86,12 @@ class BlockRules(Checks):
                 good = good & (margin >= 0.5 * np.max(margin, initial=0.0, where=good))
             if good.sum() >= 4 * SAMPLES:
                 self.size *= scale
-                well = only(motions, good)
+                well = motions[..., good]
                 try:
                     speed = self._speeds(self.subject.velocity(well))
                 except Exception:  # the rule on velocities will say why
-                    speed = np.zeros(count(well))
-                return motions, only(
-                    well, np.flatnonzero(speed <= np.quantile(speed, 0.25))[:SAMPLES]
-                )
+                    speed = np.zeros(well.shape[-1])
+                return motions, well[..., speed <= np.quantile(speed, 0.25)][..., :SAMPLES]
         raise ConformanceError(
             f"{unclosed} no pose was found in which the block closes: position is wrong, "
             "or the example hardly ever closes"
@@ -110,17 +102,17 @@ class BlockRules(Checks):
         found = [abs(x) * (self.size if n.endswith("om") else 1.0) for n, x in leaves(vel).items()]
         return np.asarray(np.max(np.broadcast_arrays(*found), axis=0))
 
-    def _closed(self, motions: Motions) -> NDArray[np.bool_]:
+    def _closed(self, motions: Array) -> NDArray[np.bool_]:
         """Whether the block closes (n,)."""
         pose = leaves(self.subject.position(motions))
         places = {n: x for n, x in pose.items() if n.split(".")[0] in self.block.link_names}
-        return np.broadcast_to(finite(places), (count(motions),))
+        return np.broadcast_to(finite(places), motions.shape[-1:])
 
     # -- 1, 2, 7, 8, 9: how kernels are called ---------------------------------------------
 
     def _arguments(self, stage: str, samples: slice = slice(None)) -> list[Any]:
         """What a kernel gets (but the parameters) at some samples."""
-        motions = only(self.motions, samples)
+        motions = self.motions[..., samples]
         if stage == "position":
             return self.subject.arguments(stage, motions)
         pose = self.subject.position(motions)
@@ -194,18 +186,14 @@ class BlockRules(Checks):
 
     def impossible(self) -> Iterator[str]:
         """Impossible samples are NaN in both engines, and touch no neighbour."""
-        bad = np.flatnonzero(~self._closed(self.every))[:10]
-        first = only(self.motions, slice(0, 1))
-        worst = {  # all joints in one point and one direction
-            name: x if name == DRIVE else np.concatenate([0 * x[:1], x[1:]])
-            for name, x in first.items()
-        }
-        parts = (self.motions, only(self.every, bad), worst)
-        every = mixed(lambda *x: np.concatenate(x, axis=1), *parts)
+        bad = self.every[..., ~self._closed(self.every)][..., :10]
+        worst = self.motions[..., :1].copy()  # all joints in one point and one direction
+        worst[: 2 * len(self.subject.outer), 0] = 0.0
+        every = np.concatenate([self.motions, bad, worst], axis=-1)
         mechanism = rig(self.block, self.size, friction=False)
 
-        def run(motions: Motions, engine: Any) -> Any:
-            asked = request(self.block, motions, self.size)
+        def run(motions: Array, engine: Any) -> Any:
+            asked = request(self.subject, motions, self.size)
             settings: Any = {"want": ("block.*",), "friction": "none", "on_gap": "mark"}
             return mechanism.run(**asked, **settings, engine=engine)
 
@@ -245,7 +233,7 @@ class BlockRules(Checks):
         if "margin" not in pose:
             yield "position of a group returns no margin"
             return
-        margin = np.broadcast_to(pose["margin"], (count(self.every),))
+        margin = np.broadcast_to(pose["margin"], self.every.shape[-1:])
         closed = self._closed(self.every)
         if np.any(margin > 1 + 1e-12):
             yield f"the margin is {np.nanmax(margin):.3g}, above 1"
@@ -253,15 +241,15 @@ class BlockRules(Checks):
             yield "the margin is not positive where the group closes"
         if np.any(~closed & (margin > 0)):
             yield "the margin is positive where the group does not close"
-        good, bad = np.flatnonzero(closed)[:100], np.flatnonzero(~closed)[:100]
-        n = min(len(good), len(bad))
+        good, bad = self.every[..., closed], self.every[..., ~closed]
+        n = min(good.shape[-1], bad.shape[-1], 100)
         if not n:
             return
-        low, high = only(self.every, good[:n]), only(self.every, bad[:n])
+        low, high = good[..., :n], bad[..., :n]
         for _ in range(60):  # to the edge, to rounding
-            middle = mixed(lambda a, b: (a + b) / 2, low, high)
+            middle = (low + high) / 2
             inside = self._closed(middle)
-            low, high = chosen(inside, middle, low), chosen(inside, high, middle)
+            low, high = np.where(inside, middle, low), np.where(inside, high, middle)
         for where, motions in (("inside", low), ("outside", high)):
             m = leaves(self.subject.position(motions))["margin"]
             if not np.all(abs(m) < EDGE):
@@ -288,7 +276,8 @@ class BlockRules(Checks):
 
     def accelerations(self) -> Iterator[str]:
         """Acceleration is the derivative of velocity, and affine in what it gets."""
-        acc, vel = self.subject.acceleration(self.motions), self.subject.velocity(self.motions)
+        vel = self.subject.velocity(self.motions)
+        acc = self.subject.acceleration(self.motions, self.pose, vel)
         if missing := self._returned("acceleration", acc, LinkAcceleration):
             yield missing
             return
@@ -304,7 +293,7 @@ class BlockRules(Checks):
         call = self.subject.acceleration
         yield from self._linear("acceleration", lambda m: call(m, self.pose, vel), 1 - X)
 
-    def _places(self, motions: Motions) -> dict[str, Array]:
+    def _places(self, motions: Array) -> dict[str, Array]:
         """What moves: origins and directions of links, strokes of prismatic pairs."""
         pose = self.subject.position(motions)
         found = {j.name: self.subject.stroke(pose, j, motions) for j in self.subject.slides}
@@ -314,7 +303,7 @@ class BlockRules(Checks):
         return found
 
     def _derivative(
-        self, stage: str, rates: Leaves, values: Callable[[Motions], Leaves], scale: float
+        self, stage: str, rates: Leaves, values: Callable[[Array], Leaves], scale: float
     ) -> Iterator[str]:
         """Rates against differences of values; those of turning count at the block's size."""
         slopes = derivative(lambda t: values(after(self.motions, t)))
@@ -322,12 +311,11 @@ class BlockRules(Checks):
             unit = scale / self.size if name.endswith((".e", ".om")) else scale
             yield from self.same(f"{stage} of {name}", rate, slopes[name], unit, DERIVATIVE)
 
-    def _linear(self, stage: str, call: Callable[[Motions], Any], y: float) -> Iterator[str]:
+    def _linear(self, stage: str, call: Callable[[Array], Any], y: float) -> Iterator[str]:
         """Rates X times those of the motions plus y times other ones, in the same places."""
-        both = mixed(
-            lambda a, b: np.concatenate([a[:1], X * a[1:] + y * b[1:]]), self.motions, self.other
-        )
-        yield from self._combined(stage, y, *map(call, (self.motions, self.other, both)))
+        one, two = self.motions, self.other
+        both = np.concatenate([one[:, :1], X * one[:, 1:] + y * two[:, 1:]], axis=1)
+        yield from self._combined(stage, y, *map(call, (one, two, both)))
 
     def _combined(self, stage: str, y: float, *answers: Any) -> Iterator[str]:
         """Answers to one, to another, and to X times the one plus y times the other."""
@@ -361,7 +349,7 @@ class BlockRules(Checks):
 
     def balances(self) -> Iterator[str]:
         """Links balance, wires' powers balance, the two routes to each drive agree."""
-        asked = request(self.block, self.motions, self.size)
+        asked = request(self.subject, self.motions, self.size)
         for friction in (False, True):
             how = " with friction" if friction else " without friction"
             yield from self.verified(rig(self.block, self.size, friction).verify(**asked), how)
