@@ -204,10 +204,10 @@ def _expected(value: Any, kind: str, count: int) -> NDArray[Any]:
     if kind == "matrix":
         raise _wrong("a matrix over the drivers cannot be expected", "name another output")
     numbers = np.asarray(value)
-    if kind == "vector" and not np.iscomplexobj(numbers) and numbers.shape[-1:] == (2,):
-        numbers = numbers[..., 0] + 1j * numbers[..., 1]
+    if kind == "vector" and numbers.dtype.kind in "if" and numbers.shape[-1:] == (2,):
+        numbers = numbers @ np.array([1, 1j])
     numbers = np.atleast_1d(numbers)
-    fits = np.iscomplexobj(numbers) == (kind == "vector") and numbers.dtype.kind in "iufc"
+    fits = numbers.dtype.kind in ("c" if kind == "vector" else "iuf")
     if not fits or numbers.shape != (count,) or not np.isfinite(numbers).all():
         form = "complex or [x, y]" if kind == "vector" else "a real number"
         many = f"{count} values" if count > 1 else "one value"
@@ -216,18 +216,17 @@ def _expected(value: Any, kind: str, count: int) -> NDArray[Any]:
 
 
 def _holds(limits: Limits, start: float, end: float) -> bool:
-    """Whether one feasible arc holds all from start to end."""
+    """Whether one feasible arc holds all from start to end, of an angle on whatever turn."""
     if limits.whole_turn:
         return True
     slack = ROUNDING * max(1.0 if limits.unit == "rad" else 0.0, abs(start), abs(end))
     for arc in limits.arcs:
-        first = start
+        turns = 0.0
         if limits.unit == "rad" and math.isfinite(arc.length):
-            middle = (arc.start.q + arc.end.q) / 2
-            low = middle + math.remainder((start + end) / 2 - middle, 2 * math.pi)
-            first = low - (end - start) / 2
-        last = first + (end - start)
-        if arc.start.q - slack <= min(first, last) and max(first, last) <= arc.end.q + slack:
+            apart = (start + end - arc.start.q - arc.end.q) / 2
+            turns = apart - math.remainder(apart, 2 * math.pi)
+        low, high = sorted((start - turns, end - turns))
+        if arc.start.q - slack <= low and high <= arc.end.q + slack:
             return True
     return False
 
