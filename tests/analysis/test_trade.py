@@ -15,11 +15,8 @@ import blockmech as bm
 from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front, trade
 from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock
-from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.draw.trade import draw_trade, trade_figure
 from blockmech.mechanism import Mechanism
-from blockmech.result import Result
-from blockmech.samples import make_samples
 from tests.wiring import ruiz, watt
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
@@ -189,45 +186,6 @@ def test_what_friction_alone_makes_is_judged_where_it_is_asked_for() -> None:
     assert (none.error, none.worst) == (pytest.approx(1.0), "mechanism.friction_power")
 
 
-def graphs() -> list[str]:
-    return sorted(p.stem for p in GRAPHS.glob("*.json"))
-
-
-@pytest.mark.parametrize("name", graphs())
-def test_the_recommended_setting_run_afresh_meets_its_target(name: str) -> None:
-    mech = mechanism(name)
-    if any(d not in mech.scene.drive for d in mech.drivers):
-        assert mech.scene.initial, f"{name} has neither a law of motion nor a start"
-        return  # it only moves freely
-    found = trade(mech, samples=101, budget=PLENTY)
-    for target in TARGETS:
-        best = found.best(target)
-        if best is None:
-            continue
-        assert best in found.pareto
-        fresh = mech.run(samples=101, on_gap="mark", **best.options)
-        assert error_against_rotated(mech, fresh) <= max(target, found.reference.floor)
-
-
-def error_against_rotated(mech: Mechanism, run: Result) -> float:
-    """Largest error against a mechanism rotated in the plane, computed in the widest numbers.
-
-    Written apart from the trade's own measure: outputs that rotating leaves alone, relative
-    to their largest magnitude where that is above the smallest of their unit.
-    """
-    samples = make_samples(mech.structure, mech.scene, samples=run.n)
-    plain = [n for n in run if run.output(n).kind == "real" and n.endswith(JUDGED)]
-    other = rotated_run(mech, samples, "clongdouble", {"want": tuple(plain), "static": False})
-    unsure = {f.sample for f in other.quality.flags}
-    good = [i for i in range(run.n) if i not in unsure and other.quality.status[i] == "ok"]
-    size = {n: float(np.max(np.abs(other[n][good]), initial=0.0)) for n in plain}
-    worst = 0.0
-    for name in plain:
-        if size[name] > 1e-6 * max(size[n] for n in plain if run.unit(n) == run.unit(name)):
-            worst = max(worst, float(np.max(np.abs(run[name] - other[name])[good])) / size[name])
-    return worst
-
-
 @pytest.mark.parametrize("target", TARGETS)
 def test_the_recommended_simulation_meets_its_target_against_an_outside_number(
     target: float,
@@ -239,9 +197,6 @@ def test_the_recommended_simulation_meets_its_target_against_an_outside_number(
     # Crank angle [rad] at 2 s by Runge and Kutta's method in long double, made outside.
     error = abs(fresh["crank.q"][-1] + 4.375366616457432)
     assert error <= max(target, motion().reference.floor)
-
-
-JUDGED = (".drive", ".omega", ".margin", ".slip", ".J_red")
 
 
 # -- single precision ------------------------------------------------------------------------
