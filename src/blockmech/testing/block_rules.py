@@ -33,7 +33,6 @@ from blockmech.testing.rules import (
     as_number,
     derivative,
     finite,
-    identical,
     largest,
     leaves,
     planar,
@@ -71,8 +70,7 @@ class BlockRules(Checks):
 
     def _closing(self, seed: int) -> tuple[Array, Array]:
         """Random motions, and slow ones of them, which differences resolve, that close well."""
-        unclosed = f"{type(self.block).__name__} breaks its contract\nrule 3 (positions close"
-        unclosed += " the joints):"
+        unclosed = f"{type(self.block).__name__} breaks its contract\nrule 3 (joints close):"
         for scale in (1.0, 3.0, 0.3, 10.0, 0.1):
             motions = random_motions(self.block, 4000, scale * self.size, seed)
             try:
@@ -139,9 +137,10 @@ class BlockRules(Checks):
             given = self._arguments(stage)
             before = leaves(tuple(given))
             once, again = (leaves(self.subject.call(stage, *given)) for _ in range(2))
-            if not identical(before, leaves(tuple(given))):
+            now = leaves(tuple(given))
+            if not all(same_bits(before[name], now[name]) for name in now):
                 yield f"{stage} changes its inputs"
-            if not identical(once, again):
+            if not all(same_bits(once[name], again[name]) for name in again):
                 yield f"{stage} gives another answer to the same inputs"
 
     def batches(self) -> Iterator[str]:
@@ -354,15 +353,15 @@ class BlockRules(Checks):
             how = " with friction" if friction else " without friction"
             yield from self.verified(rig(self.block, self.size, friction).verify(**asked), how)
 
-    rules = {
-        "rule 1 (inputs are declared)": inputs,
-        "rule 2 (outputs depend on inputs and parameters only)": outputs,
-        "rule 3 (positions close the joints)": positions,
-        "rule 4 (velocities)": velocities,
-        "rule 5 (accelerations)": accelerations,
-        "rule 6 (reactions)": forces,
-        "rule 7 (batches)": batches,
-        "rule 8 (NaN in, NaN out)": not_a_number,
-        "rule 9 (impossible samples)": impossible,
-        "rule 10 (balances)": balances,
-    }
+    rules = (
+        inputs,
+        outputs,
+        positions,
+        velocities,
+        accelerations,
+        forces,
+        batches,
+        not_a_number,
+        impossible,
+        balances,
+    )

@@ -88,12 +88,7 @@ class ElementRules(Checks):
             total = total + (found[name] * np.conj(found[v])).real
         return total
 
-    rules = {
-        "rule 1 (terminals)": terminals,
-        "rule 2 (readings are declared)": readings,
-        "rule 3 (kernel)": kernel,
-        "rule 4 (energy)": energy,
-    }
+    rules = (terminals, readings, kernel, energy)
 
 
 def _rig(element: Element) -> Mechanism:

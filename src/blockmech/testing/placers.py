@@ -211,11 +211,7 @@ def _pair(
         angle.append(cmath.phase(direction / e))
     made: dict[str, Any] = {"type": tie.kind, "driven": tie.driven}
     if support:
-        made |= {
-            "link": tie.second,
-            "at": at[0],
-            "slider": chance.choice(OWNERS),
-        }
+        made |= {"link": tie.second, "at": at[0], "slider": chance.choice(OWNERS)}
     else:
         made |= {"links": (tie.first, tie.second), "at": tuple(at)}
         made["slider"] = chance.choice(("i", "j"))
