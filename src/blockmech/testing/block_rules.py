@@ -55,7 +55,6 @@ class BlockRules(Checks):
     subject : the block's kernels, to be called with motions
     size : [m] of its motions: its largest length, scaled until it closes
     every, motions : random motions, and slow ones of them in which the block closes well
-    other : further motions, of which only rates are read
     pose : of ``motions``
     """
 
@@ -65,7 +64,6 @@ class BlockRules(Checks):
         self.subject = Subject(block)
         self.size = block.largest_length() or 1.0
         self.every, self.motions = self._closing(seed)
-        self.other = random_motions(block, SAMPLES, self.size, seed + 1)
         self.pose = self.subject.position(self.motions)
 
     def _closing(self, seed: int) -> tuple[Array, Array]:
@@ -255,7 +253,7 @@ class BlockRules(Checks):
                 yield f"the margin is not near 0 just {where} the edge where the group closes"
 
     def velocities(self) -> Iterator[str]:
-        """Velocity is the derivative of position, and linear in the velocities it gets."""
+        """Velocity is the derivative of position, and so linear in the velocities it gets."""
         vel = self.subject.velocity(self.motions)
         if missing := self._returned("velocity", vel, LinkVelocity):
             yield missing
@@ -271,10 +269,9 @@ class BlockRules(Checks):
             rates |= {f"{link}.o": vectors(moved.v), f"{link}.e": 1j * np.asarray(moved.om) * e}
         speed = self.size + float(np.max(self._speeds(vel)))
         yield from self._derivative("velocity", rates, self._places, speed)
-        yield from self._linear("velocity", lambda m: self.subject.velocity(m, self.pose), Y)
 
     def accelerations(self) -> Iterator[str]:
-        """Acceleration is the derivative of velocity, and affine in what it gets."""
+        """Acceleration is the derivative of velocity, and so affine in what it gets."""
         vel = self.subject.velocity(self.motions)
         acc = self.subject.acceleration(self.motions, self.pose, vel)
         if missing := self._returned("acceleration", acc, LinkAcceleration):
@@ -289,8 +286,6 @@ class BlockRules(Checks):
         yield from self._derivative(
             "acceleration", rates, lambda m: leaves(self.subject.velocity(m)), scale
         )
-        call = self.subject.acceleration
-        yield from self._linear("acceleration", lambda m: call(m, self.pose, vel), 1 - X)
 
     def _places(self, motions: Array) -> dict[str, Array]:
         """What moves: origins and directions of links, strokes of prismatic pairs."""
@@ -309,20 +304,6 @@ class BlockRules(Checks):
         for name, rate in rates.items():
             unit = scale / self.size if name.endswith((".e", ".om")) else scale
             yield from self.same(f"{stage} of {name}", rate, slopes[name], unit, DERIVATIVE)
-
-    def _linear(self, stage: str, call: Callable[[Array], Any], y: float) -> Iterator[str]:
-        """Rates X times those of the motions plus y times other ones, in the same places."""
-        one, two = self.motions, self.other
-        both = np.concatenate([one[:, :1], X * one[:, 1:] + y * two[:, 1:]], axis=1)
-        yield from self._combined(stage, y, *map(call, (one, two, both)))
-
-    def _combined(self, stage: str, y: float, *answers: Any) -> Iterator[str]:
-        """Answers to one, to another, and to X times the one plus y times the other."""
-        first, second, found = map(leaves, answers)
-        for name, a in first.items():
-            scale = float(np.max(abs(a)) + np.max(abs(second[name]))) or 1.0
-            wanted = X * a + y * second[name]
-            yield from self.same(f"linearity of {stage} {name}", found[name], wanted, scale)
 
     # -- 6 and 10: forces ------------------------------------------------------------------
 
@@ -343,8 +324,13 @@ class BlockRules(Checks):
             Load(planar(X * vectors(a.F) + Y * vectors(b.F)), X * a.M + Y * b.M)
             for a, b in zip(one, two, strict=True)
         ]
-        answers = (self.subject.call("reactions", self.pose, *x) for x in (one, two, both))
-        yield from self._combined("reactions", Y, *answers)
+        first, second, sum_ = (
+            leaves(self.subject.call("reactions", self.pose, *loads)) for loads in (one, two, both)
+        )
+        for name, a in first.items():
+            scale = float(np.max(abs(a)) + np.max(abs(second[name]))) or 1.0
+            what, combined = f"linearity of reactions {name}", X * a + Y * second[name]
+            yield from self.same(what, sum_[name], combined, scale)
 
     def balances(self) -> Iterator[str]:
         """Links balance, wires' powers balance, the two routes to each drive agree."""

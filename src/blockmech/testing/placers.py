@@ -44,6 +44,17 @@ def _sliders(chance: Random, *joints: str) -> dict[str, Any]:
     return numbers | {"slider": owners if len(joints) > 1 else owners[joints[0]]}
 
 
+def _crank(chance: Random, least: float, A: Spot) -> Placed:
+    (p, u), q = A, chance.uniform(-math.pi, math.pi)
+    place = (p, u * cmath.rect(1.0, q))
+    return Placed({"length": chance.uniform(0.3, 1.5)}, {"crank": place}, {"A": q})
+
+
+def _slide(chance: Random, least: float, S: Spot) -> Placed:
+    (p, u), q = S, chance.uniform(0.2, 1.5) * chance.choice((-1, 1))
+    return Placed({}, {"slider": (p + q * u, u)}, {"S": q})
+
+
 def _rrr(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
     b, d = B[0], D[0]
     side = chance.choice((-1, 1))
@@ -141,19 +152,19 @@ SIZES = ((2, 0), (4, 0), (4, 0), (6, 0), (1, 1), (3, 1), (5, 1), (2, 2), (4, 2))
 SOFT = 0.05  # margins of general groups are ratios of singular values: smaller than a sine
 
 
-def random_shape(
-    chance: Random, sizes: Sequence[tuple[int, int]] = SIZES, kinds: Sequence[str] = "RRRP"
-) -> Shape:
+def random_shape(chance: Random, sizes: Sequence[tuple[int, int]] = SIZES) -> Shape:
     """Random links and pairs that are determinate together for generic lengths."""
     n, k = chance.choice(sizes)
-    links = [f"k{i}" for i in range(n)]
+    links, count = [f"k{i}" for i in range(n)], (3 * n - k) // 2
     while True:
         shape = {}
-        for i in range((3 * n - k) // 2):
+        for i in range(count):
             second = links[i] if i < n else chance.choice(links)
             first = chance.choice([*("" for _ in range(max(2, n // 2))), *links])
             if first != second:
-                shape[f"J{i}"] = Tie(first, second, chance.choice(kinds), i >= (3 * n - k) // 2 - k)
+                shape[f"J{i}"] = Tie(
+                    first, second, chance.choice("RRRP"), i >= (3 * n - k) // 2 - k
+                )
         if len(shape) == (3 * n - k) // 2 and is_determinate(links, shape):
             return shape
 
@@ -236,6 +247,8 @@ def _general_margin(
 
 
 PLACERS: dict[str, Callable[..., Placed | None]] = {
+    "driver.crank": _crank,
+    "driver.slide": _slide,
     "dyad.rrr": _rrr,
     "dyad.rrp": _rrp,
     "dyad.rpr": _rpr,

@@ -60,9 +60,6 @@ class Options:
     kinds : block types of the groups: ``KINDS`` are the dyads, ``EVERY`` adds the cylinder
         and the general group
     sizes : numbers of links and of driven pairs that a general group may have
-    pairs : "R" and "P", drawn for each of its pairs
-    slides : whether slide drives occur
-    moving_drives : whether drivers may sit on moving links
     masses, loads, springs, friction, gravity : whether they occur
     twists : whether torsion springs occur
     least_margin : smallest margin [-] of a dyad in the pose
@@ -72,9 +69,6 @@ class Options:
     drivers: tuple[int, int] = (1, 2)
     kinds: tuple[str, ...] = KINDS
     sizes: tuple[tuple[int, int], ...] = SIZES
-    pairs: str = "RRRP"
-    slides: bool = True
-    moving_drives: bool = True
     masses: bool = True
     loads: bool = True
     springs: bool = True
@@ -217,42 +211,34 @@ class _Maker:
     # -- blocks ---------------------------------------------------------------------
 
     def _driver(self) -> None:
-        some = self.options.moving_drives and len(self.drafts) > 1
-        moving = some and self.chance.randint(0, 2) == 0
+        moving = len(self.drafts) > 1 and self.chance.randint(0, 2) == 0
         link = self.chance.choice(self._links()) if moving else LinkRef("frame", "frame")
-        slide = self.options.slides and self.chance.randint(0, 2) == 0
-        name = f"drive{len(self.at) + 1}"
-        source, p, u = self._marker(link, guide=slide or bool(self.chance.randint(0, 1)))
-        if slide:
-            q = self._signed(0.2, 1.5)
-            place = {"slider": (p + q * u, u)}
-            self.drafts[name] = _Draft("driver.slide", {}, place, {"S": source}, {name: q})
-        else:
-            q = self.chance.uniform(-math.pi, math.pi)
-            numbers = {"length": self.chance.uniform(0.3, 1.5)}
-            place = {"crank": (p, u * cmath.rect(1.0, q))}
-            self.drafts[name] = _Draft("driver.crank", numbers, place, {"A": source}, {name: q})
-        self.at[name] = q
+        slide = self.chance.randint(0, 2) == 0
+        kind, joint = ("driver.slide", "S") if slide else ("driver.crank", "A")
+        source, *spot = self._marker(link, guide=slide or bool(self.chance.randint(0, 1)))
+        made = PLACERS[kind](self.chance, 0.0, spot)
+        assert made is not None
+        self._add(f"drive{len(self.at) + 1}", kind, made, {joint: source})
 
     def _group(self) -> None:
         kind = self.chance.choice([k for k in self.options.kinds if k in REGISTRY])
         make = self._general if kind == "group.general" else self._dyad
         for _ in range(20):  # places that cannot close well enough are drawn again
             made, feeds = make(kind)
-            if made is None:
-                self._forget(feeds.values())
-                continue
-            name = f"group{len(self.drafts)}"
-            cls = REGISTRY[kind]
-            assert issubclass(cls, Moving)
-            drives = {
-                f"{name}.{joint}" if cls.own_form else name: q for joint, q in made.drives.items()
-            }
-            self.drafts[name] = _Draft(kind, made.numbers, made.places, feeds, drives)
-            self.at |= drives
-            if kind == "group.general":
-                made.numbers["home"]["drivers"] = self._upstream(name)
-            return
+            if made is not None:
+                name = f"group{len(self.drafts)}"
+                self._add(name, kind, made, feeds)
+                if kind == "group.general":
+                    made.numbers["home"]["drivers"] = self._upstream(name)
+                return
+            self._forget(feeds.values())
+
+    def _add(self, name: str, kind: str, made: Placed, feeds: dict[str, str]) -> None:
+        cls = REGISTRY[kind]
+        assert issubclass(cls, Moving)
+        drives = {f"{name}.{j}" if cls.own_form else name: q for j, q in made.drives.items()}
+        self.drafts[name] = _Draft(kind, made.numbers, made.places, feeds, drives)
+        self.at |= drives
 
     def _dyad(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
         joints = [j for j in REGISTRY[kind].joints.values() if j.outer]
@@ -264,7 +250,7 @@ class _Maker:
         return made, {e[0]: e[1] for e in ends}
 
     def _general(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
-        shape = random_shape(self.chance, self.options.sizes, self.options.pairs)
+        shape = random_shape(self.chance, self.options.sizes)
         links = self._links()
         found = {
             name: self._marker(self.chance.choice(links), tie.guided)
