@@ -146,7 +146,7 @@ def check_expectation(
     problems = [
         Problem(code, path_text(("expect", entry, "want", name)), found, valid, remedy)
         for name, values in expectation.want.items()
-        for code, found, valid, remedy in _misfit(mechanism, name, values, expectation.samples)
+        for code, found, valid, remedy in misfits(mechanism, name, values, expectation.samples)
     ]
     if problems:
         raise RequestError(problems)
@@ -199,7 +199,7 @@ def as_numbers(values: Sequence[Any]) -> NDArray[Any]:
     return table if table.ndim == 1 else table[:, 0] + 1j * table[:, 1]
 
 
-def _misfit(
+def misfits(
     mechanism: Mechanism, name: str, values: Sequence[Any], samples: int
 ) -> Iterator[tuple[str, str, str, str]]:
     """Why these values cannot be those of that output: code, found, valid, remedy."""
