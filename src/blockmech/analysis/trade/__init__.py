@@ -18,7 +18,7 @@ from blockmech.analysis.trade.measure import (
 )
 from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.sweep import Sweep
-from blockmech.errors import Problem, RequestError, close_match
+from blockmech.errors import Problem, RequestError, close_match, listed
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -112,18 +112,10 @@ def _refuse_mistakes(
         if value is not None and not 0 < value < math.inf
     ]
     known = REQUESTS[question]
-    for name in given:
-        if name not in known:
-            elsewhere = [f"leave it out, or ask the question {q}" for q in REQUESTS
-                         if name in REQUESTS[q]]  # fmt: skip
-            problems.append(
-                Problem(
-                    "useless-setting",
-                    name,
-                    f"the question {question} does not take it",
-                    f"it takes: {', '.join(known)}",
-                    elsewhere[0] if elsewhere else close_match(name, known) or "leave it out",
-                )
-            )
+    for name in (name for name in given if name not in known):
+        others = [f"leave it out, or ask the question {q}" for q in REQUESTS if name in REQUESTS[q]]
+        remedy = others[0] if others else close_match(name, known) or "leave it out"
+        found, valid = f"the question {question} does not take it", f"it takes: {listed(known)}"
+        problems.append(Problem("useless-setting", name, found, valid, remedy))
     if problems:
         raise RequestError(problems)
