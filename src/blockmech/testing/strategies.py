@@ -289,20 +289,16 @@ class _Maker:
                 properties["inertia"] = self.chance.uniform(0.01, 1.0)
                 properties["cm"] = complex(self._signed(0.0, 0.8), self._signed(0.0, 0.5))
             links[link] = Link(**properties)
-        friction = {}
-        if cls.own_form:
-            kinds = {name: pair["type"] for name, pair in draft.numbers["pairs"].items()}
-        else:
-            kinds = {name: joint.kind for name, joint in cls.joints.items()}
-        for joint, kind in kinds.items():
+        block, friction = cls(**draft.numbers, links=links), {}
+        for joint in block.joints.values():
             if self.options.friction and self.chance.randint(0, 1):
                 law: dict[str, Any] = {"coefficient": self.chance.uniform(0.05, 0.3)}
-                if kind == "R":
+                if joint.kind == "R":
                     law["radius"] = self.chance.uniform(0.005, 0.05)
                 elif self.chance.randint(0, 1):
                     law["guide_length"] = self.chance.uniform(0.5, 1.5)
-                friction[joint] = Coulomb(**law)
-        return cls(**draft.numbers, links=links, friction=friction)
+                friction[joint.name] = Coulomb(**law)
+        return block.model_copy(update={"friction": friction})
 
     def _elements(self) -> dict[str, tuple[Block, dict[str, str]]]:
         found: dict[str, tuple[Block, dict[str, str]]] = {}
