@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from blockmech.blocks.frame import Frame
-from blockmech.builders import Graph
 from blockmech.loads.contract import POSITION_READS, Element, Following
 from blockmech.mechanism import Mechanism
+from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
 from blockmech.testing.rig import add_turntable
 from blockmech.testing.rules import DERIVATIVE, Array, Checks, derivative, same_bits
@@ -109,4 +109,4 @@ def _rig(element: Element) -> Mechanism:
     for terminal, declared in element.terminals.items():
         source = "hand" if declared.kind == "point" else "crank"
         graph.connect(f"turn_{terminal}.{source}", f"load.{terminal}")
-    return graph.compile()
+    return Mechanism.of(graph)

@@ -17,13 +17,13 @@ from blockmech.blocks.contract import Joint, Line, Moving
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.slide_drive import SlideDrive
-from blockmech.builders import Graph
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.couple import Couple
 from blockmech.loads.force import Force
 from blockmech.mechanism import Mechanism
+from blockmech.model.graph import Graph
 from blockmech.testing.rules import Array, planar, vectors
 from blockmech.typing import Guide, GuideAcceleration, GuideVelocity, Load
 from blockmech.values import Link, Marker, Place, Vector
@@ -206,7 +206,7 @@ def rig(block: Moving, size: float, friction: bool) -> Mechanism:
         graph.add(f"couple{k}", Couple(moment=(2.0 - 3 * k) * size))
         graph.connect(f"block.load{k}", f"force{k}.at")
         graph.connect(f"block.{name}", f"couple{k}.on")
-    return graph.compile()
+    return Mechanism.of(graph)
 
 
 def add_turntable(

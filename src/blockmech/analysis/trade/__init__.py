@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from blockmech.analysis.trade.measure import (
     USELESS,
@@ -20,9 +20,6 @@ from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.sweep import Sweep
 from blockmech.errors import Problem, RequestError, close_match, listed
 
-if TYPE_CHECKING:
-    from blockmech.compiled import Compiled
-
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "trade"]
 
 REQUESTS = {
@@ -33,7 +30,7 @@ BUDGET = 30.0  # [s]
 
 
 def trade(
-    mechanism: Compiled,
+    mechanism: Any,
     question: Literal["run", "simulate"] = "run",
     want: Iterable[str] | str | None = None,
     budget: float = BUDGET,
@@ -49,6 +46,7 @@ def trade(
 
     Parameters
     ----------
+    mechanism : a `Mechanism`, which stands above the analyses
     question : "run" for a sweep (with friction, where the mechanism has it), "simulate"
     want : outputs that matter; by default all of them for a sweep but what friction alone
         makes, and the motion of the drivers for a simulation
