@@ -67,26 +67,13 @@ class ElementRules(Checks):
         reads = {x for what in self.element.reads().values() for x in what}
         if self.element.energy() is None:
             return
-        power = self._power()
-        stored = "mechanism.potential_energy"
+        stored, power = "mechanism.potential_energy", self._run(TIMES, "load.power")["load.power"]
         rate = derivative(lambda t: {"V": self._run(TIMES + t, stored)[stored]})["V"]
         scale = float(np.max(abs(rate)) + np.max(abs(power))) or 1.0
         if reads <= set(POSITION_READS):
             yield from self.same("power from the stored energy", power, -rate, scale, DERIVATIVE)
         elif np.any(power + rate > DERIVATIVE * scale):
             yield "it gives more than it stores"
-
-    def _power(self) -> Array:
-        """Power [W] that the load gives to the links."""
-        total = np.zeros(len(TIMES))
-        for name, (terminal, declared) in zip(
-            self.loads, self.element.terminals.items(), strict=True
-        ):
-            moved = "hand.v" if declared.kind == "point" else "crank.omega"
-            v = f"turn_{terminal}.{moved}"
-            found = self._run(TIMES, (name, v))
-            total = total + (found[name] * np.conj(found[v])).real
-        return total
 
     rules = (terminals, readings, kernel, energy)
 
