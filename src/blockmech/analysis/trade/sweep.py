@@ -49,7 +49,7 @@ FRICTIONS = (
         for how in [NUMPY | {"friction": "successive"}]
         for k in range(2, MOST_ITERATIONS + 1)
     ),
-    Setting("successive", "as set", NUMPY | {"friction": "successive"}),
+    Setting("successive as set", "", NUMPY | {"friction": "successive"}),
 )
 
 
