@@ -25,7 +25,7 @@ from blockmech.loads.force import Force
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.testing.rules import Array, planar, vectors
-from blockmech.typing import Guide, GuideAcceleration, GuideVelocity, Load
+from blockmech.typing import Guide, LinkAcceleration, LinkVelocity, Load
 from blockmech.values import Link, Marker, Place, Vector
 
 STAGES = {"position": 0, "velocity": 1, "acceleration": 2, "reactions": 1}
@@ -83,10 +83,11 @@ class Subject:
         """What the kernel of a stage gets of the motions, in the contract's order."""
         k, found = STAGES[stage], []
         for joint in self.outer:
-            place, angle = (x[k] for x in self.read(motions, joint))
+            place, turn = self.read(motions, joint)
+            z, angle = planar(place[k]), turn[k]
             turned: Any = planar(np.exp(1j * angle)) if k == 0 else angle
-            guide = (Guide, GuideVelocity, GuideAcceleration)[k](planar(place), turned)
-            found.append(guide if joint.reads == "guide" else planar(place))
+            guide = (Guide, LinkVelocity, LinkAcceleration)[k](z, turned)
+            found.append(guide if joint.reads == "guide" else z)
         return [*found, *([motions[-1][k].real] if self.block.driven else [])]
 
     def call(self, stage: str, *arguments: Any, p: Any = None) -> Any:
