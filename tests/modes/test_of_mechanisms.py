@@ -268,7 +268,7 @@ def test_later_groups_stand_on_the_earlier_ones_of_the_file():
         for mode in mechanism.modes(1.0, arcs=False)[name].samples[0]:
             document = json.loads(text)
             document["blocks"][name] |= mode.put
-            changed = loads(json.document.to_json()).compile()
+            changed = loads(json.dumps(document)).compile()
             assert apart(changed, name, mode, 1.0) <= SAME
 
 
