@@ -187,14 +187,14 @@ def _misfits(text: str) -> Iterator[Problem]:
         elif sign in (",", ":"):
             inside[-1].expects_key = sign == ","
         elif sign[0] == '"':
-            said, here = json.loads(sign), inside[-1]
+            said, here = json.loads(sign) if "\\" in sign else sign[1:-1], inside[-1]
             if here.expects_key:
                 here.key = said
                 first = here.keys.setdefault(said, at)
                 if first != at:
                     found = f"the key is given twice: {place(text, first)} and {place(text, at)}"
                     yield problem("duplicate-key", found, "keep one of them")
-            if any("\ud800" <= c <= "\udfff" for c in said):
+            if not said.isascii() and any("\ud800" <= c <= "\udfff" for c in said):
                 found = f"half of a character ({place(text, at)})"
                 yield problem("wrong-encoding", found, "write the whole character")
         elif sign[0] not in "tfn" and not math.isfinite(float(sign)):
