@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from blockmech.draw.layout import Box, Ends, arrange, layers_of
+from blockmech.draw.layout import Box, Ends, arrange
 from blockmech.draw.routing import (
     Climb,
     Placed,
@@ -68,24 +68,6 @@ def crossings(placed: Placed) -> int:
             xs, ys = sorted(p[0] for p in flat), sorted(p[1] for p in upright)
             count += xs[0] < upright[0][0] < xs[1] and ys[0] < flat[0][1] < ys[1]
     return count
-
-
-def test_layers_are_the_topological_generations():
-    wires = [
-        Ends("frame", "A", "a", "p0"),
-        Ends("a", "B", "b", "p0"),
-        Ends("frame", "D", "b", "p1"),
-    ]
-    layer, backward = layers_of(boxes_of("b", "a"), wires)
-    assert layer == {"frame": 0, "a": 1, "b": 2}
-    assert not backward
-
-
-def test_a_cycle_is_cut_at_one_wire():
-    wires = [Ends("frame", "A", "a", "p0"), Ends("b", "C", "a", "p1"), Ends("a", "C", "b", "p0")]
-    layer, backward = layers_of(boxes_of("a", "b"), wires)
-    assert layer["a"] < layer["b"]
-    assert backward == [1]
 
 
 def test_boxes_that_are_named_in_a_bad_order_are_sorted_until_no_wires_cross():
