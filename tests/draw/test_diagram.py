@@ -116,12 +116,11 @@ def test_labels_lie_on_the_page_and_not_on_another_nor_across_the_edge_of_a_box(
 def test_every_wire_runs_from_its_marker_to_its_port(drawn):
     ports = {str(a.get_label()).split(":", 1)[1] for a in labelled(drawn, "port:")}
     arrows = {str(a.get_label()).split(":", 1)[1]: a for a in labelled(drawn, "back:")}
-    for i, flow in enumerate(drawn.content.flows):
-        way, (source, marker, target, port) = drawn.placed.ways[i], flow.ends
-        assert way[-1] == drawn.placed.port(target, port)
-        assert way[0] == drawn.placed.marker(i, source)
+    for i, found in enumerate(drawn.content.wires):
+        way, (source, marker, target, port) = drawn.placed.ways[i], found.ends
+        assert (way[0], way[-1]) == drawn.placed.ends(i)
         assert f"{target}.{port}" in ports
-        if i not in drawn.placed.backward:
+        if i not in drawn.placed.made.backward:
             assert f"{source}.{marker} -> {target}.{port}" in arrows
 
 
