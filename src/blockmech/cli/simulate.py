@@ -12,7 +12,7 @@ from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
 from blockmech.cli.options import Explain, Times, Want, names_of, option
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
-from blockmech.cli.terminal import progress_bar, say
+from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines
 from blockmech.result import Result
@@ -39,7 +39,6 @@ Method = Annotated[
 Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]
 Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
 
-INTERRUPTED = 130
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 
 
@@ -92,7 +91,7 @@ def simulate(
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):
-        raise typer.Exit(1)
+        raise typer.Exit(NO_ANSWER)
 
 
 def _pictures(result: Result, folder: Path, degrees: bool) -> None:
