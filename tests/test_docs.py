@@ -205,6 +205,32 @@ def test_public_blocks_and_loads_have_an_example():
     assert without == []
 
 
+# ---- pages of docs -----------------------------------------------------------------------
+
+
+def test_the_page_on_extending_runs_from_top_to_bottom(monkeypatch, tmp_path, capsys):
+    """What stands under a file's name is that file; the rest is typed at the prompt."""
+    page = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    space: dict = {}
+    for file, snippet in re.findall(r"(?:`(\w+\.py)`:\n\n)?```python\n(.*?)```", page, re.DOTALL):
+        if file:
+            (tmp_path / file).write_text(snippet, encoding="utf-8")
+        else:
+            exec(compile(snippet, "<docs/extending.md>", "exec"), space)
+    promised = re.findall(r"^print\(.*\)  # (-?[\d.]+|slow)", page, re.MULTILINE)
+    printed = capsys.readouterr().out.split()
+    assert len(promised) == 4
+    for said in promised:
+        digits = len(said.partition(".")[2])
+        assert any(said == (w if said == "slow" else rounded(w, digits)) for w in printed), said
+
+
+def rounded(word, digits):
+    with contextlib.suppress(ValueError):
+        return f"{float(word):.{digits}f}"
+
+
 # ---- README ------------------------------------------------------------------------------
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -247,7 +273,7 @@ def test_files_that_the_readme_names_exist():
 
 
 def test_commands_that_the_readme_names_exist():
-    from blockmech.cli.app import COMMANDS
+    from blockmech.cli import COMMANDS
 
     known = {function.__name__ for function in COMMANDS}
     named = set(re.findall(r"`blockmech (\w+)", README)) | set(

@@ -3,31 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
+from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
-from blockmech.cli.options import (
-    Csv,
-    Decimal,
-    Degrees,
-    Explain,
-    GraphFile,
-    Json,
-    Out,
-    Plot,
-    Separator,
-    Times,
-    Want,
-    check_ways,
-    compiled,
-    names_of,
-    option,
-    spelled,
-)
-from blockmech.cli.terminal import progress_bar, say, show
+from blockmech.cli.options import Explain, Times, Want, names_of, option
+from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
+from blockmech.cli.terminal import progress_bar, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines
 from blockmech.result import Result
@@ -83,14 +68,14 @@ def simulate(
     motion ended before some wanted time, or that none could be computed. Ctrl-C ends the
     run: what was computed until then is shown or written, and the exit code is 130.
     """
-    check_ways(file, json, out, csv, plot, deg)
+    output = Output(file, json, out, csv, plot, deg, separator, decimal)
     mechanism = compiled(file)
     names = names_of(want) or (EVERYTHING if out is not None else DRIVERS)
     if explain:
         say(mechanism.explain(names, friction="none"))
         return
     given, begun = times(at_times), starts(mechanism, start or [])
-    with progress_bar("simulating", quiet=json or csv == "-") as told:
+    with progress_bar("simulating", quiet=output.is_data) as told:
         result = mechanism.simulate(
             until,
             method=method,
@@ -103,9 +88,7 @@ def simulate(
             progress=told,
         )
         gaps = gap_lines(result, deg)
-    ways: dict[str, Any] = {"json": json, "out": out, "csv": csv, "plot": plot}
-    lines = ["", *motion_lines(result, deg)]
-    show(result, spelled(separator, decimal, deg), _pictures, **ways, lines=lines, gaps=gaps)
+    output.show(result, _pictures, gaps, ["", *motion_lines(result, deg)])
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):

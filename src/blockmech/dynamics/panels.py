@@ -161,7 +161,7 @@ class PlaceData:
             v = np.clip((q - self.low) / self.length, 0.0, 1.0)
         found: Floats = self.series @ basis(v, self.series.shape[1]).T
         if self.limit:
-            v = np.maximum(v, math.sqrt(SMALLEST))
+            v = np.maximum(v, EPS)
             found[0] /= v * v
             found[1] /= v
         return found

@@ -154,13 +154,17 @@ class Equation:
         assert self.system.friction is not None
         return self.system.friction.at(q, qd, t, self.sides)
 
-    def kinetic(self, y: Floats) -> float:
-        """Kinetic energy [J]."""
+    def inertia(self, y: Floats) -> Floats:
+        """Inertia (k, k) on the drivers."""
         k = self.drivers
         if k == 1:
-            return 0.5 * self.system.one(float(y[0]), 0.0, 0.0).J * float(y[1]) ** 2
-        qd = y[k : 2 * k]
-        return 0.5 * float(qd @ self.system.terms(y[:k], qd, 0.0).M @ qd)
+            return np.array([[self.system.one(float(y[0])).J]])
+        return self.system.terms(y[:k], y[k : 2 * k]).M
+
+    def kinetic(self, y: Floats) -> float:
+        """Kinetic energy [J]."""
+        qd = y[self.drivers : 2 * self.drivers]
+        return 0.5 * float(qd @ self.inertia(y) @ qd)
 
     def slips(self, q: float) -> Any:
         """Relative rates of the pairs with friction per unit driver rate."""
@@ -189,9 +193,7 @@ def scales(equation: Equation, t: float, y: Floats) -> tuple[float, float]:
     push = float(np.nanmax(np.abs(slope), initial=0.0))
     speed = float(np.abs(rates).max()) + math.sqrt(2 * push * min(span, 1.0))
     speed = speed or 1.0
-    moving = y.copy()
-    moving[k : 2 * k] = speed
-    work = equation.kinetic(moving)
+    work = 0.5 * equation.inertia(y).trace() * speed**2
     return speed, work if work > 0 and math.isfinite(work) else 1.0
 
 
@@ -355,7 +357,9 @@ class Run:
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
         k, (speed, work) = self.equation.drivers, self.scales
         tol = self.tolerance
-        rtol = np.array([FLOOR] * k + [max(tol, FLOOR)] * (k + 1))
+        rtol: Any = np.array([FLOOR] * k + [max(tol, FLOOR)] * (k + 1))
+        if self.method == "radau":  # SciPy's takes one number only
+            rtol = max(tol, FLOOR)
         atol = np.array([tol] * k + [tol * speed] * k + [tol * work])
         make = SOLVERS[self.method]
         return make(self.equation, t, y, bound, rtol=rtol, atol=atol, max_step=longest)
