@@ -51,13 +51,13 @@ class Loaded(NamedTuple):
 
 
 class Ahead:
-    """Panels of n nodes over a road, their series resolved to the road's tolerance.
+    """Panels over a road, with as many nodes and resolved to the same tolerance.
 
     ``rounding``: what the inertia is made wrong by, relative to the largest of its piece.
     """
 
-    def __init__(self, road: Road, n: int, rounding: float = 0.0) -> None:
-        self.road, self.n, self.rounding = road, n, rounding
+    def __init__(self, road: Road, rounding: float = 0.0) -> None:
+        self.road, self.n, self.rounding = road, road.n, rounding
         self.system, self.tolerance = road.system, road.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
         self.largest = 0.0  # [J] kinetic energy that a panel began with
@@ -104,7 +104,7 @@ class Ahead:
         system, sign = self.system, span.sign
         q = span.places(np.append(rule(self.n).v, 0.0))
         rows = piece.rows(q)
-        if self.rounding:
+        if self.rounding:  # a series is as exact as its largest value
             rows[J] += self.rounding * float(piece.data.rows[J].max())
         J0, q, rows = float(rows[J, -1]), q[:-1], rows[:, :-1]
         if self.place_only:

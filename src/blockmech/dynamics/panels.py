@@ -154,11 +154,9 @@ class PlaceData:
 
     def at(self, q: Floats) -> Floats:
         """All rows (r, m) at places (m,) inside."""
-        if self.limit:
-            way = self.high - q if self.limit > 0 else q - self.low
-            v = np.sqrt(np.maximum(way, 0.0) / self.length)
-        else:
-            v = np.clip((q - self.low) / self.length, 0.0, 1.0)
+        way = self.high - q if self.limit > 0 else q - self.low
+        v = np.clip(way / self.length, 0.0, 1.0)
+        v = np.sqrt(v) if self.limit else v
         found: Floats = self.series @ basis(v, self.series.shape[1]).T
         if self.limit:
             v = np.maximum(v, EPS)

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 TURN = 2 * math.pi
 SIZES = ((32, 48), (40, 56))  # nodes of a panel of the two runs, and of two finer ones
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
-BESIDE = 4  # ulps by which a run beside is off: what a sum of some ten terms may lose
+BESIDE = 8  # ulps by which a run beside is off: what a sum of some ten terms may lose
 MOST = 8_000  # panels of a run; ten seconds of work and more
 
 
@@ -64,7 +64,6 @@ class PathRun:
 
     system: System
     request: SimulationRequest
-    road: Road
     n: int
     beside: bool = False
     t: float = 0.0
@@ -86,7 +85,10 @@ class PathRun:
 
     def __post_init__(self) -> None:
         self.rounding = BESIDE * EPS + 2 * self.system.noise  # relative, of work and inertia
-        self.next = Ahead(self.road, self.n, self.rounding if self.beside else 0.0)
+        self.off = BESIDE if self.beside else 0
+        start, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
+        self.road = Road(self.system, start, self.n, tolerance, self.off)
+        self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
         self.place_only = self.next.place_only
 
     # -- the run ------------------------------------------------------------
@@ -94,8 +96,7 @@ class PathRun:
     def run(self) -> None:
         """Go on until something ends the run."""
         q, rate, _ = self.request.start
-        off = BESIDE if self.beside else 0
-        self.q, rate = float(q + off * math.ulp(q)), float(rate * (1 + off * EPS))
+        self.q, rate = float(q + self.off * math.ulp(q)), float(rate * (1 + self.off * EPS))
         try:
             if rate:
                 J = self.system.one(self.q).J
@@ -428,15 +429,13 @@ class PathRun:
 def along_path(system: System, request: SimulationRequest) -> Motion:
     """The motion by the path method, with its error (`estimate`).
 
-    Of two runs over one road the coarser has fewer nodes, reads fewer terms of the road's
-    series and is some ulps beside: where that matters, the data do not tell more.
+    Of two runs the coarser has fewer nodes and is some ulps beside, in its start, its inertia
+    and the work of each panel: where that matters, the data do not tell more.
     """
     failure = start_failure(system, float(request.start.q), float(request.start.rate))
     best = None
     for few, many in SIZES:
-        tolerance = RESOLVED + system.noise
-        road = Road(system, float(request.start.q), many, tolerance)
-        run = PathRun(system, request, road, many)
+        run = PathRun(system, request, many)
         if failure:
             run.stop(failure, "failed")
             return replace(run.motion(), error=math.inf, time_error=math.inf)
@@ -446,7 +445,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
             return stopped(fine, best)
         if not run.panels and not run.legs:
             return replace(fine, error=0.0)
-        run = PathRun(system, request, road, few, True)
+        run = PathRun(system, request, few, True)
         run.run()
         coarse = run.motion()
         if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:

@@ -58,12 +58,16 @@ class Piece:
 
 @dataclass
 class Road:
-    """The pieces of a system's path about a start: n nodes each, resolved to a tolerance."""
+    """The pieces of a system's path about a start: n nodes each, resolved to a tolerance.
+
+    ``beside``: ulps by which the ends that the mechanism has are off
+    """
 
     system: System
     start: float
     n: int
     tolerance: float
+    beside: int = 0
     pieces: list[Piece] = field(default_factory=list)
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
 
@@ -112,27 +116,35 @@ class Road:
     def _made(self, q: float, sign: int, length: float) -> Piece | str:
         """A resolved piece from q on."""
         far, what = self._far(q, sign, length)
+        limit = self._limit(sign, what)
         for _ in range(HALVINGS):
             if far == q:
                 return what or IMPOSSIBLE
-            # with friction no piece runs into a dead centre: before it there is no solution
-            limit = sign if what == DEAD_CENTRE and self.system.friction is None else 0
             low, high = (q, far) if sign > 0 else (far, q)
             data = PlaceData(low, high, limit, self._rows(low, high, limit))
             rows = data.rows
             possible = (rows[MARGIN] > 0) & (rows[J] > 0) & np.isfinite(rows[:MARGIN]).all(axis=0)
             if not limit and not possible.all():
                 far, what = self._last_possible(q, far)
+                far -= sign * self.beside * math.ulp(far) if far != q else 0.0
                 self.limits.append((far, sign, what))
+                limit = self._limit(sign, what)
                 continue
             touched = self._touched(data, sign)
             if touched is not None and abs(touched[0] - far) > math.sqrt(EPS) * data.length:
-                far, what = touched
+                far, what, limit = *touched, 0
             elif data.tail <= self.tolerance:
                 return self._finished(data, sign, what)
             else:
-                far, what = (q + far) / 2, ""
+                far, what, limit = (q + far) / 2, "", 0
         return IMPOSSIBLE
+
+    def _limit(self, sign: int, what: str) -> int:
+        """Direction in which a piece runs into a dead centre in its own variable.
+
+        With friction it does not: before a dead centre the friction has no solution.
+        """
+        return sign if what == DEAD_CENTRE and self.system.friction is None else 0
 
     @cached_property
     def _edges(self) -> list[float]:
@@ -191,7 +203,7 @@ class Road:
             return q, self._why(q, q)
         for _ in range(HALVINGS):
             x = np.linspace(good, bad, PARTS + 1)[1:]
-            x = x[(x != good) & (x != bad)] if abs(bad - good) > 4 * EPS * abs(good) else x[:0]
+            x = x[(x != good) & (x != bad)]
             if not x.size:
                 break
             there = self._possible_at(x)
