@@ -18,7 +18,7 @@ from blockmech.failures import without_gaps
 from blockmech.result import Result
 
 Friction = Annotated[str | None, option("none, single, successive or newton.", "METHOD")]
-Tolerance = Annotated[float | None, option("Stop of successive approximations (1e-3 N).", "X")]
+Tolerance = Annotated[float | None, option("Stop of successive approximations [N].", "X")]
 Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
