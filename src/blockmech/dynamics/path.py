@@ -86,8 +86,9 @@ class PathRun:
     def __post_init__(self) -> None:
         self.rounding = BESIDE * EPS + 2 * self.system.noise  # relative, of work and inertia
         self.off = BESIDE if self.beside else 0
-        start, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
-        self.road = Road(self.system, start, self.n, tolerance, self.off)
+        q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
+        self.q = q + self.off * math.ulp(q)
+        self.road = Road(self.system, self.q, self.n, tolerance, self.off)
         self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
         self.place_only = self.next.place_only
 
@@ -95,8 +96,7 @@ class PathRun:
 
     def run(self) -> None:
         """Go on until something ends the run."""
-        q, rate, _ = self.request.start
-        self.q, rate = float(q + self.off * math.ulp(q)), float(rate * (1 + self.off * EPS))
+        rate = float(self.request.start.rate) * (1 + self.off * EPS)
         try:
             if rate:
                 J = self.system.one(self.q).J
