@@ -96,7 +96,7 @@ class Ahead:
         """Whether a way that is short against its piece of the road got one of its own size."""
         if not CLOSE * abs(at.q) < way < piece.data.length / SHORT:
             return False
-        self.road.shorten(piece, at.q, at.sign, 2 * way)
+        self.road.shorten(piece, at.q, at.sign, SHORT / 2 * way)
         return True
 
     def _loaded(self, piece: Piece, span: Span) -> Loaded:
@@ -150,11 +150,16 @@ class Ahead:
             return float(span.anchor + span.sign * (span.length - K[-1] / w[-1]))
         if span.limit:
             return span.anchor - span.sign * 0.5 * span.length  # closer first
-        v = np.concatenate([[0.0], rule(self.n).v, [1.0]])
-        values = np.append(span.energy, K)
-        i = int(np.argmax(K <= 0)) + 1
-        share = values[i - 1] / (values[i - 1] - values[i]) if values[i - 1] > values[i] else 1.0
-        return float(span.places(v[i - 1] + share * (v[i] - v[i - 1])))
+        i = int(np.argmax(K <= 0))
+        v = np.append(rule(self.n).v, 1.0)
+        if span.energy == 0:  # from rest the mean effort K / u is nearly a line
+            a, b = (i - 1, i) if i else (0, 1)
+            mean = K / v**2
+            v2 = v[a] ** 2 - mean[a] * (v[b] ** 2 - v[a] ** 2) / (mean[b] - mean[a])
+            return float(span.places(np.sqrt(np.clip(v2, v[0] ** 4, v[b] ** 2))))
+        before, at_before = (float(K[i - 1]), v[i - 1]) if i else (span.energy, 0.0)
+        share = before / (before - float(K[i]))
+        return float(span.places(at_before + share * (v[i] - at_before)))
 
     def _to_standstill(self, at: At, piece: Piece, guess: float) -> Panel | Obstacle | None:
         """The panel that ends at a standstill; None where it is not resolved.

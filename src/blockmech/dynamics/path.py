@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 TURN = 2 * math.pi
 SIZES = ((32, 48), (40, 56))  # nodes of a panel of the two runs, and of two finer ones
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
-BESIDE = 8  # ulps by which a run beside is off: what a sum of some ten terms may lose
+BESIDE = 4  # ulps by which a run beside is off: what a sum of some ten terms may lose
 MOST = 8_000  # panels of a run; ten seconds of work and more
 
 
@@ -88,7 +88,7 @@ class PathRun:
         self.off = BESIDE if self.beside else 0
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
         self.q = q + self.off * math.ulp(q)
-        self.road = Road(self.system, self.q, self.n, tolerance, self.off)
+        self.road = Road(self.system, self.q, self.n, tolerance, 2 * self.off)
         self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
         self.place_only = self.next.place_only
 

@@ -155,7 +155,9 @@ class Road:
         ways = {k / PIECES * period for k in range(PIECES + 1)}
         ways |= {(x - self.start + period / 2) % period for x in knots}
         apart = sorted(ways)
-        apart = [x for x, y in zip(apart, [*apart[1:], math.inf], strict=True) if y - x > CLOSE * y]
+        apart = [
+            x for x, y in zip(apart, [*apart[1:], math.inf], strict=True) if y - x > CLOSE * period
+        ]
         return [self.start + (x - period / 2) for x in apart]
 
     def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:
