@@ -167,12 +167,13 @@ class Road:
         known = [x for p in self.pieces for x in (p.data.low, p.data.high)]
         if self.system.period is None and known:  # along a guide they double
             usual = max(usual, max(known) - min(known))
-        length = min(length, usual)
         found = [(x, what) for x, way, what in self.limits if way == sign]
         found += [(x, "") for x in ends]
-        found.append((q + sign * length, ""))
+        if self.system.period is None or length < usual:
+            found.append((q + sign * min(length, usual), ""))
         near = CLOSE * max(abs(q), abs(self.start))
-        return min((x for x in found if sign * (x[0] - q) > near), key=lambda x: sign * x[0])
+        ahead = [x for x in found if sign * (x[0] - q) > near]
+        return min(ahead, key=lambda x: sign * x[0], default=(q + sign * usual, ""))
 
     @cached_property
     def _sampled(self) -> dict[tuple[float, float], Floats]:
