@@ -59,7 +59,7 @@ class PathRun:
     """One run: where the motion is, and what it left behind.
 
     t [s] counts from the start of the run; K [J]; sign is the direction of the motion. A run
-    ``beside`` starts some ulps off, and has rounding of its own added to inertia, times and energies.
+    ``beside`` starts some ulps off, and has rounding of its own added to inertia and energies.
     """
 
     system: System
@@ -218,8 +218,6 @@ class PathRun:
         self.count += 1
         self.lost += panel.lost
         self.t, self.q, self.K = panel.t1, panel.q1, max(panel.K1, 0.0)
-        if self.beside:
-            self.t += self.rounding * panel.duration
         if self.beside and self.K > 0:
             self.K += self.rounding * panel.length * float(np.abs(panel.w).mean())
         if self.system.progress is not None:
