@@ -21,7 +21,7 @@ from blockmech.plane import EPS
 Setting = TypeVar("Setting")
 
 COMPARED = 129  # times spread over a run at which two runs are compared, beside those wanted
-ROUNDING = 4 * EPS  # of |q| or t: what rounding leaves of sums of either
+ROUNDING = 8 * EPS  # of |q| or t: what rounding leaves of a sum of some tens of either
 LAST_KNOWN = 1e-3  # [rad or m] up to which two runs that part count as one
 
 
