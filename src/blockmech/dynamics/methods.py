@@ -34,8 +34,8 @@ from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.steady import steady_motion
-from blockmech.dynamics.teaching import euler_q, rk4
-from blockmech.dynamics.time import SOLVERS, TARGET, in_time
+from blockmech.dynamics.teaching import euler_q
+from blockmech.dynamics.time import SOLVERS, TARGET, in_time, rk4
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.plane import EPS
 
