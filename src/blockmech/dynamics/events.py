@@ -39,7 +39,7 @@ PARTS = 8  # of a step, at whose ends an event is looked at: steps take up to a 
 LEAST_MARGIN = 1e-6  # [-] at which a run is stopped: a dead centre is near (numerics 5, rule 6)
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
 NEAR = 0.1  # margin, a transmission angle of 18 degrees, below which a dip within a step counts
-ON = 64 * EPS  # relative distance within which a coordinate counts as on a kink or a stop
+ON = 1e-12  # relative distance within which a coordinate counts as on a kink or a stop
 PER_SWING = 64  # samples of a swing or period among which a user's event is looked for
 
 

@@ -25,7 +25,7 @@ from scipy.integrate import DenseOutput, OdeSolver
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
-from blockmech.dynamics.equation import typical_inertia
+from blockmech.dynamics.equation import EVALUATIONS, typical_inertia
 from blockmech.dynamics.estimate import difference, missed
 from blockmech.dynamics.events import GOAL, LEAST_MARGIN, STANDSTILL, goal_places
 from blockmech.dynamics.motion import (
@@ -77,9 +77,8 @@ def judged_by_half(
         late = DOUBT * apart.t if apart.agree and motion.end != NO_INERTIA else math.inf
         late = 0.0 if motion.end == "time" else late + motion.time_error
         motion = replace(motion, error=off, time_error=late)
-        if request.step is not None or target is None or off <= target:
-            break
-        if finer.status == "failed":
+        enough = request.step is not None or target is None or off <= target
+        if enough or finer.status == "failed" or finer.cost.evaluations > EVALUATIONS:
             break
         motion, step = finer, step / 2
     return motion if target is None else missed(motion, target)

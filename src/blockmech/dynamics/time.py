@@ -15,14 +15,13 @@ import numpy as np
 from scipy.integrate import DOP853, LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.equation import Equation, TooMany, scales
+from blockmech.dynamics.equation import EVALUATIONS, Equation, TooMany, scales
 from blockmech.dynamics.estimate import missed, refined
 from blockmech.dynamics.events import (
     GOAL,
     GUIDE_SIDE,
     KINK,
     LEAST_MARGIN,
-    ON,
     PARTS,
     REVERSAL,
     STANDSTILL,
@@ -63,9 +62,9 @@ TARGET = 1e-9  # [rad or m] if none is given
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
 SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
-EVALUATIONS = 200_000  # at most in a run; some seconds
 FOREVER = 1 / EPS  # [s] for goals without a time
 NEAR_DEAD_CENTRE = math.sqrt(LEAST_MARGIN)  # below which a solver that gives up is at one
+PAST = 16 * EPS  # relative: so near to a place, and so little beyond it
 AHEAD = math.sqrt(EPS)  # relative: how far ahead of where a solver gives up there is no pose
 
 
@@ -371,7 +370,7 @@ class Run:
         On the kink itself a load that jumps may be the one before.
         """
         q, rate = float(self.y[0]), float(self.y[1])
-        way = ON * max(1.0, abs(q))
+        way = PAST * max(1.0, abs(q))
         if not abs(rate) * (self.t_max - self.t) > way:
             return
         there, t = self.y.copy(), self.t + way / abs(rate)
@@ -440,8 +439,8 @@ class Run:
                 return Verdict("ended", SELF_LOCKED)
         if not np.isfinite(np.asarray(self.equation(later, ahead), dtype=float)).all():
             rate = float(np.abs(y[self.equation.drivers]))
-            places = ON * max(1.0, float(np.abs(y[0])))  # it comes so near, and steps so short
-            self.left = ON * max(abs(t), EPS) + (places / rate if rate else 0.0)
+            places = PAST * max(1.0, float(np.abs(y[0])))  # it comes so near, and steps so short
+            self.left = PAST * max(abs(t), EPS) + (places / rate if rate else 0.0)
             return Verdict("ended", IMPOSSIBLE)
         return Verdict("failed", "the solver's step became too small")
 
@@ -481,7 +480,7 @@ def rk4(system: System, request: SimulationRequest) -> Motion:
     checked_step(step, whole)
 
     def run(h: float) -> Motion:
-        motion = Run(system, request, "rk4", math.nan, "rk4", 0.0, h).motion()
+        motion = Run(system, request, "rk4", TARGET, "rk4", 0.0, h).motion()
         return replace(motion, facts={**motion.facts, "time_step": h})
 
     return judged_by_half(request, step, run)
