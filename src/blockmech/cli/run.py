@@ -14,7 +14,9 @@ from blockmech.cli.options import (
     Decimal,
     Degrees,
     Explain,
+    Friction,
     GraphFile,
+    Iterations,
     Json,
     Out,
     Plot,
@@ -22,6 +24,7 @@ from blockmech.cli.options import (
     Separator,
     Static,
     Times,
+    Tolerance,
     Want,
     check_ways,
     compiled,
@@ -36,9 +39,6 @@ from blockmech.failures import without_gaps
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 
-Friction = Annotated[str | None, option("none, single, successive or newton.", "METHOD")]
-Tolerance = Annotated[float | None, option("Stop of successive approximations (1e-3 N).", "X")]
-Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
 ]

@@ -14,12 +14,15 @@ from blockmech.cli.options import (
     Decimal,
     Degrees,
     Explain,
+    Friction,
     GraphFile,
+    Iterations,
     Json,
     Out,
     Plot,
     Separator,
     Times,
+    Tolerance,
     Want,
     check_ways,
     compiled,
@@ -46,7 +49,6 @@ Start = Annotated[
         "[DRIVER=]Q[,RATE]",
     ),
 ]
-Friction = Annotated[str | None, option("none leaves joint friction out.", "none")]
 Method = Annotated[
     str,
     option("auto, energy, spectral, dop853, lsoda, radau, rk4 or euler_q.", "METHOD"),
@@ -65,6 +67,8 @@ def simulate(
     at_times: Times = None,
     want: Want = None,
     friction: Friction = None,
+    tolerance: Tolerance = None,
+    iterations: Iterations = None,
     method: Method = "auto",
     accuracy: Accuracy = None,
     step: Step = None,
@@ -86,8 +90,12 @@ def simulate(
     check_ways(file, json, out, csv, plot, deg)
     mechanism = compiled(file)
     names = names_of(want) or (EVERYTHING if out is not None else DRIVERS)
+    settings = {"tolerance": tolerance, "iterations": iterations}
     if explain:
-        say(mechanism.explain(names, friction="none"))
+        from blockmech.dynamics.simulation import evaluation_cost
+
+        rubs: dict[str, Any] = {"friction": friction or "newton", **settings}
+        say(mechanism.explain(names, **rubs), "\n\n", evaluation_cost(mechanism, **rubs))
         return
     given, begun = times(at_times), starts(mechanism, start or [])
     with progress_bar("simulating", quiet=json or csv == "-") as told:
@@ -101,6 +109,7 @@ def simulate(
             want=names,
             friction=friction,
             progress=told,
+            **settings,
         )
         gaps = gap_lines(result, deg)
     ways: dict[str, Any] = {"json": json, "out": out, "csv": csv, "plot": plot}

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from blockmech.dynamics.friction import Resisted
     from blockmech.dynamics.system import System
 
-EVALUATIONS = 200_000  # at most in a run; some seconds
-
 
 class TooMany(Exception):
     """More evaluations than allowed."""

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from blockmech.dynamics.euler_q import euler_q
 from blockmech.dynamics.events import ON, watched
 from blockmech.dynamics.motion import (
     END_STOP,
@@ -34,7 +35,6 @@ from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.steady import steady_motion
-from blockmech.dynamics.teaching import euler_q
 from blockmech.dynamics.time import SOLVERS, TARGET, in_time, rk4
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.plane import EPS

@@ -570,7 +570,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     share = min(max(target / 8, FINEST), COARSEST)
     resting = _at_rest(system, request, share)
     if resting is not None:
-        return stated(resting, Difference(0.0, 0.0, True))
+        return stated(resting, Difference(0.0, 0.0, True, True))
     best = None
     for n in (NODES, NODES + MORE):
         coarse = _run(system, _beside(request), n, share, True)

@@ -42,6 +42,7 @@ from blockmech.dynamics.request import (
     times_of,
     watches_of,
 )
+from blockmech.dynamics.system import System
 from blockmech.engines.numpy import Planar
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.plan import Friction
@@ -51,7 +52,6 @@ from blockmech.settings import friction_asked
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-    from blockmech.dynamics.system import System
 
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
 OUTPUTS = 201  # output times where none are named
@@ -164,6 +164,23 @@ def refuse_no_inertia(mechanism: Compiled) -> None:
         found = "no link has mass or inertia, so loads set no motion"
         remedy = 'give links "mass" and "inertia"'
         raise RequestError(Problem("no-inertia", mechanism.name, found, "", remedy))
+
+
+def evaluation_cost(
+    mechanism: Compiled, friction: str, tolerance: float | None, iterations: int | None
+) -> str:
+    """Kernel calls that one evaluation of the motion takes, as a line of text."""
+    system = System(mechanism, method=friction_asked(friction, tolerance, iterations))
+    passes = {"equation of motion": (system.equation_program, 1)}
+    if len(system.drivers) == 1 and system.friction is not None:
+        resisting = system.friction.program
+        many = len(resisting.names) + 2  # the loads, q'', and each pair
+        passes["pairs with friction"] = (resisting.program, many)
+    parts = []
+    for what, (program, times) in passes.items():
+        calls = sum("(" in line for line in program.source.splitlines()[1:-1])
+        parts.append(f"{what} {calls}" + (f", {times} times" if times > 1 else ""))
+    return "kernel calls of an evaluation of the motion: " + "; ".join(parts)
 
 
 # -- outputs along a motion ----------------------------------------------------------------

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import DOP853, LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.equation import EVALUATIONS, Equation, TooMany, scales
+from blockmech.dynamics.equation import Equation, TooMany, scales
 from blockmech.dynamics.estimate import missed, refined
 from blockmech.dynamics.events import (
     GOAL,
@@ -33,10 +33,12 @@ from blockmech.dynamics.events import (
     general_rules,
     kink_rules,
 )
+from blockmech.dynamics.fixed_steps import STEP, RungeKutta4, checked_step, judged_by_half
 from blockmech.dynamics.holding import released
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
     DEAD_CENTRE,
+    EVALUATIONS,
     IMPOSSIBLE,
     INTERRUPTED,
     NO_INERTIA,
@@ -51,7 +53,6 @@ from blockmech.dynamics.motion import (
     Still,
 )
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.teaching import STEP, RungeKutta4, checked_step, judged_by_half
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
