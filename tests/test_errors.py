@@ -20,7 +20,6 @@ import blockmech
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import problems_in
 from blockmech.errors import LONGEST, MOST, BlockmechError, FormatError, listed
-from blockmech.model.document import dumps, load
 from blockmech.model.reading import LARGEST
 from tests.codes import FILE_CODES
 from tests.doors import graph_of as loads
@@ -145,7 +144,7 @@ MADE = {
 def test_a_file_that_cannot_be_read_is_one_message(make, tmp_path):
     path = make(tmp_path)
     with answered(), pytest.raises(FormatError) as raised:
-        load(path)
+        blockmech.Graph.load(path)
     (problem,) = raised.value.problems
     assert problem.code == MADE[make]
     assert problem.file.startswith(str(tmp_path))
@@ -289,6 +288,6 @@ def test_a_made_document_is_read_or_refused(document, tmp_path_factory):
         assert {problem.code for problem in refusal.problems} <= set(FILE_CODES)
         assert str(refusal).replace("\n", "").isprintable()
         return
-    text = dumps(graph)
-    assert dumps(loads(text)) == text
+    text = graph.to_json()
+    assert loads(text).to_json() == text
     assert graph.check() or graph.compile().drivers

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.model.joints.schema import joints_schema
+from blockmech.model.schema import joints_schema
 from tests.doors import linkage_of as loads
 from tests.gallery import GRAPHS, JOINTS, TWINS
 from tests.independent import multibody as mb

@@ -6,24 +6,18 @@ Below this file a graph or a linkage knows nothing of what computes with it.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
+from textwrap import shorten
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from blockmech.errors import FormatError, GraphError, Problem, in_file
 from blockmech.model import graph
-from blockmech.model.joints import linkage
-from blockmech.model.joints.contents import FORMAT
+from blockmech.model.joints import decompose, linkage
 from blockmech.model.reading import data_of, text_of
 
 if TYPE_CHECKING:
-    from blockmech.assur.formation import Formation
     from blockmech.mechanism import Mechanism
-    from blockmech.model.joints.closing import Poses
-    from blockmech.model.naming import Names
     from blockmech.result import Result
-
-General = Literal["", "groups", "one"]
 
 
 class Graph(graph.Graph):
@@ -33,39 +27,6 @@ class Graph(graph.Graph):
     >>> bm.Graph("fourbar").name
     'fourbar'
     """
-
-    @classmethod
-    def of(cls, made: graph.Graph) -> Self:
-        """A graph that the model made, with the doors of this class."""
-        found = cls.__new__(cls)
-        vars(found).update(vars(made))
-        return found
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a graph file. Raises `FormatError` with all problems of the file."""
-        from blockmech.model.document import load
-
-        return cls.of(load(path))
-
-    @classmethod
-    def from_json(cls, text: str, file: str = "") -> Self:
-        """Read the text of a graph file; ``file`` is its name in messages."""
-        from blockmech.model.document import loads
-
-        return cls.of(loads(text, file))
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the canonical graph file, atomically."""
-        from blockmech.model.document import save
-
-        save(self, path)
-
-    def to_json(self) -> str:
-        """The canonical text of the graph file."""
-        from blockmech.model.document import dumps
-
-        return dumps(self)
 
     def compile(self) -> Mechanism:
         """Check the graph and freeze it into a mechanism that computes.
@@ -87,29 +48,13 @@ class Graph(graph.Graph):
         return diagram_svg(self)
 
 
-@dataclass(frozen=True)
-class Decomposition:
-    """A document as blocks.
-
-    Attributes
-    ----------
-    data : the graph as it would stand in its file
-    names : where the links, joints and drivers of the document are in the graph
-    formation : drivers and groups in formation order, by the document's names
-    poses : where the links are, refined
-    """
-
-    data: dict[str, Any]
-    names: Names
-    formation: Formation
-    poses: Poses
+class Decomposition(decompose.Decomposition):
+    """A document as blocks, with doors to a mechanism; see the model's."""
 
     @cached_property
     def graph(self) -> Graph:
         """The block diagram; it can be saved, changed and compiled by itself."""
-        from blockmech.model.joints.diagram import graph_of
-
-        return Graph.of(graph_of(self.data))
+        return Graph.from_data(self.data)
 
     def compile(self) -> Mechanism:
         """A mechanism that computes, with the names of the document."""
@@ -126,49 +71,14 @@ class Linkage(linkage.Linkage):
     'crank_rocker'
     """
 
-    @classmethod
-    def of(cls, made: linkage.Linkage) -> Self:
-        """A linkage that the model made, with the doors of this class."""
-        found = cls.__new__(cls)
-        vars(found).update(vars(made))
-        return found
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a joint-based file. Raises `FormatError` with all problems of the file."""
-        from blockmech.model.joints.document import load
-
-        return cls.of(load(path))
-
-    @classmethod
-    def from_json(cls, text: str, file: str = "") -> Self:
-        """Read the text of a joint-based file; ``file`` is its name in messages."""
-        from blockmech.model.joints.document import loads
-
-        return cls.of(loads(text, file))
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the canonical file, atomically."""
-        from blockmech.model.joints.document import save
-
-        save(self, path)
-
-    def to_json(self) -> str:
-        """The canonical text of the file."""
-        from blockmech.model.joints.document import dumps
-
-        return dumps(self)
-
     def check(self) -> list[Problem]:
         """Everything that is wrong, as data; an empty list is a mechanism that works."""
-        from blockmech.model.joints.decompose import decompose
-
         try:
-            return decompose(self).graph.check()
+            return self.decompose().graph.check()
         except GraphError as error:
             return list(error.problems)
 
-    def decompose(self, general: General = "") -> Decomposition:
+    def decompose(self, general: decompose.General = "") -> Decomposition:
         """Drivers and Assur groups in formation order, as blocks.
 
         Parameters
@@ -178,10 +88,7 @@ class Linkage(linkage.Linkage):
 
         Raises `GraphError` with all problems.
         """
-        from blockmech.model.joints.decompose import decompose
-
-        found = decompose(self, general)
-        return Decomposition(found.data, found.names, found.formation, found.poses)
+        return Decomposition(**vars(decompose.decompose(self, general)))
 
     def compile(self) -> Mechanism:
         """Decompose the linkage and freeze it into a mechanism that computes.
@@ -200,15 +107,10 @@ class Linkage(linkage.Linkage):
         counts = f"{moving} moving links, {pairs} pairs, {len(self.drivers)} driver"
         counts += "s" * (len(self.drivers) != 1)
         try:
-            formula = shortened(str(self.decompose().formation))
+            formula = str(self.decompose().formation)
         except GraphError:
             formula = "not complete: see check()"
-        return f"<Linkage {self.name}: {counts}; {formula}>"
-
-
-def shortened(formula: str, most: int = 300) -> str:
-    """A structural formula that fits a few lines."""
-    return formula if len(formula) <= most else f"{formula[:most].rsplit(' -> ', 1)[0]} -> ..."
+        return f"<Linkage {self.name}: {counts}; {shorten(formula, 300, placeholder=' ...')}>"
 
 
 # -- files ---------------------------------------------------------------------------------
@@ -236,7 +138,7 @@ def _of_joints(text: str) -> bool:
     except FormatError:  # the readers say better what is wrong
         return False
     if "format" in raw:
-        return bool(raw["format"] == FORMAT)
+        return bool(raw["format"] == Linkage.form.format)
     return "joints" in raw and "blocks" not in raw
 
 

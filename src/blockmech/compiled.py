@@ -18,7 +18,6 @@ from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import GraphError, Problem
 from blockmech.failures import without_gaps
 from blockmech.model.graph import Graph
-from blockmech.model.joints.linkage import Linkage
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
@@ -69,21 +68,14 @@ class Compiled:
         )
 
     @classmethod
-    def of(cls, document: Graph | Linkage, names: Names | None = None) -> Self:
-        """A snapshot of blocks or of links and joints, checked.
+    def of(cls, graph: Graph, names: Names | None = None) -> Self:
+        """A snapshot of a graph, checked.
 
         With ``names`` it speaks of the document that a graph was made of. Raises
         `GraphError` with all problems.
         """
         from blockmech.passes.homotopy import refuse_open_homes
 
-        if isinstance(document, Linkage):
-            from blockmech.model.joints.decompose import decompose
-
-            found = decompose(document)
-            graph, names = found.graph, found.names
-        else:
-            graph = document
         structure = graph.structure()
         refuse_open_homes(structure)
         return cls(structure, graph.scene, graph.name, names)

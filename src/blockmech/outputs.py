@@ -23,8 +23,8 @@ from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.outputs_by_link import outputs_by_link
-from blockmech.passes import energy, forces, forward, friction, homotopy, loads, pairs, reduction
-from blockmech.plan import STAGES, Friction, Output, Plan, Reader, Schedule
+from blockmech.passes import energy, forces, forward, friction, homotopy, loads, reduction
+from blockmech.plan import NOUGHT, STAGES, ZERO, Friction, Output, Plan, Reader, Schedule
 from blockmech.quality import at_most_one
 
 
@@ -134,24 +134,22 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
 
     def pair(s: Schedule, what: str) -> str:
         found = s.ask(forces.reaction, ref)
-        return "0.0" if found is None else str(getattr(found, what))
+        return NOUGHT if found is None else f"{found}.{what}"
 
-    def vector(s: Schedule) -> tuple[str, ...]:
+    def vector(s: Schedule) -> tuple[str]:
         found = s.ask(forces.reaction, ref)
-        if found is None:
-            return (forward.ZERO,)
-        if revolute:
-            return (found.force,)
+        if found is None or revolute:
+            return (found or ZERO,)
         u = s.ask(forward.guide_direction, ref)
-        return (s.emit(pairs.normal_force, found.N, u, name=f"{ref}_N_vector"),)
+        return (s.line(f"imul({u}, {found}.real)", f"{ref}_N_vector"),)
 
     def wrench(k: int) -> Callable[[Schedule], tuple[str]]:
         return lambda s: (s.ask(forces.wrench, ref)[k],)
 
     yield Output(f"{ref}.reaction", "N", "vector", vector, _same, by, on)
     if not revolute:
-        yield Output(f"{ref}.N", "N", "real", lambda s: (pair(s, "N"),), _same, by, on)
-        yield Output(f"{ref}.C", "N m", "real", lambda s: (pair(s, "C"),), _same, by, on)
+        yield Output(f"{ref}.N", "N", "real", lambda s: (pair(s, "real"),), _same, by, on)
+        yield Output(f"{ref}.C", "N m", "real", lambda s: (pair(s, "imag"),), _same, by, on)
     if joint.outer:
         yield Output(f"{ref}.wrench_F", "N", "vector", wrench(0), _same, on, by)
         yield Output(f"{ref}.wrench_M", "N m", "real", wrench(1), _same, on, by)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import ast
 import functools
 import re
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import CodeType
@@ -24,10 +24,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
+from blockmech.plane import SCALAR_PRIMITIVES
 
 if TYPE_CHECKING:
     import networkx as nx
 
+ZERO, ONE, REST = "ZERO", "ONE", "REST"  # constants that every engine names: 0j, 1, rest's share
+NOUGHT = "0.0"  # a number that is known to be zero: nothing is computed with it
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 MOST_KEPT = 32  # programs whose code is kept
 NO_LETTER = re.compile(r"\W", re.ASCII)
@@ -152,7 +155,7 @@ class Schedule:
         self.angles: set[str] = set()
         self._answers: dict[Hashable, Any] = {}
         self._names: dict[str, int] = {}
-        self._taken = {"P", "ZERO", "ONE", "REST", "t", "program"}  # names of values and functions
+        self._taken = {"P", ZERO, ONE, REST, "t", "program", "abs", *SCALAR_PRIMITIVES}
         self._slots: dict[Hashable, str] = {}
         self._order = {name: i for i, name in enumerate(structure.blocks)}
 
@@ -193,8 +196,10 @@ class Schedule:
 
     def emit(self, function: Callable[..., Any], *args: str, name: str) -> str:
         """Emit a call of a pure function; the same call twice is one line."""
-        called = self._function(function)
-        text = f"{called}({', '.join(args)})"
+        return self.line(f"{self._function(function)}({', '.join(args)})", name)
+
+    def line(self, text: str, name: str) -> str:
+        """Emit an expression of values and primitives of the plane; the same twice is one line."""
         key = ("line", text)
         if key not in self._answers:
             value = self._fresh(name)
@@ -203,11 +208,14 @@ class Schedule:
         answer: str = self._answers[key]
         return answer
 
-    def sum(self, terms: Sequence[str], name: str) -> str:
-        """Emit a sum in the order given; a single term is itself."""
-        total = terms[0]
-        for start in range(1, len(terms), LONGEST_SUM):
-            text = " + ".join((total, *terms[start : start + LONGEST_SUM]))
+    def sum(self, terms: Iterable[str], name: str, nothing: str = NOUGHT) -> str:
+        """Emit a sum in the order given, without zeros; ``nothing`` is the sum of no terms."""
+        kept = [x for x in terms if x not in (NOUGHT, ZERO)]
+        if not kept:
+            return nothing
+        total = kept[0]
+        for start in range(1, len(kept), LONGEST_SUM):
+            text = " + ".join((total, *kept[start : start + LONGEST_SUM]))
             total = self._fresh(name)
             self.lines.append(Line(total, text))
         return total

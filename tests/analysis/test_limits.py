@@ -458,3 +458,12 @@ def test_every_loop_of_a_long_row_passes_its_two_change_points():
     places = [p.q for p in found.arcs[0].change_points]
     assert len(places) == 2 * 40
     assert max(min(abs(q), abs(q - math.pi)) for q in places) <= TOUCH
+
+
+def test_a_chain_passes_its_change_points_though_their_rounding_grows_from_cell_to_cell():
+    found = bm.Graph.load(GRAPHS / "parallelogram_chain.json").compile().limits()
+    assert found.whole_turn
+    places = [p.q for p in found.arcs[0].change_points]
+    assert len(places) == 2 * 30
+    # Each cell moves the next one's double root by the root of its rounding.
+    assert max(min(abs(q), abs(q - math.pi)) for q in places) <= 30 * math.sqrt(EPS)

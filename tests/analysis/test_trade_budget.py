@@ -10,8 +10,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.analysis.trade import trade
-from blockmech.analysis.trade.measure import Candidate, Clock, Question, measured
-from blockmech.analysis.trade.simulate_settings import Asked, Deadline, settings_of
+from blockmech.analysis.trade.free_motion import FreeMotion
+from blockmech.analysis.trade.measure import Clock, Question, Reference, Setting, measured
 from blockmech.draw.trade import draw_trade, trade_figure
 from blockmech.mechanism import Mechanism
 from tests.wiring import chain, ruiz
@@ -43,20 +43,33 @@ def test_a_budget_that_is_too_small_skips_and_says_so() -> None:
     assert "no setting was measured (the budget is spent)" in found.recommendation
 
 
-def test_a_budget_that_ends_during_the_repeats_claims_no_time() -> None:
-    runs = []
+class Slow(Question):
+    """A question whose one setting takes its time."""
 
-    def slow(candidate, end):
+    reference = Reference("r", "c", 1e-15)
+    runs = 0
+
+    def settings(self):
+        return [Setting("a")]
+
+    def run(self, options, seconds):
         time.sleep(0.008)
-        runs.append(end)
+        self.runs += 1
         return ruiz().compile().run(at=0.0, want="crank.drive")
 
-    clock = Clock.started(0.03)
-    question = Question(slow, lambda run: 1, lambda run: 0.0)
-    points, skipped = measured(question, [Candidate("a", "", {})], 0.0, clock, lambda *_: None)
+    def evaluations(self, result) -> int:
+        return 1
+
+    def error(self, result):
+        return 0.0, ""
+
+
+def test_a_budget_that_ends_during_the_repeats_claims_no_time() -> None:
+    question = Slow()
+    points, skipped = measured(question, Clock(0.03), lambda *_: None)
     assert points == ()
     assert [s.label for s in skipped] == ["a"]
-    assert 1 <= len(runs) <= 5
+    assert 1 <= question.runs <= 5
 
 
 @pytest.mark.parametrize("graph", ["floating_drive_press", "fivebar_falling"])
@@ -67,7 +80,7 @@ def test_a_trade_of_a_motion_keeps_to_a_budget_that_hardly_holds_its_reference(g
     found = trade(mech, "simulate", budget=budget, until="time=0.1", start=start)
     assert time.perf_counter() - begun < budget + SLACK
     said = {p.method for p in found.points} | {s.label.split(",")[0] for s in found.skipped}
-    assert {"dop853", "lsoda", "radau"} <= said
+    assert {"dop853", "lsoda", "radau"} <= said or said == {"all settings"}
     assert all(p.error >= found.reference.floor for p in found.points)
 
 
@@ -87,7 +100,7 @@ def test_a_budget_without_a_reference_says_so_and_claims_nothing(tmp_path: Path)
 
 def test_of_two_runs_the_surer_one_is_the_reference() -> None:
     mech = mechanism("watt_sixbar")
-    found = trade(mech, "simulate", budget=PLENTY, until="time=1")
+    found = FreeMotion(mech, None, {"until": "time=1"}, Clock(PLENTY))
     names = (found.reference.method, found.reference.check)
     assert sorted(n.split()[0] for n in names) == ["dop853", "energy"]
     errors = []
@@ -100,24 +113,29 @@ def test_of_two_runs_the_surer_one_is_the_reference() -> None:
     assert errors[0] <= found.reference.floor < 1e-9
 
 
-def test_a_deadline_stops_a_simulation_which_is_then_no_answer() -> None:
-    asked = Asked(
-        mechanism("watt_sixbar"), {"until": "turns=30", "start": {"crank": (0.3, 9.0)}}, ("*.q",)
-    )
-    assert asked.run(time.perf_counter(), method="radau", accuracy=1e-9) is None
-    deadline = Deadline(time.perf_counter() + PLENTY)
-    deadline("steps", 1.0, None)
-    assert not deadline.passed
+def test_a_simulation_is_stopped_in_time_and_is_then_no_answer() -> None:
+    request = {"until": "turns=30", "start": {"crank": (0.3, 9.0)}}
+    question = FreeMotion(mechanism("watt_sixbar"), None, request, Clock(0.0))
+    assert question.reference.method == "nothing"
+    assert question.run({"method": "radau", "accuracy": 1e-9}, 0.0) is None
 
 
 def test_steps_of_a_slide_are_lengths() -> None:
-    mech = mechanism("floating_drive_press")
-    request = {"start": {"press.cylinder": (0.6, 0.05)}, "friction": "none"}
-    run = mech.simulate("time=0.01", method="lsoda", accuracy=1e-3, **request)
-    settings = settings_of(Asked(mech, request, ("*.q",)), run)
-    steps = [c.label for c in settings if c.label.startswith("euler_q, step")]
+    request = {"start": {"press.cylinder": (0.6, 0.05)}, "friction": "none", "until": "time=0.01"}
+    question = FreeMotion(mechanism("floating_drive_press"), None, request, Clock(PLENTY))
+    steps = [s.label for s in question.settings() if s.label.startswith("euler_q, step")]
     assert steps
     assert all(label.endswith(" m") for label in steps)
+
+
+def test_a_motion_is_measured_with_every_friction_method() -> None:
+    request = {"until": "time=0.05", "start": {"crank": (0.4, 10.0)}}
+    question = FreeMotion(ruiz().compile(), None, request, Clock(PLENTY))
+    rows = {s.method: s for s in question.settings() if s.method.startswith("friction")}
+    assert list(rows) == ["friction none", "friction single", "friction successive"]
+    errors = [question.error(question.run(s.options, PLENTY))[0] for s in rows.values()]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[0] > 1e-4 > 1e-9 > errors[2]
 
 
 def test_an_interrupt_keeps_what_was_measured() -> None:

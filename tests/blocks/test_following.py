@@ -287,10 +287,6 @@ def test_home_may_be_near_a_dead_centre(near):
         assert (off * root).max() <= POSES
 
 
-@pytest.mark.xfail(
-    reason="the end of an arc of a group without closed form is a few 1e-9 short since limits "
-    "look for it by series; it was exact to 1e-9 by bisection"
-)
 def test_a_message_says_how_far_a_path_came():
     mech = triad().compile()
     (arc,) = mech.limits().arcs

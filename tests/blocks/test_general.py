@@ -311,10 +311,6 @@ def test_bad_home_is_one_problem(make, said):
     assert said in problem.found
 
 
-@pytest.mark.xfail(
-    reason="the end of an arc of a group without closed form is a few 1e-9 short since limits "
-    "look for it by series; it was exact to 1e-9 by bisection"
-)
 def test_home_at_a_dead_centre_is_refused():
     with pytest.raises(bm.GraphError) as caught:
         near_dead_centre().compile()
@@ -385,10 +381,6 @@ def test_file_comes_back_byte_for_byte(graph):
     assert all(np.array_equal(a[n], b[n]) for n in a)
 
 
-@pytest.mark.xfail(
-    reason="the end of an arc of a group without closed form is a few 1e-9 short since limits "
-    "look for it by series; it was exact to 1e-9 by bisection"
-)
 def test_limits_are_where_the_path_ends():
     mech = triad().compile()
     arc = mech.limits().arc_at(HOME)

@@ -13,7 +13,7 @@ from PIL import Image
 
 import blockmech as bm
 from blockmech.draw import Animation, animate, draw
-from blockmech.draw.animation import player, player_data, reel_of
+from blockmech.draw.animation import film_of, player_data
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
 from tests.wiring import ruiz, toggle, watt
 
@@ -67,10 +67,10 @@ def test_axes_and_background_stay_the_same_in_all_frames(tmp_path):
 
 
 def test_poses_that_do_not_close_are_left_out():
-    reel = reel_of(fourbar(rocker=1.8).compile(), frames=40)
-    feasible = int(reel.stage.motion.feasible.sum())
-    assert 2 < feasible < 41
-    assert len(reel.order) == 2 * feasible - 2
+    film = film_of(fourbar(rocker=1.8).compile(), frames=40)
+    assert film.motion.feasible.all()
+    assert 2 < len(film.motion.samples) < 41
+    assert len(film.order) == 2 * len(film.motion.samples) - 2
 
 
 class Addresses(HTMLParser):
@@ -109,8 +109,8 @@ def test_the_html_page_carries_every_frame(tmp_path):
 
 def test_the_players_pins_follow_the_run():
     mechanism = ruiz().compile()
-    reel = reel_of(mechanism, frames=FRAMES)
-    data = json.loads(json.dumps(player_data(reel)))
+    film = film_of(mechanism, frames=FRAMES)
+    data = json.loads(json.dumps(player_data(film)))
     run = mechanism.run(samples=FRAMES + 1, want=["dyad.C.p"])["dyad.C.p"]
     for k, frame in enumerate(data["frames"]):
         discs = [
@@ -118,12 +118,11 @@ def test_the_players_pins_follow_the_run():
             for row in frame["shapes"]
             if data["styles"][row[0]]["kind"] == "disc"
         ]
-        assert min(abs(z - reel.page.points(run[k])) for z in discs) < GRAIN
+        assert min(abs(z - film.page.points(run[k])) for z in discs) < GRAIN
 
 
 def test_numbers_of_the_player_are_finite_where_poses_are_missing():
-    reel = reel_of(fourbar(rocker=1.8).compile(), frames=40)
-    text = player(reel)
+    text = film_of(fourbar(rocker=1.8).compile(), frames=40).html
     assert "NaN" not in text.split('id="data"')[1].split("</script>")[0]
     assert data_of(text)["paths"][0]["pieces"]
 

@@ -11,7 +11,7 @@ from PIL import Image
 import blockmech as bm
 from blockmech.draw import plot, run_pictures
 from blockmech.draw.curves import abscissa, chosen_panels, pictures_of, without_friction
-from blockmech.draw.panels import Abscissa, Curve, Panel, Plot, draw_panels
+from blockmech.draw.panels import Abscissa, Panel, draw_panels
 from blockmech.draw.paper import scaled_unit, styled
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
 from tests.wiring import chain, ruiz, toggle, watt
@@ -20,11 +20,11 @@ UNIT = re.compile(r"\[[^\]]+\]$")
 KILO = 1e-3
 
 
-def drawn(result: bm.Result, kind: str) -> Plot:
+def drawn(result: bm.Result, kind: str):
     return draw_panels(pictures_of(result)[kind], abscissa(result))
 
 
-def words(plot: Plot) -> list:
+def words(plot) -> list:
     """Texts of the legends."""
     legends = [axes.get_legend() for axes in plot.axes]
     return [text for legend in legends if legend for text in legend.get_texts()]
@@ -134,7 +134,7 @@ def test_gaps_are_gaps_and_shaded():
 
 def test_a_sample_alone_between_gaps_is_still_seen():
     values = np.where(np.arange(60) == 30, 1.0, np.nan)
-    panel = Panel("force", "N", (Curve("", values),))
+    panel = Panel("force", "N", {"": values})
     (axes,) = draw_panels([panel], Abscissa("x [m]", np.arange(60.0))).axes
     assert axes.lines[0].get_marker() == "o"
     assert axes.lines[0].get_markevery() == [30]
@@ -149,11 +149,11 @@ def test_samples_in_any_order_make_one_line():
 
 def test_peaks_near_a_dead_centre_are_cut_off_and_said():
     values = np.append(np.linspace(1.0, 2.0, 99), 1e6)
-    panel = Panel("reaction", "N", (Curve("a", values),))
+    panel = Panel("reaction", "N", {"a": values})
     made = draw_panels([panel], Abscissa("x [m]", np.arange(100.0)))
     assert made.axes[0].get_ylim()[1] < 10
     assert [t.get_text() for t in words(made)] == ["a", "cut-off peaks up to 1 MN"]
-    assert not Panel("reaction", "N", (Curve("a", values[:-1]),)).peak
+    assert not Panel("reaction", "N", {"a": values[:-1]}).peak
 
 
 @pytest.mark.parametrize("scene", [ruiz, lambda: chain(5, friction=True), watt, toggle])
@@ -162,11 +162,11 @@ def test_legends_cover_no_axes_and_stay_on_the_page(scene):
     for panels in pictures_of(result).values():
         made = draw_panels(panels, abscissa(result))
         with styled():
-            made.figure.canvas.draw()
-            renderer = made.figure.canvas.get_renderer()
+            made.canvas.draw()
+            renderer = made.canvas.get_renderer()
             shown = [t.get_window_extent(renderer) for t in words(made)]
         frames = [a.get_window_extent() for a in made.axes]
-        page = made.figure.bbox
+        page = made.bbox
         for word in shown:
             assert page.x0 <= word.x0
             assert word.x1 <= page.x1
@@ -191,9 +191,9 @@ def test_many_joints_get_a_panel_for_each_few_blocks():
 def test_a_place_is_drawn_by_its_coordinates_and_a_velocity_by_its_size():
     result = ruiz().run(samples=5, want=["dyad.S.p", "dyad.S.v"])
     place, speed = chosen_panels(result, result)
-    assert [c.name for c in place.curves] == ["dyad.S x", "dyad.S y"]
+    assert [*place.curves] == ["dyad.S x", "dyad.S y"]
     assert (speed.quantity, speed.unit) == ("|v|", "m/s")
-    assert speed.curves[0].values == pytest.approx(np.abs(result["dyad.S.v"]))
+    assert speed.curves["dyad.S"] == pytest.approx(np.abs(result["dyad.S.v"]))
 
 
 def test_too_many_curves_are_refused():

@@ -10,7 +10,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.draw.animation import rests
-from blockmech.draw.panels import Abscissa, Curve, Panel, draw_panels
+from blockmech.draw.panels import Abscissa, Panel, draw_panels
 from blockmech.draw.simulation import (
     energy_panels,
     motion_panels,
@@ -31,8 +31,8 @@ def test_figure_6_has_the_coordinate_the_rate_and_every_reactions_magnitude():
     result = fallen("watt_sixbar", "standstill")
     angle, rate, *reactions = motion_panels(result)
     assert (angle.unit, rate.unit) == ("°", "rad/s")
-    assert np.array_equal(angle.curves[0].values, np.degrees(result["crank.q"]))
-    drawn = {curve.name: curve.values for panel in reactions for curve in panel.curves}
+    assert np.array_equal(angle.curves[""], np.degrees(result["crank.q"]))
+    drawn = {name: row for panel in reactions for name, row in panel.curves.items()}
     assert set(drawn) == {n.removesuffix(".reaction") for n in result if "reaction" in n}
     for name, values in drawn.items():
         assert np.array_equal(values, np.abs(result[f"{name}.reaction"]))
@@ -40,7 +40,7 @@ def test_figure_6_has_the_coordinate_the_rate_and_every_reactions_magnitude():
 
 def test_figure_7_shows_that_the_total_energy_is_kept():
     (panel,) = energy_panels(fallen("watt_sixbar", "standstill"))
-    kinetic, potential, total = (curve.values for curve in panel.curves)
+    kinetic, potential, total = panel.curves.values()
     assert np.array_equal(total, kinetic + potential)
     assert np.ptp(total) < 1e-12 * kinetic.max()
 
@@ -80,8 +80,7 @@ def test_events_of_friction_are_marked_and_named():
     """A joint that reverses, and rest: dotted lines, with their words in the legend."""
     events = ((0.2, "joint reverses"), (0.5, "joint reverses"), (0.9, "rest"))
     over = Abscissa("time [s]", np.linspace(0, 1, 50), events=events)
-    curve = Curve("", np.linspace(3, 0, 50))
-    (axes,) = draw_panels([Panel("rate", "rad/s", (curve,))], over).axes
+    (axes,) = draw_panels([Panel("rate", "rad/s", {"": np.linspace(3, 0, 50)})], over).axes
     marks = [x.get_xdata()[0] for x in axes.lines if x.get_label() in ("joint reverses", "rest")]
     assert marks == [0.2, 0.5, 0.9]
     words = [text.get_text() for text in axes.get_legend().get_texts()]

@@ -37,6 +37,7 @@ PRIMITIVES: dict[str, Callable[..., Any]] = {
     "where": lambda c, a, b: a if c else b,
     "minimum": lambda a, b: min(a, b),
     "maximum": lambda a, b: max(a, b),
+    "planar": _complex,
     "some": bool,
     "repair": lambda c, one, given, *data: given,
 }

@@ -11,7 +11,6 @@ import pytest
 import blockmech as bm
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import RequestError
-from blockmech.model.document import dumps
 from blockmech.modes.closing import triad_modes
 from blockmech.modes.groups import outline
 from blockmech.typing import Guide
@@ -262,7 +261,7 @@ def test_both_branches_of_a_dyad_are_listed_and_the_file_s_is_marked():
 def test_later_groups_stand_on_the_earlier_ones_of_the_file():
     graph = watt()
     mechanism = graph.compile()
-    text = dumps(graph)
+    text = graph.to_json()
     for name in mechanism.structure.blocks:
         if not mechanism.structure.blocks[name].closes:
             continue

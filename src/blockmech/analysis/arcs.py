@@ -4,44 +4,26 @@ A group closes where its margin is not negative, and its margin exists where all
 groups close. So the groups are taken in formation order, and each cuts the pieces that
 the earlier ones leave: the margin's extrema are found (`blockmech.analysis.scan`), between
 two of them it changes sign at most once, and every change of sign is bisected until no
-number lies between. Past a dead centre of an earlier group margins change like the square
-root of the distance from it, for which a `Span` is made.
+number lies between. An extremum within its rounding touches zero: a change point, or an end.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.scan import ROUNDED, TURN, Span, bisect, minimize, scan
+from blockmech.analysis.closure import SEAM, Closure
+from blockmech.analysis.scan import ROUNDED, TURN, Span, bisect, runs, scan
 from blockmech.series import DOUBLE_ROOT, Floats
 
-SEAM = -math.pi / 2  # turns are cut there: arcs of symmetric mechanisms lie about 0 or pi
-PROBES = 1e-9 * np.array([-5, -3, -2, -1, 0, 1, 2, 3, 5])  # [rad or m] a parabola stays level there
+# [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
+PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])
 BESIDE = 1e-5  # [rad], and of a slide's size: looked at on both sides of a touch
-
-
-@dataclass(frozen=True)
-class Margins:
-    """Margins of the groups as functions of one coordinate.
-
-    Attributes
-    ----------
-    blocks : the groups in formation order
-    batch : (n,) -> (groups, n) [-]
-    one : number of a group -> its margin as a function of one place
-    passable : whether the mechanism moves on through a place where a group's margin
-        touches zero: block, place, distance to look at on both sides
-    """
-
-    blocks: tuple[str, ...]
-    batch: Callable[[Floats], Floats]
-    one: Callable[[int], Callable[[float], float]]
-    passable: Callable[[str, float, float], bool]
 
 
 @dataclass(frozen=True)
@@ -64,6 +46,11 @@ class Piece:
     end: Bound | None
     passes: tuple[Bound, ...] = ()
 
+    @property
+    def tiny(self) -> bool:
+        """Whether rounding hides what happens within."""
+        return self.span.high - self.span.low <= DOUBLE_ROOT
+
 
 @dataclass(frozen=True)
 class Nearest:
@@ -75,13 +62,13 @@ class Nearest:
 
 
 def closed_pieces(
-    margins: Margins, span: Span, samples: int
+    closure: Closure, span: Span, samples: int
 ) -> tuple[tuple[Piece, ...], Nearest | None]:
     """All pieces where every group closes, in rising order.
 
     Parameters
     ----------
-    margins : margins of the groups
+    closure : the groups' margins
     span : where to search
     samples : of a turn, to begin with
 
@@ -91,157 +78,131 @@ def closed_pieces(
     """
     ends = (None, None) if span.turn else (Bound(span.low), Bound(span.high))
     pieces = [Piece(span, *ends)]
-    for k, block in enumerate(margins.blocks):
-        tiny = [p for p in pieces if _tiny(p)]
-        looked = [_Margin(margins, k, p, samples) for p in pieces if p not in tiny]
+    for k, block in enumerate(closure.blocks):
+        looked = [_Margin(closure, k, piece, samples) for piece in pieces]
         pieces = [part for margin in looked for part in margin.parts()]
-        pieces += [p for p in tiny if margins.one(k)(p.span.low) >= 0]
         if not pieces:
-            found = [m.nearest() for m in looked]
-            found += [(p.span.low, margins.one(k)(p.span.low)) for p in tiny]
-            return (), Nearest(block, *max(found, key=lambda place: place[1]))
+            return (), Nearest(block, *max((m.nearest() for m in looked), key=lambda m: m[1]))
     pieces.sort(key=lambda p: p.start.q if p.start else 0.0)
     return tuple(pieces), None
 
 
-def _tiny(piece: Piece) -> bool:
-    """Whether rounding hides what happens within."""
-    return piece.span.high - piece.span.low <= DOUBLE_ROOT
-
-
 class _Margin:
-    """The margin of one group on a piece where the earlier ones close."""
+    """The margin of one group on a piece where the earlier ones close.
 
-    def __init__(self, margins: Margins, k: int, piece: Piece, samples: int) -> None:
-        self.block, self.piece = margins.blocks[k], piece
-        self.one, self.passable = margins.one(k), margins.passable
-        self.batch, self.k = margins.batch, k
+    Attributes
+    ----------
+    x : (m,) places between which the margin only rises or only falls; of a turn from where
+        it is farthest from zero to the same place a turn later
+    y : (m,) its values there
+    sure : (m,) whether they are beyond their rounding, and so have a sign
+    """
+
+    def __init__(self, closure: Closure, k: int, piece: Piece, samples: int) -> None:
+        self.closure, self.k, self.piece = closure, k, piece
+        self.block = closure.blocks[k]
+        if piece.tiny:
+            self.x = np.array([piece.span.low])
+            self.y = self._row(self.x)
+            return
         found = scan(self._row, piece.span, piece.span.panels(samples))
-        self.x, self.rough = found.x, found.rough
-        self._step_aside(found.y)
-        self.y = np.where(np.isnan(found.y), -1.0, found.y)
-        for end, beside in ((0, 1), (-1, -2)):  # there an earlier group may just fail
-            self.y[end] = self.y[beside] if np.isnan(found.y[end]) else self.y[end]
-        self.size = float(np.abs(self.y).max())
-        self.noise = np.where(np.isfinite(found.noise), found.noise, 0.0) + ROUNDED  # it is a share
-        self._look_closer()
+        x, y = found.x, found.y
+        noise = np.where(found.rough, 0.0, found.noise) + ROUNDED  # a margin is a share
+        near = np.flatnonzero(~(np.abs(y) > DOUBLE_ROOT))
+        around = self._row((x[near, None] + PROBES).ravel()).reshape(len(near), len(PROBES))
+        # Undefined at one place, as where two pins meet: what is beside counts. Undefined all
+        # round it: an earlier group fails there, within its rounding.
+        lost = np.isnan(y[near])
+        y[near[lost]] = around[lost, -3]
+        spread = np.nanmax(around, axis=1, initial=-1.0) - np.nanmin(around, axis=1, initial=1.0)
+        noise[near] += 4 * np.maximum(spread, 0.0)
+        for end, beside in ((0, 1), (-1, -2)):
+            y[end] = y[beside] if np.isnan(y[end]) else y[end]
+        noise = np.where(np.isnan(y), np.inf, noise)
+        self.x, self.y, self.sure = x, np.nan_to_num(y), np.abs(np.nan_to_num(y)) > noise
+        if piece.start is None:
+            first = int(np.argmax(np.abs(self.y)))
+            self.x = _rolled(self.x, first, TURN)
+            self.y, self.sure = _rolled(self.y, first), _rolled(self.sure, first)
 
     def _row(self, q: Floats) -> Floats:
-        return np.asarray(self.batch(q)[self.k])
+        return np.array(self.closure.margins(q)[self.k])
 
-    def _step_aside(self, y: Floats) -> None:
-        """Values at single undefined places, e.g. where two pins meet, are those beside them."""
-        alone = np.isnan(y[1:-1]) & np.isfinite(y[:-2]) & np.isfinite(y[2:])
-        i = np.flatnonzero(alone) + 1
-        y[i] = self._row(self.x[i] + PROBES[-1])
-
-    def _look_closer(self) -> None:
-        """Measure the noise where the margin is small: an earlier group's dead centre raises it."""
-        near = np.flatnonzero((np.abs(self.y) <= DOUBLE_ROOT) & ~self.rough)
-        around = self._row((self.x[near, None] + PROBES).ravel()).reshape(len(near), len(PROBES))
-        spread = np.nanmax(around, axis=1, initial=-1.0) - np.nanmin(around, axis=1, initial=1.0)
-        self.noise[near] += 4 * np.maximum(spread, 0.0)
+    def _place(self, i: int) -> float:
+        q = float(self.x[i])
+        return q if self.piece.start else (q - SEAM) % TURN + SEAM
 
     def nearest(self) -> tuple[float, float]:
         """The place and the value of its maximum."""
-        i = int(np.argmax(self.y))
-        return float(self.x[i]), float(self.y[i])
+        i = int(np.nanargmax(self.y))
+        return self._place(i), float(self.y[i])
 
     def parts(self) -> list[Piece]:
         """The parts of the piece where the group closes as well."""
-        if self.size <= ROUNDED:
+        if self.piece.tiny:
+            return [self.piece] * bool(self.y[0] >= 0)
+        if np.abs(self.y).max() <= ROUNDED:
             return []  # at dead centre everywhere: locked
-        self._corners()
         x, closes, touched = self._signs()
         passes = (*self.piece.passes, *touched)
         if closes.all():
             return [replace(self.piece, passes=tuple(sorted(passes, key=lambda b: b.q)))]
         if self.piece.start is None:  # open the turn where it is broken
             first = int(np.argmin(closes))
-            x = np.concatenate([x[first:], x[: first + 1] + TURN])
-            closes = np.concatenate([closes[first:], closes[: first + 1]])
+            x, closes = _rolled(x, first, TURN), _rolled(closes, first)
         found, last = runs(closes), len(x) - 1
         wide = [r for r in found if x[min(r[1] + 1, last)] - x[max(r[0] - 1, 0)] > DOUBLE_ROOT]
         parts = [self._part(x, low, high, passes) for low, high in wide or found]
-        return [p for p in parts if not _tiny(p)] or parts  # slivers beside a part are rounding
-
-    def _corners(self) -> None:
-        """Follow the extrema towards zero for which only samples stand."""
-        y = self.y
-        towards = np.sign(y[1:-1])
-        turn = (towards * y[1:-1] <= towards * y[:-2]) & (towards * y[1:-1] <= towards * y[2:])
-        bend = np.abs(y[:-2] - 2 * y[1:-1] + y[2:])  # four times how far it may go between
-        near = (np.abs(y[1:-1]) > self.noise[1:-1]) & (np.abs(y[1:-1]) <= bend)
-        for i in (np.flatnonzero(turn & near & self.rough[1:-1]) + 1).tolist():
-            sign = float(np.sign(y[i]))
-            q = self._towards_zero(sign, float(self.x[i - 1]), float(self.x[i + 1]))
-            value = self.one(q)
-            if math.isfinite(value) and sign * value < sign * y[i]:
-                self.x[i], self.y[i] = q, value
-
-    def _towards_zero(self, sign: float, low: float, high: float) -> float:
-        return minimize(lambda q: sign * self.one(q), low, high)
+        return [p for p in parts if not p.tiny] or parts  # slivers beside a part are rounding
 
     def _signs(self) -> tuple[Floats, NDArray[np.bool_], list[Bound]]:
         """Places, whether the group closes there, and the change points.
 
-        A margin within its rounding has no sign. Between two places where it has the same
-        sign it touches zero, at one place.
+        Where the margin is not beyond its rounding, it has no sign. Between two places with
+        the same sign it touches zero if it is nearer to it than at both.
         """
-        x, y, noise = self._whole()
-        sure = np.abs(y) > noise
-        closes = y >= 0
-        passes, kept = [], sure.copy()
+        x, y, kept, closes = self.x, self.y, self.sure.copy(), self.y >= 0
+        passes = []
         if self.piece.start is not None:
             kept[[0, -1]] = True
-        for low, high in runs(~sure):
+        for low, high in runs(~self.sure):
             if low == 0 or high == len(x) - 1 or closes[low - 1] != closes[high + 1]:
                 continue
             i = low + int(np.argmin(np.abs(y[low : high + 1])))
+            if abs(y[i]) > min(abs(y[low - 1]), abs(y[high + 1])):
+                continue
             kept[i], closes[i] = True, True
             if closes[low - 1]:  # it closes on both sides
-                q = self._wrapped(float(x[i]))
-                closes[i] = self._passed(q)
+                q, size = self._place(i), self.piece.span.size
+                beside = BESIDE * (1.0 if math.isinf(size) else size)
+                closes[i] = self.closure.passable(self.block, q, beside)
                 passes += [Bound(q, self.block)] * bool(closes[i])
         return x[kept], closes[kept], passes
 
-    def _whole(self) -> tuple[Floats, Floats, Floats]:
-        """Samples; of a turn from a place whose sign is sure, to the same one a turn later."""
-        x, y, noise = self.x, self.y, self.noise
-        if self.piece.start is not None:
-            return x, y, noise
-        first = int(np.argmax(np.abs(y)))
-        y, noise = (np.concatenate([v[first:], v[: first + 1]]) for v in (y, noise))
-        return np.concatenate([x[first:], x[: first + 1] + TURN]), y, noise
-
-    def _passed(self, q: float) -> bool:
-        size = self.piece.span.size
-        return self.passable(self.block, q, BESIDE * (1.0 if math.isinf(size) else size))
-
-    def _wrapped(self, q: float) -> float:
-        return q if self.piece.start else (q - SEAM) % TURN + SEAM
-
     def _part(self, x: Floats, low: int, high: int, passes: Iterable[Bound]) -> Piece:
         """The part between samples that are the first and the last one to close."""
-        turns = 0.0
-        if self.piece.start is None:
-            turns = math.floor(((x[low] + x[high]) / 2 - SEAM) / TURN) * TURN
-        start = self.piece.start if low == 0 else self._end(x[low] - turns, x[low - 1] - turns)
-        last = high == len(x) - 1
-        end = self.piece.end if last else self._end(x[high] - turns, x[high + 1] - turns)
+        whole = self.piece.start is None
+        turns = math.floor(((x[low] + x[high]) / 2 - SEAM) / TURN) * TURN if whole else 0.0
+        start, end = self.piece.start, self.piece.end
+        if low > 0:
+            start = self._end(x[low] - turns, x[low - 1] - turns)
+        if high < len(x) - 1:
+            end = self._end(x[high] - turns, x[high + 1] - turns)
         assert start is not None
         assert end is not None
-        around = (0.0, -TURN, TURN) if self.piece.start is None else (0.0,)
+        around = (0.0, -TURN, TURN) if whole else (0.0,)
         shifted = {Bound(p.q + t, p.block) for p in passes for t in around}
         inside = sorted((p for p in shifted if start.q < p.q < end.q), key=lambda p: p.q)
         return Piece(Span(start.q, end.q, size=self.piece.span.size), start, end, tuple(inside))
 
     def _end(self, inside: float, outside: float) -> Bound:
-        return Bound(bisect(lambda q: self.one(q) >= 0, inside, outside), self.block)
+        def closes(q: float) -> bool:
+            return self.closure.margin(self.k, q) >= 0
+
+        return Bound(bisect(closes, inside, outside), self.block)
 
 
-def runs(holds: Sequence[bool] | NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last index of every run of True."""
-    padded = np.concatenate([[0], np.asarray(holds).astype(int), [0]])
-    edges = np.flatnonzero(np.diff(padded))
-    return list(zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True))
+def _rolled(values: NDArray[Any], first: int, turn: float | None = None) -> NDArray[Any]:
+    """Values over a turn from another of its samples on, and that one again a turn later."""
+    again = values[: first + 1]
+    return np.concatenate([values[first:], again if turn is None else again + turn])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.analysis.arcs import SEAM, Bound, Margins
 from blockmech.analysis.scan import ASIDE, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.model.structure import JointRef
@@ -18,78 +18,78 @@ from blockmech.series import Floats
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
+SEAM = -math.pi / 2  # turns are cut there: arcs of symmetric mechanisms lie about 0 or pi
 BEYOND = 2.0**20  # sizes of the mechanism within which a slide's ends are searched
 COINCIDENT = 1e-6  # of a group's lengths, below which two pins lie on each other
 
 WORDS = {"RRP": "tangent", "RPR": "tangent", "PRP": "parallel", "RPP": "parallel"}
-DEAD = "dead centre"
-
-
-class _Row(NamedTuple):
-    """A margin among the values of a program: ``read`` takes all of them."""
-
-    block: str
-    read: Callable[[tuple[Any, ...]], Any]
 
 
 class Closure:
-    """Which groups close, as functions of one driver coordinate with the others held."""
+    """Which groups close, as functions of one driver coordinate with the others held.
+
+    Attributes
+    ----------
+    blocks : group of each margin, in formation order; a group may have two margins
+    """
 
     def __init__(
-        self,
-        mechanism: Compiled,
-        driver: str,
-        held: Mapping[str, float],
-        groups: tuple[str, ...],
+        self, mechanism: Compiled, driver: str, held: Mapping[str, float], groups: tuple[str, ...]
     ) -> None:
         self.mechanism = _sharp(mechanism)
         self.driver = driver
         self.held = held
-        self.groups = groups
+        self._rows: list[tuple[str, tuple[str, ...]]] = []
+        for g in groups:
+            self._rows.append((g, (f"{g}.margin",)))
+            if self._hides_its_pole(g):
+                self._rows.append((g, self._pivots(g)))
+        self.blocks = tuple(block for block, _ in self._rows)
+        self._known = cache(self._evaluated)
 
-    def margins(self) -> Margins:
-        """The margins of the groups, in formation order."""
-        if not self.groups:
-            return Margins((), lambda q: np.empty((0, len(q))), _never, self.passable)
-        pivots = {g: self._pivots(g) for g in self.groups if self._hides_its_pole(g)}
-        want = {f"{g}.margin" for g in self.groups}.union(*pivots.values())
-        plan = self.mechanism.plan(tuple(sorted(want)))
-        place = {name: plan.layout[name][0] for name in want}
-        rows = []
-        for g in self.groups:
-            rows.append(_Row(g, _margin(place[f"{g}.margin"])))
-            if g in pivots:
-                rows.append(_Row(g, _apart(*(place[p] for p in pivots[g]))))
-        scalar = self.mechanism._engine(plan, "scalar", "")
-        batch = self.mechanism._engine(plan, "numpy", "complex128")
+    def margins(self, q: Floats) -> Floats:
+        """Margins (rows, n) at places (n,); all groups are looked at, one after the other."""
+        return self._known(np.asarray(q, dtype=float).tobytes())
+
+    def margin(self, k: int, q: float) -> float:
+        """Margin number k at one place."""
+        values = self._scalar.one(list(self._inputs(q).values()))
+        return float(self._read(k, values))
+
+    def _evaluated(self, places: bytes) -> Floats:
+        q = np.frombuffer(places)
+        columns = {n: np.broadcast_to(x, q.shape) for n, x in self._inputs(q).items()}
+        values = self._batch.run(columns, len(q))
+        with np.errstate(all="ignore"):
+            rows = [self._read(k, values) for k in range(len(self._rows))]
+            return np.array([np.broadcast_to(row, q.shape) for row in rows], dtype=float)
+
+    def _inputs(self, q: Any) -> dict[str, Any]:
         number = {f"q_{i}": d for i, d in enumerate(self.mechanism.drivers)}
-        inputs = [number[n] for n in plan.program.inputs]
+        drivers = {n: number[n] for n in self._plan.program.inputs}
+        return {n: q if d == self.driver else self.held[d] for n, d in drivers.items()}
 
-        seen: dict[bytes, Floats] = {}  # all groups are looked at, one after the other
+    def _read(self, k: int, values: tuple[Any, ...]) -> Any:
+        """A margin; of two pins the square of their distance relative to the origin's."""
+        a, *more = (values[self._plan.layout[name][0]] for name in self._rows[k][1])
+        if not more:
+            return a
+        (b,) = more
+        x, y = a.real - b.real, a.imag - b.imag
+        size = a.real * a.real + a.imag * a.imag + b.real * b.real + b.imag * b.imag
+        return (x * x + y * y) / (size + (size == 0))
 
-        def many(q: Floats) -> Floats:
-            key = q.tobytes()
-            if key not in seen:
-                seen[key] = evaluated(q)
-            return seen[key]
+    @cached_property
+    def _plan(self) -> Any:
+        return self.mechanism.plan(tuple(sorted({n for _, names in self._rows for n in names})))
 
-        def evaluated(q: Floats) -> Floats:
-            columns = {
-                n: q if d == self.driver else np.full(len(q), self.held[d])
-                for n, d in zip(plan.program.inputs, inputs, strict=True)
-            }
-            values = batch.run(columns, len(q))
-            with np.errstate(all="ignore"):
-                return np.array([row.read(values) for row in rows], dtype=float)
+    @cached_property
+    def _scalar(self) -> Any:
+        return self.mechanism._engine(self._plan, "scalar", "")
 
-        def one(k: int) -> Callable[[float], float]:
-            def margin(q: float) -> float:
-                values = scalar.one([q if d == self.driver else self.held[d] for d in inputs])
-                return float(rows[k].read(values))
-
-            return margin
-
-        return Margins(tuple(r.block for r in rows), many, one, self.passable)
+    @cached_property
+    def _batch(self) -> Any:
+        return self.mechanism._engine(self._plan, "numpy", "complex128")
 
     def passable(self, block: str, q: float, d: float) -> bool:
         """Whether the links of a group pass a touch of its margin without a jump.
@@ -109,20 +109,19 @@ class Closure:
                 return False
         return True
 
-    def how(self, bound: Bound) -> str:
-        """How a group stands where its margin is zero; see `End`."""
-        block = self.mechanism.structure.blocks[bound.block]
+    def how(self, name: str, q: float) -> str:
+        """How a group stands where its margin is zero; see `limits.End`."""
+        block: Any = self.mechanism.structure.blocks[name]
         if block.kind not in ("RRR", "RPR"):
-            return WORDS.get(block.kind, DEAD)
-        pivots = self._pivots(bound.block)
-        run = self._run([bound.q], list(pivots))
+            return WORDS.get(block.kind, "dead centre")
+        pivots = self._pivots(name)
+        run = self._run([q], list(pivots))
         apart = abs(complex(run[pivots[0]][0] - run[pivots[1]][0]))
-        if apart <= COINCIDENT * block.largest_length() or self._hides_its_pole(bound.block):
+        if apart <= COINCIDENT * block.largest_length() or self._hides_its_pole(name):
             return "coincident"
         if block.kind == "RPR":
             return WORDS["RPR"]
-        sides: Any = block
-        return "extended" if apart > math.hypot(sides.l_i, sides.l_j) else "folded"
+        return "extended" if apart > math.hypot(block.l_i, block.l_j) else "folded"
 
     def _hides_its_pole(self, group: str) -> bool:
         """Whether a group's margin is silent where its two outer pins meet.
@@ -153,26 +152,6 @@ def _sharp(mechanism: Compiled) -> Compiled:
     return type(mechanism)(
         replace(s, followed=sharp), mechanism.scene, mechanism.name, mechanism.names
     )
-
-
-def _never(k: int) -> Callable[[float], float]:
-    raise IndexError(k)
-
-
-def _margin(i: int) -> Callable[[tuple[Any, ...]], Any]:
-    return lambda values: values[i]
-
-
-def _apart(i: int, j: int) -> Callable[[tuple[Any, ...]], Any]:
-    """Square of the distance of two points, relative to their distance from the origin."""
-
-    def share(values: tuple[Any, ...]) -> Any:
-        a, b = values[i], values[j]
-        x, y = a.real - b.real, a.imag - b.imag
-        size = a.real * a.real + a.imag * a.imag + b.real * b.real + b.imag * b.imag
-        return (x * x + y * y) / (size + (size == 0))
-
-    return share
 
 
 def one_turn() -> Span:

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.arcs import runs
 from blockmech.analysis.cycle import SAME, Cycle
-from blockmech.analysis.scan import ASIDE, Span, bisect, minimize, scan
+from blockmech.analysis.scan import ASIDE, Span, bisect, minimize, runs, scan
 from blockmech.errors import Problem, RequestError
 from blockmech.failures import without_gaps
 from blockmech.series import EPS, Floats, panels

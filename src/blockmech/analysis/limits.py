@@ -24,6 +24,7 @@ from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.analysis.scan import TURN
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.structure import Structure
+from blockmech.series import DOUBLE_ROOT
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -32,7 +33,6 @@ SAMPLES = 720  # of a turn: every half degree
 FEWEST = 16
 TURNS, UNLIMITED = "turn", "unlimited"
 TINY = 1e-13  # [rad or m] shown as zero
-SAME = 1e-9  # [rad or m] within which change points of several groups are shown as one
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def limits(
     joint = mechanism.driver_joint(moved)
     closure = Closure(mechanism.of_blocks, moved, held, _groups(mechanism.structure, blocks))
     span = one_turn() if joint.rotary else travel(mechanism, moved)
-    pieces, nearest = closed_pieces(closure.margins(), span, samples)
+    pieces, nearest = closed_pieces(closure, span, samples)
     return Limits(
         driver=moved,
         unit=joint.coordinate_unit,
@@ -255,7 +255,7 @@ def _together(points: Iterable[End]) -> list[list[End]]:
     """Change points in rising order, those of several groups at one place together."""
     found: list[list[End]] = []
     for p in points:
-        if found and abs(p.q - found[-1][0].q) <= SAME:
+        if found and abs(p.q - found[-1][0].q) <= DOUBLE_ROOT:
             found[-1].append(p)
         else:
             found.append([p])
@@ -278,7 +278,7 @@ def _arc(closure: Closure, piece: Piece) -> Arc:
 def _end(closure: Closure, bound: Bound) -> End:
     if not bound.block:
         return End(math.copysign(math.inf, bound.q), "", UNLIMITED)
-    return End(bound.q, bound.block, closure.how(bound))
+    return End(bound.q, bound.block, closure.how(bound.block, bound.q))
 
 
 def _groups(structure: Structure, blocks: Iterable[str] | None) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ for the extrema there.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -149,3 +149,10 @@ def minimize(function: Callable[[float], float], low: float, high: float) -> flo
 
     found = minimize_scalar(apart, bounds=(-1.0, 1.0), method="bounded", options={"xatol": EPS})
     return float(middle + found.x * half)
+
+
+def runs(holds: Sequence[bool] | NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of every run of True."""
+    padded = np.concatenate([[0], np.asarray(holds).astype(int), [0]])
+    edges = np.flatnonzero(np.diff(padded))
+    return list(zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True))

@@ -92,7 +92,7 @@ def formation(
         if takers:  # by both links: then they wait for each other and are one part
             own[part_of[min(takers)]].append(pair)
     crowded = {v for e in given.spare for v in edges[e][:2] if v is not None}
-    unsound = crowded.union(given.short, *(nx.descendants(given.waits, v) for v in crowded))
+    unsound = crowded.union(given.short, *nx.bfs_layers(given.waits, crowded))
     units: dict[int, Unit] = {}
     for n, members in parts.nodes(data="members"):
         if not unsound.intersection(members):
@@ -100,7 +100,7 @@ def formation(
             if _holds(unit):
                 units[n] = unit
     bad = set(parts) - set(units)
-    parts.remove_nodes_from(bad.union(*(nx.ancestors(parts, n) for n in bad)))
+    parts.remove_nodes_from(set().union(*nx.bfs_layers(parts.reverse(copy=False), bad)))
     order = _in_order(parts, {n: (unit.number > 1, min(unit.links)) for n, unit in units.items()})
     placed = {a for n in order for a in units[n].links}
     return Formation(

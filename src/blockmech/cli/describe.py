@@ -33,7 +33,7 @@ def schema(
 ) -> None:
     """Print the JSON Schema of a document."""
     if document is Document.joints:
-        from blockmech.model.joints.schema import joints_schema
+        from blockmech.model.schema import joints_schema
 
         found = joints_schema()
     elif document is Document.graph:

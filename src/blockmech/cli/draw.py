@@ -40,8 +40,8 @@ def draw(
 
     A diagram may be drawn of an unfinished graph: joints without a wire are red.
     """
-    from blockmech.draw import MOVING
     from blockmech.draw import draw as drawn
+    from blockmech.draw.animation import MOVING
 
     if kind is None:
         moving = Path(picture).suffix.lower() in MOVING

@@ -57,77 +57,57 @@ def trade(
 ) -> None:
     """Measure speed against accuracy for this mechanism, and recommend a setting."""
     from blockmech.analysis.trade import trade as traded
+    from blockmech.draw.paper import suffix_of
 
     one_of(json=json, out=out is not None, plot=plot is not None)
     mechanism = compiled(file)
+    wants: list[Any] = [names_of([text]) for text in want or ()] or [None]
+    if len(wants) > 1 and (out is not None or plot is not None):
+        raise refused("--want", "pictures and files are of one request", "give --want once")
+    # What is wrong is said before anything is measured.
+    if plot is not None:
+        suffix_of(plot)
+    for names in wants:
+        mechanism.outputs.match(names or ())
     request: dict[str, Any] = {
         "at": coordinates(mechanism, at or []),
         "samples": samples,
         "times": times(at_times),
         "until": until,
-    }
-    wants: list[Any] = [names_of([text]) for text in want or ()] or [None]
-    limits = {
-        "budget": _seconds("--budget", budget) / len(wants),
+        "static": static or None,
         "target": target,
         "within": None if within is None else _seconds("--within", within),
     }
-    if len(wants) > 1 and (out is not None or plot is not None):
-        raise refused("--want", "pictures and files are of one request", "give --want once")
-    # What is wrong is said before anything is measured.
-    if plot is not None:
-        from blockmech.draw import still_suffix
-
-        still_suffix(plot)
-    for names in wants:
-        mechanism.outputs.match(names or ())
-    found = []
+    given = {k: v for k, v in request.items() if v is not None}
+    each = _seconds("--budget", budget) / len(wants)
     with progress_bar("measuring", still=True) as told:
-        for names in wants:
-            given = {k: v for k, v in request.items() if v is not None}
-            found.append(
-                traded(mechanism, question, names, **limits, static=static, say=told, **given)  # type: ignore[arg-type]
-            )
-    _show(found, json, out, plot)
+        found = [
+            traded(mechanism, question, names, each, say=told, **given)  # type: ignore[arg-type]
+            for names in wants
+        ]
+    if json:
+        rows = [t.to_dict() for t in found]
+        say(text_of.dumps(rows[0] if len(rows) == 1 else rows, indent=2))
+    else:
+        say("\n\n".join(t.text() for t in found))
+        if len(found) > 1:
+            say("\n\nrequests compared")
+            say("\n".join(f"  {t.question}: {t.recommendation}" for t in found))
+        with patience("drawing"):
+            say("".join(f"wrote {path}\n" for path in _written(found[0], out, plot)), end="")
     if any(s.why == "interrupted" for t in found for s in t.skipped):
         note("interrupted: what was measured is kept")
 
 
-def _show(found: list[Trade], json: bool, out: str | None, plot: str | None) -> None:
-    if json:
-        rows = [t.to_dict() for t in found]
-        say(text_of.dumps(rows[0] if len(rows) == 1 else rows, indent=2))
-        return
-    from blockmech.draw.trade import draw_trade
-
-    lines = ["\n\n".join(t.text() for t in found)]
-    if len(found) > 1:
-        lines.append(_compared(found))
-    with patience("drawing"):
-        if out is not None:
-            lines += [f"wrote {path}" for path in _folder(found[0], out)]
-        elif plot is not None:
-            lines.append(f"wrote {draw_trade(found[0], plot)}")
-    say("\n".join(lines))
-
-
-def _compared(found: list[Trade]) -> str:
-    """The recommended settings of several requests beside each other."""
-    from blockmech.analysis.trade.report import duration, size
-
-    lines = ["", "requests compared"]
-    for t in found:
-        best = t.recommended
-        said = "nothing fits" if best is None else (
-            f"{duration(best.seconds)}, error {size(best.error)}: {best.label}")  # fmt: skip
-        lines.append(f"  {t.question}: {said}")
-    return "\n".join(lines)
-
-
-def _folder(found: Trade, out: str) -> list[Path]:
+def _written(found: Trade, out: str | None, plot: str | None) -> list[Path]:
+    """The files that are asked for, written."""
     from blockmech.draw.trade import draw_trade
     from blockmech.files import folder
 
+    if plot is not None:
+        return [draw_trade(found, plot)]
+    if out is None:
+        return []
     with folder(out) as draft:
         found.to_csv(draft / "trade.csv")
         (draft / "trade.json").write_text(text_of.dumps(found.to_dict(), indent=2), "utf-8")

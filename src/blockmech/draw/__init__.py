@@ -6,25 +6,24 @@ is written whole or not at all; the same subject gives the same bytes.
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterable
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
+from blockmech.compiled import Compiled
+from blockmech.draw.animation import MOVING, Animation, film_of
+from blockmech.draw.boxes import graph_of
+from blockmech.draw.curves import Axis, abscissa, chosen_panels, pictures_of
+from blockmech.draw.diagram import draw_diagram
+from blockmech.draw.mechanism import draw_mechanism
+from blockmech.draw.panels import draw_panels
+from blockmech.draw.paper import STILL, rendered, suffix_of, write_figure
+from blockmech.draw.schedule import draw_schedule
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.files import AnyPath, writing
+from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
-
-if TYPE_CHECKING:
-    from blockmech.compiled import Compiled
-    from blockmech.draw.animation import Reel
-    from blockmech.draw.curves import Axis
-    from blockmech.model.graph import Graph
-    from blockmech.model.joints.linkage import Linkage
-    from blockmech.result import Result
-
-    Subject: TypeAlias = Graph | Linkage | Compiled
+from blockmech.model.graph import Graph
+from blockmech.result import Result
 
 __all__ = [
     "Animation",
@@ -36,8 +35,15 @@ __all__ = [
     "run_pictures",
 ]
 
-STILL = (".png", ".svg", ".pdf")
-MOVING = (".gif", ".html")
+
+class Document(Protocol):
+    """A graph or linkage."""
+
+    def compile(self) -> Compiled: ...
+
+
+Subject: TypeAlias = Document | Compiled
+
 KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING, "schedule": STILL}
 
 
@@ -73,62 +79,36 @@ def draw(
     GraphError where a mechanism is wanted and the graph is not complete
     AssemblyError, SingularError where the first pose does not exist
     """
-    what, suffix = _kind_and_suffix(path, kind)
-    if what == "animation":
+    if kind is None:
+        kind = "animation" if Path(path).suffix.lower() in MOVING else "diagram"
+    if kind not in KINDS:
+        found, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
+        near = close_match(str(kind), KINDS)
+        raise RequestError(Problem("unknown-kind", "kind", found, valid, near))
+    if kind == "animation":
         animate(subject, path, at, trace=trace, degrees=degrees)
         return Path(path)
+    suffix = suffix_of(path, f"a {kind}", STILL)
+    if kind == "mechanism":
+        return write_figure(_mechanism_figure(subject, at, trace, degrees), path, suffix)
     useless = "at" if at is not None else "trace" if trace is not None else ""
-    if what != "mechanism" and useless:
+    if useless:
+        found = f"a {'block diagram' if kind == 'diagram' else kind} has no poses"
         remedy = 'use it with kind="mechanism"'
-        found = f"a {'block diagram' if what == 'diagram' else what} has no poses"
         raise RequestError(Problem("useless-setting", useless, found, "", remedy))
-    if what == "diagram":
-        figure = _diagram(subject)
-    elif what == "schedule":
-        from blockmech.draw.schedule import draw_schedule
-
-        figure = draw_schedule(_mechanism(subject).plan(want))
-    else:
-        figure = _pose(subject, at, trace, degrees)
-    return write_figure(figure, path, suffix)
+    if kind == "diagram":
+        return write_figure(_diagram_figure(subject), path, suffix)
+    return write_figure(draw_schedule(_mechanism(subject).plan(want)), path, suffix)
 
 
 def diagram_svg(subject: Subject) -> str:
     """The block diagram as SVG text; the same graph gives the same text."""
-    return _svg(_diagram(subject))
+    return rendered(_diagram_figure(subject), ".svg").decode()
 
 
 def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None = None) -> str:
     """The mechanism at poses as SVG text; see `draw` for the arguments and errors."""
-    return _svg(_pose(subject, at, trace, True))
-
-
-class Animation:
-    """An animation; a notebook shows its player. ``path`` is its file, if there is one."""
-
-    def __init__(self, reel: Reel, path: Path | None = None) -> None:
-        self.path = path
-        self._reel = reel
-
-    @cached_property
-    def html(self) -> str:
-        """The player as one HTML document that loads nothing from elsewhere."""
-        from blockmech.draw.animation import player
-
-        return player(self._reel)
-
-    def save(self, path: AnyPath) -> Animation:
-        """The animation in a .gif or .html file; raises the errors of `draw`."""
-        from blockmech.draw.animation import gif
-
-        suffix = _kind_and_suffix(path, "animation")[1]
-        with writing(path) as stream:
-            stream.write(self.html.encode() if suffix == ".html" else gif(self._reel))
-        return Animation(self._reel, Path(path))
-
-    def _repr_html_(self) -> str:
-        inside = html.escape(self.html, quote=True)
-        return f'<iframe srcdoc="{inside}" width="100%" height="560" frameborder="0"></iframe>'
+    return rendered(_mechanism_figure(subject, at, trace, True), ".svg").decode()
 
 
 def animate(
@@ -155,14 +135,10 @@ def animate(
     Poses that do not close are left out; a motion that does not return to its start is
     played to and fro. Raises the errors of `draw`.
     """
-    from blockmech.draw.animation import reel_of
-    from blockmech.result import Result
-
     if path is not None:
-        _kind_and_suffix(path, "animation")  # before anything is computed
+        suffix_of(path, "an animation", MOVING)  # before anything is computed
     mover = subject if isinstance(subject, Result) else _mechanism(subject)
-    reel = reel_of(mover, at, frames=frames, seconds=seconds, trace=trace, degrees=degrees)
-    made = Animation(reel)
+    made = film_of(mover, at, frames=frames, seconds=seconds, trace=trace, degrees=degrees)
     return made if path is None else made.save(path)
 
 
@@ -183,16 +159,13 @@ def run_pictures(
 
     Raises `RequestError` where the folder cannot be written, or times are not known.
     """
-    from blockmech.draw.curves import abscissa, pictures_of
-    from blockmech.draw.panels import draw_panels
-
     along = abscissa(result, over, degrees)
-    drawn = {
-        f"{name}.png": draw_panels(panels, along).figure
-        for name, panels in pictures_of(result).items()
-    }
+    drawn = {name: draw_panels(panels, along) for name, panels in pictures_of(result).items()}
     with whole_folder(folder) as home:
-        return [Path(folder) / write_figure(f, home / name).name for name, f in drawn.items()]
+        return [
+            Path(folder) / write_figure(figure, home / f"{name}.png").name
+            for name, figure in drawn.items()
+        ]
 
 
 def plot(
@@ -213,80 +186,26 @@ def plot(
 
     Raises `RequestError` for an unknown suffix or name, or too many curves.
     """
-    from blockmech.draw.curves import abscissa, chosen_panels, pictures_of
-    from blockmech.draw.panels import draw_panels
-
-    suffix = still_suffix(path)
+    suffix = suffix_of(path, "a plot", STILL)
     along = abscissa(result, over, degrees)
     if names is None and len(result) == len(result.mechanism.outputs):
         panels = tuple(p for group in pictures_of(result).values() for p in group)
     else:
         panels = chosen_panels(result, result if names is None else names)
-    return write_figure(draw_panels(panels, along).figure, path, suffix)
+    return write_figure(draw_panels(panels, along), path, suffix)
 
 
-# -- subjects and files --------------------------------------------------------------------
+def _mechanism(subject: Subject) -> Compiled:
+    return subject if isinstance(subject, Compiled) else subject.compile()
 
 
-def _diagram(subject: Subject) -> Any:
-    """The figure of a block diagram, with the names of links and joints that it is made of."""
-    from blockmech.draw.boxes import graph_of
-    from blockmech.draw.diagram import draw_diagram
-    from blockmech.model.graph import Graph
-
+def _diagram_figure(subject: Subject) -> Any:
+    """A block diagram, with the names of links and joints that it is made of."""
     if isinstance(subject, Graph):
         return draw_diagram(subject).figure
     mechanism = _mechanism(subject)
     return draw_diagram(graph_of(mechanism), mechanism.names).figure
 
 
-def _pose(subject: Subject, at: Any, trace: Iterable[str] | None, degrees: bool) -> Any:
-    from blockmech.draw.mechanism import draw_mechanism
-
+def _mechanism_figure(subject: Subject, at: Any, trace: Iterable[str] | None, degrees: bool) -> Any:
     return draw_mechanism(_mechanism(subject), at, trace, degrees).figure
-
-
-def _mechanism(subject: Subject) -> Compiled:
-    from blockmech.compiled import Compiled
-
-    return subject if isinstance(subject, Compiled) else Compiled.of(subject)
-
-
-def _svg(figure: Any) -> str:
-    from blockmech.draw.paper import rendered
-
-    return rendered(figure, ".svg").decode()
-
-
-def write_figure(figure: Any, path: AnyPath, suffix: str = ".png") -> Path:
-    """Write a figure as the suffix says."""
-    from blockmech.draw.paper import rendered
-
-    data = rendered(figure, suffix)
-    with writing(path) as stream:
-        stream.write(data)
-    return Path(path)
-
-
-def still_suffix(path: AnyPath) -> str:
-    """The suffix of a plot's file; raises `RequestError` for one that is no picture's."""
-    return _suffix(path, STILL, "a plot")
-
-
-def _kind_and_suffix(path: AnyPath, kind: str | None) -> tuple[str, str]:
-    if kind is None:
-        kind = "animation" if Path(path).suffix.lower() in MOVING else "diagram"
-    if kind not in KINDS:
-        found, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
-        near = close_match(str(kind), KINDS)
-        raise RequestError(Problem("unknown-kind", "kind", found, valid, near))
-    return kind, _suffix(path, KINDS[kind], f"{'an' if kind == 'animation' else 'a'} {kind}")
-
-
-def _suffix(path: AnyPath, valid: tuple[str, ...], what: str) -> str:
-    suffix = Path(path).suffix.lower()
-    if suffix not in valid:
-        found = f'{what} cannot be written as "{suffix}"' if suffix else "the name has no suffix"
-        known = f"suffixes for {what}: {listed(valid)}"
-        raise RequestError(Problem("unknown-suffix", str(path), found, known, "choose one of them"))
-    return suffix

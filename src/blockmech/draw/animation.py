@@ -1,6 +1,6 @@
 """The mechanism in motion: a GIF, or one HTML file with its own player.
 
-Both draw the shapes of `blockmech.draw.shapes`, frame by frame. Axes and scale are
+Both show the shapes of `blockmech.draw.shapes`, frame by frame. Axes and scale are
 fixed over the whole motion, and so are the places of names beside their joints. Only
 poses that close are frames; a motion that does not end where it began is played to
 and fro.
@@ -12,93 +12,117 @@ import html
 import io
 import json
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from functools import cached_property
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from blockmech.compiled import Compiled
 from blockmech.draw import palette as ink
-from blockmech.draw import shapes
-from blockmech.draw.labels import Spot
 from blockmech.draw.mechanism import (
-    MANY,
     Page,
-    Paths,
     caption,
-    crowd_on,
-    extent,
     joint_labels,
-    leader,
     load_text,
+    move,
+    page_of,
     paths_of,
 )
-from blockmech.draw.motion import moves, moves_of_result
-from blockmech.draw.paper import scaled_unit, shown_name, styled, wrapped
-from blockmech.draw.shapes import Shape, Stage
-from blockmech.draw.sketch import sketch_of
+from blockmech.draw.motion import Complex, Motion, moves, moves_of_result
+from blockmech.draw.paper import scaled_unit, shown_name, styled, suffix_of
+from blockmech.draw.shapes import Shape, Stage, shapes_of
+from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.errors import Problem, RequestError
+from blockmech.files import AnyPath, writing
 from blockmech.result import Result
 
+MOVING = (".gif", ".html")
 FRAMES = (2, 2000)  # fewest and most
-DPI = {False: 150, True: 110}  # of a GIF one column wide, or two
-TICK = 0.02  # [s] shortest time of a frame that browsers honour
 NAMES = 12  # joints up to which all are named
 SEEN = 8  # frames that show whether a name's place is free
 FRICTION_POWER = "mechanism.friction_power"
 
 
-@dataclass
-class Reel:
-    """An animation before it is drawn: the stage on its page, the frames' samples, the paths."""
+class Animation:
+    """An animation; a notebook shows its player. ``path`` is its file, if there is one.
 
-    stage: Stage
-    page: Page
-    order: Sequence[int]
-    paths: Paths
-    seconds: float
-    degrees: bool
-    lines: int = 0  # of the caption
-    spots: Sequence[Spot] = ()  # of the joints' names, one frame for each of ``order``
+    Attributes
+    ----------
+    motion : the poses that are frames
+    order : the frames in the order in which they are shown
+    """
 
-    @property
-    def name(self) -> str:
-        """Name of the mechanism."""
-        return self.stage.motion.mechanism.name
+    def __init__(
+        self,
+        motion: Motion,
+        seconds: float = 3.0,
+        trace: Iterable[str] | None = None,
+        degrees: bool = True,
+        every: int = 0,
+    ) -> None:
+        """Lay out the frames of a motion.
 
-    def caption(self, k: int) -> list[str]:
-        """Lines at sample k: coordinates, time and friction where they are known, loads."""
-        motion = self.stage.motion
-        parts = [caption(motion, [k], self.degrees)]
-        time, run = motion.result.known_time(), motion.result
-        if time is not None and math.isfinite(time[k]):
-            parts.append(f"t\u00a0=\u00a0{time[k]:.3f}\u00a0s")
-        if FRICTION_POWER in run:
-            power = float(run[FRICTION_POWER][k])
-            factor, unit = scaled_unit("W", abs(power))
-            parts.append(f"friction takes {power * factor:.4g}\u00a0{unit}")
-        if time is not None and rests(run, time[k], [rate[k] for rate in motion.q_rate.values()]):
-            parts.append("at rest")
-        loads = [load_text(self.stage, load, k) for load in self.stage.sketch.loads]
-        lines = wrapped("; ".join(parts), ink.SMALL, self.page.width)
-        return lines + wrapped("; ".join(loads), ink.SMALL, self.page.width) if loads else lines
+        ``every`` takes each so many sample, played forward only; 0 takes all, to and fro
+        where they do not return. Raises the errors of `Compiled.run` where no pose closes.
+        """
+        good = np.flatnonzero(motion.feasible)
+        if not len(good):
+            motion.refuse()
+        sketch = sketch_of(motion)
+        paths = paths_of(motion, trace) if motion.result.n > 1 else {}
+        if every:
+            good = good[good % every == 0] if (good % every == 0).any() else good[:1]
+        round_again = len(good) > 1 and motion.only(good).returns
+        if round_again and not every:
+            good = good[:-1]
+        back = () if round_again or every else range(len(good) - 2, 0, -1)
+        self.order = [*range(len(good)), *back]
+        self.motion = motion = motion.only(good)
+        self.seconds = seconds
+        self.path: Path | None = None
+        self.captions = [_caption(motion, sketch, k, degrees) for k in range(len(good))]
+        with styled():
+            self.page = page_of(sketch, motion, paths, self.captions)
+        self.paths = paths
+        stage = Stage(sketch, motion, self.page.unit)
+        self.shapes = sorted(shapes_of(stage), key=lambda shape: shape.order)
+        self.names = []
+        if len(sketch.pins) <= NAMES:
+            crowd = self.page.crowd(self.shapes, {}, range(0, len(good), -(-len(good) // SEEN)))
+            self.names = crowd.place(joint_labels(self.page, stage))
+            self.shapes += [self.page.leader(p, len(good)) for p in self.names if p.far]
 
-    def frame(self, number: int) -> list[Shape]:
-        """What moves in a frame."""
-        lines = [shape for spot in self.spots for shape in leader(self.page, spot, number)]
-        return [*shapes.pose(self.stage, self.order[number]), *lines]
+    @cached_property
+    def html(self) -> str:
+        """The player as one HTML document that loads nothing from elsewhere."""
+        template = resources.files("blockmech.draw").joinpath("player.html").read_text("utf-8")
+        data = json.dumps(player_data(self), ensure_ascii=True, separators=(",", ":"))
+        data = data.replace("<", "\\u003c")  # no name can end the script
+        title = html.escape(self.motion.mechanism.name)
+        return template.replace("__TITLE__", title).replace("__DATA__", data)
+
+    @cached_property
+    def gif(self) -> bytes:
+        """A GIF that repeats for ever."""
+        return _gif(self)
+
+    def save(self, path: AnyPath) -> Animation:
+        """Write a .gif or .html file; raises the errors of `draw`."""
+        suffix = suffix_of(path, "an animation", MOVING)
+        with writing(path) as stream:
+            stream.write(self.html.encode() if suffix == ".html" else self.gif)
+        self.path = Path(path)
+        return self
+
+    def _repr_html_(self) -> str:
+        inside = html.escape(self.html, quote=True)
+        return f'<iframe srcdoc="{inside}" width="100%" height="560" frameborder="0"></iframe>'
 
 
-def rests(run: Result, time: float, rates: Sequence[float]) -> bool:
-    """Whether friction holds a mechanism that moved: nothing moves after an event "rest"."""
-    motion = run.motion
-    stops = [] if motion is None else [e.t for e in motion.events if e.kind == "rest"]
-    return bool(stops) and time >= min(stops) and not any(rates)
-
-
-def reel_of(
+def film_of(
     subject: Compiled | Result,
     at: Any = None,
     *,
@@ -106,41 +130,11 @@ def reel_of(
     seconds: float = 3.0,
     trace: Iterable[str] | None = None,
     degrees: bool = True,
-    every: int = 0,
-) -> Reel:
-    """Prepare the animation of a mechanism over its range, or of the samples of a run.
+) -> Animation:
+    """The animation of a mechanism over its range, or of the samples of a run.
 
-    ``every`` takes each so many sample of a run, played forward only; 0 takes all, to and
-    fro where they do not return. Raises `RequestError` where the range is not known or a
-    number makes no sense, and the errors of `Compiled.run` where no pose closes.
+    Raises `RequestError` where the range is not known or a number makes no sense.
     """
-    _check(frames, seconds)
-    if isinstance(subject, Result):
-        motion = moves_of_result(subject)
-    elif at is None:
-        motion = moves(subject, samples=frames + 1)
-    else:
-        motion = moves(subject, at)
-    good = [int(k) for k in np.flatnonzero(motion.feasible)]
-    if not good:
-        motion.refuse(0)
-    if every:
-        good = [k for k in good if k % every == 0] or good[:1]
-    elif len(good) > 1:
-        good = good[:-1] if motion.closes(good[0], good[-1]) else good + good[-2:0:-1]
-    sketch = sketch_of(motion)
-    paths = paths_of(motion, trace) if motion.n > 1 else {}
-    page = Page(extent(motion, sketch, good, paths), sketch.words > MANY)
-    reel = Reel(Stage(sketch, motion, page.unit), page, good, paths, seconds, degrees)
-    reel.lines = max(len(reel.caption(k)) for k in good)
-    with styled():
-        page.lay_out(paths, reel.lines)
-    if len(sketch.pins) <= NAMES:
-        reel.spots = _spots(reel)
-    return reel
-
-
-def _check(frames: int, seconds: float) -> None:
     wrong: list[tuple[str, object, str]] = []
     if not isinstance(frames, int) or not FRAMES[0] <= frames <= FRAMES[1]:
         wrong.append(("frames", frames, f"a whole number from {FRAMES[0]} to {FRAMES[1]}"))
@@ -151,138 +145,144 @@ def _check(frames: int, seconds: float) -> None:
             Problem("bad-value", name, f"got {value!r}", f"valid: {valid}", "")
             for name, value, valid in wrong
         )
+    if isinstance(subject, Result):
+        motion = moves_of_result(subject)
+    else:
+        motion = moves(subject, at, samples=frames + 1)
+    return Animation(motion, seconds, trace, degrees)
 
 
-def _spots(reel: Reel) -> list[Spot]:
-    """Places of the joints' names that are free in most frames."""
-    page, stage = reel.page, reel.stage
-    seen = reel.order[:: math.ceil(len(reel.order) / SEEN)]
-    still = shapes.ground(stage, reel.order[0])
-    drawn = [[*still, *shapes.pose(stage, k)] for k in seen]
-    found = crowd_on(page, drawn, {}).place(joint_labels(page, stage, seen))
-    labels = joint_labels(page, stage, reel.order)
-    pairs = zip(found, labels, strict=True)
-    return [Spot(label, s.anchor, s.offset, s.half, s.far) for s, label in pairs]
+# -- captions ------------------------------------------------------------------------------
+
+
+def _caption(motion: Motion, sketch: Sketch, k: int, degrees: bool) -> str:
+    """Coordinates, time and friction where they are known, and the loads in a second line."""
+    parts, time, run = [caption(motion, [k], degrees)], motion.time, motion.result
+    if time is not None and math.isfinite(time[k]):
+        parts.append(f"t\u00a0=\u00a0{time[k]:.3f}\u00a0s")
+    if FRICTION_POWER in run:
+        power = float(run[FRICTION_POWER][motion.samples[k]])
+        factor, unit = scaled_unit("W", abs(power))
+        parts.append(f"friction takes {power * factor:.4g}\u00a0{unit}")
+    if time is not None and rests(run, time[k], [rate[k] for rate in motion.q_rate.values()]):
+        parts.append("at rest")
+    loads = "; ".join(load_text(motion, load, k) for load in sketch.loads)
+    return "; ".join(parts) + (f"\n{loads}" if loads else "")
+
+
+def rests(run: Result, time: float, rates: Iterable[float]) -> bool:
+    """Whether friction holds a mechanism that moved: nothing moves after an event "rest"."""
+    motion = run.motion
+    stops = [] if motion is None else [e.t for e in motion.events if e.kind == "rest"]
+    return bool(stops) and time >= min(stops) and not any(rates)
 
 
 # -- GIF -----------------------------------------------------------------------------------
 
 
-def gif(reel: Reel) -> bytes:
-    """The animation as a GIF that repeats for ever.
+def _gif(film: Animation) -> bytes:
+    """The frames as a GIF.
 
     matplotlib's own writer draws the axes again for every frame, which takes four times as
     long, and gives each frame colours of its own, which flicker.
     """
     from PIL import Image
 
-    pictures = []
+    page, figure = film.page, film.page.figure
     with styled():
-        figure = reel.page.figure
-        figure.set_dpi(DPI[reel.page.wide])
-        canvas = figure.canvas
-        reel.page.draw(shapes.ground(reel.stage, reel.order[0]))
-        canvas.draw()
-        still = canvas.copy_from_bbox(figure.bbox)
-        for number in range(len(reel.order)):
-            canvas.restore_region(still)
-            _draw_frame(reel, number)
-            pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
-    some = pictures[:: math.ceil(len(pictures) / 4)]
-    sheet = Image.fromarray(np.concatenate([np.asarray(p) for p in some]))
-    colours = sheet.quantize(method=Image.Quantize.MAXCOVERAGE)
-    frames = [p.quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures]
-    ticks = max(round(1000 * max(reel.seconds / len(frames), TICK), -1), 10)
+        figure.set_dpi(110 if page.wide else 150)
+        for shape in (shape for shape in film.shapes if shape.still):
+            page.draw(shape)
+        page.write_caption("")
+        figure.canvas.draw()
+        background = figure.canvas.copy_from_bbox(figure.bbox)
+        moving = [(page.draw(shape), shape) for shape in film.shapes if not shape.still]
+        names = [(page.write(place), place) for place in film.names]
+        pictures = []
+        for k, text in enumerate(film.captions):
+            figure.canvas.restore_region(background)
+            for artist, shape in moving:
+                move(artist, shape, k)
+            for artist, place in names:
+                z = page.metres(place.centre(k))
+                artist.set_position((z.real, z.imag))
+            for artist in [*(a for a, _ in [*moving, *names]), page.write_caption(text)]:
+                figure.draw_artist(artist)
+            pictures.append(Image.fromarray(np.array(figure.canvas.buffer_rgba())[..., :3]))
+    some = [np.asarray(p) for p in pictures[:: math.ceil(len(pictures) / 4)]]
+    colours = Image.fromarray(np.concatenate(some)).quantize(method=Image.Quantize.MAXCOVERAGE)
+    plain = [p.quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures]
+    first, *others = (plain[k] for k in film.order)
+    # Tens of milliseconds; browsers honour no fewer than two of them.
+    ticks = max(round(1000 * film.seconds / len(film.order), -1), 20)
     buffer = io.BytesIO()
     forever: dict[str, Any] = {"save_all": True, "loop": 0, "duration": int(ticks)}
-    frames[0].save(buffer, "GIF", append_images=frames[1:], optimize=False, **forever)
+    first.save(buffer, "GIF", append_images=others, optimize=False, **forever)
     return buffer.getvalue()
-
-
-def _draw_frame(reel: Reel, number: int) -> None:
-    """Draw the moving artists of one frame over the still picture, and take them away."""
-    page = reel.page
-    artists = page.draw(reel.frame(number))
-    artists += [page.write(spot, number) for spot in reel.spots]
-    artists += page.caption(reel.caption(reel.order[number]))
-    for artist in sorted(artists, key=lambda a: a.get_zorder()):
-        artist.draw(page.figure.canvas.get_renderer())
-    for artist in artists:
-        artist.remove()
 
 
 # -- HTML ----------------------------------------------------------------------------------
 
 
-def player(reel: Reel) -> str:
-    """The animation as one HTML document that needs nothing else."""
-    template = resources.files("blockmech.draw").joinpath("player.html").read_text("utf-8")
-    data = json.dumps(player_data(reel), ensure_ascii=True, separators=(",", ":"))
-    data = data.replace("<", "\\u003c")  # no name can end the script
-    return template.replace("__TITLE__", html.escape(reel.name)).replace("__DATA__", data)
-
-
-def player_data(reel: Reel) -> dict[str, Any]:
+def player_data(film: Animation) -> dict[str, Any]:
     """What the player draws: shapes in points of the page, y upward.
 
     Shapes that do not move are ``still``; of the others the places change from frame
-    to frame, and the style is kept apart from them.
+    to frame, and the style, by its number, is kept apart from them.
     """
-    page = reel.page
-    styles: dict[str, int] = {}
-    frames = []
-    for number, k in enumerate(reel.order):
-        moving = sorted(reel.frame(number), key=lambda s: s.order)
+    page = film.page
+    moving = [shape for shape in film.shapes if not shape.still]
+    styles = {json.dumps(_style(shape)): None for shape in moving}
+    number = {style: i for i, style in enumerate(styles)}
+    frames: list[dict[str, Any]] = []
+    for k, text in enumerate(film.captions):
         rows = [
-            [styles.setdefault(json.dumps(_style(s)), len(styles)), *_places(page, s.points)]
-            for s in moving
+            [number[json.dumps(_style(shape))], *_places(page.points(shape.at(k)))]
+            for shape in moving
+            if len(shape.at(k))
         ]
-        texts = [
-            [line, round(z.real, 2), round(z.imag + down, 2), spot.label.colour]
-            for spot in reel.spots
-            for line, z, down in _lines(spot, number)
+        names = [
+            [line, *_places([place.centre(k) + 1j * up]), place.label.colour]
+            for place in film.names
+            for line, up in place.lines
         ]
-        frames.append({"shapes": rows, "texts": texts, "caption": "\n".join(reel.caption(k))})
-    ground = sorted(shapes.ground(reel.stage, reel.order[0]), key=lambda s: s.order)
+        caption = "\n".join(page.lines(text))
+        frames.append({"shapes": rows, "texts": names, "caption": caption})
     return {
         "width": round(page.width, 2),
         "height": round(page.height, 2),
-        "seconds": reel.seconds,
-        "styles": [json.loads(s) for s in styles],
-        "still": [[_style(s), *_places(page, s.points)] for s in ground],
-        "paths": [_path(name, path, i, page) for i, (name, path) in enumerate(reel.paths.items())],
+        "seconds": film.seconds,
+        "styles": [json.loads(style) for style in styles],
+        "still": [[_style(s), *_places(page.points(s.at(0)))] for s in film.shapes if s.still],
+        "paths": [_path(page, i, name, path) for i, (name, path) in enumerate(film.paths.items())],
         "ticks": [_ticks(page.axes.xaxis), _ticks(page.axes.yaxis)],
         "corner": [page.corner.real, page.corner.imag],
         "unit": page.unit,
-        "frames": frames,
+        "frames": [frames[k] for k in film.order],
     }
 
 
-def _lines(spot: Spot, number: int) -> list[tuple[str, complex, float]]:
-    """Lines of a label, its middle, and how far each lies above it [pt]."""
-    lines = spot.label.text.split("\n")
-    high = 2 * spot.half.imag / len(lines)
-    middle = spot.centre(number)
-    return [(line, middle, high * ((len(lines) - 1) / 2 - i)) for i, line in enumerate(lines)]
-
-
-def _places(page: Page, points: Iterable[complex]) -> list[float]:
-    return [round(x, 2) for z in map(page.points, points) for x in (z.real, z.imag)]
+def _places(z: Any) -> list[float]:
+    """Places [pt] as x, y, x, y ..., to hundredths of a point."""
+    flat: list[float] = np.round(np.stack([np.real(z), np.imag(z)], axis=-1), 2).ravel().tolist()
+    return flat
 
 
 def _style(shape: Shape) -> dict[str, Any]:
-    style = {**asdict(shape), "round": shape.rounded}
-    return {k: style[k] for k in ("kind", "stroke", "fill", "width", "radius", "dash", "round")}
+    names = ("kind", "stroke", "fill", "width", "radius", "dash", "rounded")
+    return {name: getattr(shape, name) for name in names}
 
 
-def _path(name: str, path: Any, number: int, page: Page) -> dict[str, Any]:
+def _path(page: Page, i: int, name: str, path: Complex) -> dict[str, Any]:
     """A marker's path: its pieces between gaps."""
-    colour, dash = ink.curve_style(number)
-    known = np.flatnonzero(np.isfinite(path))
-    cuts = np.flatnonzero(np.diff(known) > 1) + 1
-    pieces = [_places(page, path[piece]) for piece in np.split(known, cuts) if len(piece)]
-    label = f"path of {shown_name(name)}"
-    return {"label": label, "colour": colour, "dash": list(dash), "pieces": pieces}
+    style = ink.curve_style(i)
+    pieces = np.ma.clump_unmasked(np.ma.masked_invalid(path))  # type: ignore[no-untyped-call]
+    return {
+        "label": f"path of {shown_name(name)}",
+        "colour": style["color"],
+        "dash": list(style["dashes"]),
+        "pieces": [_places(page.points(path[piece])) for piece in pieces],
+    }
 
 
 def _ticks(axis: Any) -> list[float]:

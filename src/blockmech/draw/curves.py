@@ -7,28 +7,30 @@ Sources: [R10] Ruiz, Durango & Calle 2010.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Literal
 
 import numpy as np
 
-from blockmech.draw.panels import Abscissa, Array, Curve, Panel
+from blockmech.draw.panels import Abscissa, Array, Panel
 from blockmech.draw.paper import shown_name
 from blockmech.errors import Problem, RequestError
 from blockmech.result import Result
 
 Axis = Literal["auto", "coordinate", "time"]
+Panels = tuple[Panel, ...]
+NOTHING: Mapping[str, Array] = {}
 
 TOGETHER = 6  # curves that share a panel; more get a panel for each block
 MOST = 40  # curves that a picture can hold
-MOTION = {"angle": ("angle", "rad"), "omega": ("rate", "rad/s")}
-MOTION |= {"alpha": ("angular acceleration", "rad/s²")}
+KINEMATICS = {
+    "angle": ("angle", "rad"),
+    "omega": ("rate", "rad/s"),
+    "alpha": ("angular acceleration", "rad/s²"),
+}
 
 
-# -- what is drawn ---------------------------------------------------------------------
-
-
-def pictures_of(result: Result) -> dict[str, tuple[Panel, ...]]:
+def pictures_of(result: Result) -> dict[str, Panels]:
     """Panels by name of the picture: what the run computed and is not zero everywhere."""
     twin = without_friction(result)
     found = {
@@ -44,10 +46,9 @@ def pictures_of(result: Result) -> dict[str, tuple[Panel, ...]]:
 def without_friction(result: Result) -> Result | None:
     """The forces of the same run without friction; None where there is none to leave out."""
     blocks = result.mechanism.structure.blocks.values()
-    if result.settings["friction"] == "none" or not any(b.friction for b in blocks):
-        return None
     forces = [n for n in result if n.endswith((".drive", ".reaction"))]
-    if not forces:
+    friction = result.settings["friction"] != "none" and any(b.friction for b in blocks)
+    if not friction or not forces:
         return None
     settings = {**result.settings, "friction": "none", "tolerance": None, "iterations": None}
     # The same samples under other settings: an empty result of those settings, run again.
@@ -55,73 +56,69 @@ def without_friction(result: Result) -> Result | None:
     return empty.rerun(*forces)
 
 
-def drive_panels(result: Result, twin: Result | None) -> tuple[Panel, ...]:
+def drive_panels(result: Result, twin: Result | None) -> Panels:
     """The driving moment or force of each driver ([R10] Fig. 12)."""
     panels = []
     drivers = result.mechanism.drivers
-    for name, output in ((d, result.mechanism.of_driver(d, "drive")) for d in drivers):
-        if output not in result:
-            continue
-        curve, unit = _curve(result, twin, output, ""), result.unit(output)
-        if not _lives(curve):
-            continue
-        what = "driving force" if unit == "N" else "driving moment"
-        of = f" of {shown_name(name)}" if len(drivers) > 1 else ""
-        panels.append(Panel(what + of, unit, (curve,)))
-        if curve.without is not None:  # often too small to be seen between the two
-            share = Curve("", curve.values - curve.without)
-            panels.append(Panel(f"due to friction{of}", unit, (share,)))
+    for driver in drivers:
+        name = result.mechanism.of_driver(driver, "drive")
+        drive = _alive({"": values(result, name)}) if name in result else {}
+        if drive:
+            unit = result.unit(name)
+            what = "driving force" if unit == "N" else "driving moment"
+            of = f" of {shown_name(driver)}" if len(drivers) > 1 else ""
+            bare = {} if twin is None else {"": values(twin, name)}
+            panels.append(Panel(what + of, unit, drive, bare))
+            if bare:  # often too small to be seen between the two
+                panels.append(Panel(f"due to friction{of}", unit, {"": drive[""] - bare[""]}))
     return tuple(panels)
 
 
-def friction_panels(result: Result) -> tuple[Panel, ...]:
+def friction_panels(result: Result) -> Panels:
     """The power that friction takes, in all and at each joint ([R10] Fig. 13)."""
-    joints = _curves(result, None, ".friction_power")
-    total = [Curve("all joints", c.values) for c in joints if c.name == "mechanism" and _lives(c)]
-    single = [c for c in joints if c.name != "mechanism" and _lives(c)]
-    shown = total if len(single) != 1 else []
-    if len(single) > TOGETHER:
-        first = _panels("friction power", "W", shown)
-        return first + _panels("friction power", "W", single)
-    return _panels("friction power", "W", [*shown, *single], by_block=False)
+    joints = _alive(_named(result, ".friction_power"))
+    total = {"all joints": joints.pop("mechanism")} if "mechanism" in joints else {}
+    if len(joints) > TOGETHER:
+        return (Panel("friction power", "W", total), *_split("friction power", "W", joints))
+    shown = joints if len(joints) == 1 else {**total, **joints}
+    return (Panel("friction power", "W", shown),) if shown else ()
 
 
-def reaction_panels(result: Result, twin: Result | None) -> tuple[Panel, ...]:
+def reaction_panels(result: Result, twin: Result | None) -> Panels:
     """The magnitude of every joint's reaction ([R10] Fig. 14)."""
-    curves = [c for c in _curves(result, twin, ".reaction") if _lives(c)]
-    return _panels("reaction", "N", curves)
+    bare = NOTHING if twin is None else _named(twin, ".reaction")
+    return _split("reaction", "N", _alive(_named(result, ".reaction")), bare)
 
 
-def kinematic_panels(result: Result) -> tuple[Panel, ...]:
+def kinematic_panels(result: Result) -> Panels:
     """Angles, rates and accelerations of links, for a mechanism without forces."""
-    panels: tuple[Panel, ...] = ()
-    for suffix, (quantity, unit) in MOTION.items():
-        curves = _curves(result, None, f".{suffix}")
+    panels: Panels = ()
+    for suffix, (quantity, unit) in KINEMATICS.items():
+        curves = _named(result, f".{suffix}")
         if suffix == "angle":
-            curves = [Curve(c.name, _unwrapped(c.values)) for c in curves]
-        if any(map(_lives, curves)):
-            panels += _panels(quantity, unit, curves)
+            curves = {name: _unwrapped(angle) for name, angle in curves.items()}
+        if _alive(curves):
+            panels += _split(quantity, unit, curves)
     return panels
 
 
-def chosen_panels(result: Result, names: Iterable[str]) -> tuple[Panel, ...]:
+def chosen_panels(result: Result, names: Iterable[str]) -> Panels:
     """The named outputs, one panel for each quantity and unit.
 
     Raises `RequestError` where there are more than a picture can hold.
     """
-    groups: dict[tuple[str, str], list[Curve]] = {}
+    groups: dict[tuple[str, str], dict[str, Array]] = {}
     for name in names:
         output = result.output(name)
         if output.kind in ("real", "vector"):
             shown, _, quantity = name.rpartition(".")
             unit = output.unit.replace("s2", "s²").replace("m2", "m²")
+            drawn = {shown: values(result, name)}
+            what = f"|{quantity}|" if output.kind == "vector" else quantity.replace("_", " ")
             if quantity == "p":  # of a place both coordinates matter
                 z = np.asarray(result[name])
-                drawn = [Curve(f"{shown} x", z.real), Curve(f"{shown} y", z.imag)]
-            else:
-                drawn = [_curve(result, None, name, shown)]
-            what = f"|{quantity}|" if output.kind == "vector" and quantity != "p" else quantity
-            groups.setdefault((what.replace("_", " "), unit), []).extend(drawn)
+                what, drawn = "p", {f"{shown} x": z.real, f"{shown} y": z.imag}
+            groups.setdefault((what, unit), {}).update(drawn)
     count = sum(map(len, groups.values()))
     if not 0 < count <= MOST:
         raise RequestError(
@@ -133,52 +130,49 @@ def chosen_panels(result: Result, names: Iterable[str]) -> tuple[Panel, ...]:
                 "name the outputs with want=",
             )
         )
-    return tuple(Panel(what, unit, tuple(curves)) for (what, unit), curves in groups.items())
+    return tuple(Panel(what, unit, curves) for (what, unit), curves in groups.items())
 
 
-def _curves(result: Result, twin: Result | None, suffix: str) -> list[Curve]:
+def values(result: Result, name: str) -> Array:
+    """An output (n,) as it is drawn: real numbers, of vectors their size; NaN in gaps."""
+    found = np.asarray(result[name])
+    size = np.abs(found) if np.iscomplexobj(found) else found
+    return np.where(np.isfinite(size), size, np.nan).astype(float)
+
+
+def _named(result: Result, suffix: str) -> dict[str, Array]:
     """Curves of all outputs of one sort."""
-    names = [n for n in result if n.endswith(suffix)]
-    return [_curve(result, twin, n, n.removesuffix(suffix)) for n in names]
+    return {n.removesuffix(suffix): values(result, n) for n in result if n.endswith(suffix)}
 
 
-def _curve(result: Result, twin: Result | None, name: str, shown: str) -> Curve:
-    def real(run: Result) -> Array:
-        values = np.asarray(run[name])
-        size = np.abs(values) if np.iscomplexobj(values) else values
-        return np.where(np.isfinite(size), size, np.nan).astype(float)
-
-    return Curve(shown, real(result), real(twin) if twin is not None else None)
+def _alive(curves: Mapping[str, Array]) -> dict[str, Array]:
+    """The curves that are not zero everywhere."""
+    return {name: y for name, y in curves.items() if np.any(np.nan_to_num(y) != 0)}
 
 
-def _lives(curve: Curve) -> bool:
-    return bool(np.any(np.nan_to_num(curve.values) != 0))
-
-
-def _panels(
-    quantity: str, unit: str, curves: Sequence[Curve], by_block: bool = True
-) -> tuple[Panel, ...]:
+def _split(
+    quantity: str,
+    unit: str,
+    curves: Mapping[str, Array],
+    bare: Mapping[str, Array] = NOTHING,
+) -> Panels:
     """One panel, or of many curves one for each block; blocks with few curves share one."""
-    if not curves:
-        return ()
-    if len(curves) <= TOGETHER or not by_block:
-        return (Panel(quantity, unit, tuple(curves)),)
-    blocks: dict[str, list[Curve]] = {}
-    for curve in curves:
-        blocks.setdefault(_owner(curve.name), []).append(curve)
-    groups: list[list[Curve]] = []
+    blocks: dict[str, dict[str, Array]] = {}
+    for name, y in curves.items():
+        first, *rest = name.split(".")
+        # The block of an output, or the joint or link of a joint-based document.
+        owner = f"{first}.{rest[0]}" if rest and first in ("joint", "link", "driver") else first
+        blocks.setdefault(owner, {})[name] = y
+    groups: list[dict[str, Array]] = []
     for mine in blocks.values():
         if groups and len(groups[-1]) + len(mine) <= TOGETHER:
-            groups[-1] += mine
+            groups[-1] |= mine
         else:
-            groups.append(mine)
-    return tuple(Panel(quantity, unit, tuple(group)) for group in groups)
-
-
-def _owner(name: str) -> str:
-    """The block of an output, or the joint or link of a joint-based document."""
-    first, *rest = name.split(".")
-    return f"{first}.{rest[0]}" if rest and first in ("joint", "link", "driver") else first
+            groups.append(dict(mine))
+    return tuple(
+        Panel(quantity, unit, group, {name: bare[name] for name in group if name in bare})
+        for group in groups
+    )
 
 
 def _unwrapped(angle: Array) -> Array:
@@ -189,27 +183,21 @@ def _unwrapped(angle: Array) -> Array:
     return smooth
 
 
-# -- the abscissa ----------------------------------------------------------------------
-
-
 def abscissa(result: Result, over: Axis = "auto", degrees: bool = True) -> Abscissa:
     """What the curves are drawn over: the only driver's coordinate, or time.
 
     A motion under loads is drawn over time: its driver may come back to the same place.
     Raises `RequestError` where that is not known.
     """
-    drivers = result.mechanism.drivers
+    drivers, laws = result.mechanism.drivers, result.mechanism.scene.drive
     time = result.time if result.time is not None and np.isfinite(result.time).all() else None
     if over not in ("auto", "coordinate", "time"):
         raise RequestError(
             Problem("bad-value", "over", f"got {over!r}", "valid: auto, coordinate, time", "")
         )
-    laws = result.mechanism.scene.drive
     by_time = result.motion is not None or len(drivers) != 1
     by_time |= any(d in laws and not laws[d].by_coordinate for d in drivers)
-    if over == "auto":
-        over = "time" if time is not None and by_time else "coordinate"
-    if over == "time":
+    if over == "time" or (over == "auto" and by_time and time is not None):
         if time is None:
             raise RequestError(
                 Problem("no-time", "over", "the run does not say times", "", "use times= in run")
@@ -218,8 +206,20 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = True) -> Absci
     if len(drivers) != 1:
         return Abscissa("sample", np.arange(result.n, dtype=float))
     name = result.mechanism.of_driver(drivers[0], "q")
-    q = result.drivers[name]
-    unit = result.unit_of_driver(name)
-    if unit == "rad" and degrees:
-        return Abscissa(f"{shown_name(name)} [°]", np.degrees(q), angle=True)
-    return Abscissa(f"{shown_name(name)} [{unit}]", q)
+    ((unit, q),) = by_unit(result, "q", degrees).items()
+    return Abscissa(f"{shown_name(name)} [{unit}]", q[drivers[0]], angle=unit == "°")
+
+
+def by_unit(result: Result, what: str, degrees: bool) -> dict[str, dict[str, Array]]:
+    """Coordinates ``"q"`` or rates ``"rate"`` of the drivers by their unit: driver -> (n,)."""
+    found: dict[str, dict[str, Array]] = {}
+    for driver in result.mechanism.drivers:
+        name = result.mechanism.of_driver(driver, what)
+        unit = result.mechanism.driver_joint(driver).coordinate_unit
+        row = np.asarray(result.drivers[name] if what == "q" else result[name], dtype=float)
+        if what == "rate":
+            unit = f"{unit}/s"
+        elif unit == "rad" and degrees:
+            unit, row = "°", np.degrees(row)
+        found.setdefault(unit, {})[driver] = row
+    return found

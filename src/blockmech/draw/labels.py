@@ -7,6 +7,7 @@ keep their places beside what they name. All numbers are points of the page.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -14,19 +15,18 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from blockmech.draw.palette import INK, SMALL
 from blockmech.draw.paper import text_width
 
 STEP = 2.0  # [pt] between points that stand for a line
-DIRECTIONS = 16
-DISTANCES = (4.0, 7.0, 11.0, 16.0, 22.0, 29.0, 37.0, 46.0)  # [pt] from anchor to label's edge
-AIR = 1.5  # [pt] free around a label
+DIRECTIONS = np.exp(2j * math.pi * np.arange(16) / 16)
+DISTANCES = np.array([4.0, 7.0, 11.0, 16.0, 22.0, 29.0, 37.0, 46.0])  # [pt] to a label's edge
 LINE = 8.6  # [pt] height of a line of a label
 FAR = 12.0  # [pt] distance from which a label has a leader
-# Costs, one point of a line covered being 1: on another label; off the page; a leader;
-# each point of distance.
+# Costs, one point of a line covered being 1: a point of another label; each point of
+# distance beyond the page; a leader; each point of distance.
 COVERED, OUTSIDE, LEADER, NEAR = 1e3, 1e4, 6.0, 0.2
 
 Reals = NDArray[np.float64]
@@ -41,14 +41,6 @@ class Rect(NamedTuple):
     right: float
     top: float
 
-    def overlap(self, centres: Places, half: complex) -> Reals:
-        """Areas [pt2] that rectangles around centres (n,) share with it."""
-        x, y = centres.real, centres.imag
-        wide = np.minimum(x + half.real, self.right) - np.maximum(x - half.real, self.left)
-        high = np.minimum(y + half.imag, self.top) - np.maximum(y - half.imag, self.bottom)
-        area: Reals = np.maximum(wide, 0) * np.maximum(high, 0)
-        return area
-
 
 @dataclass(frozen=True)
 class Label:
@@ -59,82 +51,84 @@ class Label:
     """
 
     text: str  # lines
-    anchors: Sequence[Sequence[complex]]
+    anchors: ArrayLike
     colour: str = INK
     prefer: float | None = None
     clearance: float = 0.0
 
 
 @dataclass(frozen=True)
-class Spot:
-    """A place for a label: at which anchor, and its middle and half size from there."""
+class Place:
+    """A place for a label: at which anchor (frames,), its middle and half size from there."""
 
     label: Label
-    anchor: int
+    anchor: Places
     offset: complex
     half: complex
     far: bool
 
     def centre(self, frame: int = 0) -> complex:
         """The middle of the label."""
-        return self.label.anchors[self.anchor][frame] + self.offset
+        return complex(self.anchor[frame]) + self.offset
 
     def rect(self, frame: int = 0) -> Rect:
         """What the label covers."""
         low, high = self.centre(frame) - self.half, self.centre(frame) + self.half
         return Rect(low.real, low.imag, high.real, high.imag)
 
+    @property
+    def lines(self) -> list[tuple[str, float]]:
+        """The lines of the text, and how far each lies above the middle."""
+        lines = self.label.text.split("\n")
+        return [(line, LINE * ((len(lines) - 1) / 2 - i)) for i, line in enumerate(lines)]
+
     def leader(self, frame: int = 0) -> list[complex]:
         """A line from the anchor to the label, if that stands far off."""
-        anchor, r = self.label.anchors[self.anchor][frame], self.rect(frame)
+        anchor, r = complex(self.anchor[frame]), self.rect(frame)
         x, y = np.clip(anchor.real, r.left, r.right), np.clip(anchor.imag, r.bottom, r.top)
         way = complex(x, y) - anchor
         return [anchor + 0.12 * way, anchor + 0.97 * way] if self.far else []
 
 
 class Crowd:
-    """What is drawn already in each frame: points with weights, and placed labels."""
+    """What is drawn already on a page: points with weights, in each of some frames."""
 
-    def __init__(self, page: Rect, frames: int = 1) -> None:
+    def __init__(self, page: Rect, frames: Sequence[int] = (0,)) -> None:
         self.page = page
-        self._points: list[list[tuple[complex, float]]] = [[] for _ in range(frames)]
-        self._labels: list[list[Rect]] = [[] for _ in range(frames)]
+        self._points: dict[int, list[tuple[complex, float]]] = {frame: [] for frame in frames}
 
-    def add_line(self, places: Sequence[complex], weight: float = 1.0, frame: int = 0) -> None:
+    def add_line(self, places: ArrayLike, weight: float = 1.0, frame: int = 0) -> None:
         """Stand in for a line through places [pt]; NaN interrupts it."""
-        for a, b in pairwise(places):
-            length = abs(b - a)
-            if math.isfinite(length):
-                n = max(1, math.ceil(length / STEP))
+        for a, b in pairwise(np.asarray(places, complex).tolist()):
+            if cmath.isfinite(b - a):
+                n = max(1, math.ceil(abs(b - a) / STEP))
                 self._points[frame] += [(a + (b - a) * (t / n), weight) for t in range(n + 1)]
 
     def add_disc(self, centre: complex, radius: float, weight: float, frame: int = 0) -> None:
         """Stand in for a disc."""
         for r in np.arange(0.0, radius + STEP / 2, STEP):
-            n = max(1, math.ceil(2 * math.pi * r / STEP))
-            around = centre + r * np.exp(2j * math.pi * np.arange(n) / n)
-            self._points[frame] += [(complex(z), weight) for z in around]
+            self.add_line(centre + r * DIRECTIONS, weight, frame)
 
-    def place(self, labels: Iterable[Label], most: float = math.inf) -> list[Spot]:
+    def place(self, labels: Iterable[Label], most: float = math.inf) -> list[Place]:
         """Places of the labels, in their order; of those none that would cost more."""
         found = (self._place(label, most) for label in labels)
-        return [spot for spot in found if spot is not None]
+        return [place for place in found if place is not None]
 
-    def _place(self, label: Label, most: float) -> Spot | None:
+    def _place(self, label: Label, most: float) -> Place | None:
         lines = label.text.split("\n")
         half = complex(max(text_width(line, SMALL) for line in lines), LINE * len(lines)) / 2
-        turn = 2 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
-        reach = np.array(DISTANCES)[:, None] + label.clearance
-        c, s = np.cos(turn), np.sin(turn)
+        reach = DISTANCES[:, None] + label.clearance
+        c, s = DIRECTIONS.real, DIRECTIONS.imag
         # To the centre of the text, so that its near edge keeps the distance.
         x, y = c * (reach + half.real * np.sqrt(np.abs(c))), s * (reach + half.imag)
-        offsets = (x + 1j * y).ravel()
-        half += AIR  # beside the text
+        offsets: Places = (x + 1j * y).ravel()
+        half += 1.5  # of air beside the text
         beyond = np.maximum(np.abs(offsets.real) - half.real, 0)
         gap = np.hypot(beyond, np.maximum(np.abs(offsets.imag) - half.imag, 0)) - label.clearance
+        anchors = np.asarray(label.anchors, complex)
         costs = [
-            sum(self._cost(z, offsets, half, gap, f) for f, z in enumerate(anchor))
-            for anchor in label.anchors
+            np.mean([self._cost(anchor[f], offsets, half, gap > FAR, f) for f in self._points], 0)
+            for anchor in anchors
         ]
         cost = np.array(costs) + NEAR * gap + LEADER * (gap > FAR)
         if label.prefer is not None:
@@ -142,27 +136,36 @@ class Crowd:
         if cost.min() > most:
             return None
         j, k = divmod(int(np.argmin(cost)), len(offsets))
-        spot = Spot(label, j, complex(offsets[k]), half, bool(gap[k] > FAR))
-        for frame, placed in enumerate(self._labels):
-            placed.append(spot.rect(frame))
-            self.add_line(spot.leader(frame), COVERED, frame)
-        return spot
+        place = Place(label, anchors[j], complex(offsets[k]), half, bool(gap[k] > FAR))
+        for frame in self._points:
+            self.add_line(place.leader(frame), COVERED, frame)
+            left, bottom, right, top = place.rect(frame)
+            for level in np.linspace(bottom, top, math.ceil((top - bottom) / STEP) + 1):
+                self.add_line([left + 1j * level, right + 1j * level], COVERED, frame)
+        return place
 
-    def _cost(self, anchor: complex, offsets: Places, half: complex, gap: Reals, f: int) -> Reals:
-        """What labels around an anchor would cover in a frame, as its share of all frames."""
-        centres = anchor + offsets
-        cost = OUTSIDE * (1 - self.page.overlap(centres, half) / (4 * half.real * half.imag))
-        ways = anchor + offsets * np.linspace(0, 1, 12)[:, None]  # of leaders
-        for other in self._labels[f]:
-            over = (ways.real > other.left) & (ways.real < other.right)
-            over &= (ways.imag > other.bottom) & (ways.imag < other.top)
-            cost += COVERED * (other.overlap(centres, half) > 0)
-            cost += COVERED * (gap > FAR) * over.any(axis=0)
-        if self._points[f]:
-            z, weights = (np.array(column) for column in zip(*self._points[f], strict=True))
-            near = np.abs(z - anchor) < np.abs(offsets).max() + abs(half)
-            apart = centres[:, None] - z[near]
-            inside = (np.abs(apart.real) < half.real) & (np.abs(apart.imag) < half.imag)
-            cost += inside @ weights[near]
-        share: Reals = cost / len(self._labels)
-        return share
+    def _cost(
+        self, anchor: complex, offsets: Places, half: complex, far: NDArray[np.bool_], frame: int
+    ) -> Reals:
+        """What labels around an anchor, and the leaders of far ones, would cover in a frame."""
+        centres, page = anchor + offsets, self.page
+        low, high = centres - half, centres + half
+        cost: Reals = OUTSIDE * (
+            np.maximum(page.left - low.real, 0)
+            + np.maximum(high.real - page.right, 0)
+            + np.maximum(page.bottom - low.imag, 0)
+            + np.maximum(high.imag - page.top, 0)
+        )
+        if not self._points[frame]:
+            return cost
+        z, weights = (np.array(column) for column in zip(*self._points[frame], strict=True))
+        near = np.abs(z - anchor) < np.abs(offsets).max() + abs(half)
+        z, weights = z[near], weights[near]
+        apart = centres[:, None] - z
+        inside = (np.abs(apart.real) < half.real) & (np.abs(apart.imag) < half.imag)
+        cost += inside @ weights
+        ways = (z[weights >= COVERED] - anchor) / offsets[:, None]  # 1 is the label's middle
+        on = (ways.real > 0.2) & (ways.real < 1)
+        on &= np.abs(ways.imag) * np.abs(offsets)[:, None] < STEP
+        cost += COVERED * (far & on.any(axis=1))
+        return cost

@@ -1,10 +1,10 @@
-"""The mechanism at poses as a picture: links, joints, loads, paths of markers."""
+"""The mechanism at poses as a picture: links, joints, loads, names, paths of markers."""
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,9 +13,8 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.draw import palette as ink
 from blockmech.draw import shapes
-from blockmech.draw.labels import Crowd, Label, Rect, Spot
+from blockmech.draw.labels import Crowd, Label, Place, Rect
 from blockmech.draw.motion import Complex, Motion, marker_place, moves
-from blockmech.draw.motion import Spot as LinkSpot
 from blockmech.draw.palette import SIZES
 from blockmech.draw.paper import new_figure, scaled_unit, shown_name, styled, wrapped
 from blockmech.draw.shapes import Shape, Stage
@@ -28,143 +27,151 @@ PATHS = 8  # that are drawn if none are named
 CROWDED = 40  # joints from which they have no names
 MANY = 9  # labels from which the picture is two columns wide
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
-FAINT_POSES = (0.125, 0.375, 0.625, 0.875)  # of the range; the first is the main one
+POSES = (0.125, 0.375, 0.625, 0.875)  # of the range; the first is the main one, others faint
 
 Paths = Mapping[str, Complex]
 
 
-@dataclass
 class Page:
-    """Axes in metres at equal aspect, and how many metres a point of the page is."""
+    """Axes in metres at equal aspect, with paths of markers, and room for captions above.
 
-    corners: tuple[complex, complex]  # [m] of what is drawn
-    wide: bool  # two columns
-    figure: Any = None
-    axes: Any = None
+    ``width`` and ``height`` of the axes are in points; ``unit`` [m/pt] is what a point is on
+    the ground, and ``corner`` [m] the lower left one of the axes.
+    """
 
-    @property
-    def columns(self) -> float:
-        """Width [pt] of the whole."""
-        return 2 * ink.COLUMN + 14.0 if self.wide else ink.COLUMN
-
-    @property
-    def width(self) -> float:
-        """Width [pt] of the axes."""
-        return self.columns - SIZES.left - SIZES.right
-
-    @property
-    def unit(self) -> float:
-        """[m/pt] so that the corners fit."""
-        size, room = self.corners[1] - self.corners[0], self.width - 2 * SIZES.edge
+    def __init__(self, places: Complex, wide: bool, paths: Paths, captions: Iterable[str]) -> None:
+        columns = 2 * ink.COLUMN + 14.0 if wide else ink.COLUMN
+        self.wide = wide
+        self.width = columns - SIZES.left - SIZES.right
+        low = complex(places.real.min(), places.imag.min())
+        size = complex(places.real.max(), places.imag.max()) - low
+        room = self.width - 2 * SIZES.edge
         smallest = (max(size.real, size.imag) or 1.0) / room / 3
-        return max(size.real / room, size.imag / (SIZES.heights[1] - 2 * SIZES.edge), smallest)
-
-    @property
-    def height(self) -> float:
-        """Height [pt] of the axes."""
-        size = self.corners[1] - self.corners[0]
-        return float(np.clip(size.imag / self.unit + 2 * SIZES.edge, *SIZES.heights))
-
-    @property
-    def corner(self) -> complex:
-        """Lower left corner [m] of the axes."""
-        return sum(self.corners) / 2 - complex(self.width, self.height) * self.unit / 2
-
-    def points(self, z: complex) -> complex:
-        """A place [m] in points of the page, from the axes' lower left corner."""
-        return (z - self.corner) / self.unit
-
-    def metres(self, z: complex) -> complex:
-        """The place [m] of a point of the page."""
-        return z * self.unit + self.corner
-
-    def lay_out(self, paths: Paths, lines: int) -> None:
-        """Make the figure, with axes, the paths of markers and room for a caption."""
-        columns = 4 if self.wide else 2
-        rows = lines + math.ceil(len(paths) / columns)
+        tallest = SIZES.heights[1] - 2 * SIZES.edge
+        self.unit = max(size.real / room, size.imag / tallest, smallest)
+        self.height = float(np.clip(size.imag / self.unit + 2 * SIZES.edge, *SIZES.heights))
+        self.corner = low + size / 2 - complex(self.width, self.height) * self.unit / 2
+        rows = max((len(self.lines(text)) for text in captions), default=0)
+        rows += math.ceil(len(paths) / (4 if wide else 2))
         total = SIZES.bottom + self.height + SIZES.top + ink.ROW * rows
-        self.figure = new_figure(self.columns, total)
-        box = (
-            SIZES.left / self.columns,
-            SIZES.bottom / total,
-            self.width / self.columns,
-            self.height / total,
+        left = SIZES.left / columns
+        self.figure = new_figure(columns, total)
+        self.axes = self.figure.add_axes(
+            (left, SIZES.bottom / total, self.width / columns, self.height / total)
         )
-        axes = self.axes = self.figure.add_axes(box)
-        far = self.metres(complex(self.width, self.height))
+        self._set_axes(paths)
+        style = {"fontsize": ink.SMALL, "va": "top", "label": "caption", "linespacing": 1.35}
+        self.caption = self.figure.text(left, 1 - SIZES.top / 2 / total, "", **style)
+
+    def _set_axes(self, paths: Paths) -> None:
+        axes, far = self.axes, self.metres(complex(self.width, self.height))
         axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", adjustable="box")
         axes.set(xlim=(self.corner.real, far.real), ylim=(self.corner.imag, far.imag))
         axes.xaxis.labelpad, axes.yaxis.labelpad = 1.5, 1.0
         axes.locator_params(nbins=6)
-        axes.grid(True, color=ink.PALE, lw=0.3)
-        axes.set_axisbelow(True)
+        axes.grid(True)
         for i, (name, path) in enumerate(paths.items()):
-            colour, dashes = ink.curve_style(i)
-            label = f"path of {shown_name(name)}"
-            style = {"color": colour, "lw": 0.9, "zorder": 4.9, "label": label}
-            (line,) = axes.plot(path.real, path.imag, **style)
-            if dashes:
-                line.set_dashes(dashes)
+            look = {"lw": 0.9, "zorder": 4.9, "label": f"path of {shown_name(name)}"}
+            axes.plot(path.real, path.imag, **ink.curve_style(i), **look)
         if paths:
-            above = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.1}
-            tight = {"borderpad": 0.1, "labelspacing": 0.15, "columnspacing": 1.2}
-            axes.legend(ncols=columns, handlelength=2.2, **above, **tight)
+            axes.legend(ncols=4 if self.wide else 2, bbox_to_anchor=(0.0, 1.0))
 
-    def caption(self, lines: Sequence[str]) -> list[Any]:
-        """Lines above the axes; their artists."""
-        total = self.figure.get_size_inches()[1] * 72
-        style = {"fontsize": ink.SMALL, "va": "top", "label": "caption"}
-        return [
-            self.figure.text(
-                SIZES.left / self.columns,
-                1 - (SIZES.top + ink.ROW * k) / total,
-                line,
-                **style,
-            )
-            for k, line in enumerate(lines)
-        ]
+    def lines(self, text: str) -> list[str]:
+        """A caption as lines that fit."""
+        return [line for part in text.split("\n") for line in wrapped(part, ink.SMALL, self.width)]
 
-    def draw(self, drawn: Iterable[Shape]) -> list[Any]:
-        """Draw shapes; their artists."""
-        return [self._artist(shape) for shape in drawn]
+    def write_caption(self, text: str) -> Any:
+        """Show a caption; its artist."""
+        self.caption.set_text("\n".join(self.lines(text)))
+        return self.caption
 
-    def _artist(self, shape: Shape) -> Any:
+    def points(self, z: Any) -> Any:
+        """Places [m] in points of the page, from the axes' lower left corner."""
+        return (z - self.corner) / self.unit
+
+    def metres(self, z: Any) -> Any:
+        """The places [m] of points of the page."""
+        return z * self.unit + self.corner
+
+    def draw(self, shape: Shape, k: int = 0) -> Any:
+        """Draw a shape at sample k; its artist."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Polygon
 
-        places = np.array([(z.real, z.imag) for z in shape.points])
         look: dict[str, Any] = {"zorder": shape.order, "label": shape.what}
         if shape.kind == "area":
             look |= {"fc": shape.fill, "ec": shape.stroke, "lw": shape.width}
-            return self.axes.add_patch(Polygon(places, joinstyle="round", **look))
-        if shape.kind == "disc":
-            look |= {"marker": "o", "ms": 2 * shape.radius, "mew": shape.width, "ls": ""}
-            look |= {"mfc": shape.fill, "mec": shape.stroke}
+            artist: Any = Polygon([(0.0, 0.0)], joinstyle="round", **look)
+            self.axes.add_patch(artist)
         else:
-            look |= {"color": shape.stroke, "lw": shape.width}
+            look |= {"lw": shape.width, "color": shape.stroke}
+            if shape.kind == "disc":
+                look |= {"marker": "o", "ms": 2 * shape.radius, "mew": shape.width}
+                look |= {"mfc": shape.fill, "ls": ""}
+            elif shape.dash:
+                look["dashes"] = shape.dash
             look["solid_capstyle"] = "round" if shape.rounded else "butt"
-        line = Line2D(*places.T, **look)
-        if shape.dash:
-            line.set_dashes(shape.dash)
-        return self.axes.add_line(line)
+            artist = self.axes.add_line(Line2D([], [], **look))
+        move(artist, shape, k)
+        return artist
 
-    def write(self, spot: Spot, frame: int = 0) -> Any:
+    def write(self, place: Place) -> Any:
         """Write a label at its place."""
-        z, text = self.metres(spot.centre(frame)), spot.label.text
-        style = {"fontsize": ink.SMALL, "color": spot.label.colour, "zorder": 9}
+        z = self.metres(place.centre())
+        style = {"fontsize": ink.SMALL, "color": place.label.colour, "zorder": 9}
         middle = {"ha": "center", "va": "center", "linespacing": 1.1}
-        return self.axes.text(z.real, z.imag, text, label="text", **middle, **style)
+        return self.axes.text(z.real, z.imag, place.label.text, label="text", **middle, **style)
+
+    def leader(self, place: Place, frames: int = 1) -> Shape:
+        """The line from what a label names to the label, if that stands far off."""
+        ways = np.array([place.leader(k) for k in range(frames)], complex).T
+        return Shape("leader", "line", self.metres(ways), 8, place.label.colour, width=0.4)
+
+    def crowd(self, drawn: Iterable[Shape], paths: Paths, frames: Sequence[int] = (0,)) -> Crowd:
+        """What labels must spare: the shapes at some samples, and the paths."""
+        crowd = Crowd(Rect(2, 2, self.width - 2, self.height - 2), frames)
+        for k in frames:
+            for path in paths.values():
+                crowd.add_line(self.points(path), 0.4, k)
+            for shape in drawn:
+                z, weight = self.points(shape.at(k)), SOLID[shape.kind]
+                if shape.kind == "disc":
+                    for centre in z:
+                        crowd.add_disc(centre, shape.radius + 1, weight, k)
+                    continue
+                closed = np.append(z, z[:1]) if shape.kind == "area" else z
+                half = shape.width / 2 if shape.width > 2 else 0.0
+                for shift in dict.fromkeys((-half, 0.0, half)):
+                    crowd.add_line(closed + shift * (1 + 1j), weight, k)
+        return crowd
+
+
+def move(artist: Any, shape: Shape, k: int) -> None:
+    """Put the artist of a shape where that is at sample k."""
+    z = shape.at(k)
+    if shape.kind == "area":
+        artist.set_xy(np.stack([z.real, z.imag], axis=1))
+    else:
+        artist.set_data(z.real, z.imag)
 
 
 @dataclass
 class Picture:
     """A drawn mechanism. Labels of artists tell what they are: ``link:``, ``pin:``, ``load:``."""
 
-    figure: Any
-    axes: Any
+    page: Page
     stage: Stage
-    shown: list[int]
     labels: list[Any] = field(default_factory=list)
+
+    @property
+    def figure(self) -> Any:
+        """matplotlib's figure."""
+        return self.page.figure
+
+    @property
+    def axes(self) -> Any:
+        """Its axes [m]."""
+        return self.page.axes
 
 
 def draw_mechanism(
@@ -186,43 +193,51 @@ def draw_mechanism(
     swept = at is None or all(d in mechanism.scene.drive for d in mechanism.drivers)
     sweep = moves(mechanism, samples=SWEEP) if swept else None
     motion = moves(mechanism, at) if at is not None or sweep is None else sweep
-    shown = _poses(motion, named=at is not None)
-    sketch = sketch_of(sweep or motion)
-    paths = paths_of(sweep, trace) if sweep is not None and sweep.n > 1 else {}
+    motion = motion.only(_poses(motion, named=at is not None))
+    sketch = sketch_of(sweep if sweep is not None and sweep.feasible.any() else motion)
+    paths = paths_of(sweep, trace) if sweep is not None and sweep.result.n > 1 else {}
+    text = caption(motion, range(len(motion.samples)), degrees)
     with styled():
-        page = Page(extent(motion, sketch, shown, paths), sketch.words > MANY)
-        head = caption(motion, shown, degrees)
-        lines = wrapped(head, ink.SMALL, page.width) if head else []
-        page.lay_out(paths, len(lines))
-        page.caption(lines)
+        page = page_of(sketch, motion, paths, [text] * bool(text))
         stage = Stage(sketch, motion, page.unit)
-        picture = Picture(page.figure, page.axes, stage, shown)
-        for k in shown[:0:-1]:
-            page.draw([*shapes.links(stage, k, faint=True), *shapes.sliders(stage, k, True)])
-        now = [*shapes.ground(stage, shown[0]), *shapes.pose(stage, shown[0])]
-        page.draw(now)
-        crowd = crowd_on(page, [now], paths)
-        for spot in crowd.place(_labels(page, stage, shown[0])):
-            page.draw(leader(page, spot))
-            picture.labels.append(page.write(spot))
+        picture = Picture(page, stage)
+        page.write_caption(text)
+        faint = [*shapes.links(stage, faint=True), *shapes.sliders(stage, faint=True)]
+        for k in range(len(motion.samples) - 1, 0, -1):
+            for shape in faint:
+                page.draw(shape, k)
+        drawn = shapes.shapes_of(stage)
+        for shape in drawn:
+            page.draw(shape)
+        for place in page.crowd(drawn, paths).place(_labels(page, stage)):
+            page.draw(page.leader(place))
+            picture.labels.append(page.write(place))
     return picture
 
 
-# -- choice and caption ------------------------------------------------------------------
+def page_of(sketch: Sketch, motion: Motion, paths: Paths, captions: Iterable[str]) -> Page:
+    """A page for all that is drawn of a mechanism at all samples."""
+    places = [motion.at(*spot) for spot in sketch.spots] + list(paths.values())
+    z = np.concatenate([*places, np.zeros(0)])
+    z = z[np.isfinite(z)] if np.isfinite(z).any() else np.zeros(1, complex)
+    return Page(z, sketch.words > MANY, paths, captions)
 
 
 def _poses(motion: Motion, named: bool) -> list[int]:
     """Samples to draw, the main one first."""
     good = np.flatnonzero(motion.feasible)
-    if not len(good) or (named and not motion.feasible[0]):
-        motion.refuse(0)
+    if not len(good) or (named and good[0] != 0):
+        motion.refuse()
     if named:
-        return [int(k) for k in good]
+        return good.tolist()
     if len(motion.q) == 1:  # by coordinate, so that a motion to and fro shows no pose twice
         (q,) = motion.q.values()
         _, first = np.unique(np.round(q[good] / (np.ptp(q[good]) or 1.0), 6), return_index=True)
         good = good[first]
-    return list(dict.fromkeys(int(good[round(f * (len(good) - 1))]) for f in FAINT_POSES))
+    return list(dict.fromkeys(int(good[round(f * (len(good) - 1))]) for f in POSES))
+
+
+# -- captions ------------------------------------------------------------------------------
 
 
 def caption(motion: Motion, shown: Sequence[int], degrees: bool = True) -> str:
@@ -251,21 +266,6 @@ def _pointing(g: complex) -> str:
     return f"at {math.degrees(cmath.phase(g)):.4g}°"
 
 
-def extent(
-    motion: Motion, sketch: Sketch, shown: Sequence[int], paths: Paths
-) -> tuple[complex, complex]:
-    """Lower left and upper right corner [m] of what is drawn."""
-    spots = [LinkSpot(body.link, z) for body in sketch.bodies for z in body.outline]
-    spots += [LinkSpot(body.link, body.cm) for body in sketch.bodies if body.cm is not None]
-    spots += [pin.spot for pin in sketch.pins]
-    spots += [LinkSpot(s.guide.link, s.end(k)) for s in sketch.sliders for k in (0, 1)]
-    spots += [spot for load in sketch.loads for spot in load.spots]
-    places = [motion.at(*spot)[list(shown)] for spot in spots] + list(paths.values())
-    z = np.concatenate([*places, np.zeros(0, complex)])
-    z = z[np.isfinite(z)] if np.isfinite(z).any() else np.zeros(1, complex)
-    return complex(z.real.min(), z.imag.min()), complex(z.real.max(), z.imag.max())
-
-
 # -- paths of markers ----------------------------------------------------------------------
 
 
@@ -274,25 +274,15 @@ def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
 
     Raises `RequestError` for names of no marker of a moving link.
     """
-    s = motion.structure
     moving = _markers(motion.mechanism)
-    if names is None:
-        named = {marker: name for name, marker in moving.items()}
-        names = [named[m] for m in _usual_paths(motion.mechanism, named)]
-    names = list(names)
+    names = list(_usual_paths(motion.mechanism, moving) if names is None else names)
     wrong = [n for n in names if n not in moving]
     if wrong:
+        found, valid = "no marker of a moving link has that name", f"markers: {listed(moving, 16)}"
         raise RequestError(
-            Problem(
-                "unknown-marker",
-                n,
-                "no marker of a moving link has that name",
-                f"markers: {listed(moving, 16)}",
-                close_match(n, moving),
-            )
-            for n in wrong
+            Problem("unknown-marker", n, found, valid, close_match(n, moving)) for n in wrong
         )
-    return {n: motion.at(moving[n].on, marker_place(s, moving[n])) for n in names}
+    return {n: motion.at(moving[n].on, marker_place(motion.structure, moving[n])) for n in names}
 
 
 def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
@@ -311,97 +301,71 @@ def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
     return found | {pins[place]: ref for place, ref in every.items() if place in pins}
 
 
-def _usual_paths(mechanism: Compiled, named: Collection[MarkerRef]) -> list[MarkerRef]:
-    s = mechanism.structure
-    own = [m for m in shown_markers(mechanism) if m in named]
+def _usual_paths(mechanism: Compiled, moving: Mapping[str, MarkerRef]) -> list[str]:
+    """The user's markers, else the inner revolute joints; the last ones are the outputs."""
+    blocks = mechanism.structure.blocks
+    named = {marker: name for name, marker in moving.items()}
+    own = [named[m] for m in shown_markers(mechanism) if m in named]
     inner = [
-        m
-        for name, block in s.blocks.items()
-        for m in s.markers(name)
-        if m.name in block.joints and not block.joints[m.name].outer
-        if block.joints[m.name].kind == "R" and m in named
+        named[m]
+        for name, block in blocks.items()
+        for m in mechanism.structure.markers(name)
+        if (joint := block.joints.get(m.name)) is not None and m in named
+        if joint.kind == "R" and not joint.outer
     ]
-    return (own or inner)[-PATHS:]  # the last ones are the mechanism's outputs
+    return (own or inner)[-PATHS:]
 
 
 # -- labels --------------------------------------------------------------------------------
 
 
-def crowd_on(page: Page, frames: Sequence[Sequence[Shape]], paths: Paths) -> Crowd:
-    """What labels on a page must spare: the shapes of each frame, and the paths."""
-    crowd = Crowd(Rect(2, 2, page.width - 2, page.height - 2), len(frames))
-    for f, drawn in enumerate(frames):
-        for path in paths.values():
-            crowd.add_line([page.points(z) for z in path], 0.4, f)
-        for shape in drawn:
-            points, weight = [page.points(z) for z in shape.points], SOLID[shape.kind]
-            if shape.kind == "disc":
-                crowd.add_disc(points[0], shape.radius + 1, weight, f)
-                continue
-            closed = [*points, points[0]] if shape.kind == "area" else points
-            half = shape.width / 2 if shape.width > 2 else 0.0
-            for shift in dict.fromkeys((-half, 0.0, half)):
-                crowd.add_line([p + shift * (1 + 1j) for p in closed], weight, f)
-    return crowd
+def joint_labels(page: Page, stage: Stage) -> Iterator[Label]:
+    """Names of the joints, which keep their places over all samples."""
+    for pin in stage.sketch.pins:
+        z = page.points(stage.motion.at(*pin.spot))
+        yield Label("\n".join(map(shown_name, pin.names)), [z], clearance=SIZES.pin)
+    for slider in stage.sketch.sliders:
+        z = page.points(stage.motion.at(*slider.point))
+        yield Label(shown_name(slider.name), [z], clearance=SIZES.slider[1] + 2)
 
 
-def leader(page: Page, spot: Spot, frame: int = 0) -> list[Shape]:
-    """The line from what a label names to the label, if that stands far off."""
-    line = [page.metres(z) for z in spot.leader(frame)]
-    return [Shape("leader", "line", line, 8, spot.label.colour, width=0.4)] if line else []
-
-
-def joint_labels(page: Page, stage: Stage, frames: Sequence[int]) -> list[Label]:
-    """Names of the joints, which keep their places over all frames."""
-    sketch = stage.sketch
-    named = [("\n".join(map(shown_name, pin.names)), pin.spot, SIZES.pin) for pin in sketch.pins]
-    named += [(shown_name(s.name), s.point, SIZES.slider[1] + 2) for s in sketch.sliders]
-    return [
-        Label(text, [[page.points(stage.place(at, k)) for k in frames]], clearance=size)
-        for text, at, size in named
-    ]
-
-
-def _labels(page: Page, stage: Stage, k: int) -> list[Label]:
+def _labels(page: Page, stage: Stage) -> Iterator[Label]:
     """Names of joints, drivers and a document's links, names and sizes of loads; pins first."""
-    found = []
     if len(stage.sketch.pins) + len(stage.sketch.sliders) < CROWDED:
-        found += joint_labels(page, stage, [k])
+        yield from joint_labels(page, stage)
         for body in stage.sketch.bodies:
             if body.name:
-                middle = sum(body.outline) / len(body.outline)
-                z = page.points(stage.place(LinkSpot(body.link, middle), k))
-                found.append(Label(shown_name(body.name), [[z]], ink.GREY, clearance=SIZES.beside))
-    for name, way in shapes.drive_ways(stage, k).items():
+                z = page.points(stage.motion.at(*body.middle))
+                yield Label(shown_name(body.name), [z], ink.GREY, clearance=SIZES.beside)
+    for name, way in shapes.drive_ways(stage).items():
         text = "q" if len(stage.sketch.drives) == 1 else f"{shown_name(name)}.q"
-        anchors = [[page.points(z)] for z in way[:: max(1, len(way) // 2)]]
-        found.append(Label(text, anchors, ink.DRIVE))
+        yield Label(text, page.points(way[:: max(1, len(way) // 2)]), ink.DRIVE)
     for load in stage.sketch.loads:
-        found += _load_label(page, stage, load, k)
-    return found
+        yield from _load_label(page, stage, load)
 
 
-def load_text(stage: Stage, load: LoadMark, k: int) -> str:
+def load_text(motion: Motion, load: LoadMark, k: int = 0) -> str:
     """Name and size of a load."""
-    values = stage.efforts[load.name]
+    values, name = motion.efforts[load.name], shown_name(load.name)
     size = float(abs(values[0][k])) if values is not None else math.nan
-    name = shown_name(load.name)
     if not math.isfinite(size):
         return name
     factor, unit = scaled_unit(load.unit, size)
     return f"{name} {size * factor:.4g} {unit}"
 
 
-def _load_label(page: Page, stage: Stage, load: LoadMark, k: int) -> list[Label]:
-    text = load_text(stage, load, k)
+def _load_label(page: Page, stage: Stage, load: LoadMark) -> Iterator[Label]:
+    text = load_text(stage.motion, load)
     if load.kind in ("spring", "strut"):
-        a, b = (page.points(stage.place(spot, k)) for spot in load.spots)
-        anchors = [[a + (b - a) * t] for t in (0.5, 0.35, 0.65, 0.2, 0.8)]
-        return [Label(text, anchors, ink.SPRING, clearance=4.0)]
-    ways = shapes.load_ways(stage, load, k)
-    if not ways:
-        return []
-    way = [page.points(z) for z in ways[0]]
+        a, b = (page.points(stage.motion.at(*spot)) for spot in load.spots)
+        anchors = [a + (b - a) * t for t in (0.5, 0.35, 0.65, 0.2, 0.8)]
+        yield Label(text, anchors, ink.SPRING, clearance=4.0)
+        return
+    ways = [page.points(way) for way in shapes.load_ways(stage, load)]
+    if not ways or not np.isfinite(ways[0][:, 0]).all():
+        return
     if load.unit == "N":
-        return [Label(text, [[way[-1]], [way[0]]], ink.LOAD, cmath.phase(way[-1] - way[0]))]
-    return [Label(text, [[sum(way) / len(way)]], ink.LOAD, clearance=SIZES.couple)]
+        start, end = ways[0][0], ways[0][-1]
+        yield Label(text, [end, start], ink.LOAD, cmath.phase(complex((end - start)[0])))
+    else:
+        yield Label(text, [ways[0].mean(axis=0)], ink.LOAD, clearance=SIZES.couple)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from blockmech.result import Result
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
-SAME_POSE = 1e-6  # [-] of the mechanism's size, and [rad]: far below a line's width
+SAME_PLACE = 1e-6  # [-] of the mechanism's size, and [rad]: far below a line's width
 
 
 class Spot(NamedTuple):
@@ -28,21 +29,28 @@ class Spot(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion:
-    """Poses of all links at n samples; NaN where the mechanism cannot close.
+    """Poses of all links at n samples of a run; NaN where the mechanism cannot close.
 
     Attributes
     ----------
+    result : the run that they come from
+    samples : (n,) which samples of the run
     origin, axis : link -> complex (n,), origin [m] and unit x axis [-]
     q, q_rate : driver -> (n,) coordinate and rate
-    result : the run that they come from
     """
 
-    mechanism: Compiled
+    result: Result
+    samples: NDArray[np.intp]
     origin: Mapping[LinkRef, Complex]
     axis: Mapping[LinkRef, Complex]
     q: Mapping[str, Real]
     q_rate: Mapping[str, Real]
-    result: Result
+
+    @property
+    def mechanism(self) -> Compiled:
+        """What moves."""
+        mechanism: Compiled = self.result.mechanism
+        return mechanism
 
     @property
     def structure(self) -> Structure:
@@ -50,62 +58,70 @@ class Motion:
         return self.mechanism.structure
 
     @property
-    def n(self) -> int:
-        """Number of samples."""
-        return self.result.n
+    def time(self) -> Real | None:
+        """(n,) [s], where the run says times."""
+        time = self.result.known_time()
+        return None if time is None else np.asarray(time)[self.samples]
 
     @property
     def feasible(self) -> NDArray[np.bool_]:
         """(n,) whether the whole mechanism closes."""
-        found: NDArray[np.bool_] = np.isfinite([*self.origin.values(), *self.axis.values()])
-        return np.asarray(found.all(axis=0))
+        known = np.isfinite([*self.origin.values(), *self.axis.values()])
+        return np.asarray(known.all(axis=0))
 
-    def at(self, link: LinkRef, place: complex) -> Complex:
-        """Places (n,) [m] of a point of a link, given in the link's frame."""
-        return self.origin[link] + self.axis[link] * place
+    def only(self, samples: Sequence[int] | NDArray[Any]) -> Motion:
+        """Some of the samples, in their order; indices or a mask (n,)."""
+        rows: dict[str, Any] = {
+            name: {key: row[samples] for key, row in getattr(self, name).items()}
+            for name in ("origin", "axis", "q", "q_rate")
+        }
+        return replace(self, samples=self.samples[samples], **rows)
+
+    def at(self, link: LinkRef, place: complex | Complex) -> Complex:
+        """Places [m] of a point (n,), or of points (p, n), given in the link's frame."""
+        along: Complex = self.axis[link] * np.asarray(place, complex)[..., None]
+        return self.origin[link] + along
 
     def seen(self, link: LinkRef, spot: Spot) -> Complex:
         """Places (n,) [m] of a spot of another link in a link's frame."""
         return (self.at(*spot) - self.origin[link]) * np.conj(self.axis[link])
 
-    def seen_once(self, link: LinkRef, spot: Spot) -> complex:
-        """The same at a sample where both are known."""
-        z = self.seen(link, spot)
-        known = z[np.isfinite(z)]
-        return complex(known[0]) if len(known) else 0j
-
-    def refuse(self, k: int) -> None:
-        """Raise the error of a pose that cannot be reached, in the words of `Compiled.run`."""
-        at = {d: float(q[k]) for d, q in self.q.items()}
+    def refuse(self) -> None:
+        """Raise the error of a first pose that cannot be reached, as `Compiled.run` does."""
+        at = {d: float(q[0]) for d, q in self.q.items()}
         want = [n for n in self.mechanism.outputs if n.endswith(".p")]
         rates = dict.fromkeys(at, 0.0)
         self.mechanism.run(at=at, rates=rates, want=want, friction="none", on_gap="raise")
 
-    def efforts(self, element: str) -> tuple[Complex, ...] | None:
-        """Forces [N] or couples [N m] (n,) of a load at its terminals.
+    @cached_property
+    def efforts(self) -> Mapping[str, tuple[Complex, ...] | None]:
+        """Forces [N] or couples [N m] (n,) of the loads at their terminals.
 
-        None where the load follows the time and the samples do not say it.
+        None for a load that follows the time where the samples do not say it.
         """
-        terminals = self.structure.elements[element].terminals
+        return {name: self._effort(name) for name in self.structure.elements}
+
+    def _effort(self, element: str) -> tuple[Complex, ...] | None:
         wanted = [
             f"{JointRef(element, name)}.{'force' if terminal.kind == 'point' else 'couple'}"
-            for name, terminal in terminals.items()
+            for name, terminal in self.structure.elements[element].terminals.items()
         ]
         try:
             found = self.result.inside(*wanted)
         except RequestError:
-            if self.result.known_time() is not None:
+            if self.time is not None:
                 raise
             return None
-        return tuple(np.asarray(found[name], dtype=complex) for name in wanted)
+        return tuple(np.asarray(found[name], dtype=complex)[self.samples] for name in wanted)
 
-    def closes(self, first: int, last: int) -> bool:
-        """Whether two samples are the same pose, so that the motion can be played round."""
+    @property
+    def returns(self) -> bool:
+        """Whether the last sample is the pose of the first, so that it can be played round."""
         places = np.array([*self.origin.values()])
-        size = float(np.nanmax(np.abs(places), initial=0.0)) or 1.0
-        steps = np.abs(places[:, last] - places[:, first]) / size
-        turns = [abs(e[last] - e[first]) for e in self.axis.values()]
-        return bool(max([*steps, *turns]) <= SAME_POSE)
+        size = float(np.abs(places).max(initial=0.0)) or 1.0
+        axes = np.array([*self.axis.values()])
+        apart = [places[:, -1] - places[:, 0], size * (axes[:, -1] - axes[:, 0])]
+        return bool(np.abs(apart).max() <= SAME_PLACE * size)
 
 
 def marker_place(structure: Structure, ref: MarkerRef) -> complex:
@@ -113,43 +129,42 @@ def marker_place(structure: Structure, ref: MarkerRef) -> complex:
     return structure.block(ref.block).place_of(structure.marker(ref))
 
 
-def moves(mechanism: Compiled, at: Any = None, **samples: Any) -> Motion:
+def moves(mechanism: Compiled, at: Any = None, samples: int | None = None) -> Motion:
     """Poses of a mechanism at driver coordinates ``at``, or over the range of its laws.
 
-    ``samples`` are those of `Compiled.run`: ``samples=`` or ``times=``. Raises
-    `RequestError` where neither ``at`` nor the scene says where the drivers are.
+    Raises `RequestError` where neither ``at`` nor the scene says where the drivers are.
     """
-    if at is None and samples.get("times") is None:
+    if at is None:
         at = _starts(mechanism)
-        samples = samples if at is None else {}
+    rates = None
     if at is not None:
+        samples = None
         # Laws by time do not say the rate at a coordinate, and a picture needs none.
-        rates = {
-            d: 0.0
-            for d, law in mechanism.scene.drive.items()
-            if not law.by_coordinate and d in mechanism.drivers
-        }
-        samples["rates"] = rates or None
-    return moves_of_result(mechanism.run(at=at, want=(), on_gap="mark", friction="none", **samples))
+        laws = mechanism.scene.drive.items()
+        by_time = [d for d, law in laws if not law.by_coordinate and d in mechanism.drivers]
+        rates = dict.fromkeys(by_time, 0.0) or None
+    how: dict[str, Any] = {"want": (), "on_gap": "mark", "friction": "none"}
+    return moves_of_result(mechanism.run(at=at, samples=samples, rates=rates, **how))
 
 
 def moves_of_result(result: Result) -> Motion:
     """Poses at the samples of a run that was made before."""
-    mechanism = result.mechanism
-    s, fixed = mechanism.structure, mechanism.structure.frame_link
-    moving = [link for link in s.links if link != fixed]
+    structure = result.mechanism.structure
+    fixed = structure.frame_link
+    moving = [link for link in structure.links if link != fixed]
     found = result.inside(*(f"{link}.{what}" for link in moving for what in ("p", "angle")))
-    origin = {fixed: np.zeros(found.n, complex)}
-    axis = {fixed: np.ones(found.n, complex)}
-    for link in moving:
-        origin[link] = found[f"{link}.p"]
-        axis[link] = np.exp(1j * found[f"{link}.angle"])
-    q, qd = (
-        {d: np.asarray(result.samples.inputs[f"{what}_{i}"], dtype=float)
-         for i, d in enumerate(mechanism.drivers)}
+    origin = {link: found[f"{link}.p"] for link in moving}
+    axis = {link: np.exp(1j * found[f"{link}.angle"]) for link in moving}
+    q, rate = (
+        {
+            driver: np.asarray(result.samples.inputs[f"{what}_{i}"], dtype=float)
+            for i, driver in enumerate(result.mechanism.drivers)
+        }
         for what in ("q", "qd")
-    )  # fmt: skip
-    return Motion(mechanism, origin, axis, q, qd, result)
+    )
+    n = result.n
+    origin, axis = {fixed: np.zeros(n, complex), **origin}, {fixed: np.ones(n, complex), **axis}
+    return Motion(result, np.arange(n), origin, axis, q, rate)
 
 
 def _starts(mechanism: Compiled) -> dict[str, float] | None:

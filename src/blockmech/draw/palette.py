@@ -8,6 +8,7 @@ Sizes are in points of the printed picture; a paper's column is 8.5 cm wide.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 POINTS_PER_CM = 72 / 2.54
 COLUMN = 8.5 * POINTS_PER_CM  # [pt] width of a paper's column
@@ -89,8 +90,17 @@ STYLE = {
     "ytick.major.width": 0.6,
     "xtick.major.size": 2.5,
     "ytick.major.size": 2.5,
+    "axes.axisbelow": True,
+    "grid.color": PALE,
+    "grid.linewidth": 0.3,
     "legend.fontsize": SMALL,
     "legend.frameon": False,
+    "legend.loc": "lower left",
+    "legend.borderaxespad": 0.1,
+    "legend.borderpad": 0.1,
+    "legend.labelspacing": 0.3,
+    "legend.handlelength": 2.5,
+    "legend.columnspacing": 1.2,
     "lines.linewidth": 1.2,
     "hatch.linewidth": 0.5,
     "svg.fonttype": "none",  # text stays text: small, searchable, and of any script
@@ -99,6 +109,9 @@ STYLE = {
 }
 
 
-def curve_style(i: int) -> tuple[str, tuple[float, ...]]:
-    """Colour and dashes of the curve number i; 48 different ones."""
-    return SERIES[i % len(SERIES)], DASHES[(i + i // len(SERIES)) % len(DASHES)]
+def curve_style(i: int) -> dict[str, Any]:
+    """Colour and dashes of the curve number i, for `plot`; 48 different ones."""
+    return {
+        "color": SERIES[i % len(SERIES)],
+        "dashes": DASHES[(i + i // len(SERIES)) % len(DASHES)],
+    }

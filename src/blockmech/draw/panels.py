@@ -6,8 +6,8 @@ Legends stand above the axes, so they cover no curve; a gap is a gap, and is sha
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,62 +18,42 @@ from blockmech.draw.paper import legend_above, new_figure, scaled_unit, shown_na
 
 Array = NDArray[np.float64]
 
-PANEL = 128.0  # [pt] height of a panel's axes, and what is between two
-BOTTOM = 30.0  # [pt] for the words below the last one
+PANEL, BOTTOM = 128.0, 30.0  # [pt] height of a panel with what is above it; words below the last
 FEW = 25  # samples up to which they are marked
 TALL = 4  # panels up to which they stand below one another
 USUAL, PEAK = 0.95, 20.0  # peaks are what exceeds 20 times what 95 % of the samples stay below
 DEGREES = (15, 30, 60, 90, 180, 360, 720, 1800, 3600)  # steps of ticks
 WITHOUT = "without friction"
-TWIN = (4.0, 1.8)  # dashes of the curve without friction
-
-
-@dataclass(frozen=True)
-class Curve:
-    """One line of a panel; ``without`` is the same without friction, if that differs."""
-
-    name: str
-    values: Array
-    without: Array | None = None
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One quantity: its words, its SI unit, its curves."""
+    """One quantity: its words, its SI unit, its curves by name; some ``without`` friction too."""
 
     quantity: str
     unit: str
-    curves: tuple[Curve, ...]
+    curves: Mapping[str, Array]
+    without: Mapping[str, Array] = field(default_factory=dict)
 
     @property
-    def rows(self) -> list[Array]:
-        """All values, those without friction included."""
-        both = [(c.values, c.without) for c in self.curves]
-        return [row for pair in both for row in pair if row is not None]
+    def rows(self) -> Array:
+        """All values (curves, n)."""
+        return np.vstack([*self.curves.values(), *self.without.values()])
 
     @property
     def shown(self) -> tuple[float, float]:
         """The range that is shown: all of it, but peaks near a dead centre are cut off."""
-        y = np.concatenate([row[np.isfinite(row)] for row in self.rows])
-        if not len(y):
-            return 0.0, 0.0
-        usual = float(np.quantile(np.abs(y), USUAL))
+        y = self.rows[np.isfinite(self.rows)]
+        usual = float(np.quantile(np.abs(y), USUAL)) if len(y) else 0.0
         if usual > 0 and np.abs(y).max() > PEAK * usual:
             y = y[np.abs(y) <= 2 * usual]
-        return float(y.min()), float(y.max())
+        return (float(y.min()), float(y.max())) if len(y) else (0.0, 0.0)
 
     @property
     def peak(self) -> float:
         """Largest value that is cut off; 0 if none is."""
-        largest = max((float(np.nanmax(np.abs(r), initial=0.0)) for r in self.rows), default=0.0)
+        largest = float(np.nanmax(np.abs(self.rows), initial=0.0))
         return largest if largest > max(map(abs, self.shown)) else 0.0
-
-    @property
-    def labels(self) -> list[str]:
-        """Names in the legend; one curve that has a frictionless twin is "with friction"."""
-        if len(self.curves) == 1 and self.curves[0].without is not None:
-            return ["with friction"]
-        return [shown_name(c.name) for c in self.curves]
 
 
 @dataclass(frozen=True)
@@ -86,111 +66,87 @@ class Abscissa:
     events: tuple[tuple[float, str], ...] = ()
 
 
-@dataclass
-class Plot:
-    """A drawn picture: the figure, and its axes from top to bottom."""
-
-    figure: Any
-    axes: list[Any]
-
-
-def draw_panels(panels: Sequence[Panel], along: Abscissa) -> Plot:
-    """Draw panels below one another, a column wide, legends above their axes.
+def draw_panels(panels: Sequence[Panel], along: Abscissa) -> Any:
+    """A figure of panels below one another, a column wide, legends above their axes.
 
     Many panels stand in two columns.
     """
     columns = 1 if len(panels) <= TALL else 2
     rows = math.ceil(len(panels) / columns)
     with styled():
-        width = columns * ink.COLUMN
-        figure = new_figure(width, BOTTOM + rows * PANEL, layout="constrained")
-        grid = figure.subplots(rows, columns, squeeze=False)
-        plot = Plot(figure, list(grid.T.flat)[: len(panels)])
-        lines = [0] * rows
-        for k, (panel, axes) in enumerate(zip(panels, plot.axes, strict=True)):
+        figure = new_figure(columns * ink.COLUMN, BOTTOM + rows * PANEL, layout="constrained")
+        every = figure.subplots(rows, columns, squeeze=False).T.ravel()
+        lines = np.zeros(columns * rows, int)
+        for k, (panel, axes) in enumerate(zip(panels, every, strict=False)):
             _draw_panel(axes, panel, along)
-            lines[k % rows] = max(lines[k % rows], legend_above(axes, ink.COLUMN))
-            last = k % rows == rows - 1 or k == len(panels) - 1
+            lines[k] = legend_above(axes, ink.COLUMN)
+            last = (k + 1) % rows == 0 or k == len(panels) - 1
             axes.tick_params(labelbottom=last)
-            if last:
-                axes.set_xlabel(along.words, labelpad=2)
-        figure.set_figheight(figure.get_figheight() + sum(lines) * ink.ROW / 72)
-        for axes in grid.T.flat[len(panels) :]:
+            axes.set_xlabel(along.words if last else "", labelpad=2)
+        more = lines.reshape(columns, rows).max(axis=0).sum() * ink.ROW
+        figure.set_figheight(figure.get_figheight() + more / 72)
+        for axes in every[len(panels) :]:
             axes.remove()
-        figure.align_ylabels(plot.axes)
-    return plot
+        figure.align_ylabels()
+    return figure
 
 
 def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
     """Draw the curves of a panel, with labels for the legend."""
-    order = np.arange(len(along.values))
     step = np.diff(along.values)
-    if np.any(step > 0) and np.any(step < 0):
-        order = np.argsort(along.values, kind="stable")
-    x = along.values[order]
-    factor, unit = scaled_unit(panel.unit, max(map(abs, panel.shown)))
-    alone = len(panel.curves) == 1
-    for i, (curve, label) in enumerate(zip(panel.curves, panel.labels, strict=True)):
-        colour, dashes = ink.curve_style(i)
-        style = {"color": colour, "lw": 1.2, "zorder": 2.5, "label": label}
-        _line(axes, x, curve.values[order] * factor, dashes, "o", style)
-    for i, curve in enumerate(panel.curves):
-        if curve.without is not None:
+    mixed = np.any(step > 0) and np.any(step < 0)
+    order = np.argsort(along.values, kind="stable") if mixed else slice(None)
+    x, (low, high) = along.values[order], panel.shown
+    factor, unit = scaled_unit(panel.unit, max(abs(low), abs(high)))
+    pair = len(panel.curves) == len(panel.without) == 1
+    for i, (name, y) in enumerate(panel.curves.items()):
+        look = {**ink.curve_style(i), "lw": 1.2, "zorder": 2.5, "marker": "o"}
+        label = "with friction" if pair else shown_name(name)
+        _line(axes, x, factor * y[order], label=label, **look)
+        if name in panel.without:
             # One pair of curves differs in colour and dashes; of many, the thin ones.
-            colour = ink.SERIES[1] if alone else ink.curve_style(i)[0]
-            style = {"color": colour, "lw": 1.1 if alone else 0.5, "label": WITHOUT}
-            style["zorder"] = 3 if alone else 2
-            _line(axes, x, curve.without[order] * factor, TWIN if alone else (), "s", style)
-    _shade_gaps(axes, x, np.vstack([row[order] for row in panel.rows]))
+            look |= {"marker": "s", "dashes": (), "lw": 0.5, "zorder": 2}
+            if pair:
+                look |= {"color": ink.SERIES[1], "dashes": (4.0, 1.8), "lw": 1.1, "zorder": 3}
+            _line(axes, x, factor * panel.without[name][order], label=WITHOUT, **look)
+    _shade_gaps(axes, x, panel.rows[:, order])
     for at, words in along.events:
         axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1, label=words)
     axes.set_ylabel(f"{panel.quantity} [{unit or '–'}]", labelpad=3)
     axes.margins(x=0.01 if len(x) > 1 else 0.5)
-    axes.grid(True, color=ink.PALE, lw=0.3)
-    axes.set_axisbelow(True)
-    _ticks(axes, along, x)
+    axes.grid(True)
+    _set_ticks(axes, np.ptp(x) if along.angle and len(x) else 0.0)
     if panel.peak:
-        factor, unit = scaled_unit(panel.unit, panel.peak)
-        axes.plot([], [], " ", label=f"cut-off peaks up to {panel.peak * factor:.3g} {unit}")
-        factor, _ = scaled_unit(panel.unit, max(map(abs, panel.shown)))
-        low, high = (factor * y for y in panel.shown)
+        scale, prefixed = scaled_unit(panel.unit, panel.peak)
+        axes.plot([], [], " ", label=f"cut-off peaks up to {panel.peak * scale:.3g} {prefixed}")
         air = 0.05 * (high - low or 1.0)
-        axes.set_ylim(low - air, high + air)
+        axes.set_ylim(factor * (low - air), factor * (high + air))
 
 
-def _line(
-    axes: Any, x: Array, y: Array, dashes: tuple[float, ...], mark: str, style: dict[str, Any]
-) -> None:
+def _line(axes: Any, x: Array, y: Array, **look: Any) -> None:
     """A curve; few samples are marked, and so is one that stands alone between gaps."""
-    good = np.isfinite(y)
-    left, right = np.append(False, good[:-1]), np.append(good[1:], False)
-    alone = np.flatnonzero(good & ~left & ~right)
-    if len(y) <= FEW:
-        style = {"marker": mark, "ms": 2.6, "markevery": None, **style}
-    elif len(alone):
-        style = {"marker": mark, "ms": 2.0, "markevery": alone.tolist(), **style}
-    (line,) = axes.plot(x, y, **style)
-    if dashes:
-        line.set_dashes(dashes)
+    good = np.pad(np.isfinite(y), 1)
+    alone = np.flatnonzero(good[1:-1] & ~good[:-2] & ~good[2:]).tolist()
+    axes.plot(x, y, ms=2.4, markevery=None if len(y) <= FEW else alone, **look)
 
 
-def _shade_gaps(axes: Any, x: Array, y: NDArray[Any]) -> None:
+def _shade_gaps(axes: Any, x: Array, rows: Array) -> None:
     """Shade where a curve has no answer."""
-    bad = ~np.isfinite(y).all(axis=0)
-    starts = np.flatnonzero(bad & ~np.append(False, bad[:-1]))
-    ends = np.flatnonzero(bad & ~np.append(bad[1:], False))
-    for a, b in zip(starts.tolist(), ends.tolist(), strict=True):
-        left, right = x[max(a - 1, 0)], x[min(b + 1, len(x) - 1)]
+    bad = ~np.isfinite(rows).all(axis=0)
+    edges = np.diff(np.pad(bad.astype(int), 1))
+    for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
+        left, right = x[max(int(a) - 1, 0)], x[min(int(b), len(x) - 1)]
         style = {"facecolor": ink.FRAME_FILL, "edgecolor": ink.PALE, "hatch": "////", "lw": 0}
         axes.axvspan(left, right, zorder=0.5, label="no answer", **style)
 
 
-def _ticks(axes: Any, along: Abscissa, x: Array) -> None:
+def _set_ticks(axes: Any, degrees: float) -> None:
+    """Round numbers, and steps of a turn where so many degrees are drawn over."""
     from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-    span = float(np.ptp(x)) if len(x) else 0.0
-    round_numbers = [1, 2, 2.5, 5, 10]
-    whole = [step for step in DEGREES if span <= 7 * step and along.angle and span >= 90]
-    wide = MultipleLocator(whole[0]) if whole else MaxNLocator(7, steps=round_numbers)
-    axes.xaxis.set_major_locator(wide)
-    axes.yaxis.set_major_locator(MaxNLocator(6, steps=round_numbers))
+    steps = [1, 2, 2.5, 5, 10]
+    turns = [step for step in DEGREES if degrees <= 7 * step and degrees >= 90]
+    axes.xaxis.set_major_locator(
+        MultipleLocator(turns[0]) if turns else MaxNLocator(7, steps=steps)
+    )
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=steps))

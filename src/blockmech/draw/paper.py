@@ -1,7 +1,8 @@
-"""The paper that pictures are drawn on: style, text, figures and files.
+"""The paper that pictures are drawn on: figures, text, legends, units and files.
 
 Figures are matplotlib's, made without pyplot, so drawing leaves no global state
-behind. matplotlib is imported when the first picture is drawn.
+behind. matplotlib is imported when the first picture is drawn. A file is written whole
+or not at all; the same picture gives the same bytes.
 """
 
 from __future__ import annotations
@@ -11,11 +12,17 @@ import io
 import math
 import warnings
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from blockmech.draw.palette import DPI, SMALL, STYLE
+from blockmech.errors import Problem, RequestError, listed
+from blockmech.files import AnyPath, writing
+
+STILL = (".png", ".svg", ".pdf")
 
 LEGEND = 30.0  # [pt] beside a word of a legend: its line, and what is between columns
 BESIDE = 36.0  # [pt] left of axes: their numbers and words
@@ -61,6 +68,7 @@ def new_page(width: float, height: float, left: float, top: float) -> tuple[Any,
     return figure, axes
 
 
+@lru_cache(maxsize=4096)
 def text_width(text: str, size: float, bold: bool = False) -> float:
     """Width [pt] of one line of text."""
     from matplotlib.font_manager import FontProperties
@@ -152,3 +160,21 @@ def rendered(figure: Any, suffix: str, dpi: int = DPI) -> bytes:
     with styled():  # how text and identities are written is settled now, not while drawing
         figure.savefig(buffer, format=suffix[1:], dpi=dpi, metadata=date.get(suffix))
     return buffer.getvalue()
+
+
+def write_figure(figure: Any, path: AnyPath, suffix: str = ".png") -> Path:
+    """Write a figure as the suffix says."""
+    data = rendered(figure, suffix)
+    with writing(path) as stream:
+        stream.write(data)
+    return Path(path)
+
+
+def suffix_of(path: AnyPath, what: str = "a plot", valid: Sequence[str] = STILL) -> str:
+    """The suffix of a picture's file; raises `RequestError` for one that is not valid."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in valid:
+        found = f'{what} cannot be written as "{suffix}"' if suffix else "the name has no suffix"
+        known = f"suffixes for {what}: {listed(valid)}"
+        raise RequestError(Problem("unknown-suffix", str(path), found, known, "choose one of them"))
+    return suffix

@@ -1,4 +1,4 @@
-"""The shapes of one pose: lines, areas and discs, for any pen.
+"""The shapes of a mechanism at all samples of a motion: lines, areas and discs, for any pen.
 
 The printed picture, the GIF and the player in a browser draw the same list. Places
 are in metres on the ground; widths, and radii of symbols, are in points of the page,
@@ -7,18 +7,16 @@ so links look the same whatever the size of the mechanism.
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.draw import palette as ink
-from blockmech.draw.motion import Motion, Spot
+from blockmech.draw.motion import Complex, Motion
 from blockmech.draw.palette import SIZES
 from blockmech.draw.sketch import LoadMark, Sketch, Slider
 
@@ -32,13 +30,14 @@ class Shape:
     Attributes
     ----------
     what : what it is, e.g. ``"link:dyad.i"``
-    points : complex [m]; one for a disc
+    points : complex (p, n) [m] at n samples, (p, 1) of what stands still; one for a disc;
+        NaN where it is not there
     order : shapes of higher order lie on lower ones
     """
 
     what: str
     kind: Literal["line", "area", "disc"]
-    points: Sequence[complex]
+    points: Complex
     order: float
     stroke: str = ink.INK
     fill: str = ""
@@ -47,59 +46,61 @@ class Shape:
     dash: tuple[float, ...] = ()
     rounded: bool = False  # round ends
 
+    @property
+    def still(self) -> bool:
+        """Whether it stays where it is."""
+        return bool(self.points.shape[1] == 1)
+
+    def at(self, k: int) -> Complex:
+        """Its points (p,) at sample k; none where it is not there."""
+        points = self.points[:, 0 if self.still else k]
+        return points if np.isfinite(points).all() else points[:0]
+
 
 @dataclass(frozen=True)
 class Stage:
-    """A mechanism ready to be drawn at any sample of a motion.
-
-    ``unit`` [m/pt] is the size of a point of the page on the ground.
-    """
+    """A mechanism ready to be drawn; ``unit`` [m/pt] is the size of a point of the page."""
 
     sketch: Sketch
     motion: Motion
     unit: float
 
-    def place(self, spot: Spot, k: int) -> complex:
-        """Place [m] of a spot at sample k."""
-        return complex(self.motion.at(*spot)[k])
-
-    @cached_property
-    def efforts(self) -> Mapping[str, tuple[NDArray[Any], ...] | None]:
-        """Forces [N] and couples [N m] of the elements, None where they are not known."""
-        return {load.name: self.motion.efforts(load.name) for load in self.sketch.loads}
-
     @cached_property
     def largest(self) -> float:
         """The force [N] with the longest arrow."""
-        every = [self.efforts[load.name] or () for load in self.sketch.loads if load.unit == "N"]
-        sizes = [float(np.nanmax(np.abs(f), initial=0.0)) for forces in every for f in forces]
+        efforts = (self.motion.efforts[load.name] for load in self.sketch.loads if load.unit == "N")
+        sizes = [
+            float(np.nanmax(np.abs(f), initial=0.0)) for forces in efforts for f in forces or ()
+        ]
         return max(sizes, default=0.0) or 1.0
 
+    def along(self, slider: Slider) -> Complex:
+        """Unit direction (n,) of a slider's guide on the ground."""
+        return self.motion.axis[slider.guide.link] * slider.direction
 
-def pose(stage: Stage, k: int) -> list[Shape]:
-    """All that moves, at sample k."""
-    found = [*links(stage, k), *sliders(stage, k), *_centres(stage, k)]
+
+def shapes_of(stage: Stage) -> list[Shape]:
+    """All shapes of a mechanism."""
+    found = [*_ground(stage), *links(stage), *sliders(stage), *_centres(stage)]
     for pin in stage.sketch.pins:
-        z = stage.place(pin.spot, k)
-        found.append(
-            Shape(f"pin:{pin.names[0]}", "disc", (z,), 6, fill=ink.PAPER, radius=SIZES.pin)
-        )
+        z = stage.motion.at(*pin.spot)[None]
+        name = f"pin:{pin.names[0]}"
+        found.append(Shape(name, "disc", z, 6, fill=ink.PAPER, radius=SIZES.pin))
     for load in stage.sketch.loads:
-        found += _load(stage, load, k)
-    for name, way in drive_ways(stage, k).items():
-        found += arrow(way, ink.DRIVE, f"drive:{name}", stage.unit)
+        found += _load(stage, load)
+    for name, way in drive_ways(stage).items():
+        found += _arrow(way, ink.DRIVE, f"drive:{name}", stage.unit)
     return found
 
 
 # -- links and joints ----------------------------------------------------------------------
 
 
-def links(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
+def links(stage: Stage, faint: bool = False) -> Iterator[Shape]:
     """Bars and plates of even thickness, in formation order."""
-    found = []
     for body in stage.sketch.bodies:
-        points = [stage.place(Spot(body.link, p), k) for p in body.outline]
-        points = points if len(points) > 1 else points * 2
+        points = stage.motion.at(body.link, np.array(body.outline))
+        points = points if len(points) > 1 else np.repeat(points, 2, axis=0)
         fill, edge = _colours(body.number, faint)
         bar = SIZES.link * body.width
         order = 1.5 if faint else 4 + 0.01 * body.number
@@ -108,32 +109,20 @@ def links(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
         kind: Literal["area", "line"] = "area" if len(points) > 2 else "line"
         name = f"{'faint' if faint else 'link'}:{body.link}"
         # The edge is a wider copy below; so the corners of a plate are round as well.
-        for what, height, ink_, width in (
-            ("edge", order, edge, bar + 1.2),
-            (name, order + 0.005, fill, bar),
-        ):
-            found.append(Shape(what, kind, points, height, ink_, ink_, width, rounded=True))
-    return found
+        yield Shape("edge", kind, points, order, edge, edge, bar + 1.2, rounded=True)
+        yield Shape(name, kind, points, order + 0.005, fill, fill, bar, rounded=True)
 
 
-def sliders(stage: Stage, k: int, faint: bool = False) -> list[Shape]:
-    """A block on its guide for each prismatic pair."""
-    found = []
-    for slider in stage.sketch.sliders:
-        if slider.inside:
-            continue
-        z, u = stage.place(slider.point, k), along(stage, slider, k) * stage.unit
-        a, b = SIZES.slider[0] * u, SIZES.slider[1] * 1j * u
-        corners = (z + a + b, z - a + b, z - a - b, z + a - b)
+def sliders(stage: Stage, faint: bool = False) -> Iterator[Shape]:
+    """A block on its guide for each prismatic pair outside of cylinders."""
+    a, b = SIZES.slider
+    corners = np.array([complex(a, b), complex(-a, b), complex(-a, -b), complex(a, -b)])
+    for slider in (s for s in stage.sketch.sliders if not s.inside):
+        turned = stage.along(slider) * stage.unit
+        points = stage.motion.at(*slider.point) + corners[:, None] * turned
         fill, edge = _colours(stage.motion.structure.links[slider.point.link], faint)
         name = f"{'faint' if faint else 'slider'}:{slider.name}"
-        found.append(Shape(name, "area", corners, 1.6 if faint else 5, edge, fill, 0.7))
-    return found
-
-
-def along(stage: Stage, slider: Slider, k: int) -> complex:
-    """Unit direction of a slider's guide on the ground."""
-    return complex(stage.motion.axis[slider.guide.link][k] * slider.direction)
+        yield Shape(name, "area", points, 1.6 if faint else 5, edge, fill, 0.7)
 
 
 def _colours(number: int, faint: bool) -> tuple[str, str]:
@@ -144,147 +133,122 @@ def _colours(number: int, faint: bool) -> tuple[str, str]:
     return (fills[(number - 1) % len(fills)] if number else ink.FRAME_FILL), ink.INK
 
 
-def _centres(stage: Stage, k: int) -> list[Shape]:
+def _centres(stage: Stage) -> Iterator[Shape]:
     """Centres of mass: a disc with two black quarters."""
-    found = []
+    quarter = np.array([0, *_arc(SIZES.pin, 0.0, math.pi / 2)])[:, None] * stage.unit
     for body in stage.sketch.bodies:
-        if body.cm is None:
-            continue
-        z, name = stage.place(Spot(body.link, body.cm), k), f"cm:{body.link}"
-        found.append(Shape(name, "disc", (z,), 5.5, fill=ink.PAPER, width=0.6, radius=SIZES.pin))
-        for turn in (0.0, math.pi):
-            quarter = (z, *arc(z, SIZES.pin * stage.unit, turn, math.pi / 2))
-            found.append(Shape("quarter", "area", quarter, 5.6, fill=ink.INK, width=0.0))
-    return found
+        if body.cm is not None:
+            z, name = stage.motion.at(body.link, body.cm), f"cm:{body.link}"
+            yield Shape(name, "disc", z[None], 5.5, fill=ink.PAPER, width=0.6, radius=SIZES.pin)
+            for part in (quarter, -quarter):
+                yield Shape("quarter", "area", z + part, 5.6, fill=ink.INK, width=0.0)
 
 
-# -- the frame -----------------------------------------------------------------------------
-
-
-def ground(stage: Stage, k: int) -> list[Shape]:
+def _ground(stage: Stage) -> Iterator[Shape]:
     """Pivots and guides of the frame, on hatched ground."""
-    found: list[Shape] = []
-    unit = stage.unit
-    frame = stage.motion.structure.frame_link
-    for pin in stage.sketch.pins:
-        if pin.grounded:
-            z = stage.place(pin.spot, k)
-            legs = (z, z - complex(6, 9) * unit, z + complex(6, -9) * unit)
-            found.append(Shape("ground", "area", legs, 3, fill=ink.FRAME_FILL))
-            found += _hatched(z - complex(9.5, 9) * unit, z + complex(9.5, -9) * unit, unit)
+    frame, unit = stage.motion.structure.frame_link, stage.unit
+    for pin in (pin for pin in stage.sketch.pins if pin.grounded):
+        z = stage.motion.at(*pin.spot)[:1]
+        legs = z + np.array([0, -6 - 9j, 6 - 9j])[:, None] * unit
+        yield Shape("ground", "area", legs, 3, fill=ink.FRAME_FILL)
+        yield _hatched(z[0] - (9.5 + 9j) * unit, z[0] + (9.5 - 9j) * unit, unit)
     for slider in stage.sketch.sliders:
-        u = along(stage, slider, k)
+        u = stage.along(slider)[0]
         below, beyond = -1j * u * (SIZES.slider[1] + 0.4) * unit, (SIZES.slider[0] + 3) * unit
         if slider.guide.link == frame:
-            ends = (slider.end(0, beyond), slider.end(1, beyond))
+            yield _hatched(slider.end(0, beyond) + below, slider.end(1, beyond) + below, unit)
         elif slider.point.link == frame:
-            z = stage.place(slider.point, k)
-            ends = (z - beyond * u, z + beyond * u)
-        else:
-            continue
-        found += _hatched(ends[0] + below, ends[1] + below, unit)
-    return found
+            z = slider.point.at + below
+            yield _hatched(z - beyond * u, z + beyond * u, unit)
 
 
-def _hatched(start: complex, end: complex, unit: float) -> list[Shape]:
-    """A line with the strokes of solid ground on its right."""
-    found = [Shape("ground", "line", (start, end), 3)]
+def _hatched(start: complex, end: complex, unit: float) -> Shape:
+    """A line with the strokes of solid ground on its right, in one go."""
     u = (end - start) / abs(end - start)
     n = max(2, round(abs(end - start) / unit / 3.2))
-    for t in (np.arange(n) + 0.7) / n:
-        foot = start + float(t) * (end - start)
-        stroke = (foot, foot - (1 + 1j) * u * 2.6 * unit)
-        found.append(Shape("hatch", "line", stroke, 3, width=0.5))
-    return found
+    feet = start + (np.arange(n) + 0.7) / n * (end - start)
+    strokes = np.stack([feet, feet - (1 + 1j) * u * 2.6 * unit, feet], axis=1).ravel()
+    return Shape("ground", "line", np.array([start, *strokes, end])[:, None], 3, width=0.6)
 
 
 # -- loads and drives ------------------------------------------------------------------------
 
 
-def arrow(way: Sequence[complex], colour: str, name: str, unit: float) -> list[Shape]:
-    """A line with an arrowhead at its end."""
-    z, before = way[-1], way[-2]
-    u = (z - before) / abs(z - before) * unit
-    head = (z, z - u * complex(6, 2.4), z - u * complex(6, -2.4))
-    return [
-        Shape(name, "line", (*way[:-1], z - 3 * u), 7, colour, width=1.3),
-        Shape("arrowhead", "area", head, 7.1, colour, colour, 0.0),
-    ]
+def _arc(radius: float, start: float, turn: float) -> Complex:
+    """Places (p,) on an arc about 0 that turns by an angle [rad]."""
+    n = math.ceil(turn / 0.2)
+    arc: Complex = radius * np.exp(1j * (start + turn * np.arange(n + 1) / n))
+    return arc
 
 
-def arc(centre: complex, radius: float, start: float, turn: float) -> list[complex]:
-    """Places on an arc that turns by an angle [rad]."""
-    n = max(4, math.ceil(abs(turn) / 0.2))
-    return [centre + cmath.rect(radius, start + turn * t / n) for t in range(n + 1)]
+def _mirrored(arc: Complex, sense: Any) -> Complex:
+    """An arc (p, n) that turns the other way where ``sense`` (n,) is negative."""
+    mirrored: Complex = arc.real[:, None] + 1j * sense * arc.imag[:, None]
+    return mirrored
 
 
-def load_ways(stage: Stage, load: LoadMark, k: int) -> list[list[complex]]:
-    """Arrows of forces, arcs of couples: one for each terminal where there is any."""
-    values = stage.efforts[load.name]
+def _arrow(way: Complex, colour: str, name: str, unit: float) -> Iterator[Shape]:
+    """A line (p, n) with an arrowhead at its end."""
+    z, last = way[-1], way[-1] - way[-2]
+    u = last / np.abs(last) * unit
+    yield Shape(name, "line", np.array([*way[:-1], z - 3 * u]), 7, colour, width=1.3)
+    head = z - u * np.array([0, 6 + 2.4j, 6 - 2.4j])[:, None]
+    yield Shape("arrowhead", "area", head, 7.1, colour, colour, 0.0)
+
+
+def load_ways(stage: Stage, load: LoadMark) -> list[Complex]:
+    """Arrows (p, n) of forces, arcs of couples: one for each terminal, NaN where it is zero."""
+    values = stage.motion.efforts[load.name]
     if values is None or load.kind == "spring":
         return []
     found = []
-    for spot, column in zip(load.spots, values, strict=True):
-        value = complex(column[k])
-        if not cmath.isfinite(value) or value == 0:
-            continue
+    for spot, value in zip(load.spots, values, strict=True):
+        size = np.where(np.isfinite(value) & (value != 0), np.abs(value), np.nan)
         if load.unit == "N":
-            z = stage.place(spot, k)
-            length = max(SIZES.force[0], SIZES.force[1] * abs(value) / stage.largest) * stage.unit
-            found.append([z, z + value / abs(value) * length])
+            z = stage.motion.at(*spot)
+            length = np.maximum(SIZES.force[0], SIZES.force[1] * size / stage.largest) * stage.unit
+            found.append(np.array([z, z + value / size * length]))
         else:
-            z = stage.place(_middle(stage.sketch, spot), k)
-            turn = math.copysign(1.5 * math.pi, value.real)
-            found.append(arc(z, SIZES.couple * stage.unit, -0.4 * turn, turn))
+            bodies = (b.middle for b in stage.sketch.bodies if b.link == spot.link)
+            z = stage.motion.at(*next(bodies, spot))
+            arc = _arc(SIZES.couple * stage.unit, -0.6 * math.pi, 1.5 * math.pi)
+            found.append(z + _mirrored(arc, value.real / size))
     return found
 
 
-def _middle(sketch: Sketch, spot: Spot) -> Spot:
-    """Where a couple on a link is drawn: the middle of the link."""
-    outline = next((b.outline for b in sketch.bodies if b.link == spot.link), (spot.at,))
-    return Spot(spot.link, sum(outline) / len(outline))
-
-
-def _load(stage: Stage, load: LoadMark, k: int) -> list[Shape]:
-    found: list[Shape] = []
-    for way in load_ways(stage, load, k):
-        found += arrow(way, ink.LOAD, f"load:{load.name}", stage.unit)
+def _load(stage: Stage, load: LoadMark) -> Iterator[Shape]:
+    for way in load_ways(stage, load):
+        yield from _arrow(way, ink.LOAD, f"load:{load.name}", stage.unit)
     if load.kind in ("spring", "strut"):
-        a, b = (stage.place(spot, k) for spot in load.spots)
+        a, b = (stage.motion.at(*spot) for spot in load.spots)
         spring = load.kind == "spring"
-        line = zigzag(a, b, stage.unit) if spring else [a, b]
+        line = _zigzag(a, b, stage.unit) if spring else np.array([a, b])
         dash = () if spring else (4.0, 2.0)
         name = f"{load.kind}:{load.name}"
-        found.append(Shape(name, "line", line, 6.5, ink.SPRING, width=1.0, dash=dash))
-    return found
+        yield Shape(name, "line", line, 6.5, ink.SPRING, width=1.0, dash=dash)
 
 
-def zigzag(a: complex, b: complex, unit: float) -> list[complex]:
-    """A spring between two places; ``unit`` [m/pt]."""
-    length = abs(b - a)
-    if not length > 0:
-        return [a, b]
-    u = (b - a) / length
-    ends = min(6.0 * unit, 0.2 * length)
-    turns = 2 * min(max(round((length - 2 * ends) / unit / 5.0), 4), 16)
-    step = (length - 2 * ends) / turns
-    side = 3.2j * u * unit
-    coil = [a + u * (ends + step * (n + 0.5)) + side * (-1) ** n for n in range(turns)]
-    return [a, a + u * ends, *coil, b - u * ends, b]
+def _zigzag(a: Complex, b: Complex, unit: float) -> Complex:
+    """A spring (p, n) between two places (n,), of as many turns at every length."""
+    length = np.abs(b - a)
+    u = np.divide(b - a, length, out=np.zeros_like(a), where=length > 0)
+    ends = np.minimum(6.0 * unit, 0.2 * length)
+    turns = 2 * int(np.clip(np.nanmean(length - 2 * ends) / unit / 5.0, 4, 16))
+    t = (np.arange(turns) + 0.5)[:, None] / turns
+    side = 3.2j * u * unit * np.where(np.arange(turns) % 2, -1, 1)[:, None]
+    coil = a + u * (ends + (length - 2 * ends) * t) + side
+    return np.array([a, a + u * ends, *coil, b - u * ends, b])
 
 
-def drive_ways(stage: Stage, k: int) -> dict[str, list[complex]]:
-    """The senses in which the drivers move: driver -> an arc, or a line beside the slider."""
+def drive_ways(stage: Stage) -> dict[str, Complex]:
+    """The senses in which the drivers move: an arc (p, n), or a line beside the slider."""
     found = {}
     for mark in stage.sketch.drives:
-        sense = -1.0 if stage.motion.q_rate[mark.name][k] * mark.sense < 0 else 1.0
-        z, e = stage.place(mark.spot, k), complex(stage.motion.axis[mark.driven][k])
+        z, e = stage.motion.at(*mark.spot), stage.motion.axis[mark.link] * stage.unit
+        sense = np.where(stage.motion.q_rate[mark.name] * mark.sense < 0, -1, 1)
         if mark.rotary:
-            found[mark.name] = arc(
-                z, (SIZES.couple + 3) * stage.unit, cmath.phase(e) + 0.45 * sense, 1.2 * sense
-            )
+            found[mark.name] = z + e * _mirrored(_arc(SIZES.couple + 3, 0.45, 1.2), sense)
         else:
-            beside = z + 1j * e * (SIZES.slider[1] + 4) * stage.unit
-            half = (SIZES.couple - 1) * sense * e * stage.unit
-            found[mark.name] = [beside - half, beside + half]
+            beside, half = z + 1j * e * (SIZES.slider[1] + 4), (SIZES.couple - 1) * sense * e
+            found[mark.name] = np.array([beside - half, beside + half])
     return found

@@ -1,27 +1,24 @@
 """What a mechanism looks like, link by link, without saying where the links are.
 
-Every shape is given in the frame of its link, so one sketch serves all poses: the
-printed picture, the frames of a GIF and the player in a browser. All is derived
-from declarations: joints, guide lines, markers, mass properties, terminals.
+Every place is given in the frame of its link, so one sketch serves all poses. All is
+derived from declarations: joints, guide lines, markers, mass properties, terminals.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.draw.motion import Complex, Motion, Spot, marker_place
+from blockmech.draw.motion import SAME_PLACE, Motion, Spot, marker_place
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 
-BARREL, ROD = 1.7, 0.7  # [-] widths of a cylinder's links, in usual bars
+CYLINDER = {"barrel": 1.7, "rod": 0.7}  # [-] widths, in usual bars
 TUBE, OVERLAP = 0.9, 0.15  # [-] of the shortest length: the barrel, and what stays inside it
-ONE_PLACE = 1e-6  # [-] of the mechanism's size: rounding of poses, far below a line's width
 
-LoadKind = Literal["force", "couple", "spring", "strut"]
 Outline = tuple[complex, ...]
 
 
@@ -46,7 +43,7 @@ class Slider:
     guide: Spot
     direction: complex
     reach: tuple[float, float]
-    inside: bool = False  # of a cylinder, which shows no block
+    inside: bool  # of a cylinder, which shows no block
 
     def end(self, which: int, beyond: float = 0.0) -> complex:
         """An end of the travel on the guide's link, or a place beyond it [m]."""
@@ -64,13 +61,18 @@ class Body:
     name: str = ""  # of a link of a joint-based document
     width: float = 1.0  # [-] of a bar, in usual bars
 
+    @property
+    def middle(self) -> Spot:
+        """The mean of its corners."""
+        return Spot(self.link, sum(self.outline) / len(self.outline))
+
 
 @dataclass(frozen=True)
 class LoadMark:
     """An element: where it takes hold, and how it is drawn."""
 
     name: str
-    kind: LoadKind
+    kind: Literal["force", "couple", "spring", "strut"]
     spots: tuple[Spot, ...]
     unit: str
 
@@ -79,19 +81,19 @@ class LoadMark:
 class DriveMark:
     """A driver's coordinate: about the pivot of a crank, or along the guide of a slide.
 
-    ``sense`` is -1 where the coordinate grows against the motion of ``driven``.
+    ``sense`` is -1 where the coordinate grows against the motion of its link.
     """
 
     name: str
     rotary: bool
     spot: Spot
-    driven: LinkRef
+    link: LinkRef
     sense: int = 1
 
 
 @dataclass(frozen=True)
 class Sketch:
-    """All shapes of a mechanism."""
+    """All that is drawn of a mechanism."""
 
     bodies: tuple[Body, ...]
     pins: tuple[Pin, ...]
@@ -104,25 +106,33 @@ class Sketch:
         """Joints and loads, which have names in a picture."""
         return len(self.pins) + len(self.sliders) + len(self.loads)
 
+    @property
+    def spots(self) -> list[Spot]:
+        """What must be on the page."""
+        found = [Spot(body.link, z) for body in self.bodies for z in body.outline]
+        found += [Spot(body.link, body.cm) for body in self.bodies if body.cm is not None]
+        found += [pin.spot for pin in self.pins]
+        found += [Spot(s.guide.link, s.end(k)) for s in self.sliders for k in (0, 1)]
+        return found + [spot for load in self.loads for spot in load.spots]
+
 
 def sketch_of(motion: Motion) -> Sketch:
-    """The shapes of a mechanism; ``motion`` tells how far its sliders travel."""
+    """The looks of a mechanism; ``motion`` closes somewhere, and tells how far sliders travel."""
+    motion = motion.only(motion.feasible)
     s = motion.structure
     refs = [JointRef(name, j) for name, block in s.blocks.items() for j in block.joints]
     pins = [(r, spot) for r in refs if s.joint(r).kind == "R" and (spot := _pin_spot(s, r))]
-    slides = [r for r in refs if s.joint(r).kind == "P"]
     points: dict[LinkRef, list[complex]] = {link: [] for link in s.links}
     for ref, spot in pins:
         points[spot.link].append(spot.at)
         for link in {s.earlier_link(ref), s.later_link(ref)} - {spot.link}:
-            points[link].append(motion.seen_once(link, spot))
+            points[link].append(complex(motion.seen(link, spot)[0]))
     cylinders: dict[LinkRef, tuple[Outline, float]] = {}  # their barrels and rods
     sliders = []
-    for ref in slides:
-        slider = _slider(motion, ref, _name(motion, ref, refs))
+    for ref in (r for r in refs if s.joint(r).kind == "P"):
         found = _cylinder(motion, ref, points)
         cylinders |= found
-        sliders.append(replace(slider, inside=bool(found)))
+        sliders.append(_slider(motion, ref, _name(motion, ref, refs), bool(found)))
     for slider in sliders:
         if not slider.inside:
             points[slider.point.link].append(slider.point.at)
@@ -137,7 +147,7 @@ def sketch_of(motion: Motion) -> Sketch:
         for link, places in points.items()
         if link != s.frame_link
     )
-    loads, drives = (_load(s, name) for name in s.elements), _drives(motion.mechanism)
+    loads, drives = (_load(s, name) for name in s.elements), _drives(s)
     return Sketch(bodies, _merged(motion, pins), tuple(sliders), tuple(loads), tuple(drives))
 
 
@@ -159,36 +169,29 @@ def _pin_spot(s: Structure, ref: JointRef) -> Spot | None:
     return None if marker is None else Spot(marker.on, marker_place(s, marker))
 
 
-def _merged(motion: Motion, pins: Iterable[tuple[JointRef, Spot]]) -> tuple[Pin, ...]:
+def _merged(motion: Motion, pins: Sequence[tuple[JointRef, Spot]]) -> tuple[Pin, ...]:
     """Pins that stay at one place become one; a name is short where that is clear."""
     s = motion.structure
-    groups: list[tuple[Spot, list[JointRef]]] = []
-    for ref, spot in pins:
-        same = (refs for other, refs in groups if _together(motion, spot, other))
-        found = next(same, None)
-        if found is None:
-            groups.append((spot, [ref]))
+    places = np.array([motion.at(*spot) for _, spot in pins])
+    close = SAME_PLACE * np.abs(places).max(initial=0.0)
+    groups: list[list[int]] = []
+    for i in range(len(pins)):
+        together = (g for g in groups if np.abs(places[i] - places[g[0]]).max() <= close)
+        if found := next(together, None):
+            found.append(i)
         else:
-            found.append(ref)
-    every = [ref for _, refs in groups for ref in refs]
+            groups.append([i])
+    every = [ref for ref, _ in pins]
     merged = []
-    for spot, refs in groups:
-        names = dict.fromkeys(_name(motion, r, every) for r in refs)
-        joined = {link for r in refs for link in (s.earlier_link(r), s.later_link(r))}
-        merged.append(Pin(tuple(names), spot, s.frame_link in joined))
+    for group in groups:
+        refs = [every[i] for i in group]
+        names = dict.fromkeys(_name(motion, ref, every) for ref in refs)
+        joined = {link for ref in refs for link in (s.earlier_link(ref), s.later_link(ref))}
+        merged.append(Pin(tuple(names), pins[group[0]][1], s.frame_link in joined))
     return tuple(merged)
 
 
-def _together(motion: Motion, one: Spot, other: Spot) -> bool:
-    """Whether two spots are the same place at every sample."""
-    a, b = motion.at(*one), motion.at(*other)
-    known = np.isfinite(a) & np.isfinite(b)
-    size = float(np.abs(a[known]).max(initial=0.0))
-    near = bool(known.any() and np.abs(a - b)[known].max() <= ONE_PLACE * size)
-    return near or one == other
-
-
-def _slider(motion: Motion, ref: JointRef, name: str) -> Slider:
+def _slider(motion: Motion, ref: JointRef, name: str, inside: bool) -> Slider:
     s = motion.structure
     block = s.blocks[ref.block]
     joint = block.joints[ref.name]
@@ -212,9 +215,8 @@ def _slider(motion: Motion, ref: JointRef, name: str) -> Slider:
         point = own_point(mover)
         guide, direction = own_line(holder)
     travel = ((motion.seen(guide.link, point) - guide.at) * np.conj(direction)).real
-    known = travel[np.isfinite(travel)]
-    reach = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
-    return Slider(name, point, guide, direction, reach)
+    reach = (float(travel.min()), float(travel.max()))
+    return Slider(name, point, guide, direction, reach, inside)
 
 
 def _cylinder(
@@ -228,24 +230,20 @@ def _cylinder(
     """
     s = motion.structure
     barrel, rod = s.earlier_link(ref), s.later_link(ref)
-    if ref not in s.driven.values() or s.frame_link in (barrel, rod):
+    hung = len(set(pins[barrel])) == 1 and len(set(pins[rod])) == 1
+    if ref not in s.driven.values() or s.frame_link in (barrel, rod) or not hung:
         return {}
-    (foot, *more), (eye, *others) = pins[barrel] or [0j], pins[rod] or [0j]
-    alone = all(z == foot for z in more) and all(z == eye for z in others)
-    if not pins[barrel] or not pins[rod] or not alone:
-        return {}
-    line: Complex = motion.seen(barrel, Spot(rod, eye)) - foot
-    length = np.abs(line[np.isfinite(line)])
-    if not len(length) or length.min() == 0:
-        return {}
-    along = line[np.isfinite(line)] / length
-    if np.abs(along - along[0]).max() > ONE_PLACE:
-        return {}  # off the line, or through the foot
-    short, long = float(length.min()), float(length.max())
+    foot, eye = pins[barrel][0], pins[rod][0]
+    line = motion.seen(barrel, Spot(rod, eye)) - foot
+    short, long = float(np.abs(line).min()), float(np.abs(line).max())
+    if short == 0 or np.abs(line / np.abs(line) - line[0] / abs(line[0])).max() > SAME_PLACE:
+        return {}  # through the foot, or off the line
+    along = line[0] / abs(line[0])
+    back = motion.seen(rod, Spot(barrel, foot))[0] - eye
     stem = min(long - (TUBE - OVERLAP) * short, TUBE * short)
-    back = motion.seen_once(rod, Spot(barrel, foot)) - eye
-    tube = (foot, complex(foot + along[0] * TUBE * short))
-    return {barrel: (tube, BARREL), rod: ((eye, eye + back / abs(back) * stem), ROD)}
+    tube = (foot, complex(foot + along * TUBE * short))
+    piston = (eye, complex(eye + back / abs(back) * stem))
+    return {barrel: (tube, CYLINDER["barrel"]), rod: (piston, CYLINDER["rod"])}
 
 
 # -- links, loads, drives --------------------------------------------------------------------
@@ -280,21 +278,31 @@ def _body(s: Structure, link: LinkRef, places: list[complex], name: str, width: 
 
 
 def hull(places: Iterable[complex]) -> Outline:
-    """Convex hull, counter-clockwise: one point, the ends of a bar, or a polygon."""
-    from scipy.spatial import ConvexHull
+    """Convex hull, counter-clockwise: one point, the ends of a bar, or a polygon.
 
-    z = np.array(list(places), dtype=complex)
-    close = ONE_PLACE**2 * np.abs(z).max(initial=0.0)
-    if not len(z):
-        return ()
-    far = z[np.argmax(np.abs(z - z[0]))]  # an end of the longest way through the first
-    if abs(far - z[0]) <= close:
-        return (complex(z[0]),)
-    along = (z - far) / (z[0] - far)
-    if np.abs(along.imag).max() * abs(z[0] - far) <= close:
-        return complex(z[np.argmax(along.real)]), complex(z[np.argmin(along.real)])
-    corners = ConvexHull(np.stack([z.real, z.imag], axis=1)).vertices
-    return tuple(complex(z[k]) for k in corners)
+    Andrew's monotone chain; what lies closer together than rounding is one point.
+    """
+    found = [complex(p) for p in places]
+    z: list[complex] = []
+    along = max((p - found[0] for p in found), key=abs, default=0j)  # so that a bar is sorted
+    for place in sorted(found, key=lambda p: (p * along.conjugate()).real):
+        if all(abs(place - other) > SAME_PLACE**2 * abs(place) for other in z):
+            z.append(place)
+
+    def chain(points: Sequence[complex]) -> list[complex]:
+        kept: list[complex] = []
+        for p in points:
+            while len(kept) > 1 and not _turns_left(kept[-2], kept[-1], p):
+                kept.pop()
+            kept.append(p)
+        return kept[:-1]
+
+    return tuple(chain(z) + chain(z[::-1]) or z)
+
+
+def _turns_left(a: complex, b: complex, c: complex) -> bool:
+    turn = ((b - a).conjugate() * (c - b)).imag
+    return turn > SAME_PLACE**2 * max(map(abs, (a, b, c))) ** 2
 
 
 def _load(s: Structure, name: str) -> LoadMark:
@@ -302,17 +310,15 @@ def _load(s: Structure, name: str) -> LoadMark:
     markers = [s.holds[JointRef(name, terminal)] for terminal in element.terminals]
     spots = tuple(Spot(m.on, marker_place(s, m)) for m in markers)
     first = next(iter(element.terminals.values()))
-    kind: LoadKind = "couple"
-    if first.kind == "point":
-        kind = "force" if len(spots) == 1 else "strut" if element.energy() is None else "spring"
-    return LoadMark(name, kind, spots, first.unit)
+    if first.kind != "point":
+        return LoadMark(name, "couple", spots, first.unit)
+    pull = "strut" if element.energy() is None else "spring"
+    return LoadMark(name, "force" if len(spots) == 1 else pull, spots, first.unit)  # type: ignore[arg-type]
 
 
-def _drives(mechanism: Compiled) -> Iterable[DriveMark]:
-    s = mechanism.structure
+def _drives(s: Structure) -> Iterable[DriveMark]:
     for name, ref in s.driven.items():
-        joint, sign = s.joint(ref), s.coordinate(name).sign
-        own = s.later_link(ref)
+        joint, sign, own = s.joint(ref), s.coordinate(name).sign, s.later_link(ref)
         if not joint.rotary:
             at = s.blocks[ref.block].slider_place(ref.name, own.link)
             yield DriveMark(name, False, Spot(own, at), own, sign)

@@ -23,7 +23,7 @@ from blockmech.loads.motor import Motor
 from blockmech.loads.spring import Spring
 from blockmech.loads.torsion_spring import TorsionSpring, twist
 from blockmech.model.structure import JointRef, Structure
-from blockmech.passes.forward import ZERO, link_velocity, marker_velocity
+from blockmech.passes.forward import link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import (
     NOTHING,
@@ -34,9 +34,8 @@ from blockmech.passes.loads import (
     terminal_term,
     weight_on,
 )
-from blockmech.plan import Friction
-from blockmech.plane import EPS, hyp
-from blockmech.typing import Complex, Real
+from blockmech.plan import NOUGHT, ZERO, Friction
+from blockmech.plane import EPS
 
 TURN = 2 * math.pi
 FREE = Friction("none")
@@ -227,16 +226,6 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
 # -- size ----------------------------------------------------------------------------------
 
 
-def work_at_most(F: Complex, v: Complex) -> Real:
-    """|F| |v|: what a force can give per unit driver rate, whatever its direction."""
-    return hyp(F) * hyp(v)
-
-
-def turn_at_most(M: Real, om: Real) -> Real:
-    """|M om|"""
-    return abs(M * om)
-
-
 def load_size(structure: Structure, scene: Any, driver: str) -> Callable[[float], float]:
     """q -> sum of the magnitudes of the contributions to tau, at rest and time 0."""
     s = schedule(structure, scene, FREE)
@@ -245,21 +234,21 @@ def load_size(structure: Structure, scene: Any, driver: str) -> Callable[[float]
         force = s.ask(weight_on, link) if link != structure.frame_link else NOTHING
         v = s.ask(cm_velocity, link, driver) if force else ZERO
         if v != ZERO:
-            terms.append(s.emit(work_at_most, force.forces[0], v, name=f"{link}_size"))
+            terms.append(s.line(f"hyp({force.forces[0]}) * hyp({v})", f"{link}_size"))
     for name, element in structure.elements.items():
         for terminal, declared in element.terminals.items():
             ref = JointRef(name, terminal)
             marker = structure.holds[ref]
             given = s.ask(terminal_term, ref)
             if declared.kind == "point":
-                v, nothing = s.ask(marker_velocity, marker, driver), ZERO
-                kernel: Callable[..., Real] = work_at_most
+                v = s.ask(marker_velocity, marker, driver)
+                size_of = f"hyp({given}) * hyp({v})"
             else:
-                v, nothing = s.ask(link_velocity, marker.on, driver).scalar, "0.0"
-                kernel = turn_at_most
-            if v != nothing:
-                terms.append(s.emit(kernel, given, v, name=f"{ref}_size"))
-    program = s.program([s.sum(terms, "size") if terms else "0.0"])
+                v = s.ask(link_velocity, marker.on, driver).scalar
+                size_of = f"abs({given} * {v})"
+            if v not in (ZERO, NOUGHT):
+                terms.append(s.line(size_of, f"{ref}_size"))
+    program = s.program([s.sum(terms, "size")])
     engine = ScalarEngine(program)
 
     def size(q: float) -> float:

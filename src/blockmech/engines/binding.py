@@ -98,7 +98,7 @@ def bind(
     The package's own kernels are bound once for each set of primitives.
     """
     _, own = _KEPT.setdefault(id(primitives), (primitives, {}))
-    space: Space = dict(constants)
+    space: Space = {**primitives, **constants}
     space.update(_bound(program.functions, primitives, Spaces(own, {})))
     exec(program.code, space)
     run: Callable[..., tuple[Any, ...]] = space["program"]

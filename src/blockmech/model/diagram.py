@@ -1,11 +1,22 @@
-"""What a block diagram is made of besides blocks: wires, and blocks nobody knows."""
+"""What a block diagram is made of besides blocks, and the sections of its file."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from blockmech.blocks.contract import Block
+from blockmech.blocks.registry import REGISTRY
+from blockmech.errors import Problem, path_text, unknown_key
+from blockmech.model.expect import Expectation
+from blockmech.model.form import Form, Section
+from blockmech.model.migrations import VERSION
+from blockmech.model.scene import Scene
+from blockmech.validation_errors import field_order
+from blockmech.values import Strictly
 
 
 @dataclass(frozen=True)
@@ -28,3 +39,45 @@ class Wire:
 
 
 AnyBlock = Block | UnknownBlock
+
+
+class WireEnds(Strictly):
+    """From ``"block.marker"`` of an earlier link to ``"block.joint"`` of a later block."""
+
+    source: str = Field(alias="from")
+    target: str = Field(alias="to")
+
+
+class GraphDocument(Strictly):
+    """A mechanism as a block diagram, in SI units and radians."""
+
+    format: Literal["blockmech/graph"]
+    version: Annotated[int, Field(strict=True, ge=1, le=VERSION)]
+    name: str = "mechanism"
+    title: str = ""
+    blocks: dict[str, Any]
+    wires: list[WireEnds] = []
+    scene: Scene = Scene()
+    view: Annotated[dict[str, Any], Field(description="places on a canvas; not computed with")] = {}
+    expect: list[Expectation] = []
+    source: str = ""
+    notes: str | list[str] = ""
+
+
+BLOCKS = Section("block", REGISTRY, "type", other=UnknownBlock)
+ALWAYS = ("blocks", "wires")
+GRAPH_FILE = Form(
+    "blockmech/graph", "a graph file", GraphDocument, ALWAYS, lambda: {"blocks": BLOCKS}
+)
+
+
+def python_keys(scene: Scene, raw: Mapping[str, Any]) -> Iterator[Problem]:
+    """Keys of laws that are names in Python only, such as ``start`` for ``from``."""
+    for driver, law in scene.drive.items():
+        fields = type(law).model_fields
+        keys = [fields[name].alias or name for name in field_order(type(law))]
+        for key in raw["scene"]["drive"][driver]:
+            if key not in keys:
+                where = path_text(("scene", "drive", driver, key))
+                problem = unknown_key(where, f"the law {law.law}", key, keys)
+                yield replace(problem, remedy=f'did you mean "{fields[key].alias}"?')

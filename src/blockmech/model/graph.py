@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
-from blockmech.errors import GraphError, Problem
+from blockmech.errors import MOST, GraphError, Problem
 from blockmech.loads.contract import Element
 from blockmech.model import checks
-from blockmech.model.attributes import KnownAttributes
-from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
+from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, WireEnds, python_keys
+from blockmech.model.document import Document
+from blockmech.model.form import Draft
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.structure import JointRef, MarkerRef, Structure, formation_order
+from blockmech.model.writing import plain
 from blockmech.values import Vector
 
 if TYPE_CHECKING:
     import networkx as nx
 
 
-class Graph(KnownAttributes):
+class Graph(Document):
     """A mechanism as a block diagram.
 
     >>> import blockmech as bm
@@ -36,12 +39,9 @@ class Graph(KnownAttributes):
     <Graph fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II RRR(dyad: 2,3)>
     """
 
-    name: str
-    title: str
+    form = GRAPH_FILE
     blocks: dict[str, AnyBlock]
     wires: list[Wire]
-    extras: dict[str, Any]  # view, expect, source, notes: kept with the file
-    file: str  # where the graph was read from, for messages
     _scene: Scene
 
     def __init__(
@@ -52,15 +52,66 @@ class Graph(KnownAttributes):
         gravity: complex | Sequence[float] = 0j,
         drive: Mapping[str, LawOfMotion] | None = None,
     ) -> None:
-        self.name = name
-        self.title = title
+        super().__init__(name, title=title)
         self.blocks = {}
         self.wires = []
         self.scene = Scene(gravity=gravity)  # type: ignore[arg-type]
-        self.extras = {}
-        self.file = ""
         for driver, law in (drive or {}).items():
             self.drive(driver, law)
+
+    # -- files ------------------------------------------------------------
+
+    def _fill(self, draft: Draft) -> None:
+        self.scene = draft.said.scene
+        draft.note(python_keys(self.scene, draft.raw))
+        unread = set()
+        for name, block in draft.items("blocks"):
+            if block is None:  # a stand-in, so that wires to it are no problem
+                unread.add(name)
+            self.blocks[name] = block or UnknownBlock("")
+        if not draft.wrong & {"blocks", "wires"}:
+            wiring = self._wire_up(draft.said.wires, unread, bool(draft.content))
+            draft.fit += islice(wiring, MOST + 1)
+
+    def _wire_up(self, ends: list[WireEnds], unread: set[str], wrong: bool) -> Iterator[Problem]:
+        """Take the wires that fit; where something is wrong, tell all that is.
+
+        What follows from blocks that are ``unread`` and from wires left out is not told.
+        """
+        fed: dict[str, Wire] = {}
+        refused: set[str] = set()
+        markers: dict[str, checks.Markers] = {}
+        for end in ends:
+            wire = Wire(end.source, end.target)
+            problems = list(checks.wire_problems(self.blocks, wire, fed.get(wire.target), markers))
+            if problems:
+                refused |= {wire.target, wire.source}  # or the other way round
+                yield from problems
+            else:
+                self.wires.append(wire)
+                fed.setdefault(wire.target, wire)
+        for problem in self.check() if wrong or refused else ():
+            follows = {
+                "unknown-block": problem.where in unread,
+                "unwired-joint": problem.where in refused,
+                "unknown-driver": problem.where.rsplit(".", 1)[-1] in unread,
+                "no-frame": bool(unread),
+            }
+            if not follows.get(problem.code, False):
+                yield problem
+
+    def _sections(self) -> dict[str, Any]:
+        blocks = self.form.items()["blocks"]
+        return {
+            "blocks": {
+                name: {"type": block.type, **block.raw}
+                if isinstance(block, UnknownBlock)
+                else blocks.data(block)
+                for name, block in self.blocks.items()
+            },
+            "wires": [{"from": wire.source, "to": wire.target} for wire in self.wires],
+            "scene": plain(self.scene),
+        }
 
     # -- the scene --------------------------------------------------------
 

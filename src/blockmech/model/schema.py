@@ -1,7 +1,7 @@
-"""JSON Schema of graph files, made from the registry when it is asked for.
+"""JSON Schemas of the documents, made from the registry when they are asked for.
 
-A block of an installed package appears by itself. What a schema cannot say (a wire
-goes to a joint that exists, names of markers are free) is left to `Graph.check`.
+A block or load of an installed package appears by itself. What a schema cannot say (a wire
+goes to a joint that exists, a joint to links that do) is left to reading and checking.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from blockmech.blocks.contract import Block, Moving
-from blockmech.blocks.registry import REGISTRY
-from blockmech.model.document import GraphDocument
+from blockmech.blocks.contract import Moving
+from blockmech.model.diagram import GRAPH_FILE
+from blockmech.model.form import Form, Section
+from blockmech.model.joints.contents import FRAME, LINKAGE_FILE
 from blockmech.validation_errors import InWrittenOrder
 
 NAME = {"pattern": r"^[^./]+$"}
@@ -22,58 +23,83 @@ ADDRESS = {"type": "string", "pattern": r"^[^./]+\.[^./]+$"}
 
 def graph_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of a graph file, with every registered block type."""
-    types = {name: REGISTRY[name] for name in REGISTRY}
-    models: list[type[BaseModel]] = [GraphDocument, *types.values()]
+    found = _schema(GRAPH_FILE)
+    found["$defs"]["WireEnds"]["properties"] |= {"from": ADDRESS, "to": ADDRESS}
+    return found
+
+
+def joints_schema() -> dict[str, Any]:
+    """JSON Schema (2020-12) of a joint-based file, with every registered load and law."""
+    found = _schema(LINKAGE_FILE)
+    links = found["properties"]["links"]
+    of_frame = links["additionalProperties"] | {"propertyNames": {"const": "markers"}}
+    links["additionalProperties"] |= {"required": ["pose"]}
+    links["properties"] = {FRAME: of_frame}
+    return found
+
+
+def _schema(form: Form) -> dict[str, Any]:
+    sections = form.items()
+    models: list[type[BaseModel]] = [form.model]
+    for section in sections.values():
+        kinds = (section.kinds[word] for word in section.kinds)
+        models += [model for model in (section.plain, *kinds) if model]
     places, shared = models_json_schema(
         [(model, "validation") for model in models], schema_generator=InWrittenOrder
     )
     parts = shared["$defs"]
     key = {model: places[model, "validation"]["$ref"].rsplit("/", 1)[-1] for model in models}
-    document = parts.pop(key[GraphDocument])
-    blocks = {name: _block_schema(name, cls, parts.pop(key[cls])) for name, cls in types.items()}
-    document["properties"]["blocks"] = {
-        "type": "object",
-        "propertyNames": NAME,
-        "additionalProperties": {"$ref": "#/$defs/block"},
-    }
-    parts["WireEnds"]["properties"] |= {"from": ADDRESS, "to": ADDRESS}
+    document = parts.pop(key[form.model])
+    for name, section in sections.items():
+        document["properties"][name] = {
+            "type": "object",
+            "propertyNames": NAME,
+            "additionalProperties": _item(section, parts, key),
+        }
+    version = document["properties"]["version"]["maximum"]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **document,
-        "title": f"blockmech graph, version {document['properties']['version']['maximum']}",
-        "$defs": {**parts, "block": _any_block(types), **blocks},
+        "title": f"{form.format.replace('/', ' ')}, version {version}",
+        "$defs": parts,
     }
 
 
-def _any_block(types: dict[str, type[Block]]) -> dict[str, Any]:
-    """A block by its type; of a type that is not installed everything is allowed."""
-    return {
-        "type": "object",
-        "required": ["type"],
-        "properties": {"type": {"type": "string", "minLength": 1, "examples": list(types)}},
-        "allOf": [
-            {
-                "if": {"properties": {"type": {"const": name}}, "required": ["type"]},
-                "then": {"$ref": f"#/$defs/{name}"},
-            }
-            for name in types
-        ],
-    }
+def _item(section: Section, parts: dict[str, Any], key: dict[Any, str]) -> dict[str, Any]:
+    """An item, whose schema depends on the word of its kind; those of kinds are made complete."""
+    if not section.key:
+        return {"$ref": f"#/$defs/{key[section.plain]}"}
+    cases = []
+    for word in section.kinds:
+        model = section.kinds[word]
+        name = key[model]
+        if section.key not in model.model_fields:
+            name = f"{section.prefix}{word}"
+            parts[name] = _of_block(section.key, word, model, parts.pop(key[model]))
+        said = {"properties": {section.key: {"const": word}}, "required": [section.key]}
+        cases.append({"if": said, "then": {"$ref": f"#/$defs/{name}"}})
+    words: dict[str, Any] = {"enum": list(section.kinds)}
+    if section.other is not None:  # of a kind that is not known here everything is allowed
+        words = {"type": "string", "minLength": 1, "examples": list(section.kinds)}
+    found: dict[str, Any] = {"type": "object", "properties": {section.key: words}}
+    if section.plain is None:
+        found["required"] = [section.key]
+    else:
+        plain = {"$ref": f"#/$defs/{key[section.plain]}"}
+        cases.append({"if": {"not": {"required": [section.key]}}, "then": plain})
+    return found | {"allOf": cases}
 
 
-def _block_schema(name: str, cls: type[Block], schema: dict[str, Any]) -> dict[str, Any]:
-    keys = {"type": {"const": name}, **schema["properties"]}
+def _of_block(key: str, word: str, cls: type[Any], schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a block type, with what only the class knows of its links and joints."""
+    keys = {key: {"const": word}, **schema["properties"]}
     if issubclass(cls, Moving) and not cls.own_form:
         keys["links"] = _named({link: {"$ref": "#/$defs/Link"} for link in cls.link_names})
         keys["friction"] = _named({j.name: _friction_of(j.kind) for j in cls.joints.values()})
     if "markers" in keys:
         keys["markers"] = {**keys["markers"], "propertyNames": NAME}
-    return {
-        **schema,
-        "title": name,
-        "properties": keys,
-        "required": ["type", *schema.get("required", ())],
-    }
+    required = [key, *schema.get("required", ())]
+    return {**schema, "title": word, "properties": keys, "required": required}
 
 
 def _named(keys: dict[str, Any]) -> dict[str, Any]:

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel
@@ -66,18 +65,6 @@ def canonical_text(document: Mapping[str, Any]) -> str:
     """
     _refuse_strange(document, ())
     return _text(document, 0, 0) + "\n"
-
-
-def write_checked(path: str | os.PathLike[str], text: str, loads: Callable[[str], object]) -> None:
-    """Write a document's text, whole or not at all, if ``loads`` can read it again.
-
-    Raises what ``loads`` raises, and `RequestError` where the place cannot be written.
-    """
-    from blockmech.files import writing
-
-    loads(text)
-    with writing(path) as stream:
-        stream.write(text.encode())
 
 
 def _refuse_strange(value: Any, path: tuple[str | int, ...]) -> None:

@@ -9,35 +9,31 @@ Source: the kernels of `blockmech.blocks`.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from blockmech.blocks.contract import AssurGroup
 from blockmech.modes.triad import Support
 from blockmech.typing import LinkPosition
 
 
-@dataclass(frozen=True)
-class DyadMode:
-    """One assembly mode of a dyad.
+class Mode(NamedTuple):
+    """One assembly mode of a group.
 
-    Attributes
-    ----------
-    branch : +1 or -1 as the file has it; None for PRP and RPP, which have one mode
     links : link -> its place: origin [m] and unit direction [-]
-    margin : of the dyad [-]
-    double : whether the two branches coincide here: a dead centre
+    margin : of the dyad, or of the triad's platform [-]
+    sign : of the determinant: the branch of a dyad, +1 where it has one mode; 0 if double
+    double : whether modes coincide here: a dead centre
+    branch : +1 or -1 as the file has it; None for a group that has none
+    residual : of a triad, the largest miss of a leg, relative to its size [-]
     """
 
-    branch: int | None
-    links: dict[str, LinkPosition]
+    links: Mapping[str, LinkPosition]
     margin: float
-    double: bool = False
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant: the branch; +1 for a dyad with one mode, 0 if double."""
-        return 0 if self.double else self.branch or 1
+    sign: int
+    double: bool
+    branch: int | None = None
+    residual: float | None = None
 
 
 def branches(dyad: AssurGroup) -> tuple[int | None, ...]:
@@ -45,7 +41,7 @@ def branches(dyad: AssurGroup) -> tuple[int | None, ...]:
     return (1, -1) if "branch" in type(dyad).model_fields else (None,)
 
 
-def dyad_modes(dyad: AssurGroup, supports: Sequence[Support | float]) -> tuple[DyadMode, ...]:
+def dyad_modes(dyad: AssurGroup, supports: Sequence[Support | float]) -> tuple[Mode, ...]:
     """All assembly modes of a dyad: both branches, one if they coincide, none out of reach.
 
     Parameters
@@ -59,7 +55,7 @@ def dyad_modes(dyad: AssurGroup, supports: Sequence[Support | float]) -> tuple[D
     >>> [(m.branch, round(m.links["i"].e.imag, 6)) for m in dyad_modes(dyad, [0j, 8 + 0j])]
     [(1, 0.6), (-1, -0.6)]
     """
-    found: list[DyadMode] = []
+    found: list[Mode] = []
     for branch in branches(dyad):
         one = dyad if branch is None else dyad.model_copy(update={"branch": branch})
         try:
@@ -68,6 +64,8 @@ def dyad_modes(dyad: AssurGroup, supports: Sequence[Support | float]) -> tuple[D
             continue
         links = {name: getattr(pose, name) for name in dyad.link_names}
         finite = all(cmath.isfinite(z) for link in links.values() for z in link)
+        double = pose.margin == 0
         if pose.margin >= 0 and finite and not any(mode.double for mode in found):
-            found.append(DyadMode(branch, links, float(pose.margin), double=pose.margin == 0))
+            sign = 0 if double else branch or 1
+            found.append(Mode(links, float(pose.margin), sign, double, branch))
     return tuple(found)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
+
+from pydantic_core import to_json
 
 from blockmech.errors import Problem, RequestError, close_match, listed
 
@@ -152,22 +155,12 @@ class Modes:
 
     def to_dict(self) -> dict[str, Any]:
         """The modes as a JSON object; null stands for infinity."""
-        plain: dict[str, Any] = _plain(self)
+        plain: dict[str, Any] = json.loads(to_json(self, inf_nan_mode="null"))
+        for group in plain["groups"]:
+            for mode in chain.from_iterable(group["samples"]):
+                if mode["residual"] is None:
+                    del mode["residual"]
         return plain
-
-
-def _plain(value: Any) -> Any:
-    """A value of dictionaries, lists and finite numbers."""
-    if is_dataclass(value):
-        found = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-        if isinstance(value, GroupMode) and value.residual is None:
-            del found["residual"]
-        return found
-    if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
-    if isinstance(value, tuple | list):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 # ---- text --------------------------------------------------------------------------------

@@ -7,9 +7,8 @@ of links and joints.
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
@@ -22,9 +21,9 @@ from blockmech.blocks.contract import AssurGroup
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.structure import JointRef
-from blockmech.modes.closing import NEAR, TriadMode, triad_modes
+from blockmech.modes.closing import NEAR, triad_modes
 from blockmech.modes.connection import CHECKS, Connections, connect
-from blockmech.modes.dyad import branches, dyad_modes
+from blockmech.modes.dyad import Mode, branches, dyad_modes
 from blockmech.modes.found import (
     DEAD,
     EARLIER,
@@ -39,16 +38,13 @@ from blockmech.modes.found import (
 )
 from blockmech.modes.groups import Outline, outline
 from blockmech.modes.triad import Support
-from blockmech.plane import angle
+from blockmech.modes.words import FilePoses
 from blockmech.samples import make_samples
 from blockmech.typing import Guide, LinkPosition
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-CHOSEN = 1e-6  # of the size: the pose that the file chooses is this mode
-
-Places: TypeAlias = Mapping[str, LinkPosition]
 Supports: TypeAlias = Callable[[Mapping[str, Any]], list[Support]]
 """Driver -> coordinates (n,) [rad or m], to the supports (n,); NaN where they are not placed."""
 
@@ -85,27 +81,16 @@ def modes(
     rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(mechanism.drivers)}
     samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
     moved = _moved(mechanism, driver) if arcs else ""
-    lister = _Lister(mechanism, tuple(samples), moved)
+    lister = _Lister(mechanism, tuple(samples), moved, FilePoses(mechanism))
     found = tuple(lister.group(name) for name in _wanted(mechanism, groups))
     units = {d: mechanism.driver_joint(d).coordinate_unit for d in mechanism.drivers}
     return Modes(rows, units, moved, found)
 
 
-class _Mode(NamedTuple):
-    """A mode of a dyad or triad."""
-
-    links: Places
-    margin: float
-    sign: int
-    double: bool
-    branch: int | None = None
-    triad: TriadMode | None = None
-
-
 class _Found(NamedTuple):
     """The modes of a group at each sample, its arcs, and where each mode is on them."""
 
-    every: Sequence[Sequence[_Mode]] = ()
+    every: Sequence[Sequence[Mode]] = ()
     arcs: tuple[Arc, ...] = ()
     note: str = ""
     located: Sequence[Sequence[Located | None]] = ()
@@ -118,6 +103,7 @@ class _Lister:
     mechanism: Compiled
     samples: tuple[Mapping[str, float], ...]
     driver: str
+    file: FilePoses
 
     def group(self, name: str) -> GroupModes:
         """All modes of a group."""
@@ -144,7 +130,7 @@ class _Lister:
     def _mode(
         self,
         name: str,
-        mode: _Mode,
+        mode: Mode,
         drivers: Mapping[str, float],
         arcs: Sequence[Arc],
         located: Located | None,
@@ -153,22 +139,17 @@ class _Lister:
         reach = None
         if number is not None and not arcs[number].turns:
             reach = (arcs[number].start.q + shift, arcs[number].end.q + shift)
-        size = self.mechanism.structure.blocks[name].largest_length() or 1.0
-        own = self._own(name, drivers)
         return GroupMode(
-            links=self._poses(name, mode.links),
+            links=self.file.told(name, mode.links),
             margin=mode.margin,
             sign=mode.sign,
             double=mode.double,
-            chosen=all(
-                abs(at.e - own[link].e) <= CHOSEN and abs(at.o - own[link].o) <= CHOSEN * size
-                for link, at in mode.links.items()
-            ),  # NaN is not
-            put=self._put(name, mode, drivers),
+            chosen=self.file.has(name, mode, drivers),
+            put=self.file.put(name, mode, drivers),
             arc=number,
             reach=reach,
             after_turn=then,
-            residual=None if mode.triad is None else mode.triad.residual,
+            residual=mode.residual,
         )
 
     # -- dyads -----------------------------------------------------------------------------
@@ -176,11 +157,10 @@ class _Lister:
     def _dyad(self, name: str, block: AssurGroup) -> _Found:
         """Both branches, and the arcs of each where the dyad closes."""
         supports = self._supports(name, [j.name for j in block.joints.values() if j.outer])
-        every = []
+        every: list[Sequence[Mode]] = []
         for drivers in self.samples:
             held = [_first(support) for support in supports(drivers)]
-            found = dyad_modes(block, [*held, *self._driven(name, drivers)])
-            every.append([_Mode(m.links, m.margin, m.sign, m.double, m.branch) for m in found])
+            every.append(dyad_modes(block, [*held, *self._driven(name, drivers)]))
         if not self._follows(name):
             return _Found(every)
         around = limits(self.mechanism.of_blocks, self.driver, self._fixed, blocks=[name])
@@ -207,7 +187,7 @@ class _Lister:
         return _Found(every, tuple(arcs), "" if arcs else around.sentence(), located)
 
     def _of_branch(
-        self, arcs: Sequence[Arc], mode: _Mode, k: int, drivers: Mapping[str, float]
+        self, arcs: Sequence[Arc], mode: Mode, k: int, drivers: Mapping[str, float]
     ) -> Located | None:
         """Where mode k of a dyad is."""
         for number, arc in enumerate(arcs if self._held(drivers) and not mode.double else ()):
@@ -222,16 +202,17 @@ class _Lister:
     def _triad(self, name: str, group: Outline) -> _Found:
         """All modes, connected over the stretches of the driver where earlier groups close."""
         supports = self._supports(name, group.joints)
-        every: list[list[_Mode]] = []
+        every: list[Sequence[Mode]] = []
         for drivers in self.samples:
             at = [_first(support) for support in supports(drivers)]
-            every.append([])
+            modes: list[Mode] = []
             if all(np.isfinite(support).all() for support in at):
                 formed = group.at(self._driven(name, drivers))
-                every[-1] += [
-                    _Mode(formed.places(at, m.o, m.e), m.margin, m.sign, m.double, None, m)
+                modes = [
+                    Mode(formed.places(at, m.o, m.e), m.margin, m.sign, m.double, None, m.residual)
                     for m in triad_modes(formed.triad, at)
                 ]
+            every.append(modes)
         if not self._follows(name):
             return _Found(every)
         try:
@@ -240,7 +221,7 @@ class _Lister:
             return _Found(every, note=_told(error))
 
     def _connected(
-        self, name: str, group: Outline, supports: Supports, every: list[list[_Mode]]
+        self, name: str, group: Outline, supports: Supports, every: list[Sequence[Mode]]
     ) -> _Found:
         stretches, note = self._stretches(name)
         arcs: list[Arc] = []
@@ -261,7 +242,8 @@ class _Lister:
                 also=tuple(also.values()),
             )
             for node, n in enumerate(also, start=CHECKS):
-                at = _located(found, node, every[n], self.samples[n][self.driver])
+                own = [(m.links[group.platform], m.sign) for m in every[n]]
+                at = _located(found, node, own, self.samples[n][self.driver])
                 located[n] = [on and (on[0] + len(arcs), *on[1:]) for on in at]
             circuits = 1 + max((arc.circuit for arc in arcs), default=-1)
             arcs += [arc.after(len(arcs), circuits) for arc in found.arcs]
@@ -342,84 +324,18 @@ class _Lister:
         own = structure.drivers_of(name)
         return [structure.coordinate(d).of_joint(drivers[d]) for d in own]
 
-    # -- how the file says it --------------------------------------------------------------
-
-    def _poses(self, name: str, links: Places) -> dict[str, tuple[float, float, float]]:
-        """Poses of links by the names and in the frames of the file."""
-        names, structure = self.mechanism.names, self.mechanism.structure
-        if names is None:
-            return {link: _pose(*place) for link, place in links.items()}
-        found = {}
-        for said, where in names.links.items():
-            if where.link.block == name:
-                o, e = links[where.link.link]
-                at = structure.block(where.marker.block).place_of(structure.marker(where.marker))
-                found[said] = _pose(o + e * at, e * cmath.exp(1j * where.turn))
-        return found
-
-    def _put(self, name: str, mode: _Mode, drivers: Mapping[str, float]) -> dict[str, Any]:
-        """What to write into the file to have a mode."""
-        structure = self.mechanism.structure
-        poses = {link: list(pose) for link, pose in self._poses(name, mode.links).items()}
-        if self.mechanism.names is not None:  # its poses must be of one and the same place
-            stand = {link: list(pose) for link, pose in self._standing(drivers)} | poses
-            self._turn_to(stand, drivers)
-            return {"links": {link: {"pose": pose} for link, pose in stand.items()}}
-        if not isinstance(structure.blocks[name], GeneralGroup):
-            return {} if mode.branch is None else {"branch": mode.branch}
-        home = {d: drivers[d] for d in self.mechanism.drivers if d in structure.upstream[name]}
-        return {"home": {"drivers": home, "poses": poses}}
-
-    def _standing(
-        self, drivers: Mapping[str, float]
-    ) -> Iterator[tuple[str, tuple[float, float, float]]]:
-        """The document's links where the file's modes have them, if they close."""
-        for name in self.mechanism.structure.blocks:
-            links = self._own(name, drivers)
-            if all(cmath.isfinite(z) for place in links.values() for z in place):
-                yield from self._poses(name, links).items()
-
-    def _turn_to(self, poses: dict[str, list[float]], drivers: Mapping[str, float]) -> None:
-        """Count driven links round so that the poses tell the drivers' coordinates."""
-        structure, names = self.mechanism.structure, self.mechanism.names
-        assert names is not None
-        called = {where.link: said for said, where in names.links.items()}
-        for driver, ref in structure.driven.items():
-            later = called.get(structure.later_link(ref))
-            earlier = called.get(structure.earlier_link(ref))
-            if not structure.joint(ref).rotary or later not in poses:
-                continue
-            before = poses[earlier][2] if earlier in poses else 0.0
-            q = structure.coordinate(driver).of_joint(drivers[driver])
-            poses[later][2] += TURN * round((before + q - poses[later][2]) / TURN)
-
-    def _own(self, name: str, drivers: Mapping[str, float]) -> dict[str, LinkPosition]:
-        """How the links of a group stand in the file; NaN where they cannot."""
-        links = self.mechanism.structure.blocks[name].link_names
-        want = [w for link in links for w in (f"{name}.{link}.p", f"{name}.{link}.angle")]
-        rates = dict.fromkeys(drivers, 0.0)
-        run = self.mechanism.of_blocks.run(at=dict(drivers), rates=rates, want=want, on_gap="mark")
-        return {
-            link: LinkPosition(
-                run[f"{name}.{link}.p"][0], cmath.exp(1j * run[f"{name}.{link}.angle"][0])
-            )
-            for link in links
-        }
-
 
 def _located(
-    found: Connections, node: int, every: Sequence[_Mode], q: float
+    found: Connections, node: int, every: Sequence[tuple[LinkPosition, int]], q: float
 ) -> list[Located | None]:
     """Where the modes of a triad at a sample are, by the same ones at its node or close by."""
     known = found.modes[node]
     same: dict[int, int] = {}  # mode at the node -> at the sample
-    for k, mode in enumerate(every):
-        own = mode.triad
-        assert own is not None
+    for k, (own, sign) in enumerate(every):
         size = max(abs(m.o - own.o) for m in known) if known else 1.0
         for m, other in enumerate(known):
             apart = abs(other.o - own.o) / (size or 1.0) + abs(other.e - own.e)
-            if apart <= NEAR and other.sign == own.sign:
+            if apart <= NEAR and other.sign == sign:
                 same[m] = k
     located: list[Located | None] = [None] * len(every)
     for m, k in same.items():
@@ -440,10 +356,6 @@ def _first(support: Support) -> Support:
 
 def _told(error: RequestError) -> str:
     return "; ".join(problem.found for problem in error.problems)
-
-
-def _pose(o: complex, e: complex) -> tuple[float, float, float]:
-    return float(o.real), float(o.imag), float(angle(1 + 0j, e))
 
 
 def _begin(mechanism: Compiled) -> dict[str, float]:

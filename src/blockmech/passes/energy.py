@@ -11,51 +11,21 @@ import numpy as np
 
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import forces, forward, friction, loads
-from blockmech.passes.forward import ACTUAL, ZERO
-from blockmech.plan import Schedule
-from blockmech.plane import dot
-from blockmech.typing import Complex, Real
+from blockmech.passes.forward import ACTUAL
+from blockmech.plan import NOUGHT, ZERO, Schedule
 
 ROUNDINGS = 8  # of the sum of absolute powers; one at most in whole turns of rough four-bars
-
-
-def half_square(v: Complex, m: Real) -> Real:
-    """m v.v / 2"""
-    return m * dot(v, v) / 2
-
-
-def half_spin(om: Real, J: Real) -> Real:
-    """J om^2 / 2"""
-    return J * om * om / 2
-
-
-def fall(p: Complex, g: Complex, m: Real) -> Real:
-    """Potential energy of weight: -m g.p, zero at the frame's origin."""
-    return -m * dot(g, p)
-
-
-def lost(t: Real, rate: Real) -> Real:
-    """Friction power, positive where energy is lost."""
-    return -t * rate
-
-
-def work_rate(F: Complex, v: Complex) -> Real:
-    """F.v"""
-    return dot(F, v)
-
-
-def turn_rate(M: Real, om: Real) -> Real:
-    """M om"""
-    return M * om
 
 
 def _links(s: Schedule) -> list[LinkRef]:
     return [link for link in s.structure.links if link != s.structure.frame_link]
 
 
-def _sum(s: Schedule, terms: list[str], name: str) -> str:
-    kept = [t for t in terms if t != "0.0"]
-    return s.sum(kept, name) if kept else "0.0"
+def _power(s: Schedule, load: str, rate: str, name: str) -> str:
+    """Force times velocity, or moment times rate; nothing where one of them is nothing."""
+    if {load, rate} & {ZERO, NOUGHT}:
+        return NOUGHT
+    return s.line(f"{load} * {rate}", name)
 
 
 def kinetic(s: Schedule) -> str:
@@ -63,28 +33,25 @@ def kinetic(s: Schedule) -> str:
     terms = []
     for link in _links(s):
         properties = s.structure.properties(link)
-        if properties.mass:
-            v, m = s.ask(loads.cm_velocity, link, ACTUAL), s.ask(loads.mass_of, link)
-            terms.append("0.0" if v == ZERO else s.emit(half_square, v, m, name=f"{link}_T"))
-        if properties.inertia:
-            om = s.ask(forward.link_velocity, link, ACTUAL).scalar
+        v = s.ask(loads.cm_velocity, link, ACTUAL) if properties.mass else ZERO
+        if v != ZERO:
+            m = s.ask(loads.mass_of, link)
+            terms.append(s.line(f"{m} * dot({v}, {v}) / 2", f"{link}_T"))
+        om = s.ask(forward.link_velocity, link, ACTUAL).scalar if properties.inertia else NOUGHT
+        if om != NOUGHT:
             J = s.ask(loads.inertia_of, link)
-            terms.append("0.0" if om == "0.0" else s.emit(half_spin, om, J, name=f"{link}_T"))
-    return _sum(s, terms, "kinetic")
+            terms.append(s.line(f"{J} * {om} * {om} / 2", f"{link}_T"))
+    return s.sum(terms, "kinetic")
 
 
 def potential(s: Schedule) -> str:
     """Potential energy [J] of weights and springs; weights count from the frame's origin."""
     terms = []
     for link in _links(s):
-        properties = s.structure.properties(link)
-        if properties.mass and s.scene.gravity.z != 0:
-            g = s.parameter(("gravity",), s.scene.gravity.z, "gravity")
-            p, arm = s.ask(forward.link_position, link).vector, s.ask(loads.cm_arm, link)
-            if arm is not None:
-                p = s.emit(forward.place, p, arm, name=f"{link}_cm_p")
+        if s.structure.properties(link).mass and s.scene.gravity.z != 0:
+            p = forward.place(s, link, s.ask(loads.cm_arm, link), f"{link}_cm_p")
             m = s.ask(loads.mass_of, link)
-            terms.append(s.emit(fall, p, g, m, name=f"{link}_V"))
+            terms.append(s.line(f"-{m} * dot({loads.gravity(s)}, {p})", f"{link}_V"))
     for name, element in s.structure.elements.items():
         stored = element.energy()
         if stored is None:
@@ -97,35 +64,28 @@ def potential(s: Schedule) -> str:
         ]
         args.append(s.ask(loads.element_parameters, name))
         terms.append(s.emit(stored, *args, name=f"{name}_V"))
-    return _sum(s, terms, "potential")
+    return s.sum(terms, "potential")
 
 
 def friction_power(s: Schedule, ref: JointRef) -> str:
-    """Power [W] that friction of a pair turns into heat."""
+    """Power [W] that friction of a pair turns into heat, positive where energy is lost."""
     t = s.ask(forces.resisting, ref)
-    if t == "0.0":
-        return "0.0"
-    return s.emit(lost, t, s.ask(forward.slip, ref), name=f"{ref}_loss")
+    return t if t == NOUGHT else s.line(f"-{t} * {s.ask(forward.slip, ref)}", f"{ref}_loss")
 
 
 def total_friction_power(s: Schedule) -> str:
     """Power [W] lost in all pairs."""
-    terms = [
-        s.ask(friction_power, ref)
-        for block in s.structure.blocks
-        for ref in s.ask(friction.friction_joints, block)
-    ]
-    return _sum(s, terms, "friction_power")
+    joints = (ref for b in s.structure.blocks for ref in s.ask(friction.friction_joints, b))
+    return s.sum((s.ask(friction_power, ref) for ref in joints), "friction_power")
 
 
 def drive_power(s: Schedule) -> str:
     """Power [W] of all drives."""
-    terms = []
-    for driver in s.structure.drivers:
-        tau = s.ask(forces.drive, driver)
-        rate = s.input("qd", driver)
-        terms.append("0.0" if tau == "0.0" else s.emit(turn_rate, tau, rate, name=f"{driver}_P"))
-    return _sum(s, terms, "drive_power")
+    terms = (
+        _power(s, s.ask(forces.drive, driver), s.input("qd", driver), f"{driver}_P")
+        for driver in s.structure.drivers
+    )
+    return s.sum(terms, "drive_power")
 
 
 def element_power(s: Schedule, name: str) -> str:
@@ -133,45 +93,30 @@ def element_power(s: Schedule, name: str) -> str:
     terms = []
     for terminal, declared in s.structure.elements[name].terminals.items():
         ref = JointRef(name, terminal)
-        marker = s.structure.holds[ref]
-        load = s.ask(loads.terminal_term, ref)
-        if declared.kind == "point":
-            v = s.ask(forward.marker_velocity, marker, ACTUAL)
-            terms.append("0.0" if v == ZERO else s.emit(work_rate, load, v, name=f"{ref}_P"))
-        else:
+        marker, load = s.structure.holds[ref], s.ask(loads.terminal_term, ref)
+        if declared.kind == "link":
             om = s.ask(forward.link_velocity, marker.on, ACTUAL).scalar
-            terms.append("0.0" if om == "0.0" else s.emit(turn_rate, load, om, name=f"{ref}_P"))
-    return _sum(s, terms, f"{name}_power")
-
-
-def weight_power(s: Schedule) -> str:
-    """Power [W] of all weights."""
-    terms = []
-    for link in _links(s):
-        force = s.ask(loads.weight_on, link)
-        v = s.ask(loads.cm_velocity, link, ACTUAL) if force else ZERO
-        if v != ZERO:
-            terms.append(s.emit(work_rate, force.forces[0], v, name=f"{link}_weight_P"))
-    return _sum(s, terms, "weight_power")
+            terms.append(_power(s, load, om, f"{ref}_P"))
+        elif (v := s.ask(forward.marker_velocity, marker, ACTUAL)) != ZERO:
+            terms.append(s.line(f"dot({load}, {v})", f"{ref}_P"))
+    return s.sum(terms, f"{name}_power")
 
 
 def useful_power(s: Schedule) -> str:
     """Power [W] that the useful loads take from the mechanism."""
     names = [n for n, e in s.structure.elements.items() if e.useful]
-    total = _sum(s, [s.ask(element_power, n) for n in names], "useful")
-    return total if total == "0.0" else s.emit(forces.negated, total, name="useful_power")
+    total = s.sum([s.ask(element_power, n) for n in names], "useful")
+    return total if total == NOUGHT else s.line(f"-{total}", "useful_power")
 
 
 def shaking_force(s: Schedule) -> str:
     """Force [N] of the mechanism on the frame."""
-    total = s.ask(forces.frame_load)
-    return s.sum(total.forces, "shaking_force") if total.forces else ZERO
+    return s.sum(s.ask(forces.frame_load).forces, "shaking_force", ZERO)
 
 
 def shaking_moment(s: Schedule) -> str:
     """Moment [N m] of the mechanism on the frame, about the frame's origin."""
-    total = s.ask(forces.frame_load)
-    return s.sum(total.moments, "shaking_moment") if total.moments else "0.0"
+    return s.sum(s.ask(forces.frame_load).moments, "shaking_moment")
 
 
 def transmission(s: Schedule, block: str) -> tuple[str, str]:
@@ -210,10 +155,8 @@ def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
 
     In a free motion the drive is idle, and its work is rounding of the useful loads' work.
     """
-    given = np.sum(drive * weights)
-    if given <= _rounding(useful, drive, weights):
-        return float("nan")
-    return _share(np.sum(useful * weights), given)
+    taken, given = np.sum(useful * weights), np.sum(drive * weights)
+    return float(taken / given) if given > _rounding(useful, drive, weights) else float("nan")
 
 
 def friction_efficiency(s: Schedule) -> tuple[str, str]:
@@ -228,16 +171,13 @@ def read_friction_efficiency(friction: Any, drive: Any, weights: Any) -> float:
     takes all that the drive gives, and the powers may be much larger than what is left of them.
     """
     taken, given = np.sum(friction * weights), np.sum(drive * weights)
-    if given > 0 and abs(given - taken) <= _rounding(friction, drive, weights):
-        return 0.0
-    return 1.0 - _share(taken, given)
+    if not given > 0:
+        return float("nan")
+    left = abs(given - taken) > _rounding(friction, drive, weights)
+    return float(1.0 - taken / given) if left else 0.0
 
 
 def _rounding(part: Any, whole: Any, weights: Any) -> float:
     """What rounding leaves of a sum of the two powers over the samples."""
     eps = np.finfo(np.result_type(whole, part, np.float32)).eps
     return float(ROUNDINGS * eps * np.sum((np.abs(part) + np.abs(whole)) * np.abs(weights)))
-
-
-def _share(part: float, whole: float) -> float:
-    return float(part / whole) if whole > 0 else float("nan")

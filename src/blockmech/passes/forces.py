@@ -11,10 +11,9 @@ from __future__ import annotations
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import friction
 from blockmech.passes.forward import (
-    ZERO,
-    difference,
     guide_direction,
     marker_arm,
+    marker_place,
     parameters,
     position,
     signed,
@@ -28,32 +27,10 @@ from blockmech.passes.loads import (
     elements_on,
     inertial,
     later_blocks,
-    load,
 )
-from blockmech.passes.pairs import PairLoad, from_wire, pair_load
-from blockmech.plan import Entry, Schedule
-from blockmech.plane import cross, imul, mul
-from blockmech.typing import Complex, Real
-
-
-def negated(x: Complex) -> Complex:
-    """The opposite: what the earlier link gets."""
-    return -x
-
-
-def product(x: Real, y: Real) -> Real:
-    """x y"""
-    return x * y
-
-
-def guide_force(N: Real, along: Real, u: Complex) -> Complex:
-    """Force of a guide on the slider: N n + (T + tau) u."""
-    return imul(u, N) + mul(u, along)
-
-
-def guide_moment(C: Real, arm: Complex, f: Complex) -> Real:
-    """Moment on the support about the wire's point: -C - (S - p) x f."""
-    return -C - cross(arm, f)
+from blockmech.passes.pairs import slider_point, transmitted
+from blockmech.plan import NOUGHT, ZERO, Entry, Schedule
+from blockmech.typing import Load
 
 
 def carried(s: Schedule, link: LinkRef) -> Resultant:
@@ -65,7 +42,7 @@ def carried(s: Schedule, link: LinkRef) -> Resultant:
         force, moment = s.ask(wrench, ref)
         arm = s.ask(marker_arm, s.structure.feeds[ref])
         total += at_arm(s, force, arm, f"{ref}_back")
-        if moment != "0.0":
+        if moment != NOUGHT:
             total += Resultant((), (moment,))
     return total
 
@@ -74,8 +51,8 @@ def shared(s: Schedule, link: LinkRef) -> Resultant:
     """The applied loads of a link times the input ``load_share`` (1, or 0: none)."""
     found, share = s.ask(applied, link), s.unknown("load_share")
     return Resultant(
-        tuple(s.emit(mul, force, share, name=f"{link}_F_share") for force in found.forces),
-        tuple(s.emit(product, moment, share, name=f"{link}_M_share") for moment in found.moments),
+        tuple(s.line(f"mul({force}, {share})", f"{link}_F_share") for force in found.forces),
+        tuple(s.line(f"{moment} * {share}", f"{link}_M_share") for moment in found.moments),
     )
 
 
@@ -86,9 +63,8 @@ def link_load(s: Schedule, link: LinkRef) -> str:
     else:
         loads = s.ask(applied, link)
     total = s.ask(inertial, link) + loads + s.ask(carried, link)
-    force = s.sum(total.forces, f"{link}_F") if total.forces else ZERO
-    moment = s.sum(total.moments, f"{link}_M") if total.moments else "0.0"
-    return s.emit(load, force, moment, name=f"{link}_load")
+    force, moment = s.sum(total.forces, f"{link}_F", ZERO), s.sum(total.moments, f"{link}_M")
+    return s.emit(Load, force, moment, name=f"{link}_load")
 
 
 def smooth(s: Schedule, block: str) -> str | None:
@@ -115,9 +91,9 @@ def resisting(s: Schedule, ref: JointRef) -> str:
     """Friction of a pair on the later link: couple [N m] or force [N]."""
     if s.friction.method == friction.GIVEN:
         known = ref in s.ask(friction.friction_joints, ref.block)
-        return s.ask(friction.given, ref) if known else "0.0"
+        return s.ask(friction.given, ref) if known else NOUGHT
     found = s.ask(friction_at, ref)
-    return "0.0" if found is None else f"{found[0]}.t[{found[1]}]"
+    return NOUGHT if found is None else f"{found[0]}.t[{found[1]}]"
 
 
 def friction_at(s: Schedule, ref: JointRef) -> tuple[str, int] | None:
@@ -131,39 +107,18 @@ def friction_at(s: Schedule, ref: JointRef) -> tuple[str, int] | None:
     return None if pair is None else (s.ask(friction.solve_driven, ref, pair), 0)
 
 
-def reaction(s: Schedule, ref: JointRef) -> PairLoad | None:
-    """What a pair transmits, friction included; None for a structural zero."""
+def reaction(s: Schedule, ref: JointRef) -> str | None:
+    """What a pair transmits, R or N + i C, friction included; None for a structural zero."""
     reactions = s.ask(smooth, ref.block)
     if reactions is None:
         return None
-    base = pair_load(s, ref, reactions)
+    total = s.ask(transmitted, ref, reactions)
     solved = s.ask(solution, ref.block)
     if solved is None:
-        return base
-    by = [
-        s.ask(friction.influence, ref, unit) for unit in s.ask(friction.coupled_joints, ref.block)
-    ]
-    t = f"{solved}.t"
-    if base.force:
-        units = friction.tuple_of(pair.force for pair in by)
-        return PairLoad(s.emit(friction.affine, base.force, t, units, name=f"{ref}_R"))
-    return PairLoad(
-        "",
-        s.emit(
-            friction.affine_real,
-            base.N,
-            t,
-            friction.tuple_of(pair.N for pair in by),
-            name=f"{ref}_N",
-        ),
-        s.emit(
-            friction.affine_real,
-            base.C,
-            t,
-            friction.tuple_of(pair.C for pair in by),
-            name=f"{ref}_C",
-        ),
-    )
+        return total
+    for k, unit in enumerate(s.ask(friction.coupled_joints, ref.block)):
+        total += f" + mul({s.ask(friction.influence, ref, unit)}, {solved}.t[{k}])"
+    return s.line(total, f"{ref}_R")
 
 
 def drive(s: Schedule, driver: str) -> str:
@@ -175,38 +130,36 @@ def effort_in(s: Schedule, joint: JointRef) -> str:
     """What drives a joint: moment [N m] or force [N] on the later link, friction included."""
     reactions = s.ask(smooth, joint.block)
     if reactions is None:
-        return "0.0"
-    block = s.structure.blocks[joint.block]
-    effort, driver = f"{reactions}.{block.effort_field(joint.name)}", block.driver_name(*joint)
+        return NOUGHT
+    effort = f"{reactions}.{s.structure.blocks[joint.block].effort_field(joint.name)}"
     solved = s.ask(solution, joint.block)
-    if solved is not None:
-        units = s.ask(friction.coupled_joints, joint.block)
-        by = friction.tuple_of(s.ask(friction.effort_influence, joint, unit) for unit in units)
-        name = f"{driver}_smooth_drive"
-        effort = s.emit(friction.affine_real, effort, f"{solved}.t", by, name=name)
+    units = s.ask(friction.coupled_joints, joint.block) if solved is not None else ()
+    for k, unit in enumerate(units):
+        effort += f" + {s.ask(friction.effort_influence, joint, unit)} * {solved}.t[{k}]"
     t = s.ask(resisting, joint)
-    if t == "0.0":
-        return effort
-    return s.emit(difference, effort, t, name=f"{driver}_drive")
+    if t != NOUGHT:
+        effort += f" - {t}"
+    return s.line(effort, f"{joint}_drive") if " " in effort else effort
 
 
 def wrench(s: Schedule, ref: JointRef) -> tuple[str, str]:
     """Force and moment on the support of an outer joint, about the wire's forward point."""
     pair = s.ask(reaction, ref)
     if pair is None:
-        return ZERO, "0.0"
-    along = [s.ask(resisting, ref)]
-    if s.structure.joint(ref).driven:
-        along.append(s.ask(effort_in, ref))
-    along = [x for x in along if x != "0.0"]
-    total = s.sum(along, f"{ref}_along") if along else "0.0"
-    if pair.force:
-        moment = total if total == "0.0" else s.emit(negated, total, name=f"{ref}_back_M")
-        return s.emit(negated, pair.force, name=f"{ref}_back_F"), moment
+        return ZERO, NOUGHT
+    joint = s.structure.joint(ref)
+    effort = s.ask(effort_in, ref) if joint.driven else NOUGHT
+    along = s.sum((s.ask(resisting, ref), effort), f"{ref}_along")
+    if joint.kind == "R":
+        moment = NOUGHT if along == NOUGHT else s.line(f"-{along}", f"{ref}_back_M")
+        return s.line(f"-{pair}", f"{ref}_back_F"), moment
     u = s.ask(guide_direction, ref)
-    f = s.emit(guide_force, pair.N, total, u, name=f"{ref}_f")
-    force = s.emit(negated, f, name=f"{ref}_back_F")
-    return force, s.emit(guide_moment, pair.C, s.ask(from_wire, ref), f, name=f"{ref}_back_M")
+    f = s.line(f"imul({u}, {pair}.real) + mul({u}, {along})", f"{ref}_f")
+    point, p = s.ask(slider_point, ref), s.ask(marker_place, s.structure.feeds[ref])
+    moment = f"-{pair}.imag"
+    if point != p:
+        moment += f" - cross({point} - {p}, {f})"
+    return s.line(f"-{f}", f"{ref}_back_F"), s.line(moment, f"{ref}_back_M")
 
 
 def frame_load(s: Schedule) -> Resultant:

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from blockmech.loads.contract import Element, Following, Reads
+from blockmech.loads.contract import Following, Reads
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes.forward import (
     ACTUAL,
-    ZERO,
+    acceleration_at,
     arm_of,
     link_acceleration,
     link_position,
@@ -23,12 +23,9 @@ from blockmech.passes.forward import (
     marker_arm,
     marker_place,
     marker_velocity,
-    point_acceleration,
-    point_velocity,
+    velocity_at,
 )
-from blockmech.plan import Schedule
-from blockmech.plane import cross, mul
-from blockmech.typing import Complex, Load, Real
+from blockmech.plan import NOUGHT, ZERO, Schedule
 
 
 class Resultant(NamedTuple):
@@ -48,19 +45,13 @@ class Resultant(NamedTuple):
 NOTHING = Resultant((), ())
 
 
-def weight(m: Real, g: Complex) -> Complex:
-    """Weight [N]: m g."""
-    return mul(g, m)
+def at_arm(s: Schedule, force: str, arm: str | None, name: str) -> Resultant:
+    """A force at an arm as a term of the link's load."""
+    moments = () if arm is None else (s.line(f"cross({arm}, {force})", f"{name}_M"),)
+    return Resultant((force,), moments)
 
 
-def inertia_force(a: Complex, m: Real) -> Complex:
-    """D'Alembert force [N] at the centre of mass: -m a."""
-    return mul(a, -m)
-
-
-def inertia_couple(al: Real, J: Real) -> Real:
-    """D'Alembert couple [N m]: -J al."""
-    return -J * al
+# -- mass ------------------------------------------------------------------------
 
 
 def mass_of(s: Schedule, link: LinkRef) -> str:
@@ -73,6 +64,11 @@ def inertia_of(s: Schedule, link: LinkRef) -> str:
     return s.parameter(("inertia", link), s.structure.properties(link).inertia, f"J_{link}")
 
 
+def gravity(s: Schedule) -> str:
+    """Slot of the acceleration of gravity [m/s2]."""
+    return s.parameter(("gravity",), s.scene.gravity.z, "gravity")
+
+
 def cm_arm(s: Schedule, link: LinkRef) -> str | None:
     """Arm of a link's centre of mass from its origin; None at the origin."""
     return s.ask(arm_of, link, s.structure.properties(link).cm.z, f"{link}_cm")
@@ -80,28 +76,40 @@ def cm_arm(s: Schedule, link: LinkRef) -> str | None:
 
 def cm_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> str:
     """Velocity [m/s] of a link's centre of mass."""
-    v, om = s.ask(link_velocity, link, mode)
-    arm = s.ask(cm_arm, link)
-    if v == ZERO or arm is None:
-        return v
-    return s.emit(point_velocity, v, om, arm, name=f"{link}_cm_v")
+    return velocity_at(s, link, mode, cm_arm, link, f"{link}_cm")
 
 
 def cm_acceleration(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> str:
     """Acceleration [m/s2] of a link's centre of mass."""
-    a, al = s.ask(link_acceleration, link, mode)
-    arm = s.ask(cm_arm, link)
-    if a == ZERO or arm is None:
-        return a
-    om = s.ask(link_velocity, link, mode).scalar
-    return s.emit(point_acceleration, a, al, om, arm, name=f"{link}_cm_a")
+    return acceleration_at(s, link, mode, cm_arm, link, f"{link}_cm")
 
 
-def at_arm(s: Schedule, force: str, arm: str | None, name: str) -> Resultant:
-    """A force at an arm as a term of the link's load."""
-    if arm is None:
-        return Resultant((force,), ())
-    return Resultant((force,), (s.emit(cross, arm, force, name=f"{name}_M"),))
+def weight_on(s: Schedule, link: LinkRef) -> Resultant:
+    """Weight of a link; nothing without gravity or mass."""
+    if s.scene.gravity.z == 0 or s.structure.properties(link).mass == 0:
+        return NOTHING
+    force = s.line(f"mul({gravity(s)}, {s.ask(mass_of, link)})", f"{link}_weight")
+    return at_arm(s, force, s.ask(cm_arm, link), f"{link}_weight")
+
+
+def inertial(s: Schedule, link: LinkRef) -> Resultant:
+    """D'Alembert terms of a link, -m a and -J al; nothing in a static request."""
+    properties = s.structure.properties(link)
+    total = NOTHING
+    if s.static or not properties.massive:
+        return total
+    a, al = s.ask(link_acceleration, link, ACTUAL)
+    if properties.mass and a != ZERO:
+        at_cm = s.ask(cm_acceleration, link, ACTUAL)
+        force = s.line(f"mul({at_cm}, -{s.ask(mass_of, link)})", f"{link}_inertia_F")
+        total += at_arm(s, force, s.ask(cm_arm, link), f"{link}_inertia")
+    if properties.inertia and al != NOUGHT:
+        couple = s.line(f"-{s.ask(inertia_of, link)} * {al}", f"{link}_inertia_M")
+        total += Resultant((), (couple,))
+    return total
+
+
+# -- elements --------------------------------------------------------------------
 
 
 def element_terms(s: Schedule, name: str) -> str:
@@ -160,9 +168,8 @@ def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> str:
         return s.ask(marker_place, marker)
     if what == "v":
         return s.ask(marker_velocity, marker, ACTUAL)
-    if what == "e":
-        return s.ask(link_position, marker.on).scalar
-    return s.ask(link_velocity, marker.on, ACTUAL).scalar
+    rule = link_position if what == "e" else link_velocity
+    return s.ask(rule, marker.on).scalar
 
 
 def element_parameters(s: Schedule, name: str) -> str:
@@ -172,8 +179,7 @@ def element_parameters(s: Schedule, name: str) -> str:
 
 def terminal_term(s: Schedule, terminal: JointRef) -> str:
     """Force or couple of an element at one terminal."""
-    element: Element = s.structure.elements[terminal.block]
-    index = list(element.terminals).index(terminal.name)
+    index = list(s.structure.elements[terminal.block].terminals).index(terminal.name)
     return f"{s.ask(element_terms, terminal.block)}[{index}]"
 
 
@@ -186,18 +192,8 @@ def elements_on(s: Schedule, link: LinkRef) -> Resultant:
         if element.terminals[terminal.name].kind == "link":
             total += Resultant((), (term,))
         else:
-            arm = s.ask(marker_arm, s.structure.holds[terminal])
-            total += at_arm(s, term, arm, f"{terminal}")
+            total += at_arm(s, term, s.ask(marker_arm, s.structure.holds[terminal]), str(terminal))
     return total
-
-
-def weight_on(s: Schedule, link: LinkRef) -> Resultant:
-    """Weight of a link; nothing without gravity or mass."""
-    if s.scene.gravity.z == 0 or s.structure.properties(link).mass == 0:
-        return NOTHING
-    g = s.parameter(("gravity",), s.scene.gravity.z, "gravity")
-    force = s.emit(weight, s.ask(mass_of, link), g, name=f"{link}_weight")
-    return at_arm(s, force, s.ask(cm_arm, link), f"{link}_weight")
 
 
 def applied(s: Schedule, link: LinkRef) -> Resultant:
@@ -205,26 +201,7 @@ def applied(s: Schedule, link: LinkRef) -> Resultant:
     return s.ask(weight_on, link) + s.ask(elements_on, link)
 
 
-def inertial(s: Schedule, link: LinkRef) -> Resultant:
-    """D'Alembert terms of a link; nothing in a static request."""
-    properties = s.structure.properties(link)
-    a, al = (ZERO, "0.0")
-    if properties.massive and not s.static:
-        a, al = s.ask(link_acceleration, link, ACTUAL)
-    total = NOTHING
-    if properties.mass and a != ZERO:
-        at_cm = s.ask(cm_acceleration, link, ACTUAL)
-        force = s.emit(inertia_force, at_cm, s.ask(mass_of, link), name=f"{link}_inertia_F")
-        total += at_arm(s, force, s.ask(cm_arm, link), f"{link}_inertia")
-    if properties.inertia and al != "0.0":
-        couple = s.emit(inertia_couple, al, s.ask(inertia_of, link), name=f"{link}_inertia_M")
-        total += Resultant((), (couple,))
-    return total
-
-
-def load(F: Complex, M: Real) -> Load:
-    """Resultant of a link for a force kernel."""
-    return Load(F, M)
+# -- which blocks carry a load -----------------------------------------------------
 
 
 def active(s: Schedule, block: str) -> bool:

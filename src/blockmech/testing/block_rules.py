@@ -76,7 +76,7 @@ class BlockRules(Checks):
         self.pose = self.subject.position(self.motions)
 
     def _closing(self, seed: int) -> tuple[Motions, Motions]:
-        """Random motions, and those of them in which the block closes well."""
+        """Random motions, and slow ones of them, which differences resolve, that close well."""
         unclosed = f"{type(self.block).__name__} breaks its contract\nrule 3 (positions close"
         unclosed += " the joints):"
         for scale in (1.0, 3.0, 0.3, 10.0, 0.1):
@@ -90,22 +90,20 @@ class BlockRules(Checks):
             if isinstance(self.block, AssurGroup) and "margin" in pose:
                 margin = np.broadcast_to(pose["margin"], good.shape)
                 good = good & (margin >= 0.5 * np.max(margin, initial=0.0, where=good))
-            found = np.flatnonzero(good)
-            if len(found) >= 4 * SAMPLES:
+            if good.sum() >= 4 * SAMPLES:
                 self.size *= scale
-                return motions, self._slow(only(motions, found))
+                well = only(motions, good)
+                try:
+                    speed = self._speeds(self.subject.velocity(well))
+                except Exception:  # the rule on velocities will say why
+                    speed = np.zeros(count(well))
+                return motions, only(
+                    well, np.flatnonzero(speed <= np.quantile(speed, 0.25))[:SAMPLES]
+                )
         raise ConformanceError(
             f"{unclosed} no pose was found in which the block closes: position is wrong, "
             "or the example hardly ever closes"
         )
-
-    def _slow(self, motions: Motions) -> Motions:
-        """Some of the slower quarter of the motions, which differences resolve."""
-        try:
-            speed = self._speeds(self.subject.velocity(motions))
-        except Exception:  # the rule on velocities will say why
-            speed = np.zeros(count(motions))
-        return only(motions, np.flatnonzero(speed <= np.quantile(speed, 0.25))[:SAMPLES])
 
     def _speeds(self, vel: Any) -> Array:
         """Largest speed (n,) [m/s] of links and slides, rates counted at the block's size."""
@@ -120,12 +118,8 @@ class BlockRules(Checks):
 
     # -- 1, 2, 7, 8, 9: how kernels are called ---------------------------------------------
 
-    def _calls(self) -> Iterator[tuple[str, Callable[..., list[Any]]]]:
-        """Each kernel, and its arguments (but the parameters) at some samples."""
-        for stage in STAGES:
-            yield stage, lambda samples=slice(None), stage=stage: self._arguments(stage, samples)
-
-    def _arguments(self, stage: str, samples: slice) -> list[Any]:
+    def _arguments(self, stage: str, samples: slice = slice(None)) -> list[Any]:
+        """What a kernel gets (but the parameters) at some samples."""
         motions = only(self.motions, samples)
         if stage == "position":
             return self.subject.arguments(stage, motions)
@@ -133,10 +127,8 @@ class BlockRules(Checks):
         if stage == "reactions":
             loads = random_loads(self.block, SAMPLES, self.size, 3)
             return [pose, *(Load(planar(vectors(x.F)[samples]), x.M[samples]) for x in loads)]
-        before = [pose]
-        if stage == "acceleration":
-            before.append(self.subject.velocity(motions, pose))
-        return [*before, *self.subject.arguments(stage, motions)]
+        before = [self.subject.velocity(motions, pose)] if stage == "acceleration" else []
+        return [pose, *before, *self.subject.arguments(stage, motions)]
 
     def _names(self, stage: str) -> list[str]:
         return list(inspect.signature(getattr(self.block.kernels, stage)).parameters)
@@ -151,8 +143,8 @@ class BlockRules(Checks):
 
     def outputs(self) -> Iterator[str]:
         """Calling again gives the same bits, and leaves the inputs alone."""
-        for stage, arguments in self._calls():
-            given = arguments()
+        for stage in STAGES:
+            given = self._arguments(stage)
             before = leaves(tuple(given))
             once, again = (leaves(self.subject.call(stage, *given)) for _ in range(2))
             if not identical(before, leaves(tuple(given))):
@@ -163,10 +155,10 @@ class BlockRules(Checks):
     def batches(self) -> Iterator[str]:
         """Any batch shape gives the same numbers, for samples and for designs."""
         designs = type(self.subject.p)(*(np.full((3, 1), x) for x in self.subject.p))
-        for stage, arguments in self._calls():
-            whole = leaves(self.subject.call(stage, *arguments()))
+        for stage in STAGES:
+            whole = leaves(self.subject.call(stage, *self._arguments(stage)))
             for k in (0, SAMPLES // 2):
-                one = arguments(slice(k, k + 1))
+                one = self._arguments(stage, slice(k, k + 1))
                 alone = leaves(self.subject.call(stage, *one))
                 kernel = getattr(self.block.kernels, stage)
                 scalar = leaves(kernel(*map(as_number, one), self.subject.p))
@@ -176,7 +168,7 @@ class BlockRules(Checks):
                         yield f"{stage} {name} of a sample alone is not the same as in a batch"
                     what = f"scalar {stage} {name} against a batch"
                     yield from self.same(what, scalar[name], here, float(np.max(abs(x))) or 1.0)
-            many = leaves(self.subject.call(stage, *arguments(), p=designs))
+            many = leaves(self.subject.call(stage, *self._arguments(stage), p=designs))
             for name, x in many.items():
                 shape = np.broadcast_shapes(x.shape, (3, SAMPLES))
                 if shape != (3, SAMPLES) or not same_bits(x, whole[name]):
@@ -184,22 +176,19 @@ class BlockRules(Checks):
 
     def not_a_number(self) -> Iterator[str]:
         """What depends on a NaN is NaN."""
-        for stage, arguments in self._calls():
-            given, names = arguments(), self._names(stage)
+        p = self.subject.p
+        for stage in STAGES:
+            given, names = self._arguments(stage), self._names(stage)
             whole = leaves(self.subject.call(stage, *given))
             cases = [
-                (
-                    f"{names[k]}.{part}" if part else names[k],
-                    [*given[:k], bad, *given[k + 1 :]],
-                    None,
-                )
+                (f"{names[k]}.{part}" if part else names[k], [*given[:k], bad, *given[k + 1 :]], p)
                 for k in range(STAGES[stage], len(given))
                 for bad, part in spoilt(given[k])
             ]
-            p = self.subject.p
             cases += [(name, given, p._replace(**{name: np.nan})) for name in p._fields]
-            for what, arguments_, p in cases:
-                for name, x in leaves(self.subject.call(stage, *arguments_, p=p)).items():
+            for what, arguments, numbers in cases:
+                found = leaves(self.subject.call(stage, *arguments, p=numbers))
+                for name, x in found.items():
                     if not np.all(np.isnan(x)) and not same_bits(x, whole[name]):
                         yield f"{stage} {name} depends on {what}, but is not NaN with it"
 
@@ -284,30 +273,18 @@ class BlockRules(Checks):
         if missing := self._returned("velocity", vel, LinkVelocity):
             yield missing
             return
+        rates = {}
         for joint in self.subject.slides:
             if not hasattr(vel, joint.name):
                 yield f"velocity returns no sliding rate named {joint.name}"
                 return
-        rates = {joint.name: np.asarray(getattr(vel, joint.name)) for joint in self.subject.slides}
+            rates[joint.name] = np.asarray(getattr(vel, joint.name))
         for link in self.block.link_names:
-            rates[f"{link}.o"] = vectors(getattr(vel, link).v)
-            e = vectors(getattr(self.pose, link).e)
-            rates[f"{link}.e"] = 1j * np.asarray(getattr(vel, link).om) * e
+            moved, e = getattr(vel, link), vectors(getattr(self.pose, link).e)
+            rates |= {f"{link}.o": vectors(moved.v), f"{link}.e": 1j * np.asarray(moved.om) * e}
         speed = self.size + float(np.max(self._speeds(vel)))
-        for name, slope in derivative(lambda t: self._places(after(self.motions, t))).items():
-            scale = speed / self.size if name.endswith(".e") else speed
-            yield from self.same(f"velocity of {name}", rates[name], slope, scale, DERIVATIVE)
-        call = self.subject.velocity
-        yield from self._linear("velocity", lambda m: call(m, self.pose), Y)
-
-    def _places(self, motions: Motions) -> dict[str, Array]:
-        """What moves: origins and directions of links, strokes of prismatic pairs."""
-        pose = self.subject.position(motions)
-        found = {j.name: self.subject.stroke(pose, j, motions) for j in self.subject.slides}
-        for link in self.block.link_names:
-            place = getattr(pose, link)
-            found[f"{link}.o"], found[f"{link}.e"] = vectors(place.o), vectors(place.e)
-        return found
+        yield from self._derivative("velocity", rates, self._places, speed)
+        yield from self._linear("velocity", lambda m: self.subject.velocity(m, self.pose), Y)
 
     def accelerations(self) -> Iterator[str]:
         """Acceleration is the derivative of velocity, and affine in what it gets."""
@@ -315,37 +292,50 @@ class BlockRules(Checks):
         if missing := self._returned("acceleration", acc, LinkAcceleration):
             yield missing
             return
-
-        def rates(t: float) -> dict[str, Array]:
-            moved = leaves(self.subject.velocity(after(self.motions, t)))
-            return {n: x for n, x in moved.items() if n.split(".")[0] in self.block.link_names}
-
-        found = leaves(acc)
+        found, links = leaves(acc), self.block.link_names
+        rates = {
+            f"{k}.{v}": found[f"{k}.{a}"] for k in links for v, a in (("v", "a"), ("om", "al"))
+        }
         scale = self.size + float(np.max(self._speeds(vel)))
         scale += largest(found) * max(1.0, self.size)
-        for name, slope in derivative(rates).items():
-            link, what = name.split(".")
-            value = found[f"{link}.{'a' if what == 'v' else 'al'}"]
-            unit = scale if what == "v" else scale / self.size
-            yield from self.same(f"acceleration of {name}", value, slope, unit, DERIVATIVE)
+        yield from self._derivative(
+            "acceleration", rates, lambda m: leaves(self.subject.velocity(m)), scale
+        )
         call = self.subject.acceleration
         yield from self._linear("acceleration", lambda m: call(m, self.pose, vel), 1 - X)
+
+    def _places(self, motions: Motions) -> dict[str, Array]:
+        """What moves: origins and directions of links, strokes of prismatic pairs."""
+        pose = self.subject.position(motions)
+        found = {j.name: self.subject.stroke(pose, j, motions) for j in self.subject.slides}
+        for link in self.block.link_names:
+            place = getattr(pose, link)
+            found |= {f"{link}.o": vectors(place.o), f"{link}.e": vectors(place.e)}
+        return found
+
+    def _derivative(
+        self, stage: str, rates: Leaves, values: Callable[[Motions], Leaves], scale: float
+    ) -> Iterator[str]:
+        """Rates against differences of values; those of turning count at the block's size."""
+        slopes = derivative(lambda t: values(after(self.motions, t)))
+        for name, rate in rates.items():
+            unit = scale / self.size if name.endswith((".e", ".om")) else scale
+            yield from self.same(f"{stage} of {name}", rate, slopes[name], unit, DERIVATIVE)
 
     def _linear(self, stage: str, call: Callable[[Motions], Any], y: float) -> Iterator[str]:
         """Rates X times those of the motions plus y times other ones, in the same places."""
         both = mixed(
             lambda a, b: np.concatenate([a[:1], X * a[1:] + y * b[1:]]), self.motions, self.other
         )
-        one, two, three = (leaves(call(m)) for m in (self.motions, self.other, both))
-        yield from self._combined(stage, one, two, three, y)
+        yield from self._combined(stage, y, *map(call, (self.motions, self.other, both)))
 
-    def _combined(
-        self, stage: str, one: Leaves, two: Leaves, both: Leaves, y: float
-    ) -> Iterator[str]:
-        for name, a in one.items():
-            scale = float(np.max(abs(a)) + np.max(abs(two[name]))) or 1.0
-            wanted = X * a + y * two[name]
-            yield from self.same(f"linearity of {stage} {name}", both[name], wanted, scale)
+    def _combined(self, stage: str, y: float, *answers: Any) -> Iterator[str]:
+        """Answers to one, to another, and to X times the one plus y times the other."""
+        first, second, found = map(leaves, answers)
+        for name, a in first.items():
+            scale = float(np.max(abs(a)) + np.max(abs(second[name]))) or 1.0
+            wanted = X * a + y * second[name]
+            yield from self.same(f"linearity of {stage} {name}", found[name], wanted, scale)
 
     # -- 6 and 10: forces ------------------------------------------------------------------
 
@@ -366,9 +356,8 @@ class BlockRules(Checks):
             Load(planar(X * vectors(a.F) + Y * vectors(b.F)), X * a.M + Y * b.M)
             for a, b in zip(one, two, strict=True)
         ]
-        call = self.subject.call
-        a, b, c = (leaves(call("reactions", self.pose, *x)) for x in (one, two, both))
-        yield from self._combined("reactions", a, b, c, Y)
+        answers = (self.subject.call("reactions", self.pose, *x) for x in (one, two, both))
+        yield from self._combined("reactions", Y, *answers)
 
     def balances(self) -> Iterator[str]:
         """Links balance, wires' powers balance, the two routes to each drive agree."""

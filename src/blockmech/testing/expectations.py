@@ -142,6 +142,7 @@ def check_expectation(
     Only the wanted outputs are computed. Raises `RequestError` with all problems for
     outputs or drivers that there are not.
     """
+    where = path_text(("expect", entry))
     problems = [
         Problem(code, path_text(("expect", entry, "want", name)), found, valid, remedy)
         for name, values in expectation.want.items()
@@ -152,36 +153,28 @@ def check_expectation(
     try:
         result = _computed(mechanism, expectation)
     except RequestError as error:
-        where = path_text(("expect", entry))
-        raise RequestError(
-            replace(p, where=f"{where}.{p.where}") for p in error.problems
-        ) from error
+        moved = (replace(p, where=f"{where}.{p.where}") for p in error.problems)
+        raise RequestError(moved) from error
     rtol, atol = expectation.rtol or 0.0, expectation.atol or 0.0
+    times = None if expectation.simulate is None else expectation.simulate.times
     return [
         replace(outcome, entry=entry)
         for name, values in expectation.want.items()
-        for outcome in _of_times(result, name, as_numbers(values), rtol, atol, expectation)
+        for outcome in compared(result, name, as_numbers(values), rtol, atol, times)
     ]
 
 
 def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
     """The run or the simulation that an entry asks for."""
-    want = tuple(expectation.want)
-    moving = expectation.simulate
-    if moving is not None:
-        friction = "none" if expectation.friction == "none" else None
-        found = mechanism.simulate(moving.until, times=moving.times, want=want, friction=friction)
-        if found.motion is not None and found.motion.end == "interrupted":
-            raise KeyboardInterrupt
-        return found
-    return mechanism.run(
-        at=expectation.at,
-        want=want,
-        friction=expectation.friction,
-        tolerance=expectation.tolerance,
-        iterations=expectation.iterations,
-        on_gap="mark",
-    )
+    moving, want = expectation.simulate, tuple(expectation.want)
+    if moving is None:
+        how = {k: getattr(expectation, k) for k in ("at", "friction", "tolerance", "iterations")}
+        return mechanism.run(want=want, on_gap="mark", **how)
+    friction = "none" if expectation.friction == "none" else None
+    found = mechanism.simulate(moving.until, times=moving.times, want=want, friction=friction)
+    if found.motion.end == "interrupted":
+        raise KeyboardInterrupt
+    return found
 
 
 def check_closing(mechanism: Mechanism) -> None:
@@ -206,68 +199,42 @@ def as_numbers(values: Sequence[Any]) -> NDArray[Any]:
     return table if table.ndim == 1 else table[:, 0] + 1j * table[:, 1]
 
 
-Misfit = tuple[str, str, str, str]
-
-
 def _misfit(
     mechanism: Mechanism, name: str, values: Sequence[Any], samples: int
-) -> Iterator[Misfit]:
+) -> Iterator[tuple[str, str, str, str]]:
     """Why these values cannot be those of that output: code, found, valid, remedy."""
-    outputs = mechanism.outputs
-    if name not in outputs:
+    code = "bad-expectation"
+    if name not in mechanism.outputs:
         try:
-            matched = outputs.match([name])
+            matched = mechanism.outputs.match([name])
         except RequestError as error:
-            for p in error.problems:
-                yield p.code, p.found, p.valid, p.remedy
-            return
-        remedy = f'write "{matched[0]}"'
-        yield "bad-expectation", "a pattern", "an expectation names one output", remedy
+            yield from ((p.code, p.found, p.valid, p.remedy) for p in error.problems)
+        else:
+            remedy = f'write "{matched[0]}"'
+            yield code, "a pattern", "an expectation names one output", remedy
         return
-    kind = outputs[name].kind
+    kind = mechanism.outputs[name].kind
     if kind == "matrix":
-        found = "a matrix over the drivers cannot be expected"
-        yield "bad-expectation", found, "", "name another output"
+        yield code, "a matrix over the drivers cannot be expected", "", "name another output"
     elif (kind == "vector") != isinstance(values[0], Sequence):
         is_a = "a vector [x, y]" if kind == "vector" else "a number"
-        yield "bad-expectation", f"the output is {is_a}, got {shown(values[0])}", "", ""
+        yield code, f"the output is {is_a}, got {shown(values[0])}", "", ""
     count = 1 if kind == "number" else samples
     if len(values) != count:
-        valid = "one number a run" if kind == "number" else "one value a sample"
-        yield "bad-expectation", f"has {len(values)} values, needs {count}", f"it has {valid}", ""
-
-
-def _of_times(
-    result: Result,
-    name: str,
-    expected: NDArray[Any],
-    rtol: float,
-    atol: float,
-    expectation: Expectation,
-) -> Iterator[Outcome]:
-    """The outcomes of one output; times after the end of a motion have no answer."""
-    motion, moving = result.motion, expectation.simulate
-    if motion is None or moving is None or result.output(name).kind == "number":
-        yield from compared(result, name, expected, rtol, atol)
-        return
-    tolerances = _tolerances(expected, rtol, atol)
-    inside = [i for i, t in enumerate(moving.times) if t <= motion.t_end]
-    found = compared(result, name, expected[inside], rtol, atol) if inside else iter(())
-    reason = f"the motion ended at {motion.t_end:.9g} s: {motion.end}"
-    unit = result.unit(name)
-    for i in range(len(expected)):
-        wanted, allowed = expected[i].item(), float(tolerances[i])
-        if i in inside:
-            yield replace(next(found), sample=i, tolerance=allowed)
-        else:
-            yield Outcome(name, unit, wanted, None, allowed, None, None, i, {}, reason=reason)
+        valid = "it has one number a run" if kind == "number" else "it has one value a sample"
+        yield code, f"has {len(values)} values, needs {count}", valid, ""
 
 
 # -- comparing -------------------------------------------------------------------------------
 
 
 def compared(
-    result: Result, name: str, expected: NDArray[Any], rtol: float, atol: float
+    result: Result,
+    name: str,
+    expected: NDArray[Any],
+    rtol: float,
+    atol: float,
+    times: Sequence[float] | None = None,
 ) -> Iterator[Outcome]:
     """Compare one computed output with its expected values, one outcome for each.
 
@@ -276,28 +243,40 @@ def compared(
     result : a run that holds the output
     expected : (n,) one value a sample, complex for vectors; (1,) for one number a run
     rtol, atol : relative [-] and absolute [unit of the output] tolerance
+    times : (n,) [s] asked of a motion; those after its end have no answer
     """
     output = result.output(name)
     whole = output.kind == "number"
-    got = np.broadcast_to(result[name], expected.shape)
-    errors = _distances(name, got, expected)
-    tolerances = _tolerances(expected, rtol, atol)
-    margins = _least_margins(result)
+    reached = np.ones(len(expected), dtype=bool)
+    if times is not None and not whole:
+        reached = np.asarray(times) <= result.motion.t_end
+    got = np.full_like(expected, np.nan)
+    got[reached] = result[name]
+    margins = np.full(len(expected), np.inf)
+    margins[reached] = _least_margins(result).min() if whole else _least_margins(result)
+    error, size = _distances(name, got, expected), np.abs(expected)
+    tolerance = np.maximum(rtol * np.where(size == 0, size.max(), size), atol)
+    row = np.cumsum(reached) - 1  # of the result, for each sample
     for i in range(len(expected)):
-        known = bool(np.isfinite(got[i]))
-        reason = "" if known else _why_not(result, None if whole else i)
-        if known and tolerances[i] == 0 and errors[i] > 0 and rtol > 0:
+        known, drivers, reason = bool(np.isfinite(got[i])), {}, ""
+        if reached[i] and not whole:
+            drivers = {d[:-2]: float(q[row[i]]) for d, q in result.drivers.items()}
+        if not reached[i]:
+            reason = f"the motion ended at {result.motion.t_end:.9g} s: {result.motion.end}"
+        elif not known:
+            reason = _why_not(result, None if whole else row[i])
+        elif tolerance[i] == 0 and error[i] > 0 and rtol > 0:
             reason = NO_SIZE
         yield Outcome(
             name,
             output.unit,
             expected[i].item(),
             got[i].item() if known else None,
-            float(tolerances[i]),
-            float(errors[i]) if known else None,
-            _finite(margins.min() if whole else margins[i]),
+            float(tolerance[i]),
+            float(error[i]) if known else None,
+            float(margins[i]) if np.isfinite(margins[i]) else None,
             i,
-            {} if whole else {d[:-2]: float(q[i]) for d, q in result.drivers.items()},
+            drivers,
             reason=reason,
         )
 
@@ -311,14 +290,6 @@ def _distances(name: str, got: NDArray[Any], expected: NDArray[Any]) -> NDArray[
     return found
 
 
-def _tolerances(expected: NDArray[Any], rtol: float, atol: float) -> NDArray[Any]:
-    """Allowed distances (n,); see the head of this file."""
-    size = np.abs(expected)
-    size = np.where(size == 0, size.max(), size)
-    found: NDArray[Any] = np.maximum(rtol * size, atol)
-    return found
-
-
 def _least_margins(result: Result) -> NDArray[Any]:
     """Smallest margin (n,) of the groups of each sample, infinite if no group is computed."""
     rows = list(result.quality.margin.values())
@@ -328,10 +299,6 @@ def _least_margins(result: Result) -> NDArray[Any]:
     # Behind a group that cannot close, the later ones have no margin.
     found: NDArray[Any] = np.where(np.isnan(table), np.inf, table).min(axis=0)
     return found
-
-
-def _finite(x: Any) -> float | None:
-    return float(x) if np.isfinite(x) else None
 
 
 def _why_not(result: Result, sample: int | None) -> str:

@@ -13,7 +13,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.blocks.registry import REGISTRY
-from blockmech.model.joints.contents import load_kinds
+from blockmech.model.joints.contents import sections
 from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import shuffled
@@ -377,7 +377,7 @@ def test_a_long_chain_in_shuffled_order_is_a_chain_of_dyads(number):
 
 def test_every_load_of_the_registry_is_a_load_of_documents():
     known = {name.removeprefix("load.") for name in REGISTRY if name.startswith("load.")}
-    assert set(load_kinds()) == known
+    assert set(sections()["loads"].kinds) == known
     assert {"force", "couple", "spring", "thrust", "torsion_spring", "motor"} <= known
 
 

@@ -10,9 +10,9 @@ import jsonschema
 import pytest
 
 import blockmech as bm
-from blockmech.model.joints import document
+from blockmech.model.joints import diagnosis
 from blockmech.model.joints.diagnosis import CODES, TEXTS
-from blockmech.model.joints.schema import joints_schema
+from blockmech.model.schema import joints_schema
 from tests.codes import FILE_CODES
 from tests.doors import linkage_of
 from tests.model.joints import machines
@@ -41,11 +41,11 @@ GOOD = {
 
 @pytest.mark.parametrize("data", GOOD.values(), ids=list(GOOD))
 def test_a_file_keeps_its_content_and_then_its_bytes(data):
-    text = document.dumps(read(data))
+    text = read(data).to_json()
     kept = json.loads(text)
     for section in ("links", "joints", "drivers", "loads"):
         assert kept.get(section, {}) == data.get(section, {})
-    assert document.dumps(linkage_of(text)) == text
+    assert linkage_of(text).to_json() == text
 
 
 def test_saving_and_loading_a_file(tmp_path):
@@ -73,7 +73,7 @@ def test_the_sections_that_are_not_computed_with_travel_along():
         "source": "a book",
         "notes": ["one", "two"],
     }
-    kept = json.loads(document.dumps(read(machines.SLIDER_CRANK | more)))
+    kept = json.loads(read(machines.SLIDER_CRANK | more).to_json())
     assert {key: kept[key] for key in more} == more
 
 
@@ -228,7 +228,7 @@ def test_the_schema_finds_what_reading_finds(name):
 
 
 def test_every_code_in_the_source_is_declared():
-    source = Path(document.__file__).parent
+    source = Path(diagnosis.__file__).parent
     found = {
         call.args[0].value
         for path in source.glob("*.py")

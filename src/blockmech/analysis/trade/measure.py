@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
-from blockmech.analysis.trade.points import Point, Skipped
 from blockmech.errors import RequestError
 from blockmech.result import Result
 
-FEWEST, MOST = 5, 25  # warm repeats
+FEWEST = 5  # warm repeats: of fewer the median says little
 LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little
+USELESS = 1.0  # error as large as the answer itself [- or rad]
 SPENT = "the budget is spent"
 
-Said = Callable[[str, int, int], None]  # what is measured now, its number, of how many
+Say = Callable[[str, int, int], None]  # what is measured now, its number, of how many
 
 
-class Candidate(NamedTuple):
-    """One setting: how it is named, and how it is run."""
+@dataclass(frozen=True)
+class Setting:
+    """A way to run: names such as "successive", "3 iterations", and arguments that run it."""
 
     method: str
-    setting: str
-    options: Mapping[str, Any]
+    setting: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -32,33 +35,59 @@ class Candidate(NamedTuple):
         return f"{self.method}, {self.setting}" if self.setting else self.method
 
 
-class Question(NamedTuple):
-    """How a setting is run, counted and judged.
+@dataclass(frozen=True, kw_only=True)
+class Point(Setting):
+    """One setting, measured.
 
     Attributes
     ----------
-    run : a setting and the moment of `Clock` that ends it -> its result; None where it was
-        stopped
-    evaluations : kernel evaluations of a run
-    error : difference of a run to the reference [-]
+    seconds, fastest, slowest, repeats : median of the warm repeats [s], extremes, how many
+    evaluations : kernel evaluations of one run, see `Trade.counted`
+    error : measured error [-] or [rad], never below the floor
+    worst : the output that has it
+    at_floor : whether the measured difference lay below the floor
     """
 
-    run: Callable[[Candidate, float], Result | None]
-    evaluations: Callable[[Result], int]
-    error: Callable[[Result], float]
+    seconds: float
+    fastest: float
+    slowest: float
+    repeats: int
+    evaluations: int
+    error: float
+    worst: str = ""
+    at_floor: bool = False
 
 
-@dataclass
+@dataclass(frozen=True)
+class Skipped:
+    """A setting that was not measured, and why."""
+
+    label: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What errors are measured against.
+
+    Attributes
+    ----------
+    method : how it was computed
+    check : the second method that confirms it
+    floor : the larger of its own estimate and the disagreement of the two: no error
+        below it is claimed; infinite where there is none
+    """
+
+    method: str = "nothing"
+    check: str = "nothing"
+    floor: float = math.inf
+
+
 class Clock:
-    """What is left of a budget [s], begun at a reading of the clock."""
+    """What is left of a budget [s] that begins now."""
 
-    budget: float
-    begun: float
-
-    @classmethod
-    def started(cls, budget: float) -> Clock:
-        """A clock that starts now."""
-        return cls(budget, time.perf_counter())
+    def __init__(self, budget: float) -> None:
+        self.budget, self.begun = budget, time.perf_counter()
 
     @property
     def spent(self) -> float:
@@ -71,53 +100,108 @@ class Clock:
         return self.budget - self.spent
 
 
+class Question(ABC):
+    """What every setting is asked, and how its answer is judged.
+
+    Attributes
+    ----------
+    asked : in words
+    reference : what answers are judged against
+    notes : what a reader must know
+    MEASURE, COUNTED : what the error is and what the evaluations are, in words
+    """
+
+    MEASURE: ClassVar[str]
+    COUNTED: ClassVar[str]
+
+    asked: str
+    reference: Reference = Reference()
+    notes: tuple[str, ...] = ()
+
+    @abstractmethod
+    def settings(self) -> Iterable[Setting]:
+        """What is tried, from cheap to dear."""
+
+    @abstractmethod
+    def run(self, options: Mapping[str, Any], seconds: float) -> Result | None:
+        """The answer of a setting; None where it took longer than the seconds allowed."""
+
+    @abstractmethod
+    def evaluations(self, result: Result) -> int:
+        """Kernel evaluations of a run."""
+
+    @abstractmethod
+    def error(self, result: Result) -> tuple[float, str]:
+        """Difference of a run to the reference [- or rad], and the output that decides it."""
+
+
 def measured(
-    question: Question, candidates: Sequence[Candidate], floor: float, clock: Clock, say: Said
+    question: Question, clock: Clock, say: Say
 ) -> tuple[tuple[Point, ...], tuple[Skipped, ...]]:
     """Points of the settings that apply and fit the budget; Ctrl-C keeps what is done."""
+    settings = tuple(question.settings())
     points: list[Point] = []
     skipped: list[Skipped] = []
-    closed: set[str] = set()  # methods of which no finer setting is tried
-    for i, c in enumerate(candidates):
-        if c.method in closed:
+    refused: set[str] = set()  # methods of which no finer setting is tried
+    for i, setting in enumerate(settings):
+        if setting.method in refused:
             continue
         try:
-            say(c.label, i, len(candidates))
-            found = _point(question, c, floor, clock)
+            say(setting.label, i, len(settings))
+            found = _point(question, setting, clock)
         except RequestError as refusal:
-            closed.add(c.method)
-            skipped.append(Skipped(c.method, f"does not apply: {refusal.problems[0].found}"))
+            refused.add(setting.method)
+            why = f"does not apply: {refusal.problems[0].found}"
+            skipped.append(Skipped(setting.method, why))
         except KeyboardInterrupt:
-            skipped += [Skipped(r.label, "interrupted") for r in candidates[i:]]
+            skipped += [Skipped(rest.label, "interrupted") for rest in settings[i:]]
             break
         else:
             if found is None:
-                skipped.append(Skipped(c.label, SPENT))
+                skipped.append(Skipped(setting.label, SPENT))
             else:
                 points.append(found)
     return tuple(points), tuple(skipped)
 
 
-def _point(question: Question, c: Candidate, floor: float, clock: Clock) -> Point | None:
+def _point(question: Question, setting: Setting, clock: Clock) -> Point | None:
     """A setting measured: a cold run, then warm ones; None where the budget ends before five."""
-    end = clock.begun + clock.budget
-    if clock.left <= 0:
-        return None
-    result = question.run(c, end)
-    if result is None:
+    answer, _ = _timed(question, setting, clock)
+    if answer is None:
         return None
     times: list[float] = []
-    while len(times) < FEWEST or (len(times) < MOST and sum(times) < LONG_ENOUGH):
-        if clock.left <= 0:
-            if len(times) < FEWEST:
-                return None
-            break
-        begun = time.perf_counter()
-        if question.run(c, end) is None:
+    while len(times) < FEWEST or (sum(times) < LONG_ENOUGH and clock.left > 0):
+        again, seconds = _timed(question, setting, clock)
+        if again is None:
             return None
-        times.append(time.perf_counter() - begun)
-    error, took = question.error(result), (median(times), min(times), max(times), len(times))
-    count = question.evaluations(result)
+        times.append(seconds)
+    (error, worst), floor = question.error(answer), question.reference.floor
     return Point(
-        c.method, c.setting, *took, count, max(error, floor), dict(c.options), error < floor
+        setting.method,
+        setting.setting,
+        setting.options,
+        seconds=median(times),
+        fastest=min(times),
+        slowest=max(times),
+        repeats=len(times),
+        evaluations=question.evaluations(answer),
+        error=max(error, floor),
+        worst=worst,
+        at_floor=error < floor,
     )
+
+
+def _timed(question: Question, setting: Setting, clock: Clock) -> tuple[Result | None, float]:
+    """A run, None where the budget ends before it does, and the time [s] that it took."""
+    begun, left = time.perf_counter(), clock.left
+    answer = question.run(setting.options, left) if left > 0 else None
+    return answer, time.perf_counter() - begun
+
+
+def front(points: Sequence[Point], cost: str) -> tuple[Point, ...]:
+    """Points that no other beats in both cost and error, and whose error leaves an answer."""
+    found: list[Point] = []
+    for point in sorted(points, key=lambda p: (getattr(p, cost), p.error)):
+        if point.error < (found[-1].error if found else USELESS):
+            found.append(point)
+    return tuple(found)

@@ -23,6 +23,8 @@ NATURAL = {
     "kg m2/rad": ("kg m2",),
     "W": ("N m", "rad/s"),
 }
+"""Unit -> the units whose product measures it: an acceleration that is zero throughout is
+measured by the square of the rates, and not by its own rounding."""
 UNSURE = 1e-3  # disagreement of the references above which an output has no sure value
 
 
@@ -43,10 +45,10 @@ class ReferenceErrors:
     good: NDArray[np.bool_]
     left_out: tuple[str, ...] = ()
 
-    def each(self, result: Any) -> dict[str, Array]:
+    def each(self, result: Result) -> dict[str, Array]:
         """Relative errors (n,) of every compared output; infinite where it has no answer."""
         return {
-            name: _off(_read(result, name), values, _turns(result, name)) / self.scale[name]
+            name: _distance(result, name, values) / self.scale[name]
             for name, values in self.values.items()
         }
 
@@ -55,79 +57,48 @@ class ReferenceErrors:
         values = {n: v for n, v in self.values.items() if n not in names}
         return replace(self, values=values, left_out=names)
 
-    def error(self, result: Any) -> float:
+    def worst(self, result: Result) -> tuple[float, str]:
+        """The largest relative error over the compared outputs and samples, and of which."""
+        each = self.each(result)
+        found = ((float(np.max(_at(e, self.good), initial=0.0)), n) for n, e in each.items())
+        return max(found, default=(0.0, ""), key=lambda row: row[0])
+
+    def error(self, result: Result) -> float:
         """The largest relative error over the compared outputs and samples."""
-        return max(
-            (float(np.max(e[self.good] if len(e) == len(self.good) else e, initial=0.0))
-             for e in self.each(result).values()),
-            default=0.0,
-        )  # fmt: skip
+        return self.worst(result)[0]
 
 
 def reference_errors(
-    reference: Result,
-    check: Any,
-    good: NDArray[np.bool_],
-    unsure: float = UNSURE,
+    reference: Result, check: Result, good: NDArray[np.bool_], unsure: float = UNSURE
 ) -> ReferenceErrors:
     """The errors against what two runs agree on.
 
     Parameters
     ----------
-    reference, check : runs of the same samples, or what reads like one
+    reference, check : runs of the same samples
     good : (n,) samples that are compared
     unsure : disagreement from which an output is left out
     """
-    values = {n: _read(reference, n) for n in compared(reference)}
-    sizes = {n: float(_top(v, good)) for n, v in values.items()}
-    by_unit = _unit_sizes(reference, sizes)
-    scale, left_out, kept = {}, [], {}
-    for name, value in values.items():
-        angular = _is_angle(reference, name)
-        largest = by_unit[reference.unit(name)]
-        size = sizes[name] if sizes[name] > SMALL * largest else largest
-        scale[name] = 1.0 if angular else size or 1.0
-        gap = _off(_read(check, name), value, _turns(reference, name))
-        gap = gap[good] if len(gap) == len(good) else gap
-        if float(np.max(gap, initial=0.0)) / scale[name] < unsure:
-            kept[name] = value
-        else:
-            left_out.append(name)
-    return ReferenceErrors(kept, scale, good, tuple(left_out))
+    values = {name: np.atleast_1d(reference[name]) for name in compared(reference)}
+    scale = _scales(reference, values, good)
+    apart = ReferenceErrors(values, scale, good).each(check)
+    doubtful = (n for n, e in apart.items() if not np.max(_at(e, good), initial=0.0) < unsure)
+    return ReferenceErrors(values, scale, good).without(tuple(doubtful))
 
 
-def compared(result: Any) -> list[str]:
+def compared(result: Result) -> list[str]:
     """Outputs whose errors count.
 
     Ratios that have poles, and those of a whole run, count only where nothing else is
     wanted: over a cycle without net work they are zero over zero.
     """
     names = [n for n in result if result.output(n).kind != "matrix"]
-    return [n for n in names if not ratio(result, n)] or names
-
-
-def ratio(result: Any, name: str) -> bool:
-    """Whether an output divides by something that may vanish."""
-    whole: bool = result.output(name).kind == "number"
-    return whole or name.endswith("mechanical_advantage")
-
-
-def _unit_sizes(reference: Result, sizes: Mapping[str, float]) -> dict[str, float]:
-    """Largest magnitude of each unit.
-
-    An acceleration that is zero throughout is not measured by its own rounding but by
-    the square of the rates, a slope of the inertia by the inertia, a power likewise.
-    """
-    rates = [float(np.max(np.abs(v))) for k, v in reference.samples.inputs.items()
-             if k.startswith("qd_")]  # fmt: skip
-    found: dict[str, float] = {"rad/s": max(rates, default=0.0)}
-    for name, size in sizes.items():
-        unit = reference.unit(name)
-        found[unit] = max(found.get(unit, 0.0), size)
-    for unit, factors in NATURAL.items():
-        product = float(np.prod([found.get(f, 0.0) for f in factors]))
-        found[unit] = max(found.get(unit, 0.0), product)
-    return found
+    plain = [
+        n
+        for n in names
+        if result.output(n).kind != "number" and not n.endswith("mechanical_advantage")
+    ]
+    return plain or names
 
 
 def comparable(result: Result, friction: bool) -> NDArray[np.bool_]:
@@ -139,24 +110,37 @@ def comparable(result: Result, friction: bool) -> NDArray[np.bool_]:
     return good
 
 
-def _read(result: Any, name: str) -> Array:
-    return np.atleast_1d(np.asarray(result[name]))
+def _scales(
+    reference: Result, values: Mapping[str, Array], good: NDArray[np.bool_]
+) -> dict[str, float]:
+    """Output -> 1 for angles, else its largest magnitude, or of a tiny one that of its unit."""
+    sizes = {n: _largest(_at(v, good)) for n, v in values.items()}
+    rates = [_largest(v) for name, v in reference.samples.inputs.items() if name[:3] == "qd_"]
+    by_unit = {"rad/s": max(rates, default=0.0)}
+    for name, size in sizes.items():
+        by_unit[reference.unit(name)] = max(by_unit.get(reference.unit(name), 0.0), size)
+    for unit, factors in NATURAL.items():
+        product = float(np.prod([by_unit.get(f, 0.0) for f in factors]))
+        by_unit[unit] = max(by_unit.get(unit, 0.0), product)
+    scale = {}
+    for name, size in sizes.items():
+        top = by_unit[reference.unit(name)]
+        measured = size if size > SMALL * top else top
+        scale[name] = 1.0 if _is_angle(reference, name) else measured or 1.0
+    return scale
 
 
-def _is_angle(result: Any, name: str) -> bool:
+def _is_angle(result: Result, name: str) -> bool:
     output = result.output(name)
     return bool(output.unit == "rad" and output.kind == "real")
 
 
-def _turns(result: Any, name: str) -> bool:
-    """Whether an output is an angle that is known up to whole turns."""
-    return _is_angle(result, name) and not name.endswith(".q")
-
-
-def _off(found: Array, wanted: Array, angular: bool) -> Array:
+def _distance(result: Result, name: str, wanted: Array) -> Array:
+    """Distance (n,) from the wanted values; of angles but coordinates, less whole turns."""
+    found = np.atleast_1d(result[name])
     with np.errstate(invalid="ignore"):
         gap = found - wanted
-        if angular:
+        if _is_angle(result, name) and not name.endswith(".q"):
             turn = 8 * np.arctan(np.ones((), gap.dtype))
             gap = gap - turn * np.round(gap / turn)
         size = np.abs(gap)
@@ -164,6 +148,11 @@ def _off(found: Array, wanted: Array, angular: bool) -> Array:
     return np.where(~np.isfinite(found) & ~np.isfinite(wanted), 0.0, size)
 
 
-def _top(values: Array, good: NDArray[np.bool_]) -> Any:
-    part = np.abs(values[good] if len(values) == len(good) else values)
-    return np.max(part[np.isfinite(part)], initial=0.0)
+def _at(values: Array, good: NDArray[np.bool_]) -> Array:
+    """The values at the samples that are compared; a number of the whole run as it is."""
+    return values[good] if len(values) == len(good) else values
+
+
+def _largest(values: Any) -> float:
+    size = np.abs(values)
+    return float(np.max(size[np.isfinite(size)], initial=0.0))

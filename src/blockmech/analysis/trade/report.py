@@ -7,16 +7,20 @@ import io
 import math
 import os
 import platform
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.trade.points import ALIKE, NEARLY, Point, Reference, Skipped, as_fast, front
+from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
+from blockmech.export import aligned
 from blockmech.files import writing
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
+
+HEAD = ("", "method", "setting", "time", "spread", "evaluations", "error", "of")
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,7 @@ class Trade:
     measure : what the error is, in words
     counted : what the evaluations are, in words
     reference : what errors are measured against
-    points : measured settings, method by method
+    points : measured settings, from coarse to fine
     skipped : settings left out, with the reason
     notes : what a reader must know
     target, within : the wanted error, and the longest time of a run [s], or None
@@ -51,7 +55,10 @@ class Trade:
 
     @property
     def pareto(self) -> tuple[Point, ...]:
-        """Points that no other beats in both time and error, from fast to exact."""
+        """Points that no other beats in both time and error, from fast to exact.
+
+        None of them has an error as large as the answer itself.
+        """
         return front(self.points, "seconds")
 
     @property
@@ -60,29 +67,16 @@ class Trade:
         return front(self.points, "evaluations")
 
     def best(self, target: float | None = None, within: float | None = None) -> Point | None:
-        """The setting to take for a target error, a time limit [s], or both; None without any.
+        """The setting of the front to take for a target error, a time limit [s], or both.
 
-        Within the target the fewest evaluations count, and among those within a factor
-        1.5 of them the time, as far as it tells them apart: of those whose spreads overlap
-        that of the fastest, the fewest evaluations again, then the smaller error if its
-        quickest run is as quick. Without a target, 1e-9 is taken, or, if a time limit is
-        given, the most exact setting; those within a factor 10 of it count as equal.
+        The fastest within the target, by default 1e-9; where only a time limit is given, the
+        most exact within it. None where no setting fits.
         """
-        fit = [p for p in self.points if math.isfinite(p.error)]
-        fit = [p for p in fit if within is None or p.seconds <= within]
-        if target is None and within is None:
-            target = USUAL
-        if target is None:
-            target = 10 * min((p.error for p in fit), default=math.inf)
-        fit = [p for p in fit if p.error <= target]
-        fewest = min((p.evaluations for p in fit), default=0)
-        few = [p for p in fit if p.evaluations <= NEARLY * fewest]
-        quickest = min((p.low for p in few), default=0.0)
-        return min(
-            as_fast(few),
-            key=lambda p: (p.evaluations, p.low > ALIKE * quickest, p.error),
-            default=None,
-        )
+        fit = [p for p in self.pareto if within is None or p.seconds <= within]
+        if target is None and within is not None:
+            return fit[-1] if fit else None
+        wanted = USUAL if target is None else target
+        return next((p for p in fit if p.error <= wanted), None)
 
     @property
     def recommended(self) -> Point | None:
@@ -92,7 +86,20 @@ class Trade:
     @property
     def recommendation(self) -> str:
         """The choice in one sentence, what a faster setting would cost, where errors are known."""
-        return sentence(self)
+        best = self.recommended
+        if best is None:
+            return _nothing(self)
+        head = f"{size(best.error)} in {duration(best.seconds)}: {best.label}"
+        if self.target is not None or self.within is None:
+            head = f"for {size(self.target or USUAL)}, {head}"
+        faster = [p for p in self.pareto if p.seconds * FASTER <= best.seconds]
+        if not faster:
+            return f"{head}; nothing here is twice as fast"
+        other = faster[-1]  # the most exact of them
+        digits = round(math.log10(other.error / best.error))
+        price = f"{digits} digit{'s' * (digits > 1)}" if digits else "less than a digit"
+        times = best.seconds / other.seconds
+        return f"{head}; {times:.1f} times faster costs {price} ({other.label})"
 
     def series(self) -> dict[str, list[Point]]:
         """Points by method, in the order measured."""
@@ -102,16 +109,71 @@ class Trade:
         return found
 
     def text(self) -> str:
-        """The trade as a table with its recommendation."""
-        return text(self)
+        """The table with a star at the front, the reference, what was skipped, the sentence."""
+        pareto, reference = self.pareto, self.reference
+        rows = [_row(p, p in pareto) for series in self.series().values() for p in series]
+        lines = [
+            f"{self.mechanism}, {self.question}",
+            "",
+            *aligned(HEAD, rows),
+            "",
+            "* no other setting is both faster and more exact",
+            f"time: median of at least 5 warm repeats; evaluations: {self.counted}",
+            f"error: {self.measure}",
+        ]
+        if math.isfinite(reference.floor):
+            lines.append(
+                f"reference: {reference.method}; checked by {reference.check}, "
+                f"known to {size(reference.floor)} (the floor)"
+            )
+        lines += [f"note: {note}" for note in self.notes]
+        reasons: dict[str, list[str]] = {}
+        for s in self.skipped:
+            reasons.setdefault(s.why, []).append(s.label)
+        lines += [f"skipped: {'; '.join(labels)}: {why}" for why, labels in reasons.items()]
+        return "\n".join([*lines, f"measured in {self.spent:.1f} s", "", self.recommendation])
 
     def to_dict(self) -> dict[str, Any]:
         """The trade as JSON data; what is not finite is None."""
-        return to_dict(self)
+        best, lean = self.recommended, self.pareto_by_evaluations
+        points = [row | {"pareto_by_evaluations": p in lean} for p, row in self._rows()]
+        return {
+            "format": "blockmech/trade",
+            "version": 1,
+            "graph": self.mechanism,
+            "question": self.question,
+            "measure": self.measure,
+            "counted": self.counted,
+            "reference": _finite(asdict(self.reference)),
+            "points": [_finite(row) for row in points],
+            "skipped": [{"setting": s.label, "why": s.why} for s in self.skipped],
+            "notes": list(self.notes),
+            "target": self.target,
+            "within": self.within,
+            "recommended": None if best is None else best.label,
+            "recommendation": self.recommendation,
+            "spent": self.spent,
+            "machine": machine(),
+        }
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
-        """The points as CSV text, written to a file if a path is given."""
-        return to_csv(self, path)
+        """The points as CSV text, one line a point, written to a file if a path is given."""
+        stream = io.StringIO(newline="")
+        rows = [row | {"floor": self.reference.floor} for _, row in self._rows()]
+        names = [name for name in (rows[0] if rows else {}) if name != "options"]
+        table = csv.DictWriter(stream, names, extrasaction="ignore", lineterminator="\n")
+        times = ("seconds", "fastest", "slowest")
+        table.writerow({name: f"{name} [s]" if name in times else name for name in names})
+        table.writerows(rows)
+        if path is not None:
+            with writing(path) as out:
+                out.write(stream.getvalue().encode())
+        return stream.getvalue()
+
+    def _rows(self) -> list[tuple[Point, dict[str, Any]]]:
+        """Points, and each as data."""
+        pareto = self.pareto
+        return [(p, asdict(p) | {"pareto": p in pareto}) for p in self.points]
 
     def __str__(self) -> str:
         return self.text()
@@ -121,101 +183,18 @@ def duration(seconds: float) -> str:
     """A time with a unit that reads well.
 
     >>> duration(0.00042)
-    '0.42 ms'
+    '420 µs'
     """
-    for factor, unit in ((1.0, "s"), (1e3, "ms")):
-        if seconds * factor >= (1.0 if unit == "s" else 0.1):
-            return f"{seconds * factor:.2g} {unit}" if seconds * factor < 100 else (
-                f"{seconds * factor:.0f} {unit}")  # fmt: skip
-    return f"{seconds * 1e6:.2g} µs"
+    factor, unit = next(
+        (row for row in ((1, "s"), (1e3, "ms")) if seconds * row[0] >= 1), (1e6, "µs")
+    )
+    x = seconds * factor
+    return f"{x:.2g} {unit}" if x < 100 else f"{x:.0f} {unit}"
 
 
 def size(error: float) -> str:
     """An error in words of one digit."""
     return f"{error:.0e}".replace("e-0", "e-").replace("e+0", "e") if error else "0"
-
-
-def sentence(trade: Trade) -> str:
-    """The recommendation, and what a faster setting would cost."""
-    best = trade.recommended
-    if best is None:
-        return _nothing(trade)
-    head = f"{size(best.error)} in {duration(best.seconds)}: {best.label}"
-    if trade.target is not None or trade.within is None:
-        head = f"for {size(trade.target or USUAL)}, {head}"
-    faster = [
-        p for p in trade.pareto if p.seconds * FASTER <= best.seconds and p.error > best.error
-    ]
-    if not faster:
-        return f"{head}; nothing here is twice as fast"
-    other = min(faster, key=lambda p: (round(math.log10(p.error / best.error)), p.seconds))
-    times = best.seconds / other.seconds
-    digits = round(math.log10(other.error / best.error))
-    price = f"{digits} digit{'s' * (digits > 1)}" if digits else "less than a digit"
-    return f"{head}; {times:.1f} times faster costs {price} ({other.label})"
-
-
-def _nothing(trade: Trade) -> str:
-    sure = [p for p in trade.points if math.isfinite(p.error)]
-    if not sure:
-        why = f" ({trade.skipped[0].why})" if trade.skipped else ""
-        return f"no setting was measured{why}: give a larger budget"
-    closest = min(sure, key=lambda p: p.error)
-    target = USUAL if trade.target is None and trade.within is None else trade.target
-    asked = []
-    if target is not None:
-        asked.append(f"an error of {size(target)}")
-        if trade.reference.floor > target:
-            return (
-                f"{asked[0]} cannot be confirmed: the reference itself is known to "
-                f"{size(trade.reference.floor)} only; the best is {closest.label}"
-            )
-    if trade.within is not None:
-        asked.append(f"a run within {duration(trade.within)}")
-    return (
-        f"no setting here gives {' and '.join(asked)}; the closest is {closest.label}: "
-        f"{size(closest.error)} in {duration(closest.seconds)}"
-    )
-
-
-def text(trade: Trade) -> str:
-    """Table with a star at the Pareto front, the reference, what was skipped, the sentence."""
-    head = ("", "method", "setting", "time", "spread", "evaluations", "error")
-    pareto = set(map(id, trade.pareto))
-    rows = [_row(p, id(p) in pareto) for p in trade.points]
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    lines = [f"{trade.mechanism}, {trade.question}", ""]
-    for row in (head, *rows):
-        cells = [
-            cell.ljust(w) if i < 3 else cell.rjust(w)
-            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  ".join(cells).rstrip())
-    reference = trade.reference
-    lines += [
-        "",
-        "* no other setting is both faster and more exact",
-        f"time: median of at least 5 warm repeats; evaluations: {trade.counted}",
-        f"error: {trade.measure}",
-    ]
-    if math.isfinite(reference.floor):
-        lines.append(
-            f"reference: {reference.method}; checked by {reference.check}, "
-            f"known to {size(reference.floor)} (the floor)"
-        )
-    lines += [f"note: {note}" for note in trade.notes]
-    reasons: dict[str, list[str]] = {}
-    for s in trade.skipped:
-        reasons.setdefault(s.why, []).append(s.label)
-    lines += [f"skipped: {'; '.join(labels)}: {why}" for why, labels in reasons.items()]
-    return "\n".join([*lines, f"measured in {trade.spent:.1f} s", "", sentence(trade)])
-
-
-def _row(p: Point, best: bool) -> tuple[str, ...]:
-    error = f"<= {p.error:.1e}" if p.below else f"{p.error:.1e}"
-    spread = f"{duration(p.low)} .. {duration(p.high)}"
-    cells = (duration(p.seconds), spread, f"{p.evaluations}", error)
-    return ("*" if best else "", p.method, p.setting, *cells)
 
 
 def machine() -> dict[str, str]:
@@ -231,70 +210,36 @@ def machine() -> dict[str, str]:
     }
 
 
-def to_dict(trade: Trade) -> dict[str, Any]:
-    """The trade as JSON data; what is not finite is None."""
-    best = trade.recommended
-    pareto = set(map(id, trade.pareto))
-    lean = set(map(id, trade.pareto_by_evaluations))
-    return {
-        "format": "blockmech/trade",
-        "version": 1,
-        "graph": trade.mechanism,
-        "question": trade.question,
-        "measure": trade.measure,
-        "counted": trade.counted,
-        "reference": {
-            "method": trade.reference.method,
-            "check": trade.reference.check,
-            "floor": _finite(trade.reference.floor),
-        },
-        "points": [
-            {
-                "method": p.method,
-                "setting": p.setting,
-                "seconds": p.seconds,
-                "fastest": p.low,
-                "slowest": p.high,
-                "repeats": p.repeats,
-                "evaluations": p.evaluations,
-                "error": _finite(p.error),
-                "at_floor": p.below,
-                "pareto": id(p) in pareto,
-                "pareto_by_evaluations": id(p) in lean,
-                "options": dict(p.options),
-            }
-            for p in trade.points
-        ],
-        "skipped": [{"setting": s.label, "why": s.why} for s in trade.skipped],
-        "notes": list(trade.notes),
-        "target": trade.target,
-        "within": trade.within,
-        "recommended": None if best is None else best.label,
-        "recommendation": sentence(trade),
-        "spent": trade.spent,
-        "machine": machine(),
-    }
+def _nothing(trade: Trade) -> str:
+    """Why no setting is recommended, and what comes closest within the time."""
+    if not trade.points:
+        why = f" ({trade.skipped[0].why})" if trade.skipped else ""
+        return f"no setting was measured{why}: give a larger budget"
+    target, within = trade.target, trade.within
+    if target is None and within is None:
+        target = USUAL
+    in_time = [p for p in trade.points if within is None or p.seconds <= within]
+    closest = min(in_time or trade.points, key=lambda p: (p.error, p.seconds))
+    if target is not None and trade.reference.floor > target:
+        return (
+            f"an error of {size(target)} cannot be confirmed: the reference itself is known to "
+            f"{size(trade.reference.floor)} only; the best is {closest.label}"
+        )
+    asked = [f"an error of {size(target)}"] if target is not None else []
+    asked += [f"a run within {duration(within)}"] if within is not None else []
+    return (
+        f"no setting here gives {' and '.join(asked)}; the closest is {closest.label}: "
+        f"{size(closest.error)} in {duration(closest.seconds)}"
+    )
 
 
-def _finite(x: float) -> float | None:
-    return x if math.isfinite(x) else None
+def _row(p: Point, best: bool) -> tuple[str, ...]:
+    error = f"<= {p.error:.1e}" if p.at_floor else f"{p.error:.1e}"
+    spread = f"{duration(p.fastest)} .. {duration(p.slowest)}"
+    cells = (duration(p.seconds), spread, f"{p.evaluations}", error)
+    return ("*" if best else "", p.method, p.setting, *cells, "" if p.at_floor else p.worst)
 
 
-def to_csv(trade: Trade, path: str | os.PathLike[str] | None = None) -> str:
-    """One line a point; written whole or not at all if a path is given."""
-    stream = io.StringIO(newline="")
-    rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow(
-        ["method", "setting", "seconds [s]", "fastest [s]", "slowest [s]", "repeats",
-         "evaluations", "error", "at floor", "pareto", "floor"]
-    )  # fmt: skip
-    pareto = set(map(id, trade.pareto))
-    for p in trade.points:
-        rows.writerow(
-            [p.method, p.setting, p.seconds, p.low, p.high, p.repeats, p.evaluations, p.error,
-             int(p.below), int(id(p) in pareto), trade.reference.floor]
-        )  # fmt: skip
-    if path is not None:
-        with writing(path) as out:
-            out.write(stream.getvalue().encode())
-    return stream.getvalue()
+def _finite(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Data for JSON, in which there is no infinity."""
+    return {k: None if isinstance(x, float) and math.isinf(x) else x for k, x in row.items()}

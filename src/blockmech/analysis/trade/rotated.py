@@ -7,13 +7,12 @@ as this mechanism amplifies it at these samples.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+import cmath
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from blockmech.blocks.contract import Block
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.general.block import GeneralGroup
 from blockmech.compiled import Compiled
@@ -23,122 +22,96 @@ from blockmech.model.diagram import Wire
 from blockmech.model.graph import Graph
 from blockmech.model.structure import JointRef
 from blockmech.result import Result
+from blockmech.samples import Samples
 from blockmech.values import Marker, Place, Vector
 
-if TYPE_CHECKING:
-    from blockmech.samples import Samples
-
 ANGLE = 0.7  # [rad] no symmetry of anything
+E = cmath.rect(1.0, ANGLE)
 SAME = 1e-12  # relative difference of numbers that rotating only rounds
-
-
-class RotatedRun(Mapping[str, Any]):
-    """A run of a rotated mechanism, read as if it had not been rotated."""
-
-    def __init__(self, run: Result, angle: Any) -> None:
-        self.run, self.quality = run, run.quality
-        self.back = np.cos(angle) - 1j * np.sin(angle)
-        self.angle = angle
-
-    def __getitem__(self, name: str) -> Any:
-        values = np.atleast_1d(np.asarray(self.run[name]))
-        if self.run.output(name).kind == "vector":
-            return values * self.back
-        return values - self.angle if name.endswith(".angle") else values
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.run)
-
-    def __len__(self) -> int:
-        return len(self.run)
-
-    def output(self, name: str) -> Any:
-        """Declaration of an output."""
-        return self.run.output(name)
 
 
 def rotated_run(
     mechanism: Compiled, samples: Samples, precision: str, settings: Mapping[str, Any]
-) -> RotatedRun:
-    """A run of the rotated mechanism.
+) -> Result:
+    """A run of the rotated mechanism, its vectors and directions rotated back.
 
     Numbers of the ground are rotated in the precision of the run, so nothing is lost to
     the double precision that graphs are written in.
     """
     other = rotated(mechanism)
-    want = settings["want"]
-    how = {k: v for k, v in settings.items() if k != "want"}
-    plan, plain = other.plan(want, **how), mechanism.plan(want, **how)
+    plan = other.plan(**settings)
+    plain = mechanism.plan(**settings).program.parameters
     engine = NumpyEngine(plan.program, precision)
-    real = engine.dtype
-    e = Planar(np.cos(real(ANGLE)), np.sin(real(ANGLE)))
-    numbers = plain.program.parameters
+    angle = engine.dtype(ANGLE)
+    e = Planar(np.cos(angle), np.sin(angle))
     engine.parameters = tuple(
-        engine._cast(value) if name in numbers and numbers[name] == value
-        else _rotated_number(engine, numbers.get(name, 1 + 0j), value, e)
+        _in_precision(engine, plain.get(name, 1 + 0j), value, e)  # no slot: along x
         for name, value in plan.program.parameters.items()
-    )  # fmt: skip
-    given = samples.given(plan.program.inputs)
-    values = engine.run(given, samples.n)
-    full = {"friction": "newton", "tolerance": None, "iterations": None, "static": False}
-    return RotatedRun(Result(other, plan, samples, values, "numpy", full | how), real(ANGLE))
+    )
+    values = engine.run(samples.given(plan.program.inputs), samples.n)
+    back = Planar(e.real, -e.imag)
+    values = tuple(v * back if isinstance(v, Planar) else v for v in values)
+    how = {k: v for k, v in settings.items() if k != "want"}
+    full = {"friction": "newton", "tolerance": None, "iterations": None, "static": False} | how
+    return Result(other, plan, samples, values, "numpy", full)
 
 
-def rotated(mechanism: Compiled, angle: float = ANGLE) -> Compiled:
+def rotated(mechanism: Compiled) -> Compiled:
     """The mechanism rotated about the frame's origin, ground and gravity with it."""
-    structure = mechanism.structure
-    e = complex(math.cos(angle), math.sin(angle))
+    structure, scene = mechanism.structure, mechanism.scene
     graph = Graph(mechanism.name)
-    scene = mechanism.scene
-    gravity = Vector(e * scene.gravity.z)
-    graph.scene = scene.model_copy(update={"gravity": gravity})
-    graph.blocks = {structure.frame: _rotated_frame(structure.fixed, e)}
-    graph.blocks |= {n: _rotated_home(block, e, angle) for n, block in structure.blocks.items()}
+    graph.scene = scene.model_copy(update={"gravity": _turned(scene.gravity)})
+    graph.blocks = {structure.frame: _frame(structure.fixed)}
+    graph.blocks |= {
+        name: _home(block) if isinstance(block, GeneralGroup) else block
+        for name, block in structure.blocks.items()
+    }
     for name, element in structure.elements.items():
-        seen: Any = element
+        turned: Mapping[str, Any] = {}
         if isinstance(element, Force) and element.axes == "ground":
-            seen = element.model_copy(update={"force": Vector(e * element.force.z)})
-        elif (
-            isinstance(element, Thrust)
-            and element.direction is not None
-            and structure.holds[JointRef(name, "a")].on == structure.frame_link
-        ):
-            seen = element.model_copy(update={"direction": Vector(e * element.direction.z)})
-        graph.blocks[name] = seen
+            turned = {"force": _turned(element.force)}
+        if isinstance(element, Thrust) and element.direction is not None:
+            on_ground = structure.holds[JointRef(name, "a")].on == structure.frame_link
+            turned = {"direction": _turned(element.direction)} if on_ground else {}
+        graph.blocks[name] = element.model_copy(update=turned)
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
     compiled = Compiled.of(graph)
     return Compiled(compiled.structure, compiled.scene, compiled.name, mechanism.names)
 
 
-def _rotated_frame(frame: Any, e: complex) -> Frame:
+def _turned(vector: Vector) -> Vector:
+    return Vector(E * vector.z)
+
+
+def _frame(frame: Any) -> Frame:
     markers = {
-        n: Marker(at=Place(e * m.at.z), dir=Vector(e * m.direction))
-        for n, m in frame.markers.items()
+        name: Marker(at=Place(E * m.at.z), dir=Vector(E * m.direction))
+        for name, m in frame.markers.items()
     }
     found: Frame = frame.model_copy(update={"markers": markers})
     return found
 
 
-def _rotated_home(block: Block, e: complex, angle: float) -> Block:
-    """A block whose assembly mode is told by a pose gets that pose rotated."""
-    if not isinstance(block, GeneralGroup):
-        return block
+def _home(group: GeneralGroup) -> GeneralGroup:
+    """The group with the pose that tells its assembly mode rotated."""
     poses = {}
-    for name, (x, y, turn) in block.home.poses.items():
-        z = e * complex(x, y)
-        poses[name] = (z.real, z.imag, turn + angle)
-    home = block.home.model_copy(update={"poses": poses})
-    return block.model_copy(update={"home": home})
+    for name, (x, y, angle) in group.home.poses.items():
+        z = E * complex(x, y)
+        poses[name] = (z.real, z.imag, angle + ANGLE)
+    home = group.home.model_copy(update={"poses": poses})
+    return group.model_copy(update={"home": home})
 
 
-def _rotated_number(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any:
-    """A parameter of the ground, rotated in the engine's precision."""
+def _in_precision(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any:
+    """A parameter of the rotated mechanism, ``rough`` in double, in the engine's precision."""
+    if plain == rough:
+        return engine._cast(rough)
     if isinstance(rough, tuple):
-        parts = [_rotated_number(engine, p, r, e) for p, r in zip(plain, rough, strict=True)]
+        parts = [_in_precision(engine, *pair, e) for pair in zip(plain, rough, strict=True)]
         return type(rough)(*parts) if hasattr(rough, "_fields") else tuple(parts)
     exact = engine._cast(plain)
-    if isinstance(exact, Planar) and _near(rough, plain * _direction()):
+    if isinstance(exact, Planar) and _near(rough, plain * E):
         return exact * e
     # Rotating only rounds what belongs to a link; a home's angles it changes, and they are
     # no more than where the way to an answer starts.
@@ -147,7 +120,3 @@ def _rotated_number(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> A
 
 def _near(a: Any, b: Any) -> bool:
     return bool(np.allclose(a, b, rtol=SAME, atol=0.0))
-
-
-def _direction() -> complex:
-    return complex(math.cos(ANGLE), math.sin(ANGLE))

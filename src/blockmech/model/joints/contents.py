@@ -9,23 +9,21 @@ from __future__ import annotations
 import cmath
 import functools
 import math
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
 from blockmech.blocks.mistakes import refuse
 from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import Problem, close_match, listed, shown
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.contract import Element
 from blockmech.model.expect import Expectation
+from blockmech.model.form import Form, Section
 from blockmech.model.laws_of_motion import AnyLaw
 from blockmech.model.migrations import VERSION
 from blockmech.model.scene import Initial, Stops
 from blockmech.values import (
-    NAME_RULE,
     Angle,
     Link,
     Number,
@@ -36,13 +34,11 @@ from blockmech.values import (
     mistake,
 )
 
-FORMAT = "blockmech/joints"
 FRAME = "frame"
 """Name of the fixed link."""
 
 LAWS: tuple[Any, ...] = get_args(get_args(AnyLaw)[0])
-EXTRAS = ("view", "expect", "source", "notes")
-"""Sections that travel with a document and are not computed with."""
+LOADS = "load."  # what the types of their blocks begin with
 
 
 class LinkGiven(Link):
@@ -172,14 +168,6 @@ def _driver_model(law: Any) -> type[Strictly]:
     )
 
 
-LOADS = "load."
-
-
-def load_kinds() -> list[str]:
-    """Kinds of loads, without the prefix of their block types."""
-    return [name.removeprefix(LOADS) for name in REGISTRY if name.startswith(LOADS)]
-
-
 @functools.cache
 def _load_model(cls: type[Element]) -> type[Strictly]:
     """The model of a load: its element's keys, and the links it takes hold of."""
@@ -215,55 +203,29 @@ HOLDS = ("link", "links", "at", "joint")
 """Keys that tell where a load takes hold; the others are those of its block."""
 
 
-class Section(NamedTuple):
-    """What the items of a section of a file are.
-
-    key : the key by which their kinds are told apart, "" where there is one kind
-    models : word of the file -> model of that kind
-    said : what an item is called in messages, "{}" for its word
-    plain : kind without the key, where it may be left out; or the only kind
-    plain_said : what that is called
-    """
-
-    key: str
-    models: Mapping[str, type[Strictly]]
-    said: str = ""
-    plain: type[Strictly] | None = None
-    plain_said: str = ""
-
-
 def sections() -> dict[str, Section]:
-    """The sections of a file by name, with all laws and loads that are registered."""
+    """The sections of named items, with all laws and loads that are registered."""
     laws = {get_args(law.model_fields["law"].annotation)[0]: law for law in LAWS}
-    loads = {kind: REGISTRY[f"{LOADS}{kind}"] for kind in load_kinds()}
-    elements = {kind: cls for kind, cls in loads.items() if issubclass(cls, Element)}
-    return {
-        "links": Section("", {}, "", LinkGiven, "a link"),
-        "joints": Section("type", {"R": PinGiven, "P": GuideGiven}, "an {} joint"),
-        "drivers": Section(
-            "law",
-            {word: _driver_model(law) for word, law in laws.items()},
-            "the law {}",
-            DriverGiven,
-            "a driver without a law",
-        ),
-        "loads": Section(
-            "type", {kind: _load_model(cls) for kind, cls in elements.items()}, "a {}"
-        ),
+    blocks = {name: REGISTRY[name] for name in REGISTRY if name.startswith(LOADS)}
+    loads = {
+        name.removeprefix(LOADS): _load_model(cls)
+        for name, cls in blocks.items()
+        if issubclass(cls, Element)
     }
-
-
-def bad_name(what: str, name: str, where: str = "") -> Problem:
-    """The problem of a name that could not stand in an address."""
-    found = f"{shown(name)} is not a {what} name"
-    return Problem("bad-name", where or name or '""', found, NAME_RULE, "choose another name")
-
-
-def unknown_kind(word: Any, where: str, section: Section) -> Problem:
-    """The problem that names an unknown kind of an item and its nearest relatives."""
-    remedy = close_match(word, section.models) if isinstance(word, str) else ""
-    found, valid = f"no {section.key} {shown(word)}", f"{section.key}s: {listed(section.models)}"
-    return Problem("wrong-value", where, found, valid, remedy)
+    own = ("mass", "inertia", "cm", "pose", "markers")
+    of_joint = ("type", "links", "at", "angle", "dir", "slider", "friction")
+    pairs = {"R": PinGiven, "P": GuideGiven}
+    driven = {word: _driver_model(law) for word, law in laws.items()}
+    alone = "a driver without a law"
+    holds = ("type", "link", "links", "joint", "at")
+    return {
+        "links": Section("link", {}, plain=LinkGiven, plain_said="a link", first=own),
+        "joints": Section("joint", pairs, "type", "an {} joint", first=of_joint),
+        "drivers": Section(
+            "driver", driven, "law", "the law {}", DriverGiven, alone, ("joint", "law")
+        ),
+        "loads": Section("load", loads, "type", "a {}", first=holds, prefix=LOADS),
+    }
 
 
 class JointsDocument(Strictly):
@@ -274,8 +236,8 @@ class JointsDocument(Strictly):
     name: str = "mechanism"
     title: str = ""
     gravity: Vector = Vector(0j)
-    links: dict[str, LinkGiven]
-    joints: dict[str, Annotated[PinGiven | GuideGiven, Field(discriminator="type")]]
+    links: dict[str, Any]
+    joints: dict[str, Any]
     drivers: dict[str, Any] = {}
     loads: dict[str, Any] = {}
     initial: dict[str, Initial] = {}
@@ -284,3 +246,8 @@ class JointsDocument(Strictly):
     expect: list[Expectation] = []
     source: str = ""
     notes: str | list[str] = ""
+
+
+LINKAGE_FILE = Form(
+    "blockmech/joints", "a joint-based file", JointsDocument, ("joints", "links"), sections
+)

@@ -16,13 +16,14 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from blockmech.assur.formation import Formation, formation
 from blockmech.assur.groups import Unit
 from blockmech.errors import GraphError, Problem, in_file
+from blockmech.model.graph import Graph
 from blockmech.model.joints.closing import Closing, Poses, given_poses
 from blockmech.model.joints.connections import (
     Connections,
@@ -54,9 +55,6 @@ from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.special import Layout
 from blockmech.model.naming import Names
 
-if TYPE_CHECKING:
-    from blockmech.model.graph import Graph
-
 General = Literal["", "groups", "one"]
 
 
@@ -80,9 +78,7 @@ class Decomposition:
     @cached_property
     def graph(self) -> Graph:
         """The block diagram; it can be saved, changed and compiled by itself."""
-        from blockmech.model.joints.diagram import graph_of
-
-        return graph_of(self.data)
+        return Graph.from_data(self.data)
 
 
 def decompose(linkage: Linkage, general: General = "") -> Decomposition:

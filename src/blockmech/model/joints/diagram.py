@@ -12,10 +12,7 @@ import numpy as np
 from blockmech.assur.formation import Formation
 from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import GraphError
-from blockmech.model.diagram import Wire
-from blockmech.model.document import FORMAT
-from blockmech.model.graph import Graph
+from blockmech.model.diagram import GRAPH_FILE, Wire
 from blockmech.model.joints.closing import Poses, coordinate
 from blockmech.model.joints.connections import Connection, Connections, Seated, angle_of
 from blockmech.model.joints.contents import FRAME, LinkGiven
@@ -23,12 +20,9 @@ from blockmech.model.joints.elements import Hold, element
 from blockmech.model.joints.frames import GENERAL, End, Made, Seat, free_name, xy
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.laws_of_motion import LawOfMotion
-from blockmech.model.migrations import VERSION
 from blockmech.model.naming import JointName, LinkName, Names
-from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
-from blockmech.validation_errors import validated
 
 MOST_IN_NAME = 3  # links that a group is named after
 
@@ -235,30 +229,25 @@ class Diagram:
         return self.marker(hold.link, hold.at, None, wish)
 
     def _scene(self) -> dict[str, Any]:
-        scene: dict[str, Any] = {}
-        if self.linkage.gravity.z:
-            scene["gravity"] = self.linkage.gravity.written
-        drive = {}
-        for name, law in self.linkage.drivers.items():
-            if isinstance(law, LawOfMotion):
-                said = plain(law, "law")
-                drive[name] = {"law": said.pop("law")} | {
-                    key: value for key, value in said.items() if key != "joint"
-                }
+        drive = {
+            name: {key: value for key, value in plain(law, "law").items() if key != "joint"}
+            for name, law in self.linkage.drivers.items()
+            if isinstance(law, LawOfMotion)
+        }
+        gravity = self.linkage.gravity.written if self.linkage.gravity.z else None
         initial, stops = plain(self.linkage.initial), plain(self.linkage.stops)
-        sections = {"drive": drive, "initial": initial, "stops": stops}
-        return scene | {key: said for key, said in sections.items() if said}
+        scene = {"gravity": gravity, "drive": drive, "initial": initial, "stops": stops}
+        return {key: said for key, said in scene.items() if said}
 
     def data(self) -> dict[str, Any]:
         """The graph as it would stand in a file."""
-        found: dict[str, Any] = {"format": FORMAT, "version": VERSION, "name": self.linkage.name}
-        if self.linkage.title:
-            found["title"] = self.linkage.title
-        found["blocks"] = self._blocks
-        found["wires"] = [{"from": w.source, "to": w.target} for w in self._wires]
-        extras = {key: plain(self.linkage.extras.get(key)) for key in ("source", "notes")}
-        sections = {"scene": self._scene(), **extras}
-        return found | {key: said for key, said in sections.items() if said}
+        sections = {
+            "blocks": self._blocks,
+            "wires": [{"from": w.source, "to": w.target} for w in self._wires],
+            "scene": self._scene(),
+            **{key: plain(self.linkage.extras.get(key)) for key in ("source", "notes")},
+        }
+        return GRAPH_FILE.written(self.linkage.name, self.linkage.title, sections)
 
     def names(self, found: Sequence) -> Names:
         """Where everything went; markers that are still needed for that are made."""
@@ -307,22 +296,3 @@ def _is_guide(marker: Any) -> bool:
 def _pose(poses: Poses, link: str) -> list[float]:
     o, theta = poses.of(link)
     return [*xy(o), theta]
-
-
-def graph_of(data: Mapping[str, Any]) -> Graph:
-    """The graph of data that was made here, its wiring unchecked.
-
-    Raises `GraphError` for what a block refuses.
-    """
-    graph = Graph(data["name"], title=data.get("title", ""))
-    for name, said in data["blocks"].items():
-        cls = REGISTRY[said["type"]]
-        keys = {key: value for key, value in said.items() if key != "type"}
-        block, wrong = validated(cls, keys, said["type"], ("blocks", name))
-        if block is None:
-            raise GraphError(wrong)
-        graph.blocks[name] = block
-    graph.wires = [Wire(wire["from"], wire["to"]) for wire in data["wires"]]
-    graph.scene = Scene.model_validate(data.get("scene", {}))
-    graph.extras = {key: data[key] for key in ("source", "notes") if key in data}
-    return graph

@@ -6,18 +6,19 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
-from blockmech.errors import GraphError, Problem, listed
-from blockmech.model.attributes import KnownAttributes
+from blockmech.errors import GraphError, Problem, listed, path_text
+from blockmech.model.document import Document
+from blockmech.model.form import Draft, bad_name
 from blockmech.model.joints.contents import (
+    LINKAGE_FILE,
     DriverGiven,
     GuideGiven,
     JointGiven,
     LinkGiven,
     PinGiven,
-    bad_name,
     sections,
-    unknown_kind,
 )
+from blockmech.model.joints.references import reference_problems
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
@@ -27,7 +28,7 @@ Given = Any
 """Numbers, pairs and arrays as `Graph` takes them."""
 
 
-class Linkage(KnownAttributes):
+class Linkage(Document):
     """Links, joints, drivers and loads, in frames of the user's own.
 
     >>> import blockmech as bm
@@ -44,23 +45,19 @@ class Linkage(KnownAttributes):
     <Linkage crank_rocker: 3 moving links, 4 pairs, 1 driver; I(crank) -> II RRR(rocker, rod)>
     """
 
-    name: str
-    title: str
+    form = LINKAGE_FILE
     links: dict[str, LinkGiven]
     joints: dict[str, JointGiven]
     drivers: dict[str, Any]
     loads: dict[str, Any]
     initial: dict[str, Initial]
     stops: dict[str, Stops]
-    extras: dict[str, Any]  # view, expect, source, notes: kept with the file
-    file: str  # where the document was read from, for messages
     _gravity: Vector
 
     def __init__(
         self, name: str = "mechanism", *, title: str = "", gravity: complex | Sequence[float] = 0j
     ) -> None:
-        self.name = name
-        self.title = title
+        super().__init__(name, title=title)
         self.gravity = gravity
         self.links = {}
         self.joints = {}
@@ -68,8 +65,25 @@ class Linkage(KnownAttributes):
         self.loads = {}
         self.initial = {}
         self.stops = {}
-        self.extras = {}
-        self.file = ""
+
+    # -- files ------------------------------------------------------------
+
+    def _fill(self, draft: Draft) -> None:
+        said = draft.said
+        self.gravity, self.initial, self.stops = said.gravity, said.initial, said.stops
+        for section in self.form.items():
+            parts = {name: part for name, part in draft.items(section) if part is not None}
+            getattr(self, section).update(parts)
+        draft.note(reference_problems(self, vars(said)))
+
+    def _sections(self) -> dict[str, Any]:
+        parts = {
+            name: {item: section.data(part) for item, part in getattr(self, name).items()}
+            for name, section in self.form.items().items()
+        }
+        gravity = self.gravity.written if self.gravity.z else None
+        more = {"initial": plain(self.initial), "stops": plain(self.stops)}
+        return {"gravity": gravity, **parts, **more}
 
     @property
     def gravity(self) -> Vector:
@@ -114,7 +128,7 @@ class Linkage(KnownAttributes):
         """
         self._free("driver", name, self.drivers)
         said = {} if law is None else plain(law, "law")
-        model = sections()["drivers"].models.get(said.pop("law", ""), DriverGiven)
+        model = sections()["drivers"].kinds.get(said.pop("law", ""), DriverGiven)
         self.drivers[name] = _made(model, ("drivers", name), {"joint": joint, **said})
 
     def add_load(self, name: str, kind: str, **keys: Given) -> None:
@@ -124,9 +138,9 @@ class Linkage(KnownAttributes):
         """
         self._free("load", name, self.loads)
         section = sections()["loads"]
-        if kind not in section.models:
-            raise GraphError(unknown_kind(kind, f"loads.{name}.type", section))
-        self.loads[name] = _made(section.models[kind], ("loads", name), keys)
+        if kind not in section.kinds:
+            raise GraphError(section.unknown_kind(kind, f"loads.{name}.type"))
+        self.loads[name] = _made(section.kinds[kind], ("loads", name), keys)
 
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
@@ -138,7 +152,7 @@ class Linkage(KnownAttributes):
 
     def _free(self, what: str, name: str, taken: Iterable[str]) -> None:
         if not isinstance(name, str) or not is_name(name):
-            raise GraphError(bad_name(what, str(name)))
+            raise GraphError(bad_name(what, name))
         if name in taken:
             raise GraphError(
                 Problem(
@@ -158,8 +172,6 @@ class Linkage(KnownAttributes):
 
 def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given]) -> Any:
     """A part of the document. Raises `GraphError` with places in the document."""
-    from blockmech.errors import path_text
-
     try:
         return model(**given)
     except GraphError as error:

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from blockmech.errors import Problem, close_match, listed, path_text
 from blockmech.model.joints.contents import FRAME
 from blockmech.values import NAME_RULE, is_name
 
-if TYPE_CHECKING:
-    from blockmech.model.joints.linkage import Linkage
-
-
 Known: TypeAlias = Mapping[str, Collection[str]]
 """Section -> names in it, those of parts that are wrong by themselves included."""
 
 
-def reference_problems(linkage: Linkage, known: Known | None = None) -> Iterator[Problem]:
+def reference_problems(linkage: Any, known: Known | None = None) -> Iterator[Problem]:
     """What links, joints, drivers and loads say of each other that is not so."""
     known = known or vars(linkage)
     yield from _links(linkage)
@@ -49,7 +45,7 @@ def _named(what: str, name: str, path: tuple[str | int, ...], known: Known) -> I
         yield Problem(f"unknown-{what}", path_text(path), found, valid, remedy)
 
 
-def _links(linkage: Linkage) -> Iterator[Problem]:
+def _links(linkage: Any) -> Iterator[Problem]:
     for name, link in linkage.links.items():
         for marker in link.markers:
             if not is_name(marker):
@@ -68,7 +64,7 @@ def _links(linkage: Linkage) -> Iterator[Problem]:
             yield Problem("unknown-key", where, found, "keys there: markers", "remove it")
 
 
-def _drivers(linkage: Linkage, known: Known) -> Iterator[Problem]:
+def _drivers(linkage: Any, known: Known) -> Iterator[Problem]:
     by_joint: dict[str, list[str]] = defaultdict(list)
     for name, driver in linkage.drivers.items():
         by_joint[driver.joint].append(name)
@@ -84,7 +80,7 @@ def _drivers(linkage: Linkage, known: Known) -> Iterator[Problem]:
             )
 
 
-def _two_links(joint: str, path: tuple[str, ...], linkage: Linkage, does: str) -> Iterator[Problem]:
+def _two_links(joint: str, path: tuple[str, ...], linkage: Any, does: str) -> Iterator[Problem]:
     """The problem of a pin of many links where two are meant."""
     links = linkage.joints[joint].links if joint in linkage.joints else ()
     if len(links) > 2:
@@ -93,7 +89,7 @@ def _two_links(joint: str, path: tuple[str, ...], linkage: Linkage, does: str) -
         yield Problem("wrong-value", path_text(path), found, "", remedy)
 
 
-def _load(at: tuple[str, str], load: Any, linkage: Linkage, known: Known) -> Iterator[Problem]:
+def _load(at: tuple[str, str], load: Any, linkage: Any, known: Known) -> Iterator[Problem]:
     if (link := getattr(load, "link", None)) is not None:
         yield from _named("link", link, (*at, "link"), known)
     for k, link in enumerate(getattr(load, "links", None) or ()):

@@ -1,0 +1,190 @@
+"""The trade of a simulation: every method that applies, over its settings.
+
+The reference is the finest method that applies and ends within its share of the budget; one
+of another kind checks it, and what the two differ by is the floor. With joint friction all
+methods solve its equations by Newton's method, and the other ones are settings.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
+from blockmech.analysis.trade.reference_errors import DOUBLE, ReferenceErrors, reference_errors
+from blockmech.compiled import Compiled
+from blockmech.dynamics.motion import INTERRUPTED, Motion
+from blockmech.dynamics.simulation import simulate
+from blockmech.errors import Problem, RequestError
+from blockmech.result import Result
+
+FINEST = (  # references and checks, best first; coarser ones where those do not end in time
+    ("auto", 1e-14),
+    ("dop853", 1e-13),
+    ("radau", 1e-11),
+    ("lsoda", 1e-11),
+    ("dop853", 1e-9),
+    ("lsoda", 1e-8),
+)
+SHARE = 0.3  # of what is left, for each of them: two, and as much again for the settings
+TIMES = 21  # at which runs are compared, where none are named
+DOUBTFUL = 10.0  # times their own estimates by which reference and check may differ
+MOTION = ("*.q", "*.rate")
+ACCURACIES: Mapping[str, tuple[float, ...]] = {
+    "energy": (1e-3, 1e-6, 1e-9, 1e-12),
+    "spectral": (1e-3, 1e-6, 1e-9, 1e-12),
+    "lsoda": (1e-3, 1e-5, 1e-7, 1e-9),
+    "dop853": (1e-3, 1e-6, 1e-9, 1e-11),
+    "radau": (1e-3, 1e-6),
+}
+STEPS = {"rk4": (100, 200, 400, 800), "euler_q": (100, 1000, 10_000)}  # of a run
+FRICTIONS = (
+    Setting("friction none", "", {"friction": "none"}),
+    Setting("friction single", "", {"friction": "single"}),
+    Setting("friction successive", "3 iterations", {"friction": "successive", "iterations": 3}),
+)
+
+
+class FreeMotion(Question):
+    """A simulation from a start until something ends it."""
+
+    MEASURE = (
+        "largest error of any output at any of these times, relative to the output's largest "
+        "magnitude (angles in rad)"
+    )
+    COUNTED = (
+        "samples of the reduced inertia and load, in batches or single; the arithmetic of an "
+        "integrator's steps is not counted"
+    )
+
+    errors: ReferenceErrors
+    best: Result
+
+    def __init__(
+        self,
+        mechanism: Compiled,
+        want: tuple[str, ...] | None,
+        request: Mapping[str, Any],
+        clock: Clock,
+    ) -> None:
+        self.mechanism = mechanism
+        self.request = {**request, "want": want or MOTION}
+        until = request.get("until")
+        self.asked = f"simulate until {until or 'its end'}"
+        first = self.run({}, clock.left)
+        if first is None:
+            return
+        motion: Motion = first.motion
+        if motion.status == "failed":
+            remedy = 'say until when, e.g. until="time=2"'
+            why = "; ".join(motion.notes)
+            raise RequestError(Problem("no-motion", "trade", motion.end, why, remedy))
+        if request.get("times") is None:
+            self.request["times"] = motion.times(TIMES if motion.t_end > motion.t_start else 1)
+        found = self._finest(motion.method, clock)
+        if len(found) < 2:
+            return
+        # The surer one is the reference, the other one its check.
+        (method, self.best), (other, check) = sorted(found, key=lambda run: run[1].motion.error)
+        self.errors = _errors(self.best)
+        apart, own = self.error(check)[0], [run.motion.error for _, run in found]
+        self.reference = Reference(method, other, max(apart, min(own), DOUBLE))
+        names = self.best.plan.want
+        said = ", ".join(names) if len(names) <= 3 else f"{len(names)} outputs"
+        self.asked = f"simulate until {until or motion.end}: {said} at {self.best.n} times"
+        if apart > DOUBTFUL * sum(own):
+            self.notes += (
+                f"reference and check differ by {apart:.1g}, more than they estimate of "
+                f"themselves ({min(own):.1g} and {max(own):.1g})",
+            )
+        if self.reference.floor >= USELESS:
+            self.notes += ("reference and check have nothing in common, so no error is claimed",)
+
+    def _finest(self, automatic: str, clock: Clock) -> list[tuple[str, Result]]:
+        """Two fine runs of different kinds, or fewer where they do not end in their time."""
+        found: dict[str, tuple[str, Result]] = {}
+        refusal = None
+        for method, accuracy in FINEST:
+            kind = automatic if method == "auto" else method
+            if kind in found or len(found) == 2:
+                continue
+            try:
+                result = self.run({"method": method, "accuracy": accuracy}, SHARE * clock.left)
+            except RequestError as error:
+                refusal = error
+                continue
+            if result is not None and result.motion.status != "failed":
+                found[kind] = (f"{kind} at {accuracy:g}", result)
+        if refusal is not None and not found:
+            raise refusal
+        return list(found.values())
+
+    def settings(self) -> Iterator[Setting]:
+        """The coarsest setting of every method first, so that a short budget sees them all."""
+        rows = [list(self._row(method)) for method in (*ACCURACIES, *STEPS)]
+        if self.mechanism.frictional_joints and self.request.get("friction") is None:
+            rows += [[setting] for setting in FRICTIONS]
+        for i in range(max(map(len, rows))):
+            yield from (row[i] for row in rows if i < len(row))
+
+    def _row(self, method: str) -> Iterator[Setting]:
+        """The settings of a method, from coarse to fine."""
+        for accuracy in ACCURACIES.get(method, ()):
+            if method != "spectral" or self.best.motion.method != "energy":  # the same there
+                options = {"method": method, "accuracy": accuracy}
+                yield Setting(method, f"accuracy {accuracy:g}", options)
+        if len(self.mechanism.drivers) > 1:
+            return
+        motion: Motion = self.best.motion
+        length, unit = motion.t_end - motion.t_start, "s"
+        if method == "euler_q":
+            length = float(np.abs(np.diff(motion.at(motion.times(201)).q)).sum())
+            unit = self.mechanism.driver_joint(self.mechanism.drivers[0]).coordinate_unit
+        for count in STEPS.get(method, ()):
+            step = float(f"{length / count:.1e}")
+            yield Setting(method, f"step {step:g} {unit}", {"method": method, "step": step})
+
+    def run(self, options: Mapping[str, Any], seconds: float) -> Result | None:
+        """The simulation with a setting, through the public call; None if it took longer.
+
+        Raises `KeyboardInterrupt` if the user stopped it: half a run cannot be compared.
+        """
+        end = time.perf_counter() + seconds
+
+        def stop_late(what: str, done: float, whole: float | None) -> None:
+            if time.perf_counter() > end:
+                raise KeyboardInterrupt  # by which a simulation is stopped
+
+        result = simulate(self.mechanism, progress=stop_late, **self.request, **options)
+        if result.motion.end != INTERRUPTED:
+            return result
+        if time.perf_counter() <= end:
+            raise KeyboardInterrupt
+        return None
+
+    def evaluations(self, result: Result) -> int:
+        """Kernel evaluations of the motion."""
+        found: int = result.motion.cost.evaluations
+        return found
+
+    def error(self, result: Result) -> tuple[float, str]:
+        """Error of a run: of its outputs at the common times, and of its end.
+
+        Where an event ends the run, its time counts, relative to the time of the run.
+        """
+        n, moved, wanted = min(result.n, self.best.n), result.motion, self.best.motion
+        by_event = wanted.end != "time"
+        if n == 0 or (n < self.best.n and not by_event):
+            return math.inf, "time"
+        errors = self.errors if n == self.best.n else _errors(self.best.first(n))
+        found = errors.worst(result.first(n))
+        late, span = abs(moved.t_end - wanted.t_end), wanted.t_end - wanted.t_start
+        return max(found, (late / span, "time")) if by_event and span > 0 else found
+
+
+def _errors(best: Result) -> ReferenceErrors:
+    return reference_errors(best, best, np.ones(best.n, dtype=bool))

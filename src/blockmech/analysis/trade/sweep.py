@@ -1,0 +1,185 @@
+"""The trade of a sweep: precisions, engines and friction methods.
+
+Source of the methods compared: [R10] steps 1-5 (single, successive); Newton's method
+and the precisions are blockmech's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from blockmech.analysis.trade.measure import USELESS, Question, Reference, Setting
+from blockmech.analysis.trade.reference_errors import (
+    LONG,
+    MOST_ITERATIONS,
+    WIDER,
+    ReferenceErrors,
+    comparable,
+    compared,
+    reference_errors,
+)
+from blockmech.analysis.trade.rotated import rotated_run
+from blockmech.compiled import EVERYTHING, Compiled
+from blockmech.errors import Problem, RequestError, listed
+from blockmech.result import Result
+
+NUMPY = {"engine": "numpy"}
+SINGLE = NUMPY | {"precision": "complex64"}
+WIDEST = NUMPY | {"precision": "clongdouble"}
+SETTLED = 60  # successive iterations of the check; P^60 is rounding wherever P < 0.5
+USABLE = 1e-3  # relative error up to which single precision is worth having
+
+PLAIN = (
+    Setting("numpy", "complex64", SINGLE),
+    Setting("numpy", "complex128", NUMPY),
+    *((Setting("numpy", "clongdouble", WIDEST),) * WIDER),
+    Setting("scalar", "complex128", {"engine": "scalar"}),
+)
+FRICTIONS = (
+    Setting("friction none", "", NUMPY | {"friction": "none"}),
+    Setting("friction none", "complex64", SINGLE | {"friction": "none"}),
+    Setting("friction single", "", NUMPY | {"friction": "single"}),
+    *(
+        Setting("successive", f"{k} iterations", how | {"iterations": k})
+        for how in [NUMPY | {"friction": "successive"}]
+        for k in range(2, MOST_ITERATIONS + 1)
+    ),
+    Setting("successive", "as set", NUMPY | {"friction": "successive"}),
+)
+
+
+class Sweep(Question):
+    """A run at given samples."""
+
+    MEASURE = (
+        "largest error of any output at any sample, relative to the output's largest magnitude "
+        "(angles in rad)"
+    )
+    COUNTED = (
+        "kernel calls and iterations of the friction equations, over all samples; continuation "
+        "is not counted"
+    )
+
+    def __init__(
+        self, mechanism: Compiled, want: tuple[str, ...] | None, request: Mapping[str, Any]
+    ) -> None:
+        self.mechanism = mechanism
+        self.request = {**request, "want": want or EVERYTHING, "on_gap": "mark"}
+        best = self.run(WIDEST)
+        names = best.plan.want if len(best.plan.want) <= 3 else (f"{len(best)} outputs",)
+        self.asked = f"run: {', '.join(names)} at {best.n} samples"
+        self.rubs = any(name.startswith("friction/") for name in best.plan.layout)
+        self.errors, self.reference = self._referred(best)
+        self.notes = tuple(self._left_out(best))
+        if want is None and self.rubs:
+            self._leave_out_of_friction()
+        self.notes += tuple(self._single_precision())
+
+    def settings(self) -> Iterator[Setting]:
+        """Precisions, friction methods where joints have friction, and the scalar engine."""
+        yield from PLAIN[:2]
+        if self.rubs:
+            yield from FRICTIONS
+        yield from PLAIN[2:]
+
+    def run(self, options: Mapping[str, Any], seconds: float = 0.0) -> Result:
+        """The sweep with a setting; gaps are NaN. One batch cannot be stopped."""
+        return self.mechanism.run(**self.request, **options)
+
+    def evaluations(self, result: Result) -> int:
+        """Kernel calls and iterations of the friction equations over all samples of a run.
+
+        Newton's method starts from two successive approximations, which count as well.
+        """
+        before = 2 if result.settings["friction"] == "newton" else 0
+        steps = [np.asarray(k) for k in result.quality.iterations.values()]
+        count: int = result.n * result.plan.calls
+        return count + sum(int(np.sum(k + before * (k > 0))) for k in steps)
+
+    def error(self, result: Result) -> tuple[float, str]:
+        """The largest relative error over the compared outputs and samples, and of which."""
+        return self.errors.worst(result)
+
+    def _referred(self, best: Result) -> tuple[ReferenceErrors, Reference]:
+        """The reference: in the widest precision, checked by the rotated mechanism.
+
+        With friction the check also solves by successive approximation in place of Newton's
+        method, wherever that is sure to converge.
+        """
+        good = comparable(best, self.rubs)
+        if not good.any():
+            raise RequestError(
+                Problem("nothing-to-compare", "trade", "no sample has an answer", "", "see limits")
+            )
+        how: dict[str, Any] = {"static": self.request.get("static", False)}
+        solver = ", Newton's method" if self.rubs else ""
+        bounds = [float(np.max(c[good])) for c in best.quality.contraction.values()]
+        checked = solver
+        if self.rubs and max(bounds, default=0.0) < 0.5:
+            how |= {"friction": "successive", "iterations": SETTLED}
+            checked = f", {SETTLED} successive approximations"
+        want = {"want": best.plan.want}
+        check = rotated_run(self.mechanism, best.samples, "clongdouble", want | how)
+        errors = reference_errors(best, check, good)
+        floor = max(errors.error(check), LONG)
+        if len(errors.left_out) > len(errors.values):
+            floor = USELESS  # what the two differ on is no rounding: nothing can be confirmed
+        digits = "80-bit or wider" if WIDER else "double"
+        return errors, Reference(
+            f"{digits} floating point{solver}",
+            f"the mechanism rotated in the plane{checked}",
+            floor,
+        )
+
+    def _left_out(self, best: Result) -> Iterator[str]:
+        """What is not compared, and why."""
+        flags, judged = best.quality.flags, set(compared(best))
+        near = {f.sample for f in flags if f.code.endswith(("dead-centre", "change-point"))}
+        resting = {f.sample for f in flags if f.code == "zero-relative-speed" and self.rubs}
+        gaps = set(np.flatnonzero(~self.errors.good).tolist()) - resting - near
+        for samples, why in (
+            (gaps, "without an answer"),
+            (near, "within a margin of 1e-6 of a dead centre"),
+            (resting, "where a joint is at zero relative speed, so that friction is undetermined"),
+        ):
+            if samples:
+                yield f"not compared: {len(samples)} samples {why}"
+        for names, why in (
+            ([n for n in best if n not in judged], "they divide by what may vanish"),
+            (self.errors.left_out, "rounding alone decides them"),
+        ):
+            if names:
+                yield f"not compared, as {why}: {listed(names, 3)}"
+
+    def _leave_out_of_friction(self) -> None:
+        """Judge what friction alone makes only where it is asked for by name.
+
+        Without friction it is wrong by all of itself, whatever that means for the rest.
+        """
+        without = self.run(NUMPY | {"friction": "none"})
+        own = [n for n, x in self.errors.values.items() if np.any(x) and not np.any(without[n])]
+        self.errors = self.errors.without((*self.errors.left_out, *own))
+        if own:
+            names = listed(own, 3)
+            self.notes += (f"compared only where asked for, as friction alone makes them: {names}",)
+
+    def _single_precision(self) -> Iterator[str]:
+        """The margin down to which single precision is of use, in a sentence."""
+        result, good = self.run(SINGLE), self.errors.good
+        margins = [np.asarray(m, dtype=float) for m in result.quality.margin.values()]
+        errors = [e for e in self.errors.each(result).values() if len(e) == result.n]
+        if not margins or not errors:
+            return
+        margin, error = np.min(margins, axis=0)[good], np.max(errors, axis=0)[good]
+        text = f"single precision, worst error {error.max():.1g}:"
+        bad = margin[error > USABLE]
+        if bad.size:
+            yield (
+                f"{text} it stops being usable (error above {USABLE:g}) below a margin of "
+                f"{bad.max():.1g}"
+            )
+        else:
+            yield f"{text} it is usable down to the smallest margin met, {margin.min():.2g}"

@@ -1,0 +1,230 @@
+"""Kinds of documents as data, and the reading of any of them.
+
+A document is read in one way: format and version, the sections by a pydantic model, then the
+named items of a section (blocks, links, loads ...) one by one by the model of their kind. All
+that is wrong is told at once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from blockmech.errors import (
+    MOST,
+    FormatError,
+    GraphError,
+    Problem,
+    close_match,
+    listed,
+    path_text,
+    said_already,
+    shown,
+)
+from blockmech.model.migrations import VERSION, migrate, version_problem
+from blockmech.model.writing import plain
+from blockmech.validation_errors import validated
+from blockmech.values import NAME_RULE, Strictly, is_name
+
+FORMATS = {
+    "blockmech/graph": ("the file holds blocks, not links and joints", "open it as a Graph"),
+    "blockmech/joints": (
+        "the file holds links and joints, not blocks",
+        'read it with Linkage.load, or let "blockmech decompose" write its graph',
+    ),
+    "blockmech/result": (
+        "the file is the result of a run, not a mechanism",
+        "name the graph file that it was computed from",
+    ),
+}
+"""What files of blockmech hold, and what to do with one that is not the one wanted."""
+
+
+class Section(NamedTuple):
+    """What the named items of a section are.
+
+    what : what one is called, e.g. "block"
+    kinds : word of the file -> model of that kind
+    key : the key that holds this word; "" where all items are ``plain``
+    said : what an item of a kind is called in messages, "{}" for its word
+    plain, plain_said : model of items without the key, and what they are called
+    first : keys that are written first, in this order
+    prefix : what the file leaves out of the names of block types
+    other : what stands for an item of an unknown kind; without it such an item is wrong
+    """
+
+    what: str
+    kinds: Any
+    key: str = ""
+    said: str = "{}"
+    plain: type[Strictly] | None = None
+    plain_said: str = ""
+    first: tuple[str, ...] = ()
+    prefix: str = ""
+    other: Callable[[str, dict[str, Any]], Any] | None = None
+
+    def unknown_kind(self, word: Any, where: str) -> Problem:
+        """The problem that names an unknown kind of an item and its nearest relatives."""
+        remedy = close_match(word, self.kinds) if isinstance(word, str) else ""
+        return Problem("wrong-value", where, f"no {self.key} {shown(word)}", self.words, remedy)
+
+    @property
+    def words(self) -> str:
+        """The kinds in a sentence."""
+        return f"{self.key}s: {listed(self.kinds, 30)}"
+
+    def data(self, item: Any) -> dict[str, Any]:
+        """An item as its file says it."""
+        said: dict[str, Any] = plain(item, self.key)
+        if self.key and self.key not in said and hasattr(item, "type_name"):
+            said = {self.key: item.type_name.removeprefix(self.prefix)} | said
+        return {key: said[key] for key in self.first if key in said} | said
+
+
+@dataclass(frozen=True)
+class Form:
+    """A kind of document.
+
+    Attributes
+    ----------
+    format : what its files name
+    said : what such a file is called
+    model : its sections; those of named items hold any object
+    always : sections that are written even when they are empty; the first tells such a file
+        that does not name its format
+    items : the sections of named items
+    """
+
+    format: str
+    said: str
+    model: type[Strictly]
+    always: tuple[str, ...]
+    items: Callable[[], Mapping[str, Section]]
+
+    def written(self, name: str, title: str, sections: Mapping[str, Any]) -> dict[str, Any]:
+        """What stands in a file: head and sections, but for those that say nothing."""
+        data = {"format": self.format, "version": VERSION, "name": name, "title": title}
+        data |= sections
+        return {key: said for key, said in data.items() if said or key in ("name", *self.always)}
+
+
+def bad_name(what: str, name: Any, where: str = "") -> Problem:
+    """The problem of a name that could not stand in an address."""
+    where = where or str(name) or '""'
+    return Problem("bad-name", where, f"not a {what} name", NAME_RULE, "choose another name")
+
+
+def _identified(form: Form, raw: Mapping[str, Any]) -> Iterator[Problem]:
+    """What is wrong with format and version. Raises if it is another document altogether."""
+    said, valid = raw.get("format"), f'{form.said} has "format": "{form.format}"'
+    if "format" not in raw:
+        problem = Problem("wrong-format", "format", "the file names no format", valid, "add it")
+        if form.always[0] not in raw:
+            raise FormatError(problem)
+        yield problem
+    elif said != form.format:
+        known = FORMATS.get(said) if isinstance(said, str) else None
+        found, remedy = known or (f"the format is {shown(said)}", "")
+        raise FormatError(Problem("wrong-format", "format", found, valid, remedy))
+    of_version = version_problem(raw)
+    if of_version is not None:
+        if of_version.code == "newer-version":
+            raise FormatError(of_version)
+        yield of_version
+
+
+@dataclass
+class Draft:
+    """What a file says as far as it can be read, and what is wrong with it.
+
+    Attributes
+    ----------
+    raw : the data of the file
+    odd : problems found in the text
+    content : all problems of the sections by themselves
+    fit : problems of how they fit each other
+    said : the sections without those that are wrong
+    wrong : names of these
+    """
+
+    form: Form
+    raw: dict[str, Any]
+    odd: list[Problem]
+    content: list[Problem] = field(default_factory=list)
+    fit: list[Problem] = field(default_factory=list)
+    said: Any = None
+    wrong: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.content += [*self.odd, *_identified(self.form, self.raw)]
+        if any(problem.code.endswith("-version") for problem in self.content):
+            self.raw = {**self.raw, "version": VERSION}
+        self.raw = raw = {**migrate(self.raw), "format": self.form.format}
+        model = self.form.model
+        self.said, problems = validated(model, raw, self.form.said)
+        self.note(problems)
+        if self.said is None:
+            self.wrong = {re.split(r"[.\[]", problem.where)[0] for problem in problems}
+            fields = model.model_fields
+            sound: dict[str, Any] = {n: {} for n in fields if fields[n].is_required()}
+            sound |= {"format": self.form.format, "version": VERSION}
+            more = {n: raw[n] for n in fields if n in raw and n not in self.wrong}
+            again, _ = validated(model, sound | more, "")
+            self.said = again or model.model_validate(sound)
+
+    def note(self, problems: Iterable[Problem]) -> None:
+        """Add what is wrong with the content, unless the text has said so already."""
+        self.content += [p for p in problems if not said_already(p, self.odd)]
+
+    def items(self, name: str) -> Iterator[tuple[str, Any]]:
+        """The items of a section; None for one that is wrong, which is noted."""
+        section = self.form.items()[name]
+        for item, raw in getattr(self.said, name).items():
+            if len(self.content) > MOST:
+                return
+            part, problems = self._item(section, (name, item), raw)
+            if is_name(item):
+                yield item, part
+            else:
+                self.note([bad_name(section.what, item, path_text((name, item)))])
+            self.note(problems)
+
+    def _item(self, section: Section, path: tuple[str, str], raw: Any) -> tuple[Any, list[Problem]]:
+        """One item, and what is wrong with it."""
+        key, what = section.key, section.what
+        if not isinstance(raw, dict):
+            found = f"a {what} must be an object {{...}}, got {shown(raw)}"
+            return None, [Problem("wrong-type", path_text(path), found)]
+        model: Any = section.plain
+        said = section.plain_said
+        if key and (model is None or key in raw):
+            where, word = path_text((*path, key)), raw.get(key)
+            if key not in raw:
+                found = f'a {what} needs "{key}"'
+                return None, [Problem("missing-key", where, found, section.words, "add it")]
+            if not isinstance(word, str) or not word:
+                found = f"{key} must be the name of a {what} {key}, got {shown(word)}"
+                return None, [Problem("wrong-type", where, found, section.words)]
+            model, said = section.kinds.get(word), section.said.format(word)
+            if model is None:
+                if section.other is None:
+                    return None, [section.unknown_kind(word, where)]
+                return section.other(word, {k: raw[k] for k in raw if k != key}), []
+            if key not in model.model_fields:  # the kind is not among the model's own keys
+                raw = {k: item for k, item in raw.items() if k != key}
+        return validated(model, raw, said, path)
+
+    def finish(self) -> None:
+        """Raise what was noted, section by section."""
+        sections = list(self.form.model.model_fields)
+
+        def place(problem: Problem) -> int:
+            name = re.split(r"[.\[]", problem.where)[0]
+            return sections.index(name) if name in sections else len(sections)
+
+        if self.content:
+            raise FormatError([*sorted(self.content, key=place), *self.fit])
+        if self.fit:
+            raise GraphError(self.fit)
