@@ -167,6 +167,17 @@ def test_andrews_squeezer_at_30_milliseconds(method, angle):
         assert abs(r[name][0] - ANDREWS["dq"][i]) < INTEGRATED * largest, name
 
 
+@pytest.mark.parametrize("until", ["time=20", "standstill"])
+@pytest.mark.parametrize("method", ["auto", "dop853"])
+def test_watt_let_go_at_the_top_itself_is_not_decided(until, method):
+    """1e-8 rad beside its upper equilibrium rounding says whether it turns or swings."""
+    top = 1.4933373334657107
+    motion = simulated("watt_sixbar", until, start=from_angle(top + 1e-8), method=method).motion
+    assert (motion.status, motion.end) == ("failed", "not decided")
+    assert 5 < motion.t_end < 20  # as far as both runs agree
+    assert any("part after" in note for note in motion.notes)
+
+
 # -- other machines ------------------------------------------------------------------------
 
 

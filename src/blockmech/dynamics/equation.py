@@ -34,9 +34,8 @@ class Equation:
 
     system: System
     q0: Any
-    most: float = math.inf  # evaluations
+    most: float = math.inf  # kernel evaluations
     sides: tuple[int, ...] = ()
-    count: int = 0
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
 
@@ -47,8 +46,7 @@ class Equation:
 
     def __call__(self, t: float, y: Any) -> Any:
         """y' at a state; NaN where there is no pose."""
-        self.count += 1
-        if self.count > self.most:
+        if self.system.singles > self.most:
             self.most = math.inf  # once: what is kept of the run is still looked at
             raise TooMany
         if self.drivers > 1:

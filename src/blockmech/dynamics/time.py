@@ -130,7 +130,7 @@ class Run:
         works = [0.0, 0.0] if rubs else [0.0]
         self.y = np.concatenate([np.atleast_1d(q), np.atleast_1d(rate), works]).astype(float)
         self.times.append(self.t)
-        self.equation = Equation(self.system, q, EVALUATIONS)
+        self.equation = Equation(self.system, q, self.system.singles + EVALUATIONS)
         if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = min(self.request.t_last, self.request.start.t + FOREVER)
@@ -260,10 +260,10 @@ class Run:
 
     def _integrated(self, lookout: Lookout, bound: float) -> Hit | Verdict | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
-        try:
-            solver = self._solver(bound, self.t, self.y, self.max_step)
-        except (ArithmeticError, np.linalg.LinAlgError):
+        slope = np.asarray(self.equation(self.t, self.y), dtype=np.float64)
+        if not np.isfinite(slope).all():  # from which SciPy's would never come back
             return self._given_up()
+        solver = self._solver(bound, self.t, self.y, self.max_step)
         while solver.status == "running":
             dense = self._stepped(solver)
             if dense is None:
@@ -437,7 +437,7 @@ class Run:
         if self.equation.sides:
             found = self.equation.resisted(float(ahead[0]), float(ahead[1]), later)
             if not found.outcome.solved and found.margin > 0:
-                return Verdict("ended", SELF_LOCKED)
+                return Verdict("ended" if self.pieces else "failed", SELF_LOCKED)
         if not np.isfinite(np.asarray(self.equation(later, ahead), dtype=float)).all():
             rate = float(np.abs(y[self.equation.drivers]))
             places = PAST * max(1.0, float(np.abs(y[0])))  # it comes so near, and steps so short
