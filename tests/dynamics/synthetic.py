@@ -36,7 +36,8 @@ class Synthetic(System):
         self.samples = self.calls = self.singles = 0
         names = tuple("q" if k == 1 else f"q{i}" for i in range(k))
         vars(self)["drivers"], vars(self)["rotary"] = names, (True,) * k
-        structure = SimpleNamespace(elements={})
+        no_turns = SimpleNamespace(rotary=False)
+        structure = SimpleNamespace(elements={}, driver_joint=lambda driver: no_turns)
         self.compiled = SimpleNamespace(
             structure=structure, drivers=names, frictional_joints=(), once=lambda make: make(self)
         )

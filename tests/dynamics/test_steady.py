@@ -36,6 +36,7 @@ from tests.dynamics.scenes import (
     wave,
 )
 from tests.dynamics.synthetic import move
+from tests.dynamics.test_integrators import double_pendulum
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 
@@ -159,6 +160,23 @@ def test_the_driven_pendulum_doubles_its_period_as_in_the_literature(amplitude, 
     assert abs(advanced) == pytest.approx(turns, abs=LONG)
 
 
+def test_several_drivers_under_loads_of_the_time():
+    plain, period = double_pendulum(), 3.0
+
+    def terms(q, qd, t):
+        drag = np.array([qd[0] - 0.3 * qd[1], 0.6 * qd[1] - 0.3 * qd[0]])
+        push = np.array([0.6 * math.cos(TURN * t / period), 0.0])
+        found = plain.terms(q, qd, t)
+        return found._replace(Q=found.Q - drag + push)
+
+    scene = plain.but(terms=terms, depends_on=frozenset({"q", "rate", "time"}))
+    motion = move(scene, ([1.0, -0.5], [0.3, 0.0]), f"steady={period}")
+    many = math.ceil(math.log(1e-11) / math.log(motion.facts["multiplier"]))
+    long = move(scene, ([1.0, -0.5], [0.3, 0.0]), f"time={many * period}", accuracy=1e-9)
+    assert np.abs(long.q_end - motion.q_end).max() <= LONG + long.error + motion.error
+    assert sum(name.startswith("multiplier") and "angle" not in name for name in motion.facts) == 4
+
+
 # -- what there is none of --------------------------------------------------------------------
 
 
@@ -190,12 +208,12 @@ def test_a_function_of_the_time_needs_its_period_and_then_is_as_good_as_data():
 @pytest.mark.parametrize(
     ("scene", "request_", "part"),
     [
-        (lambda: rod(of_rate(0.3)), {"start": at_rest(-1.0)}, "speed that grows without bound"),
+        (lambda: rod(of_rate(0.3)), {"start": at_rest(-1.0)}, "turns that grow without bound"),
         (lambda: slide(2.0, 0.0, 0.0, lambda rate: 5.0 - rate), {"start": at_rest(0.0, "slider")},
          "a way without end"),
-        (lambda: pump(), {"stops": {"crank": (-1e9, 100.0)}}, "an end stop after 1.73"),
+        (lambda: pump(), {"stops": {"crank": (-1e9, 100.0)}}, "s: end stop"),
         (lambda: rod(of_rate(-0.5)), {"start": at_rest(1.0), "stops": {"crank": (-1.0, 2.0)}},
-         "an end stop"),
+         "s: end stop"),
     ],
 )  # fmt: skip
 def test_where_none_can_be_one_message_says_why(scene, request_, part):
@@ -204,7 +222,7 @@ def test_where_none_can_be_one_message_says_why(scene, request_, part):
 
 def test_swings_that_grow_for_ever_are_no_steady_state():
     growing = slide(M, K, 0.0, of_rate(1.0))
-    assert "swings that grow without bound" in refused(growing, start=at_rest(0.1, "slider"))
+    assert "grow without bound" in refused(growing, start=at_rest(0.1, "slider"))
 
 
 def test_a_rocking_linkage_with_a_damper_ends_in_its_dead_centre():
@@ -355,7 +373,7 @@ def test_a_cyclic_driver_that_goes_on_comes_to_its_end_stop():
     assert "advances by" in said
     assert "end stop" in said
     near = refused(scene, start=at_rest(0.0, "slider"), stops={"slider": (-5.0, 0.06)})
-    assert "the motion from the start ends in an end stop" in near
+    assert "s: end stop" in near
 
 
 def test_an_unbalanced_flywheel_is_not_cyclic():

@@ -219,7 +219,7 @@ def test_a_start_outside_the_scenes_stops_names_the_place_in_the_file():
 
 
 def test_no_turn_repeats_for_ever_between_stops():
-    with pytest.raises(RequestError, match="an end stop"):
+    with pytest.raises(RequestError, match=": end stop"):
         mechanism("pump", (("crank", None, 100.0),)).simulate("steady")
 
 

@@ -1,11 +1,16 @@
-"""Steady states as motions: a periodic motion or rest, and what becomes of disturbances."""
+"""Steady states: fixed points of Poincare maps, and equilibria, as motions.
+
+A periodic motion is a fixed point of the map that takes a state to the one at its return. It is
+found as a root of what the map changes (`scipy.optimize.root`); the eigenvalues of the map's
+derivative, its multipliers, tell what a period leaves of a disturbance.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import root
@@ -24,30 +29,26 @@ from blockmech.dynamics.motion import (
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.plane import EPS
 
-if TYPE_CHECKING:
-    from blockmech.dynamics.system import System
-
 QUOTIENT = 1e-3  # step of fourth-order differences: its fourth power is their error, 1e-12
 NEUTRAL = 1e-6  # distance of a multiplier from 1 that is none: what differences leave of it
-NONE = 1e-9  # part of an eigenvalue, relative to the largest, that is none
+NONE = 1e-9  # relative: what roots and eigenvalues leave of nothing
+FLOWS = 1e-13  # accuracy of the flows whose fixed points are looked for
+SEARCH = 40  # values of a map in a search; from a settled motion some ten are enough
 
 
 def slope(of: Callable[[Floats], Floats], x: Floats, step: Floats) -> Floats:
     """The matrix of derivatives of a function (n,) -> (m,), by fourth-order differences."""
     columns = []
-    for i in range(x.size):
-        e = np.zeros(x.size)
-        e[i] = step[i]
+    for e, h in zip(np.diag(step), step, strict=True):
         rise = of(x - 2 * e) - of(x + 2 * e) + 8 * (of(x + e) - of(x - e))
-        columns.append(rise / (12 * step[i]))
+        columns.append(rise / (12 * h))
     return np.column_stack(columns)
 
 
 # -- rest ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Equilibrium:
+class Equilibrium(NamedTuple):
     """Where nothing accelerates.
 
     q : (k,) [rad or m]
@@ -67,54 +68,44 @@ class Equilibrium:
             return "indifferent"
         return "stable" if slowest < 0 else "unstable"
 
+    def told(self) -> tuple[dict[str, float], str]:
+        """What becomes of disturbances: facts, and in words."""
+        slowest = complex(self.values[0])
+        rate = slowest.real
+        facts, words = {
+            "stable": ({"decay_rate": -rate}, f"disturbances fade as exp(-{-rate:.6g} t)"),
+            "unstable": ({"rate": rate}, f"any disturbance grows as exp({rate:.6g} t)"),
+            "indifferent": ({}, "a disturbance neither grows nor fades by itself at first"),
+        }[self.kind]
+        if slowest.imag:
+            facts["frequency"] = abs(slowest.imag)
+        return facts, f"at rest at an equilibrium; {self.kind}: {words}"
 
-def equilibrium_near(system: System, q: Floats, t: float, speed: float) -> Equilibrium | None:
-    """The equilibrium near coordinates q (k,) without joint friction, or None."""
-    k, span = q.size, system.span
 
-    def acceleration(at: Floats, rates: Floats) -> Floats:
-        if k == 1:
-            return np.array([system.acceleration(float(at[0]), float(rates[0]), t)[0]])
-        return np.asarray(system.acceleration(at, rates, t)[0], dtype=np.float64)
+def equilibrium_near(
+    acceleration: Callable[[Floats], Floats], q: Floats, size: Floats
+) -> Equilibrium | None:
+    """The equilibrium near coordinates q (k,), or None.
 
-    still = np.zeros(k)
-    step, fast = np.full(k, QUOTIENT * span), np.full(k, QUOTIENT * speed)
-    found = root(lambda at: acceleration(at, still), q, options={"xtol": EPS})
-    at = np.asarray(found.x, dtype=np.float64)
-    left = acceleration(at, still)
-    A = np.zeros((2 * k, 2 * k))
-    A[:k, k:] = np.eye(k)
+    acceleration : state (2k,) -> q'' (k,)
+    size : (2k,) by which the parts of a state are measured
+    """
+    k = q.size
+    still, span, speed = np.zeros(k), float(size[0]), float(size[-1])
+    found = root(lambda at: acceleration(np.append(at, still)), q, options={"xtol": EPS}).x
+    x = np.append(found, still)
     with np.errstate(all="ignore"):
-        A[k:, :k] = slope(lambda z: acceleration(z, still), at, step)
-        A[k:, k:] = slope(lambda z: acceleration(at, z), still, fast)
+        left = acceleration(x)
+        A = np.vstack([np.eye(k, 2 * k, k), slope(acceleration, x, QUOTIENT * size)])
     if not (np.isfinite(A).all() and np.isfinite(left).all()):
         return None
     move = np.linalg.lstsq(A[k:, :k], left, rcond=NONE)[0]
-    if np.abs(left - A[k:, :k] @ move).max() > NONE * speed**2 or np.abs(at - q).max() > span:
-        return None  # nothing near balances what is left
-    values = np.linalg.eigvals(A)
-    error = 2 * float(np.abs(move).max()) + ROUNDING * float(np.abs(at).max() + span)
-    if error > NEUTRAL * span:
+    balanced = np.abs(left - A[k:, :k] @ move).max() <= NONE * speed**2
+    error = 2 * float(np.abs(move).max()) + ROUNDING * float(np.abs(found).max() + span)
+    if not balanced or error > NEUTRAL * span or np.abs(found - q).max() > 2 * math.pi * span:
         return None
-    return Equilibrium(at, values[np.argsort(-values.real, kind="stable")], error)
-
-
-def at_rest(found: Equilibrium, request: SimulationRequest, notes: Sequence[str]) -> Motion:
-    """The equilibrium at which a motion comes to rest."""
-    slowest = complex(found.values[0])
-    facts: dict[str, float] = {}
-    if found.kind == "stable":
-        facts["decay_rate"] = -slowest.real
-        words = f"stable: disturbances fade as exp(-{-slowest.real:.6g} t)"
-    elif found.kind == "unstable":
-        facts["rate"] = slowest.real
-        words = f"unstable: any disturbance grows as exp({slowest.real:.6g} t)"
-    else:
-        words = "indifferent: a disturbance neither grows nor fades by itself at first"
-    if slowest.imag:
-        facts["frequency"] = abs(slowest.imag)
-    told = (f"at rest at an equilibrium; {words}", *notes)
-    return resting(request, found.q, found.error, "equilibrium", facts, told)
+    values = np.linalg.eigvals(A)
+    return Equilibrium(found, values[np.argsort(-values.real, kind="stable")], error)
 
 
 def resting(
@@ -123,25 +114,69 @@ def resting(
     error: float,
     method: str,
     facts: dict[str, float],
-    notes: Sequence[str],
+    note: str,
 ) -> Motion:
     """A steady state in which nothing moves."""
-    one = q.size == 1
-    at, rate = (float(q[0]), 0.0) if one else (q, np.zeros(q.size))
+    at, rate = (float(q[0]), 0.0) if q.size == 1 else (q, np.zeros(q.size))
     t0 = request.start.t
-    motion = _steady(request, method, "rest", Still(at, rate), max([t0, *request.times]), facts)
-    motion = replace(
-        motion,
-        q_end=at,
-        qd_end=rate,
-        error=error,
-        events=(Event("rest", t0, at, rate),),
-        notes=tuple(notes),
+    event = Event("rest", t0, at, rate)
+    return _steady(
+        request, method, "rest", Still(at, rate), t0, (error, 0.0), facts, (note,), event
     )
-    return missed(motion, request.accuracy or math.inf)
 
 
 # -- periodic motions ----------------------------------------------------------------------
+
+
+class FixedPoint(NamedTuple):
+    """A fixed point of a Poincare map.
+
+    x : (2k,) the state there
+    multipliers : (n,) of disturbances, the largest first
+    gain : how many times larger its error is than that of the map
+    """
+
+    x: Floats
+    multipliers: Any
+    gain: float
+
+    @property
+    def kind(self) -> str:
+        """ "stable", "neutral" or "unstable"."""
+        beyond = float(np.abs(self.multipliers[0])) - 1
+        return "neutral" if abs(beyond) <= NEUTRAL else "stable" if beyond < 0 else "unstable"
+
+
+def fixed_point(
+    change: Callable[[Floats], Floats], x: Floats, free: Sequence[int], size: Floats
+) -> FixedPoint | None:
+    """The fixed point of a map near a state (2k,), or None.
+
+    change : state -> by how much a return changes it (2k,), NaN where there is no return
+    free : (n,) parts of the state that vary on the section
+    size : (2k,) by which the parts are measured
+    """
+
+    def at(u: Floats) -> Floats:
+        found = x.copy()
+        found[free] += u * size[free]
+        return found
+
+    def moved(u: Floats) -> Floats:
+        return (change(at(u)) / size)[free]
+
+    u = np.zeros(len(free))
+    if not np.abs(moved(u)).max() <= NONE:
+        u = np.asarray(root(moved, u, options={"xtol": NONE, "maxfev": SEARCH}).x)
+    left, jump = moved(u), slope(moved, u, np.full(u.size, QUOTIENT))
+    if not (np.isfinite(jump).all() and np.abs(left).max() <= NEUTRAL):
+        return None
+    U, steep, V = np.linalg.svd(jump)
+    some = steep > NEUTRAL  # along the others every point is a fixed one
+    u = u - (U[:, some].T @ left / steep[some]) @ V[some]  # Newton's last step
+    values = np.linalg.eigvals(jump + np.eye(u.size))
+    order = np.argsort(-np.abs(values), kind="stable")
+    return FixedPoint(at(u), values[order], 1 + 1 / np.min(steep[some], initial=1.0))
 
 
 @dataclass(frozen=True)
@@ -165,100 +200,40 @@ class PeriodicMotion:
         return State(q + many * self.shift, qd)
 
 
-@dataclass(frozen=True)
-class Cycle:
-    """A periodic motion that was found.
+def repeated(
+    found: FixedPoint,
+    once: Motion,
+    shift: Floats,
+    request: SimulationRequest,
+    method: str,
+    notes: Sequence[str] = (),
+    **more: float,
+) -> Motion:
+    """A periodic motion, for as long as is asked for.
 
-    x : (2k,) state at its begin
     once : the motion over a period, with its own error
     shift : (k,) advance of the coordinates in a period
-    multipliers : of disturbances, the largest first
-    gain : how many times larger the error of the state is than that of the map
-    periods : of the loads in one of it
+    more : further facts
     """
-
-    x: Floats
-    once: Motion
-    shift: Floats
-    multipliers: Any
-    gain: float = 1.0
-    periods: int = 0
-
-    @property
-    def largest(self) -> float:
-        """Size of the largest multiplier."""
-        return float(np.abs(self.multipliers[0]))
-
-    @property
-    def stable(self) -> bool:
-        """Whether disturbances fade."""
-        return self.largest < 1 - NEUTRAL
-
-
-def in_words(multiplier: float) -> str:
-    """stable, unstable or neutral."""
-    if abs(abs(multiplier) - 1) <= NEUTRAL:
-        return "neutral"
-    return "stable" if abs(multiplier) < 1 else "unstable"
-
-
-def repeated(cycle: Cycle, request: SimulationRequest, method: str, notes: Sequence[str]) -> Motion:
-    """A periodic motion, for as long as is asked for."""
-    once, t0 = cycle.once, request.start.t
+    t0 = request.start.t
     period = once.t_end - t0
-    shift = float(cycle.shift[0]) if cycle.shift.size == 1 else cycle.shift
-    track = PeriodicMotion(once.track, period, shift, t0)
-    facts = {"period": period, **_named(cycle.multipliers)}
-    if cycle.periods:
-        facts["periods_of_the_loads"] = float(cycle.periods)
-    if (np.abs(cycle.shift) > once.error + EPS).any():
-        facts["mean_speed"] = float(np.abs(cycle.shift).max() / period)
-    size, word = cycle.largest, in_words(cycle.largest)
+    track = PeriodicMotion(once.track, period, float(shift[0]) if shift.size == 1 else shift, t0)
+    facts = {"period": period, **_named(found.multipliers), **more}
+    if (np.abs(shift) > once.error + EPS).any():
+        facts["mean_speed"] = float(np.abs(shift).max() / period)
+    size = float(np.abs(found.multipliers[0]))
     told = {
         "neutral": "neutral: disturbances neither grow nor fade, so a motion from elsewhere "
         "stays away",
         "stable": f"stable: a period leaves {size:.6g} of a disturbance",
         "unstable": f"unstable: a period makes {size:.6g} of a disturbance, so no motion stays",
-    }[word]
-    regime = "steady state" if word == "stable" else f"{word} periodic motion"
-    t_end = max([t0 + period, *request.times])
-    motion = _steady(request, method, regime, track, t_end, facts)
-    many = (t_end - t0) / period
+    }[found.kind]
+    regime = "steady state" if found.kind == "stable" else f"{found.kind} periodic motion"
+    late = found.gain * once.time_error  # of a period
+    many = (max([t0 + period, *request.times]) - t0) / period
     fastest = float(np.abs(once.at(once.times(SPEED_SAMPLES)).qd).max())
-    error = cycle.gain * once.error + (many - 1) * once.time_error * fastest
-    error += ROUNDING * float(np.max(np.abs(motion.q_end)))
-    motion = replace(motion, error=error, time_error=many * once.time_error, notes=(told, *notes))
-    return missed(motion, request.accuracy or math.inf)
-
-
-def _steady(
-    request: SimulationRequest,
-    method: str,
-    regime: str,
-    track: Track,
-    t_end: float,
-    facts: dict[str, float],
-) -> Motion:
-    q, qd = (x[0] for x in track.state(np.array([t_end])))
-    one = np.ndim(q) == 0
-    return Motion(
-        method=method,
-        why=request.why,
-        regime=regime,
-        status="reached",
-        end="steady",
-        t_start=request.start.t,
-        t_end=t_end,
-        q_end=float(q) if one else q,
-        qd_end=float(qd) if one else qd,
-        track=track,
-        events=(),
-        error=0.0,
-        time_error=0.0,
-        accuracy=request.accuracy,
-        cost=Cost(),
-        facts=facts,
-    )
+    errors = found.gain * once.error + (many - 1) * late * fastest, many * late
+    return _steady(request, method, regime, track, t0 + period, errors, facts, (told, *notes))
 
 
 def _named(multipliers: Any) -> dict[str, float]:
@@ -273,3 +248,40 @@ def _named(multipliers: Any) -> dict[str, float]:
             facts[name] = abs(z)
             facts[f"{name}_angle"] = math.atan2(z.imag, z.real)
     return facts
+
+
+def _steady(
+    request: SimulationRequest,
+    method: str,
+    regime: str,
+    track: Track,
+    t_end: float,
+    errors: tuple[float, float],
+    facts: dict[str, float],
+    notes: tuple[str, ...],
+    *events: Event,
+) -> Motion:
+    """A steady state as the motion that was asked for, to the last of the times wanted."""
+    t_end = max([t_end, *request.times])
+    q, qd = (x[0] for x in track.state(np.array([t_end])))
+    one = np.ndim(q) == 0
+    motion = Motion(
+        method=method,
+        why=request.why,
+        regime=regime,
+        status="reached",
+        end="steady",
+        t_start=request.start.t,
+        t_end=t_end,
+        q_end=float(q) if one else q,
+        qd_end=float(qd) if one else qd,
+        track=track,
+        events=events,
+        error=errors[0] + ROUNDING * float(np.max(np.abs(q))),
+        time_error=errors[1],
+        accuracy=request.accuracy,
+        cost=Cost(),
+        facts=facts,
+        notes=notes,
+    )
+    return missed(motion, request.accuracy or math.inf)

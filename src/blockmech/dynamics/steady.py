@@ -7,9 +7,10 @@
 | place and rate, several drivers | the equilibrium at which it comes to rest               |
 | the place alone                 | every motion is its own                                 |
 
-Both maps are flows of the same integration in time; their fixed points are roots (`scipy`).
-With one driver orbits cannot cross, so a motion moves along its return map in one direction, to
-the next fixed point there: the map is sampled ahead, further and further, until it points back.
+Both maps are Poincare maps of the same flow in time; their fixed points are found in
+`blockmech.dynamics.periodic`. With one driver orbits cannot cross, so a motion moves along its
+return map in one direction, to the next fixed point there: the map is sampled ahead, further
+and further, until it points back.
 
 Sources: Guckenheimer & Holmes, Nonlinear Oscillations, 1983, sections 1.5 and 1.8.
 """
@@ -18,35 +19,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq, root
+from scipy.optimize import brentq
 
 from blockmech.dynamics import loads
 from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.events import STANDSTILL, watched
-from blockmech.dynamics.motion import (
-    DEAD_CENTRE,
-    END_STOP,
-    IMPOSSIBLE,
-    INTERRUPTED,
-    REST,
-    Floats,
-    Motion,
-)
+from blockmech.dynamics.motion import IMPOSSIBLE, INTERRUPTED, REST, Floats, Motion
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.periodic import (
-    NEUTRAL,
+    FLOWS,
+    NONE,
     QUOTIENT,
-    Cycle,
-    at_rest,
+    Equilibrium,
+    FixedPoint,
+    PeriodicMotion,
     equilibrium_near,
+    fixed_point,
     repeated,
     resting,
-    slope,
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.time import SOLVERS, TARGET, Run, in_time
@@ -59,18 +55,15 @@ from blockmech.plane import EPS
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-TURN = 2 * math.pi
-FINE, LOOSE = 1e-13, 1e-8  # tolerances of flows: for fixed points, and to follow a motion
+LOOSE = 1e-8  # tolerance of the flow by which a motion is followed
 SETTLING = 30  # periods of flow before a root is looked for (numerics 14)
 TIMES = 3  # as often
 PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried
-PASSAGES = 60  # standstills and turns that are followed, or sampled ahead
-INWARD, OUTWARD = 0.6, 1.25  # factors by which amplitudes or speeds are sampled ahead
-INNERMOST = 1e-4  # of an amplitude: beside the equilibrium within
-AT_REST = 1e-4  # distance from a stable equilibrium, in spans, that counts as rest
-SAME = 1e-9  # relative difference of periods, or of loads a period later, that is rounding
+INWARD = 0.6  # factor by which amplitudes or speeds are sampled ahead; outward its inverse
+SMALL = 1e-4  # amplitude, relative to the span or to that of the start, that counts as rest
 COMMON = 1000  # periods of one load in the common one at most
 FAR = 1e4  # spans that a driver without turns may go without a standstill, or a search
+TURN = "turn"
 TIMED = 'ask for "time=<s>" to see how it goes on'
 ELSEWHERE = f"start elsewhere, or {TIMED}"
 GIVE = 'give the period of the loads: "steady=<s>"'
@@ -88,20 +81,14 @@ CYCLIC = (
 class Lost(Exception):
     """A motion ended on the way, by something named: "dead centre", "end stop" ..."""
 
-    def __init__(self, end: str, t: float) -> None:
+    def __init__(self, end: str, t: float = math.nan) -> None:
         super().__init__(end)
         self.end, self.t = end, t
 
-    @property
-    def words(self) -> str:
-        """What the motion ends in, and when."""
-        name = {
-            IMPOSSIBLE: "an impossible pose, or where a load has no value,",
-            DEAD_CENTRE: f"a {DEAD_CENTRE}",
-            END_STOP: f"an {END_STOP}",
-        }.get(self.end, f"the {self.end}" if self.end.startswith(END_STOP) else self.end)
-        when = f" after {self.t:.6g} s" if math.isfinite(self.t) else ""
-        return f"the motion from the start ends in {name}{when}"
+    def after(self, clock: float) -> RequestError:
+        """What ends the motion from the start, and when."""
+        when = f" after {clock + self.t:.6g} s" if math.isfinite(self.t) else ""
+        return no_steady(f"the motion from the start ends{when}: {self.end}", ELSEWHERE)
 
 
 def no_steady(why: str, remedy: str = TIMED) -> RequestError:
@@ -115,28 +102,23 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
     Raises `RequestError` where none exists or none was found, with the reason.
     """
     depends, several = system.depends_on, len(system.drivers) > 1
-    lossless = depends <= {"q"} and system.friction is None
-    if lossless and not several:
+    if depends <= {"q"} and system.friction is None and not several:
         if request.method not in ("auto", "energy"):
             raise no_steady(OWN, 'use method "auto" or "energy"')
         why = "all loads depend on the driver's coordinate alone"
-        return watched(_conserved(along_path(system, replace(request, why=why))), request.watch)
+        motion = along_path(system, replace(request, why=why))
+        return watched(_conserved(motion, request), request.watch)
     follow = sorted(depends - {"q"}) or ["joint friction"]
     request = replace(request, why=request.why or f"the loads depend on {listed(follow)}")
     flow = Flow(system, request)
-    if "time" in depends:
-        found = _forced(flow)
-    elif several:
-        found = _rested(flow, lossless)
-    else:
-        found = _settled(flow)
+    found = _forced(flow) if "time" in depends else _settled(flow)
     if several and request.watch:
         note = "events are not looked for along the steady motion of several drivers"
         return replace(found, notes=(*found.notes, note))
     return found if several else watched(found, request.watch)
 
 
-def _conserved(motion: Motion) -> Motion:
+def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
     """The motion by ``energy`` from the start, if it repeats: its first period."""
     if motion.status == "failed" or motion.end == INTERRUPTED:
         return motion
@@ -144,16 +126,21 @@ def _conserved(motion: Motion) -> Motion:
         return replace(motion, status="reached", end="steady")
     period = motion.facts.get("period")
     if period is not None:
-        t_end = motion.t_start + period
-        state = motion.track.state(np.array([t_end]))
+        t0 = motion.t_start
+        shift = float(np.diff(motion.track.state(np.array([t0, t0 + period])).q)[0])
+        whole = shift if motion.regime == "rotation" else 0.0
+        track = PeriodicMotion(motion.track, period, whole, t0)
+        t_end = max([t0 + period, *request.times])
+        (q,), (qd,) = track.state(np.array([t_end]))
         return replace(
             motion,
             status="reached",
             end="steady",
             t_end=t_end,
-            q_end=float(state.q[0]),
-            qd_end=float(state.qd[0]),
-            events=tuple(e for e in motion.events if e.t <= t_end),
+            q_end=float(q),
+            qd_end=float(qd),
+            track=track,
+            events=tuple(e for e in motion.events if e.t <= t0 + period),
             facts={**motion.facts, "multiplier": 1.0},
             notes=(*motion.notes, FAMILY),
         )
@@ -173,71 +160,92 @@ def _conserved(motion: Motion) -> Motion:
 # -- flows ---------------------------------------------------------------------------------
 
 
+class Passage(NamedTuple):
+    """A way to the next standstill, through a whole turn, or to rest under joint friction."""
+
+    kind: str  # STANDSTILL, TURN or REST
+    x: Floats
+    time: float
+
+
 @dataclass
 class Flow:
-    """Motions of a system from any state, without an estimate of their errors."""
+    """Motions of a system from any state (2k,), without an estimate of their errors."""
 
     system: System
     request: SimulationRequest
     name: str = "return map"
     equation: Equation = field(init=False)
-    speed: float = field(init=False)  # a typical one
 
     def __post_init__(self) -> None:
-        start = self.request.start
+        start, span = self.request.start, self.system.span
         self.k = len(self.system.drivers)
         self.x = np.concatenate([np.atleast_1d(start.q), np.atleast_1d(start.rate)]).astype(float)
         self.equation = Equation(self.system, start.q)
-        y = np.append(self.x, 0.0)
         if self.system.friction is not None:
-            self.equation.sides = self.system.friction.sides(float(y[0]), 1)
-        self.speed = scales(self.equation, start.t, y)[0]
-        if not np.isfinite(np.asarray(self.equation(start.t, y), dtype=float)).all():
+            self.equation.sides = self.system.friction.sides(float(self.x[0]), 1)
+        self.speed = scales(self.equation, start.t, np.append(self.x, 0.0))[0]
+        self.size = np.repeat([min(span, 1.0), self.speed], self.k)  # of the parts of a state
+        if not np.isfinite(self.acceleration(self.x)).all():
             raise no_steady(f"{IMPOSSIBLE} at the start", "start elsewhere")
 
-    @property
-    def method(self) -> str:
-        """The integrator."""
-        return self.request.method if self.request.method in SOLVERS else "dop853"
+    def acceleration(self, x: Floats, later: float = 0.0) -> Floats:
+        """q'' (k,) at a state, some time [s] after the start."""
+        slope = self.equation(self.request.start.t + later, np.append(x, 0.0))
+        return np.asarray(slope, dtype=np.float64)[self.k : 2 * self.k]
 
     def asked(self, x: Floats, until: Until, watch: Sequence[Watch] = ()) -> SimulationRequest:
-        """A request for a motion from a state (2k,)."""
-        q, qd = x[: self.k], x[self.k :]
-        at: tuple[Any, Any] = (float(q[0]), float(qd[0])) if self.k == 1 else (q, qd)
-        return SimulationRequest(
-            Start(at[0], at[1], self.request.start.t),
-            until,
-            self.request.accuracy,
-            self.method,
-            watch=tuple(watch),
-            why=self.request.why,
-        )
+        """A request for a motion from a state."""
+        q, rate = (float(x[0]), float(x[1])) if self.k == 1 else (x[: self.k], x[self.k :])
+        start = Start(q, rate, self.request.start.t)
+        return replace(self.request, start=start, until=until, watch=tuple(watch), times=())
 
     def run(self, asked: SimulationRequest, tolerance: float) -> Motion:
-        """One integration; what stops it is raised."""
-        rest = AT_REST * self.system.span
-        method = "dop853" if tolerance == FINE else self.method
-        motion = Run(
-            self.system, asked, method, max(tolerance, 100 * EPS), self.name, rest
-        ).motion()
+        """One integration."""
+        own = asked.method in SOLVERS and tolerance > FLOWS
+        method, rest = asked.method if own else "dop853", SMALL * self.system.span
+        motion = Run(self.system, asked, method, tolerance, self.name, rest).motion()
         if motion.end == INTERRUPTED:
             raise KeyboardInterrupt
         return motion
 
-    def after(self, x: Floats, span: float, tolerance: float) -> Floats:
-        """The state (2k,) some time [s] later."""
-        most = np.array([FAR * self.system.span] * self.k + [FAR * self.speed] * self.k)
-        if not (np.abs(x - self.x) <= most).all():  # a root search went astray
-            raise Lost("a way without end", math.nan)
-        motion = self.run(self.asked(x, Until("time", span)), tolerance)
+    def after(self, x: Floats, time: float, tolerance: float = LOOSE) -> Floats:
+        """The state some time [s] later."""
+        if not (np.abs(x - self.x) <= FAR * self.size).all():  # a root search went astray
+            raise Lost("a way without end")
+        motion = self.run(self.asked(x, Until("time", time)), tolerance)
         if motion.end != "time":
-            raise Lost(motion.end, motion.t_end - self.request.start.t)
-        return np.concatenate([np.atleast_1d(motion.q_end), np.atleast_1d(motion.qd_end)])
+            raise Lost(motion.end, motion.t_end - motion.t_start)
+        return np.append(motion.q_end, motion.qd_end)
 
-    def steps(self) -> Floats:
-        """Steps (2k,) of difference quotients."""
-        k, span = self.k, min(self.system.span, 1.0)
-        return np.array([QUOTIENT * span] * k + [QUOTIENT * self.speed] * k)
+    def passage(self, x: Floats, tolerance: float = LOOSE) -> Passage:
+        """The way of one driver to the next standstill or whole turn."""
+        begin, period = float(x[0]), self.system.period
+        stopped = any(map(math.isfinite, self.system.stops[0]))
+        far = FAR * self.system.span if stopped or period is None else period
+
+        def gone(t: float, q: Any, qd: Any) -> float:
+            return abs(float(q) - begin) - far
+
+        motion = self.run(self.asked(x, Until("standstill"), [Watch(TURN, gone)]), tolerance)
+        time = motion.t_end - motion.t_start
+        if motion.end == TURN and far != period:
+            raise Lost("a way without end")
+        if motion.end not in (STANDSTILL, TURN, REST):
+            raise Lost(motion.end, time)
+        return Passage(motion.end, np.append(motion.q_end, motion.qd_end), time)
+
+    def once(self, x: Floats, until: Until) -> Motion:
+        """A period of a periodic motion, with its error."""
+        asked = self.asked(x, until)
+        if until.goal == "turns" and asked.method not in SOLVERS:
+            return along_path(self.system, asked)
+        own = asked.method if asked.method in SOLVERS else "dop853"
+        finer = (asked.accuracy or TARGET) / 10  # the gain of the map enlarges it
+        motion = in_time(self.system, replace(asked, accuracy=finer), own)
+        if motion.end == INTERRUPTED:
+            raise KeyboardInterrupt
+        return motion
 
 
 # -- loads of the time ---------------------------------------------------------------------
@@ -248,194 +256,135 @@ def forcing_period(structure: Structure, given: float) -> float:
 
     ``given`` [s] is the period that the user names for loads whose law does not tell it.
     """
-    periods: dict[str, float] = {"steady": given} if given else {}
+    whole, first = given, "steady"
     for name, element in structure.elements.items():
         law: Any = element.law if isinstance(element, Following) else None
         if law is None or "time" not in law.variables():
             continue
         if isinstance(law, Polynomial) and not any(law.coefficients[1:]):
             continue
-        whole = getattr(law, "whole", None)
-        if whole:
-            periods[name] = float(whole)
-        elif whole is not None or isinstance(law, Polynomial):
+        period = getattr(law, "whole", None)
+        if period:
+            whole, first = _common(whole, first, float(period), name), name
+        elif period is not None or isinstance(law, Polynomial):
             raise no_steady(f"the load {name} follows the time and does not repeat")
         elif not given:
             raise no_steady(f"the load {name} follows the time by a law that tells no period", GIVE)
-    return _common(periods)
-
-
-def _common(periods: dict[str, float]) -> float:
-    """The least common multiple of periods by the names of their loads; 0 of none."""
-    whole, first = 0.0, ""
-    for name, period in periods.items():
-        if not whole:
-            whole, first = period, name
-            continue
-        ratio = Fraction(period / whole).limit_denominator(COMMON)
-        fits = ratio > 0 and abs(float(ratio) * whole / period - 1) <= SAME
-        if not fits or ratio.numerator > COMMON:
-            raise no_steady(
-                f"the loads {first} and {name} repeat after {whole:.9g} s and {period:.9g} s, "
-                "which have no common multiple, so nothing repeats"
-            )
-        whole *= ratio.numerator
+    if not whole:
+        raise no_steady("the loads follow the time, and their period is not known", GIVE)
     return whole
 
 
-def _accelerations(flow: Flow, x: Floats, t: float) -> Floats:
-    k = flow.k
-    return np.asarray(flow.equation(t, np.append(x, 0.0)), dtype=np.float64)[k : 2 * k]
+def _common(one: float, first: str, other: float, second: str) -> float:
+    """The least common multiple of two periods [s]; ``one`` may be 0: not known."""
+    ratio = Fraction(other / one if one else 1.0).limit_denominator(COMMON)
+    fits = 0 < ratio.numerator <= COMMON and abs(float(ratio) * one / other - 1) <= NONE
+    if one and not fits:
+        raise no_steady(
+            f"the loads {first} and {second} repeat after {one:.9g} s and {other:.9g} s, "
+            "which have no common multiple, so nothing repeats"
+        )
+    return one * ratio.numerator or other
 
 
-def _check_period(flow: Flow, period: float) -> None:
-    """Look whether the loads really are the same a period later."""
-    t0 = flow.request.start.t
-    for share in np.linspace(0.0, 0.9, SETTLING):
-        here, later = (_accelerations(flow, flow.x, t0 + share * period + d) for d in (0, period))
-        size = float(np.abs(here).max() + np.abs(later).max()) + flow.speed**2
-        if not np.abs(later - here).max() <= SAME * size:
-            raise no_steady(f"the loads are not the same again after {period:.9g} s", GIVE)
+class Orbit(NamedTuple):
+    """A periodic motion under loads that repeat, from where a period of them begins."""
+
+    point: FixedPoint
+    periods: int  # of the loads in one of it
+    seen: bool  # to come from the start
 
 
-def _turns(flow: Flow) -> Floats:
-    """(k,) period [rad] of each driver's coordinate; 0 where there is none, or stops are."""
-    structure, stops = flow.system.compiled.structure, flow.system.stops
-    pairs = zip(flow.system.drivers, stops, strict=True)
-    return np.array(
-        [
-            0.0 if any(map(math.isfinite, ends)) else loads.period_of(structure, d) or 0.0
-            for d, ends in pairs
-        ]
-    )
-
-
-def _cyclic(flow: Flow) -> list[int]:
-    """Drivers on whose coordinates nothing depends."""
-    found, t0 = [], flow.request.start.t
-    x = flow.x.copy()
-    x[flow.k :] += flow.speed
-    here = _accelerations(flow, x, t0)
-    for i in range(flow.k):
-        there = []
-        for j in (1, 2, 3):
-            moved = x.copy()
-            moved[i] += j * flow.system.span / TURN  # a radian, or as much of a slide
-            there.append(np.abs(_accelerations(flow, moved, t0) - here).max())
-        if max(there) <= SAME * (float(np.abs(here).max()) + EPS):
-            found.append(i)
-    return found
-
-
-@dataclass
 class Stroboscope:
     """The state after a period T of the loads, and its fixed points.
 
-    turns : (k,) periods of the coordinates; free : indices of the state that must repeat
+    turns : (2k,) periods of the coordinates; 0 where there is none
+    cyclic : drivers on whose coordinates nothing depends; free : parts that must repeat
     """
 
-    flow: Flow
-    T: float
-    turns: Floats
-    cyclic: list[int]
+    def __init__(self, flow: Flow, T: float) -> None:
+        self.flow, self.T = flow, T
+        k, system = flow.k, flow.system
+        self.turns = np.zeros(2 * k)
+        for i, (driver, ends) in enumerate(zip(system.drivers, system.stops, strict=True)):
+            if not any(map(math.isfinite, ends)):
+                self.turns[i] = loads.period_of(system.compiled.structure, driver) or 0.0
+        self._check_period()
+        self.cyclic = [i for i in range(k) if self._is_cyclic(i)]
+        self.free = [i for i in range(2 * k) if i not in self.cyclic]
 
-    @property
-    def free(self) -> list[int]:
-        """Parts of the state that must repeat."""
-        return [i for i in range(2 * self.flow.k) if i not in self.cyclic]
+    def _check_period(self) -> None:
+        """Look whether the loads really are the same a period later."""
+        flow, T = self.flow, self.T
+        for t in np.linspace(0.0, 0.9 * T, SETTLING).tolist():
+            here, later = flow.acceleration(flow.x, t), flow.acceleration(flow.x, t + T)
+            largest = float(np.abs([here, later]).max()) + flow.speed**2
+            if not np.abs(later - here).max() <= NONE * largest:
+                raise no_steady(f"the loads are not the same again after {T:.9g} s", GIVE)
+
+    def _is_cyclic(self, i: int) -> bool:
+        flow = self.flow
+        x = flow.x + flow.size * (np.arange(2 * flow.k) >= flow.k)
+        radian = flow.system.span / loads.TURN * np.eye(2 * flow.k)[i]  # or as much of a slide
+        here = flow.acceleration(x)
+        there = [flow.acceleration(x + j * radian) for j in (1, 2, 3)]
+        return bool(np.abs(np.array(there) - here).max() <= NONE * (np.abs(here).max() + EPS))
 
     def wrapped(self, step: Floats) -> Floats:
         """A change of the state (2k,), whole turns left out."""
-        found = step.copy()
-        for i, turn in enumerate(self.turns):
-            if turn:
-                found[i] = math.remainder(step[i], turn)
-        return found
+        return step - self.turns * np.round(step / np.where(self.turns, self.turns, 1.0))
 
-    def returns(self, x: Floats) -> bool:
-        """Whether a state comes back after a period."""
-        step = self.wrapped(self.flow.after(x, self.T, FINE) - x)
-        return bool(np.abs((step / self.flow.steps())[self.free]).max() <= LOOSE)
+    def away(self, x: Floats, other: Floats) -> float:
+        """How far two states are apart, relative to a motion's size."""
+        return float(np.abs(self.wrapped(other - x) / self.flow.size)[self.free].max())
 
-    def found(self, x: Floats, n: int) -> Cycle | None:
-        """The periodic motion of n periods of the loads near a state, or None."""
-        flow, free, k = self.flow, self.free, self.flow.k
+    def orbits(self) -> Iterator[Orbit]:
+        """Orbits near the start and near what it settles to."""
+        x = self.flow.x
+        if self.away(x, self.flow.after(x, self.T, FLOWS)) <= NONE / 100:
+            yield from self._near(x, (1,))
+        for _ in range(TIMES):
+            for _ in range(SETTLING):
+                x = self.flow.after(x, self.T)
+            x[self.cyclic] = self.flow.x[self.cyclic]
+            yield from self._near(x, PERIODS)
 
-        def moved(z: Floats, tolerance: float = FINE) -> Floats:
-            state = x.copy()
-            state[free] = z
-            return self.wrapped(flow.after(state, n * self.T, tolerance) - state)[free]
+    def _near(self, x: Floats, periods: Sequence[int]) -> Iterator[Orbit]:
+        for n in periods:
 
-        try:
-            steps = flow.steps()[free]
-            begin = x[free]
-            if np.abs(moved(begin) / steps).max() > LOOSE / 100:  # else it is one already
-                begin = root(moved, begin, method="hybr", options={"xtol": 100 * EPS}).x
-            left = moved(begin)
-            jump = slope(moved, begin, steps)
-        except Lost:
-            return None
-        if np.abs(left / steps).max() > LOOSE / QUOTIENT:
-            return None
-        at = x.copy()
-        at[free] = begin
-        asked = flow.asked(at, Until("time", n * self.T))
-        asked = replace(asked, accuracy=(asked.accuracy or TARGET) / 10)  # `gain` enlarges it
-        once = in_time(flow.system, asked, flow.method)
-        if once.end == INTERRUPTED:
-            raise KeyboardInterrupt
-        shift = np.atleast_1d(once.q_end) - at[:k]
-        for i in range(k):
-            if i not in self.cyclic:
-                whole = self.turns[i] * round(shift[i] / self.turns[i]) if self.turns[i] else 0.0
-                shift[i] = whole
-        values = np.linalg.eigvals(jump + np.eye(len(free)))
-        sizes = np.linalg.svd(jump, compute_uv=False)
-        gain = 1 + 1 / float(np.min(sizes[sizes > NEUTRAL], initial=1.0))
-        order = np.argsort(-np.abs(values), kind="stable")
-        return Cycle(at, once, shift, values[order], gain, n)
+            def change(x: Floats, n: int = n) -> Floats:
+                return self.wrapped(self.flow.after(x, n * self.T, FLOWS) - x)
+
+            with suppress(Lost):
+                point = fixed_point(change, x, self.free, self.flow.size)
+                if point is not None:
+                    yield Orbit(point, n, self.away(x, point.x) <= INWARD)
 
 
 def _forced(flow: Flow) -> Motion:
     """A periodic motion under loads of the time, after some periods of flow."""
     flow.name = "stroboscopic map"
-    structure = flow.system.compiled.structure
-    T = forcing_period(structure, flow.request.until.forcing)
-    if not T:
-        raise no_steady("the loads follow the time, and their period is not known", GIVE)
-    _check_period(flow, T)
-    seen = Stroboscope(flow, T, _turns(flow), _cyclic(flow))
-    fallback: Cycle | None = None
-    x = flow.x
+    forcing = flow.request.until.forcing
+    map_ = Stroboscope(flow, forcing_period(flow.system.compiled.structure, forcing))
+    best: Orbit | None = None
     try:
-        if seen.returns(x):
-            fallback = seen.found(x, 1)
-        for _ in range(TIMES):
-            if fallback is not None and abs(fallback.largest - 1) <= NEUTRAL:
+        for orbit in map_.orbits():
+            best = orbit if best is None or orbit.point.kind == "stable" else best
+            if orbit.point.kind != "unstable":
                 break
-            for _ in range(SETTLING):
-                x = flow.after(x, T, LOOSE)
-            x[seen.cyclic] = flow.x[seen.cyclic]
-            for n in PERIODS:
-                cycle = seen.found(x, n)
-                if cycle is not None and cycle.stable:
-                    return _told(seen, cycle, seen.wrapped(cycle.x - x))
-                fallback = fallback or cycle
     except Lost as lost:
-        raise no_steady(lost.words, ELSEWHERE) from None
-    if fallback is None:
-        raise _unfound(seen, x)
-    return _told(seen, fallback, seen.wrapped(fallback.x - x))
+        raise lost.after(0.0) from None
+    if best is None:
+        raise _unfound(map_)
+    return _forced_motion(map_, best)
 
 
-def _unfound(seen: Stroboscope, x: Floats) -> RequestError:
-    k = seen.flow.k
-    if len(seen.cyclic) == k == 1:
-        gain = float(seen.flow.after(x, seen.T, FINE)[1] - x[1])
-        return no_steady(
-            f"in every {seen.T:.9g} s the loads change the rate by {gain:.6g}, whatever it is",
-            "add a damper or a motor curve",
-        )
+def _unfound(map_: Stroboscope) -> RequestError:
+    x, T = map_.flow.x, map_.T
+    if map_.flow.k == len(map_.cyclic) == 1:
+        gain = float(map_.flow.after(x, T, FLOWS)[1] - x[1])
+        why = f"in every {T:.9g} s the loads change the rate by {gain:.6g}, whatever it is"
+        return no_steady(why, "add a damper or a motor curve")
     return no_steady(
         "no periodic motion was found; it may be chaotic, or have a period of its own beside that "
         f"of the loads; tried: {SETTLING * TIMES} periods of the motion from the start",
@@ -443,310 +392,188 @@ def _unfound(seen: Stroboscope, x: Floats) -> RequestError:
     )
 
 
-def _told(seen: Stroboscope, cycle: Cycle, away: Floats) -> Motion:
-    """The motion of a cycle; a driver that goes on for ever must not come to a stop."""
-    flow = seen.flow
-    stopped = [i for i in seen.cyclic if any(map(math.isfinite, flow.system.stops[i]))]
-    far = max((abs(float(cycle.shift[i])) for i in stopped), default=0.0)
-    period = cycle.once.t_end - cycle.once.t_start
-    if far > 10 * cycle.gain * cycle.once.error:
-        raise no_steady(
-            f"the rate repeats, but the driver advances by {far:.6g} in every {period:.9g} s "
-            "and comes to an end stop",
-            ELSEWHERE,
-        )
-    near = np.abs(away[seen.free] / flow.steps()[seen.free]).max() * QUOTIENT <= INWARD
-    notes = [
-        "the motion from the start settles to it"
-        if near and cycle.stable
-        else "the motion from the start was not seen to come to this one"
-    ]
-    notes += [CYCLIC] if seen.cyclic else []
-    return repeated(cycle, flow.request, flow.name, notes)
+def _forced_motion(map_: Stroboscope, orbit: Orbit) -> Motion:
+    """The motion of an orbit; a driver that goes on for ever must not come to a stop."""
+    flow, point = map_.flow, orbit.point
+    once = flow.once(point.x, Until("time", orbit.periods * map_.T))
+    step = np.append(once.q_end, once.qd_end) - point.x
+    whole = step - map_.wrapped(step)
+    whole[map_.cyclic] = step[map_.cyclic]
+    shift = whole[: flow.k]
+    for i in map_.cyclic:
+        stopped = any(map(math.isfinite, flow.system.stops[i]))
+        if stopped and abs(shift[i]) > 10 * point.gain * once.error:
+            raise no_steady(
+                f"the rate repeats, but the driver advances by {abs(shift[i]):.6g} in every "
+                f"{once.t_end - once.t_start:.9g} s and comes to an end stop",
+                ELSEWHERE,
+            )
+    settles = orbit.seen and point.kind == "stable"
+    notes = [f"the motion from the start {'settles to it' if settles else 'was not seen there'}"]
+    notes += [CYCLIC] if map_.cyclic else []
+    periods = {"periods_of_the_loads": float(orbit.periods)}
+    return repeated(point, once, shift, flow.request, flow.name, notes, **periods)
 
 
-# -- one driver, loads of place and rate ---------------------------------------------------
-
-
-class Passage(NamedTuple):
-    """A way to the next standstill, through a whole turn, or to rest under joint friction."""
-
-    kind: str  # "standstill", "turn" or "rest"
-    x: Floats
-    time: float
-
-
-def _passage(flow: Flow, x: Floats, tolerance: float = LOOSE) -> Passage:
-    """The way from a state to the next standstill or whole turn."""
-    begin, period = float(x[0]), flow.system.period
-    if any(map(math.isfinite, flow.system.stops[0])):
-        period = None  # no turn repeats for ever
-    far = period or FAR * flow.system.span
-
-    def gone(t: float, q: Any, qd: Any) -> float:
-        return abs(float(q) - begin) - far
-
-    ask = flow.asked(x, Until("standstill"), [Watch("turn", gone)])
-    motion = flow.run(ask, tolerance)
-    time = motion.t_end - motion.t_start
-    state = np.array([motion.q_end, motion.qd_end], dtype=float)
-    if motion.end == "turn" and period is None:
-        raise Lost("a way without end", math.nan)
-    if motion.end == REST:
-        return Passage(REST, state, time)
-    if motion.end not in (STANDSTILL, "turn"):
-        raise Lost(motion.end, time)
-    return Passage(motion.end, state, time)
+# -- loads of place and rate ---------------------------------------------------------------
 
 
 def _settled(flow: Flow) -> Motion:
-    """What one driver under loads of place and rate settles to."""
-    if flow.x[1] == 0:
-        rest = _start_at_rest(flow)
-        if isinstance(rest, Motion):
-            return rest
-    x, clock = flow.x, 0.0
+    """What loads of place and rate settle to: rest; with one driver also swings and turns."""
+    x, several, clock = _left_if_unstable(flow), flow.k > 1, 0.0
     try:
-        for _ in range(PASSAGES):
-            way = _passage(flow, x)
-            if way.kind == REST:
-                return _friction_rest(flow, way.x)
-            near = _near_equilibrium(flow, way.x)
-            if near is not None:
-                return near
-            if way.kind == "turn" and x[1] != 0:
-                found = _turning(flow, x, way.x)
-            elif way.kind == STANDSTILL and x[1] == 0:
-                found = _swinging(flow, x, way)
-            else:
-                found = way.x
-            if isinstance(found, Motion):
+        for _ in range(2 * SETTLING):
+            rest = _rest_at(flow, x)
+            if rest is not None:
+                return rest
+            if several:
+                time = flow.system.span / flow.speed * loads.TURN
+                x, clock = flow.after(x, time), clock + time
+                continue
+            way = flow.passage(x)
+            found = _friction_rest(flow, way) or _cycle_from(flow, x, way)
+            if found is not None:
                 return found
-            clock += way.time
-            x = found
+            x, clock = way.x, clock + way.time
     except Lost as lost:
-        lost.t += clock
-        raise no_steady(lost.words, ELSEWHERE) from None
-    raise no_steady(f"none was found within {PASSAGES} swings or turns", ELSEWHERE)
+        raise lost.after(clock) from None
+    others = "; with several drivers only rest, and motions under loads that repeat in time, are"
+    raise no_steady(
+        f"the motion from the start has not settled after {clock:.6g} s"
+        + (f"{others} looked for" if several else ""),
+        ELSEWHERE,
+    )
 
 
-def _start_at_rest(flow: Flow) -> Motion | None:
-    """A start at an equilibrium; one that is unstable is left."""
-    if flow.system.friction is not None:
-        return None
-    found = equilibrium_near(flow.system, flow.x[:1], flow.request.start.t, flow.speed)
-    if found is None or abs(found.q[0] - flow.x[0]) > 2 * found.error:
-        return None
-    if found.kind != "unstable":
-        return at_rest(found, flow.request, ())
-    flow.x = flow.x + np.array([QUOTIENT * flow.system.span, 0.0])
+def _left_if_unstable(flow: Flow) -> Floats:
+    """The start, or a state beside it if it is an unstable equilibrium."""
+    found = equilibrium_near(flow.acceleration, flow.x[: flow.k], flow.size)
+    if flow.system.friction is not None or found is None or found.kind != "unstable":
+        return flow.x
+    if np.abs(np.append(found.q, np.zeros(flow.k)) - flow.x).max() > 2 * found.error:
+        return flow.x
     note = "started beside the unstable equilibrium of the start"
     flow.request = replace(flow.request, why=f"{flow.request.why}; {note}")
+    return flow.x + QUOTIENT * flow.size * (np.arange(2 * flow.k) < flow.k)
+
+
+def _at_rest(flow: Flow, found: Equilibrium) -> Motion:
+    facts, note = found.told()
+    return resting(flow.request, found.q, found.error, "equilibrium", facts, note)
+
+
+def _rest_at(flow: Flow, x: Floats) -> Motion | None:
+    """Rest, if a state will stay at the equilibrium beside it; where no load dissipates, is it."""
+    k, lossless = flow.k, flow.system.depends_on <= {"q"}
+    if flow.system.friction is not None or (k == 1 and x[1] != 0):
+        return None
+    found = equilibrium_near(flow.acceleration, x[:k], flow.size)
+    if found is not None and found.kind != "unstable":
+        away = float(np.abs((np.append(found.q, np.zeros(k)) - x) / flow.size).max())
+        if away <= (2 * found.error if lossless else SMALL):
+            return _at_rest(flow, _stopping(flow, x, found))
+    if lossless:
+        raise no_steady(
+            "no load dissipates, and with several drivers a motion without losses does not "
+            "repeat in general",
+            'add a damper, or ask for "time=<s>"',
+        )
     return None
 
 
-def _near_equilibrium(flow: Flow, x: Floats) -> Motion | None:
-    """Rest, if a state will stay at the stable equilibrium beside it."""
-    if x[1] != 0 or flow.system.friction is not None:
-        return None
-    found = equilibrium_near(flow.system, x[:1], flow.request.start.t, flow.speed)
-    if found is None or found.kind == "unstable":
-        return None
-    if not abs(float(found.q[0] - x[0])) <= AT_REST * flow.system.span:
-        return None
-    if found.kind == "indifferent":  # it stops where the motion from the start does
-        asked = replace(flow.asked(flow.x, Until("standstill")), accuracy=FINE)
-        motion = in_time(flow.system, asked, "dop853")
-        found = replace(found, q=np.array([motion.q_end]), error=motion.error)
-    return at_rest(found, flow.request, ())
+def _stopping(flow: Flow, x: Floats, found: Equilibrium) -> Equilibrium:
+    """An equilibrium; of indifferent ones the place where the motion from the start stops."""
+    if found.kind != "indifferent" or (x == flow.x).all():
+        return found
+    if flow.k > 1:
+        return found._replace(q=x[: flow.k], error=SMALL * flow.system.span)
+    asked = replace(flow.asked(flow.x, Until("standstill")), accuracy=FLOWS)
+    motion = in_time(flow.system, asked, "dop853")
+    return found._replace(q=np.array([motion.q_end]), error=motion.error)
 
 
-def _friction_rest(flow: Flow, x: Floats) -> Motion:
-    """Where joint friction holds the driver: the place of the motion from the start itself."""
+def _friction_rest(flow: Flow, way: Passage) -> Motion | None:
+    """Where joint friction holds the driver, by the motion from the start itself."""
+    swings_out = flow.system.friction is not None and flow.system.depends_on <= {"q"}
+    if way.kind != REST and not (swings_out and way.kind == STANDSTILL):
+        return None
     asked = replace(flow.request, until=Until("swings", float(COMMON)), watch=())
     motion = along_path(flow.system, asked)
-    facts = {k: v for k, v in motion.facts.items() if k.startswith("holding")}
-    q = np.array([motion.q_end], dtype=float)
+    if motion.end != REST:
+        return None
+    facts = {name: x for name, x in motion.facts.items() if name.startswith("holding")}
     note = "at rest where joint friction holds it"
-    return resting(flow.request, q, motion.error, motion.method, facts, (note,))
+    return resting(flow.request, np.array([motion.q_end]), motion.error, motion.method, facts, note)
 
 
-def _ahead(begin: float, inward: bool, least: float) -> Iterator[float]:
-    """Sizes further and further inward or outward."""
-    size = begin
-    for _ in range(PASSAGES):
-        size *= INWARD if inward else OUTWARD
-        yield size
-        if size < least * begin:
-            return
+def _cycle_from(flow: Flow, x: Floats, way: Passage) -> Motion | None:
+    """The fixed point of the return map to which a motion moves, as a motion; or None.
 
+    Between standstills the map takes the place of one to the next on the same side, between
+    turns the rate at the begin of one to that of the next.
+    """
+    swings = way.kind == STANDSTILL
+    if swings != (x[1] == 0):
+        return None
+    begin, free, centre = x.copy(), 0 if swings else 1, None
+    if swings:
+        centre = equilibrium_near(flow.acceleration, (x[:1] + way.x[:1]) / 2, flow.size)
+        if centre is None or not abs(way.x[0] - x[0]) > abs(centre.q[0] - x[0]) > 0:
+            return None
+    elif flow.system.period is not None:  # a turn begins where the start is, if it can
+        off = math.remainder(float(x[0] - flow.x[0]), flow.system.period)
+        begin[0] = flow.x[0] + (off if abs(off) > NONE else 0.0)
+    anchor = 0.0 if centre is None else float(centre.q[0])
 
-def _turning(flow: Flow, x: Floats, after: Floats) -> Floats | Motion:
-    """The next fixed point of the map of turns; a state where it is left."""
-    q, way = float(x[0]), math.copysign(1.0, x[1])
-
-    def change(w: float, tolerance: float = LOOSE) -> float | Floats:
-        found = _passage(flow, np.array([q, way * w]), tolerance)
-        return abs(float(found.x[1])) - w if found.kind == "turn" else found.x
-
-    w0, w1 = abs(float(x[1])), abs(float(after[1]))
-    if abs(w1 - w0) <= LOOSE * w0:
-        return _rotation(flow, q, way, change, w0 * (1 - INNERMOST), w0 * (1 + INNERMOST))
-    last = w0
-    for w in _ahead(w0, w1 < w0, INNERMOST):
-        found = change(w)
-        if isinstance(found, np.ndarray):
-            return after
-        if found * (w1 - w0) <= 0:
-            return _rotation(flow, q, way, change, last, w)
-        last = w
-    if w1 > w0:
-        raise Lost("a speed that grows without bound", math.nan)
-    return after
-
-
-def _rotation(
-    flow: Flow,
-    q: float,
-    way: float,
-    change: Callable[[float, float], Any],
-    low: float,
-    high: float,
-) -> Motion | Floats:
-    """The rotation between two speeds, from the turn of the start."""
-    period = flow.system.period
-    assert period is not None
-    start = float(flow.x[0])
-    q -= period * round((q - start) / period)
-    q = start if abs(q - start) <= SAME else q
-    if change(low, FINE) * change(high, FINE) > 0:
-        return np.array([q, way * high])
-    w = float(brentq(lambda s: change(s, FINE), low, high, xtol=EPS * high, rtol=4 * EPS))
-    begin = np.array([w])
-
-    def later(z: Floats) -> Floats:
-        return np.array([change(float(z[0]), FINE) + float(z[0])])
-
-    mu = slope(later, begin, QUOTIENT * begin)[0]
-    asked = flow.asked(np.array([q, way * w]), Until("turns", period / TURN))
-    own = flow.request.method in SOLVERS
-    once = in_time(flow.system, asked, flow.method) if own else along_path(flow.system, asked)
-    once = replace(once, q_end=q + way * period)
-    gain = 1 + 1 / max(abs(1 - float(mu[0])), NEUTRAL)
-    cycle = Cycle(np.array([q, way * w]), once, np.array([way * period]), mu, gain)
-    told = f"found from the speed {way * w:.6g} at the start of a turn"
-    return _lasting(repeated(cycle, flow.request, "return map", (told,)), gain)
-
-
-def _swinging(flow: Flow, x: Floats, there: Passage) -> Floats | Motion:
-    """The next fixed point of the map of standstills; a state where it is left."""
-    a, b = float(x[0]), float(there.x[0])
-    back = _passage(flow, there.x)
-    if back.kind != STANDSTILL:
-        return back.x
-    c = float(back.x[0])
-    centre = _between(flow, a, b)
-
-    def change(r: float, tolerance: float = LOOSE) -> float | Floats:
-        """By how much an amplitude grows in a swing to and fro; a state where it turns round."""
-        at = np.array([centre + math.copysign(r, a - centre), 0.0])
-        for _ in range(2):
-            found = _passage(flow, at, tolerance)
-            if found.kind != STANDSTILL:
-                return found.x
+    def change(state: Floats, tolerance: float = FLOWS) -> Floats:
+        at = state
+        for _ in range(2 if swings else 1):
+            found = flow.passage(at, tolerance)
+            if found.kind != way.kind:
+                return np.full(2, math.nan)
             at = found.x
-        return abs(float(at[0]) - centre) - r
+        return at - state
 
-    r0, inward = abs(a - centre), abs(c - centre) < abs(a - centre)
-    if abs(c - a) <= LOOSE * r0:
-        return _libration(flow, centre, a, change, r0 * (1 - INNERMOST), r0 * (1 + INNERMOST))
-    last = r0
-    for r in _ahead(r0, inward, INNERMOST):
-        if r > INWARD * FAR * flow.system.span / SETTLING:
-            break
-        found = change(r)
-        if isinstance(found, np.ndarray):
-            return back.x
-        if (found > 0) == inward:
-            return _libration(flow, centre, a, change, last, r)
-        last = r
+    def ahead(z: float) -> float:
+        begin[free] = z
+        return float(change(begin, LOOSE)[free])
+
+    near = _ahead(ahead, float(x[free]), anchor)
+    if near is None:
+        return None
+    if near == anchor:
+        return None if centre is None or centre.kind == "unstable" else _at_rest(flow, centre)
+    begin[free] = near
+    point = fixed_point(change, begin, [free], np.full(2, abs(near - anchor)))
+    if point is None:
+        return None
+    period = flow.system.period or 0.0
+    until = Until("swings", 2.0) if swings else Until("turns", period / loads.TURN)
+    shift = np.array([0.0 if swings else math.copysign(period, near)])
+    told = () if swings else (f"found from the speed {near:.6g} at the start of a turn",)
+    return repeated(point, flow.once(point.x, until), shift, flow.request, flow.name, told)
+
+
+def _ahead(change: Callable[[float], float], z: float, anchor: float) -> float | None:
+    """Near the fixed point to which a map moves z; the anchor if that is all there is.
+
+    None where the map ends before, as swings become turns, or turns swings.
+    """
+    first = change(z)
+    if abs(first) <= LOOSE * abs(z - anchor):
+        return z
+    inward = first * (z - anchor) < 0
+    factor, end = (INWARD, SMALL) if inward else (1 / INWARD, 1 / SMALL)
+    share, last = 1.0, z
+    while (share > end) is inward:
+        share *= factor
+        following = anchor + share * (z - anchor)
+        there = change(following)
+        if math.isnan(there):
+            return None
+        if there * first <= 0:
+            return float(brentq(change, last, following, rtol=LOOSE))
+        last = following
     if not inward:
-        raise Lost("swings that grow without bound", math.nan)
-    rest = equilibrium_near(flow.system, np.array([centre]), flow.request.start.t, flow.speed)
-    return back.x if rest is None else at_rest(rest, flow.request, ())
-
-
-def _between(flow: Flow, a: float, b: float) -> float:
-    """The equilibrium nearest to a on the way to b."""
-    t0 = flow.request.start.t
-
-    def push(q: float) -> float:
-        return float(_accelerations(flow, np.array([q, 0.0]), t0)[0])
-
-    q = np.linspace(a, b, PASSAGES)[1:-1].tolist()
-    values = [push(x) for x in q]
-    for x, y, f, g in zip(q, q[1:], values, values[1:], strict=False):
-        if f * g <= 0:
-            return float(brentq(push, x, y, xtol=EPS, rtol=4 * EPS))
-    return (a + b) / 2
-
-
-def _libration(
-    flow: Flow,
-    centre: float,
-    a: float,
-    change: Callable[[float, float], Any],
-    low: float,
-    high: float,
-) -> Motion | Floats:
-    """The swing between two amplitudes."""
-    way = math.copysign(1.0, a - centre)
-    if change(low, FINE) * change(high, FINE) > 0:
-        return np.array([centre + way * high, 0.0])
-    r = float(brentq(lambda s: change(s, FINE), low, high, xtol=EPS * high, rtol=4 * EPS))
-    begin = np.array([r])
-
-    def later(z: Floats) -> Floats:
-        return np.array([change(float(z[0]), FINE) + float(z[0])])
-
-    mu = slope(later, begin, QUOTIENT * begin)[0]
-    x = np.array([centre + way * r, 0.0])
-    once = in_time(flow.system, flow.asked(x, Until("swings", 2.0)), flow.method)
-    gain = 1 + 1 / max(abs(1 - float(mu[0])), NEUTRAL)
-    cycle = Cycle(x, once, np.zeros(1), mu, gain)
-    return _lasting(repeated(cycle, flow.request, "return map", ()), gain)
-
-
-def _lasting(motion: Motion, gain: float) -> Motion:
-    """With the error of the period, which follows that of the state."""
-    return replace(motion, time_error=gain * motion.time_error)
-
-
-# -- several drivers -----------------------------------------------------------------------
-
-
-def _rested(flow: Flow, lossless: bool) -> Motion:
-    """The equilibrium at which several drivers come to rest."""
-    flow.name = "equilibrium"
-    x, k, t0 = flow.x, flow.k, flow.request.start.t
-    span = flow.system.span / flow.speed * TURN
-    for _ in range(PASSAGES):
-        found = equilibrium_near(flow.system, x[:k], t0, flow.speed)
-        if found is not None and found.kind != "unstable":
-            away = np.concatenate([found.q - x[:k], x[k:] / flow.speed])
-            if np.abs(away).max() <= (found.error if lossless else AT_REST):
-                return at_rest(found, flow.request, ())
-        if lossless:
-            raise no_steady(
-                "no load dissipates, and with several drivers a motion without losses does not "
-                "repeat in general",
-                'add a damper, or ask for "time=<s>"',
-            )
-        try:
-            x = flow.after(x, span, LOOSE)
-        except Lost as lost:
-            raise no_steady(lost.words, ELSEWHERE) from None
-    raise no_steady(
-        f"the motion from the start was not at rest after {PASSAGES * span:.6g} s; with several "
-        "drivers only rest, and motions under loads that repeat in time, are looked for"
-    )
+        raise Lost("swings or turns that grow without bound")
+    return anchor

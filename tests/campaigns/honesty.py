@@ -1,0 +1,189 @@
+"""Random motions, and whether their estimates hold: a script, not a test.
+
+    python -m tests.campaigns.honesty RESULTS [--runs 4000] [--seed 1] [--again]
+
+Machines of the gallery and of `blockmech.testing.strategies`, random starts and spans, every
+method that fits, targets 1e-3 to 1e-12. The truth is a method of another kind at 1e-14, along
+the path for integrators in time and the other way round; what it does not know itself is not
+held against a run. A line of RESULTS is a run (JSON); the table counts, by method, runs that
+say they failed, that end by another name than the truth, and those above their estimate.
+``--again`` only prints the table of RESULTS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import signal
+from collections import defaultdict
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import blockmech as bm
+from blockmech.errors import BlockmechError
+from blockmech.testing.strategies import Options, Seeded, random_mechanism
+from tests.dynamics.honesty import DEAR, GRAPHS, RUNS, mechanism
+
+PATH, TIME = ("energy", "spectral"), ("dop853", "lsoda", "radau")
+METHODS = (*PATH, *TIME, "auto", "rk4", "euler_q")
+FINEST = 1e-14
+PATIENCE = 4  # [s] of computing for a run
+SAMPLES = 41
+MOTIONS = {"pin_pendulum": 3.0, "sticking_slider": 1.0, "shaken_slider": 2.0, "gas_crank": 0.1,
+           "clock": 2.0, "falling_rod": 2.0}  # [s]  # fmt: skip
+
+
+class TooLong(Exception):
+    """A run that takes longer than anybody waits."""
+
+
+def impatient(signum: int, frame: Any) -> None:
+    """End a run."""
+    raise TooLong
+
+
+@cache
+def of_motions(name: str) -> Any:
+    """A graph of the folder `motions`."""
+    return bm.Graph.load(GRAPHS / "motions" / f"{name}.json").compile()
+
+
+def scene(seed: int) -> tuple[str, Any, dict[str, tuple[float, float]], float]:
+    """Name, mechanism, start and span [s] of a case."""
+    rng, chance = np.random.default_rng(seed), Seeded(seed)
+    kind = rng.choice(["gallery", "motions", "random"], p=[0.35, 0.15, 0.5])
+    if kind == "gallery":
+        name = str(rng.choice([n for n in RUNS if n not in DEAR]))
+        mech, runs = mechanism(name), RUNS[name][1]
+        run = runs[int(rng.integers(len(runs)))]
+        (driver,) = mech.drivers
+        rate = run.rate * rng.uniform(0.3, 1.5) if rng.random() < 0.7 else 0.0
+        return name, mech, {driver: (run.q + rng.normal() * 0.3, rate)}, run.span * rng.random()
+    if kind == "motions":
+        name = str(rng.choice(list(MOTIONS)))
+        mech = of_motions(name)
+        ((driver, start),) = mech.scene.initial.items()
+        stay = rng.random() < 0.5
+        q = start.q + (0.0 if name == "falling_rod" else 0.3 * rng.normal())
+        rate = start.rate if stay else start.rate + rng.normal()
+        return name, mech, {driver: (q, rate)}, MOTIONS[name] * rng.uniform(0.3, 1.5)
+    rubs = bool(rng.random() < 0.3)
+    case = random_mechanism(chance, Options(drivers=(1, 1), groups=(1, 3), friction=rubs))
+    mech = case.graph.compile()
+    (driver,) = mech.drivers
+    q = float(np.ravel(case.request["at"][driver])[0])
+    rate = 0.0 if rng.random() < 0.4 else float(rng.normal() * 3)
+    return f"random {seed}", mech, {driver: (q, rate)}, float(rng.uniform(0.05, 2.0))
+
+
+def moved(case: tuple[Any, ...], method: str, accuracy: float | None) -> Any:
+    """The motion of a case by a method; None where that is refused or takes too long."""
+    _, mech, start, span = case
+    signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
+    try:
+        times = np.linspace(0.0, span, 10)[1:]
+        asked: dict[str, Any] = {"times": times, "method": method, "accuracy": accuracy}
+        driver = next(iter(start))
+        until = f"time={span!r}"
+        return mech.simulate(until, start=start, want=[f"{driver}.q"], **asked).motion
+    except (BlockmechError, TooLong):
+        return None
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+
+
+def known(truth: Any) -> bool:
+    """Whether a motion is good enough to be a truth."""
+    return truth is not None and truth.status != "failed" and truth.error < 1e-6
+
+
+def compared(motion: Any, truth: Any) -> dict[str, Any]:
+    """How far a motion is from the truth, beyond what that does not know itself."""
+    end = min(motion.t_end, truth.t_end)
+    t = np.linspace(0.0, end, SAMPLES) * (1 - 1e-15)
+    apart = float(np.abs(motion.at(t).q - truth.at(t).q).max())
+    apart = 0.0 if end == 0 else max(0.0, apart - truth.error)
+    late = 0.0
+    if motion.end == truth.end != "time":
+        late = max(0.0, abs(motion.t_end - truth.t_end) - truth.time_error)
+    ratios = [e / s if s > 0 else math.inf * (e > 0) if e else 0.0
+              for e, s in ((apart, motion.error), (late, motion.time_error))]  # fmt: skip
+    return {"error": apart, "late": late, "ratio": max(ratios), "end": motion.end,
+            "estimate": motion.error, "time_estimate": motion.time_error,
+            "status": motion.status, "truth_end": truth.end,
+            "other_end": motion.end != truth.end}  # fmt: skip
+
+
+def campaign(path: Path, runs: int, seed: int) -> None:
+    """Append runs to a file until there are so many of this campaign."""
+    done = 0
+    with path.open("a", encoding="utf-8") as out:
+        while done < runs:
+            seed += 1
+            rng = np.random.default_rng(seed)
+            try:
+                case = scene(seed)
+            except (BlockmechError, ValueError):
+                continue
+            truths = {kind: moved(case, kind, FINEST) for kind in ("spectral", "dop853")}
+            for method in 2 * METHODS:
+                along = method in (*PATH, "auto", "euler_q")
+                truth = truths["dop853" if along else "spectral"]
+                target = float(10.0 ** -rng.uniform(3, 6 if method in ("rk4", "euler_q") else 12))
+                if not known(truth):
+                    continue
+                motion = moved(case, method, target)
+                if motion is None:
+                    continue
+                row = {"seed": seed, "name": case[0], "method": method, "by": motion.method,
+                       "target": target, **compared(motion, truth)}  # fmt: skip
+                out.write(json.dumps(row) + "\n")
+                out.flush()
+                done += 1
+
+
+def table(path: Path) -> None:
+    """Print what became of the runs of a file."""
+    rows = [json.loads(line) for line in path.read_text("utf-8").splitlines()]
+    by: dict[str, list[Any]] = defaultdict(list)
+    for row in rows:
+        by[row["method"]].append(row)
+    print(f"{'method':10}{'runs':>6}{'failed':>8}{'other end':>11}{'above':>7}{'share':>8}"
+          f"{'> 10x':>7}{'worst':>10}")  # fmt: skip
+    for method in [*METHODS, "all"]:
+        found = rows if method == "all" else by[method]
+        sure = [r for r in found if r["status"] != "failed"]
+        same = [r for r in sure if not r["other_end"]]
+        above = [r for r in same if r["ratio"] > 1]
+        worst = max((r["ratio"] for r in same), default=0.0)
+        print(
+            f"{method:10}{len(found):6}{len(found) - len(sure):8}{len(sure) - len(same):11}"
+            f"{len(above):7}{len(above) / max(1, len(same)):8.2%}"
+            f"{sum(r['ratio'] > 10 for r in above):7}{worst:10.3g}"
+        )
+    print("\nthe worst, and other ends")
+    doubtful = [r for r in rows if r["status"] != "failed" and (r["ratio"] > 1 or r["other_end"])]
+    for row in sorted(doubtful, key=lambda r: (not r["other_end"], r["ratio"]))[::-1][:40]:
+        print({k: f"{v:.3g}" if isinstance(v, float) else v for k, v in row.items()})
+
+
+def main() -> None:
+    """Read the arguments and go."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("results", type=Path)
+    asked.add_argument("--runs", type=int, default=4000)
+    asked.add_argument("--seed", type=int, default=1)
+    asked.add_argument("--again", action="store_true")
+    given = asked.parse_args()
+    signal.signal(signal.SIGVTALRM, impatient)
+    if not given.again:
+        campaign(given.results, given.runs, given.seed * 1_000_000)
+    table(given.results)
+
+
+if __name__ == "__main__":
+    main()
