@@ -180,7 +180,7 @@ def test_wrong_kinds_of_arguments_are_refused_in_words():
 
 
 def test_more_steps_than_can_be_made_are_refused_before_the_first():
-    with pytest.raises(RequestError, match="at most 2,000,000"):
+    with pytest.raises(RequestError, match="at most 500,000"):
         scenes.rod().simulate("time=1", method="rk4", step=1e-12, start={"crank": (0.3, 0.0)})
 
 

@@ -86,6 +86,10 @@ class Equation:
             self._slips = q, self.system.friction.slips(np.array([q]))[0]
         return self._slips[1]
 
+    def know(self, q: float, margin: float, J: float) -> None:
+        """Keep what was computed elsewhere at a place of the only driver."""
+        self._last = q, margin, J
+
     def closeness(self, y: Floats) -> tuple[float, float]:
         """Margin, and inertia relative to a typical one (of one driver), at a state."""
         k = self.drivers

@@ -167,15 +167,27 @@ def user_rule(watch: Watch, k: int) -> EventRule:
 
 @dataclass
 class Lookout:
-    """Looks for the events of a table in one step after the other."""
+    """Looks for the events of a table in one step after the other.
+
+    parts : of a step that are looked at, at most
+    spans : (k,) coordinates over which things change [rad or m], a turn of angles
+    """
 
     rules: Sequence[EventRule]
-    parts: int  # of a step that are looked at, at most
-    values: list[float]  # at the end of the last step
+    parts: int
+    spans: Sequence[float]
+    y: Floats  # state at the end of the last step, and the rules' values there
+    values: list[float]
 
     @classmethod
     def at(
-        cls, rules: Sequence[EventRule], parts: int, t: float, y: Floats, fired: EventRule | None
+        cls,
+        rules: Sequence[EventRule],
+        parts: int,
+        spans: Sequence[float],
+        t: float,
+        y: Floats,
+        fired: EventRule | None,
     ) -> Lookout:
         """Before the first step; what just happened counts as on its surface still."""
         values = [r.value(t, y) for r in rules]
@@ -183,27 +195,37 @@ class Lookout:
         for i, r in enumerate(rules):
             if fired is not None and (r.kind, r.index) == (fired.kind, fired.index):
                 values[i] = 0.0 if r.kind != KINK or abs(values[i]) <= near else values[i]
-        return cls(rules, parts, values)
+        return cls(rules, parts, spans, y, values)
 
     def in_step(self, t0: float, t1: float, y1: Floats, dense: Callable[[Any], Any]) -> list[Hit]:
         """Events of a step in order, up to the first that stops the integration."""
+        way = TURN * max(abs(a - b) / s for a, b, s in zip(y1, self.y, self.spans, strict=False))
+        near = min(NEAR, PARTS * way)  # no margin falls by more on so short a way
+        values, self.y = self.values, y1
+        self.values = [rule.value(t1, y1) for rule in self.rules]
+        quiet = (
+            not _turned(a, b, rule.direction) and not (rule.dips and min(a, b) < near)
+            for rule, a, b in zip(self.rules, values, self.values, strict=True)
+        )
+        if self.parts == 1 and all(quiet):
+            return []
         found: list[Hit] = []
         t = np.linspace(t0, t1, self.parts + 1)
-        inner = np.asarray(dense(t[1:-1])).T
-        for i, rule in enumerate(self.rules):
-            before, after = self.values[i], rule.value(t1, y1)
-            self.values[i] = after
-            parts = min(rule.parts, self.parts)
-            if rule.dips and min(before, after) < NEAR:
-                parts = max(parts, self.parts // 2)
+        inner = list(np.asarray(dense(t[1:-1])).T)
+        for rule, before, after in zip(self.rules, values, self.values, strict=True):
+            dips = rule.dips and min(before, after) < near
+            parts = min(max(rule.parts, PARTS // 2 if dips else 1), self.parts)
             each = self.parts // parts
             between = zip(t[each:-1:each], inner[each - 1 :: each], strict=False)
-            values = [before, *(rule.value(float(s), y) for s, y in between), after]
+            row = [before, *(rule.value(float(s), y) for s, y in between), after]
 
             def value(s: float, rule: EventRule = rule) -> float:
                 return rule.value(s, dense(s))
 
-            found += [Hit(rule, s) for s in crossings(rule, t[::each], values, value)]
+            times = crossings(rule.direction, t[::each], row, value)
+            if dips and not times and min(row) < near:
+                times = _dip(t[::each], row, value)
+            found += [Hit(rule, s) for s in times]
         return until_terminal(found)
 
 
@@ -215,15 +237,13 @@ def until_terminal(hits: list[Hit]) -> list[Hit]:
 
 
 def crossings(
-    rule: EventRule, t: Floats, values: Sequence[float], value: Callable[[float], float]
+    direction: int, t: Floats, values: Sequence[float], value: Callable[[float], float]
 ) -> list[float]:
-    """Times of an event between times at which its values are known."""
-    if rule.dips and min(values) > 0:
-        return _dip(t, values, value)
+    """Times at which a value changes its sign, between times at which it is known."""
     return [
         float(b) if high == 0 else _root(value, float(a), float(b))
         for a, b, low, high in zip(t, t[1:], values, values[1:], strict=False)
-        if _turned(low, high, rule.direction)
+        if _turned(low, high, direction)
     ]
 
 
@@ -243,8 +263,6 @@ def _root(value: Callable[[float], float], low: float, high: float) -> float:
 def _dip(t: Floats, values: Sequence[float], value: Callable[[float], float]) -> list[float]:
     """Where a value that is positive at all times given falls below zero between them."""
     i = int(np.argmin(values))
-    if values[i] >= NEAR:
-        return []
     low, high = float(t[max(i - 1, 0)]), float(t[min(i + 1, t.size - 1)])
     lowest = minimize_scalar(value, bounds=(low, high), method="bounded")
     return [_root(value, low, float(lowest.x))] if lowest.fun < 0 else []
@@ -273,7 +291,7 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
         def value(s: float, rule: EventRule = rule) -> float:
             return rule.value(s, state(s))
 
-        hits += [Hit(rule, s) for s in crossings(rule, t, values, value)]
+        hits += [Hit(rule, s) for s in crossings(rule.direction, t, values, value)]
     hits = until_terminal(hits)
     events = [Event(hit.rule.kind, hit.t, *map(float, state(hit.t))) for hit in hits]
     if not (hits and hits[-1].rule.terminal):

@@ -7,9 +7,9 @@
 | ``dop853``         | q, q' and time      | yes            | yes              | else              |
 | ``radau``          | the same            | yes            | yes              | where it is stiff |
 | ``lsoda``, ``rk4`` | the same            | yes            | yes              | never             |
-| ``euler_q``        | q                   | no             | no               | never             |
+| ``euler_q``        | q                   | no             | yes              | never             |
 
-Several drivers need one that ends at events. The steady state is a search of its own.
+Several drivers need one that takes all loads. The steady state is a search of its own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.euler_q import euler_q
 from blockmech.dynamics.events import ON, watched
 from blockmech.dynamics.motion import (
     END_STOP,
@@ -39,7 +38,7 @@ from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.steady import steady_motion
-from blockmech.dynamics.time import SOLVERS, TARGET, in_time, rk4
+from blockmech.dynamics.time import SOLVERS, TARGET, in_fixed_steps, in_time
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.plane import EPS
 
@@ -53,13 +52,14 @@ WITHOUT = 'leave it out with friction="none" (--friction none)'
 class Method(NamedTuple):
     """A way to compute a motion, and what it is good for.
 
-    ends_at_events : whether it follows the motion in time, so that an event can end it; it
-        then takes several drivers as well
-    finds_steady : whether the search for a steady state takes it
+    loads : what they may depend on; one that takes all takes several drivers as well
+    ends_at_events : whether it follows the motion in time, so that an event can end it
+    finds_steady : whether the search for a steady state takes it; schemes of the textbooks are
+        for comparison alone
     """
 
     run: Callable[[System, SimulationRequest], Motion]
-    loads: frozenset[str]  # may depend on these
+    loads: frozenset[str]
     friction: bool
     ends_at_events: bool
     finds_steady: bool = True
@@ -70,8 +70,8 @@ METHODS = {
     "energy": Method(along_path, Q, False, False),
     "spectral": Method(along_path, Q_RATE, True, False),
     **{name: Method(partial(in_time, method=name), ALL, True, True) for name in SOLVERS},
-    "rk4": Method(rk4, ALL, True, True, finds_steady=False),
-    "euler_q": Method(euler_q, Q, False, False, finds_steady=False),
+    "rk4": Method(partial(in_fixed_steps, method="rk4"), ALL, True, True, False),
+    "euler_q": Method(partial(in_fixed_steps, method="euler_q"), Q, False, True, False),
 }
 
 
@@ -118,7 +118,7 @@ def check(system: System, request: SimulationRequest) -> None:
 def _unfit(method: Method, system: System, request: SimulationRequest) -> str:
     """Why a method does not fit; empty where it does."""
     goal, also = request.until.goal, sorted(system.depends_on - method.loads)
-    if len(system.drivers) > 1 and not method.ends_at_events:
+    if len(system.drivers) > 1 and method.loads != ALL:
         return "it needs one driver"
     if also:
         return f"the loads depend on {listed(also)} as well"

@@ -1,4 +1,4 @@
-r"""Motions integrated in time by SciPy's integrators: DOP853, LSODA, Radau; and ``rk4``.
+r"""Motions integrated in time by SciPy's integrators, or in the textbooks' fixed steps.
 
 An integration goes in segments, each with a smooth right-hand side (`equation`): kinks of loads
 and reversals of pairs with friction end one. A solver's word that it succeeded is not taken:
@@ -31,9 +31,16 @@ from blockmech.dynamics.events import (
     Lookout,
     friction_rules,
     general_rules,
+    goal_places,
     kink_rules,
 )
-from blockmech.dynamics.fixed_steps import STEP, RungeKutta4, checked_step, judged_by_half
+from blockmech.dynamics.fixed_steps import (
+    STEP,
+    EulerQ,
+    RungeKutta4,
+    checked_step,
+    judged_by_half,
+)
 from blockmech.dynamics.holding import released
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -59,6 +66,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 SOLVERS = {"dop853": DOP853, "lsoda": LSODA, "radau": Radau}
+STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
 TARGET = 1e-9  # [rad or m] if none is given
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
@@ -111,6 +119,7 @@ class Run:
     name: str  # told to those who follow the progress
     rest: float  # [rad or m]: a swing shorter than this is none
     max_step: float = math.inf  # [s]
+    step: float = math.nan  # [s], or [rad or m] of euler_q, of the schemes of fixed steps
     longest: float = 0.0  # [s] step so far
     t: float = 0.0
     y: Floats = field(default_factory=lambda: np.empty(0))
@@ -131,7 +140,7 @@ class Run:
         self.y = np.concatenate([np.atleast_1d(q), np.atleast_1d(rate), works]).astype(float)
         self.times.append(self.t)
         self.equation = Equation(self.system, q, self.system.singles + EVALUATIONS)
-        if self.method == "rk4" and self.request.until.goal == "time":
+        if self.method in STEPPERS and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = min(self.request.t_last, self.request.start.t + FOREVER)
         self.swing_from = float(self.y[0])
@@ -162,7 +171,7 @@ class Run:
         if self.method != self.asked and verdict.status == "reached":
             self.notes.append(f"{self.asked} gave up on the way, {self.method} went on")
         solution = OdeSolution(self.times, self.pieces) if self.pieces else None
-        fixed = self.asked == "rk4"
+        fixed = self.asked in STEPPERS
         return Motion(
             method=self.asked,
             why=self.request.why,
@@ -226,8 +235,9 @@ class Run:
         if self.t >= self.t_max:
             return Verdict("reached", "time")
         bound = min(self.t_max, loads.next_time_kink(self.system.compiled.structure, self.t))
-        parts = 1 if self.method == "rk4" else PARTS
-        lookout = Lookout.at(self._rules(), parts, self.t, self.y, self.fired)
+        parts = 1 if self.method in STEPPERS else PARTS
+        spans = [TURN if turns else self.system.length for turns in self.system.rotary]
+        lookout = Lookout.at(self._rules(), parts, spans, self.t, self.y, self.fired)
         self.fired = None
         hit = self._integrated(lookout, bound)
         if isinstance(hit, Verdict):
@@ -235,8 +245,8 @@ class Run:
         return None if hit is None else self._met(hit)
 
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
-        if self.method == "rk4":
-            return RungeKutta4(self.equation, t, y, bound, longest)
+        if self.method in STEPPERS:
+            return STEPPERS[self.method](self.equation, t, y, bound, self.step)
         k, (speed, work) = self.equation.drivers, self.scales
         tol = self.tolerance
         rtol: Any = max(tol, FLOOR)
@@ -474,14 +484,21 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
     )
 
 
-def rk4(system: System, request: SimulationRequest) -> Motion:
-    """The motion by the classical scheme of Runge and Kutta, in steps of one size."""
-    whole = request.t_last - request.start.t
-    step = request.step or 5 * STEP * (whole if math.isfinite(whole) else 1.0)
+def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> Motion:
+    """The motion by a scheme of the textbooks, its error told by a second run of half the step."""
+    t, q = request.start.t, np.atleast_1d(request.start.q)
+    if method == "rk4":
+        whole = request.t_last - t
+        step = request.step or 5 * STEP * (whole if math.isfinite(whole) else 1.0)
+        unit = "time_step"
+    else:
+        whole = max((abs(place - q[0]) for place in goal_places(request)), default=math.inf)
+        step = request.step or STEP * (1.0 if system.rotary[0] else system.span)
+        unit = "coordinate_step"
     checked_step(step, whole)
 
     def run(h: float) -> Motion:
-        motion = Run(system, request, "rk4", TARGET, "rk4", 0.0, h).motion()
-        return replace(motion, facts={**motion.facts, "time_step": h})
+        motion = Run(system, request, method, TARGET, method, 0.0, step=h).motion()
+        return replace(motion, facts={**motion.facts, unit: h})
 
     return judged_by_half(request, step, run)
