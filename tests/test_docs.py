@@ -273,7 +273,7 @@ def test_files_that_the_readme_names_exist():
 
 
 def test_commands_that_the_readme_names_exist():
-    from blockmech.cli.app import COMMANDS
+    from blockmech.cli import COMMANDS
 
     known = {function.__name__ for function in COMMANDS}
     named = set(re.findall(r"`blockmech (\w+)", README)) | set(

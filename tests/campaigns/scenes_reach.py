@@ -22,7 +22,7 @@ TYPES_ONLY = ["if TYPE_CHECKING:", r"^\s*\.\.\.$"]
 def play() -> None:
     """Every scene once."""
     import blockmech as bm
-    from blockmech.cli.app import command
+    from blockmech.cli import command
     from blockmech.errors import BlockmechError
     from tests.dynamics.honesty import RUNS, mechanism
 

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from blockmech.cli import terminal
-from blockmech.cli.app import command
+from blockmech.cli import command, terminal
 
 PAGES = ("cp1252", "cp850")  # of windows and of consoles in Western countries
 COMMANDS = sorted(command().commands)

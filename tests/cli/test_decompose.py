@@ -112,13 +112,6 @@ def test_decompose_writes_nothing_where_the_links_are_no_mechanism(call, locked,
     assert not graph.exists()
 
 
-def test_decompose_spares_the_file_that_it_reads(call, joints):
-    before = joints.read_bytes()
-    said = call("decompose", joints, "-o", joints)
-    assert said.code == 2
-    assert joints.read_bytes() == before
-
-
 def test_decompose_refuses_a_graph_and_a_file_that_is_not_there(call, ruiz, tmp_path):
     said = call("decompose", ruiz)
     assert said.code == 2
@@ -137,15 +130,6 @@ def test_check_tells_the_formation_sequence_and_the_mobility(call, joints):
     facts = json.loads(call("check", joints, "--json").out)
     assert facts["formula"] == "I(crank) -> II RRP(rod, piston)"
     assert (facts["links"], facts["pairs"], facts["mobility"], facts["ok"]) == (3, 4, 1, True)
-
-
-def test_check_tells_what_keeps_links_from_being_a_mechanism(call, locked):
-    said = call("check", locked)
-    assert (said.code, said.out) == (2, "")
-    assert "over-constrained" in said.err
-    data = json.loads(call("check", locked, "--json").out)
-    assert data["ok"] is False
-    assert data["problems"][0]["file"] == str(locked)
 
 
 def test_a_slip_in_the_document_is_one_clear_message(call, joints):
@@ -176,15 +160,6 @@ def test_run_takes_drivers_and_outputs_by_the_documents_names(call, joints):
     assert set(found["quality"]["margin"]) == {"rod_piston"}
 
 
-def test_run_refuses_names_that_the_document_does_not_have(call, joints):
-    said = call("run", joints, "--at", "crank=0")
-    assert said.code == 2
-    assert 'no driver "crank"' in said.err
-    said = call("run", joints, "--want", "joint.Q.reaction")
-    assert said.code == 2
-    assert "joint.S.reaction" in said.err
-
-
 def test_a_gap_names_the_group_with_its_links(call, joints):
     document = json.loads(joints.read_text(encoding="utf-8"))
     document["joints"]["S"]["at"][0] = [0.3, 0.25]  # the guide is out of reach half of the turn
@@ -198,22 +173,6 @@ def test_a_gap_names_the_group_with_its_links(call, joints):
     assert "driver.motor.q" in said.out
 
 
-def test_simulate_moves_the_documents_driver(call, joints):
-    said = call("simulate", joints, "--until", "time=0.1", "--friction", "none", "--json")
-    assert said.code == 0
-    found = json.loads(said.out)
-    Draft202012Validator(result_schema()).validate(found)
-    assert found["drivers"]["driver.motor.q"][0] == 0.3
-    assert set(found["outputs"]) == {"driver.motor.q", "driver.motor.rate"}
-
-
-def test_verify_tells_links_of_the_document(call, joints):
-    said = call("verify", joints)
-    assert (said.code, said.err) == (0, "")
-    assert "forces on piston" in said.out
-    assert "two routes to driver.motor.drive" in said.out
-
-
 def test_limits_and_extremes_speak_of_the_documents_driver(call, joints):
     said = call("limits", joints)
     assert (said.code, said.out) == (0, "driver.motor.q: turns fully\n")
@@ -224,16 +183,6 @@ def test_limits_and_extremes_speak_of_the_documents_driver(call, joints):
     assert "link.piston.p.x  minimum" in said.out
     said = call("extremes", joints, "--stroke", "link.piston.p")
     assert "driver.motor.q" in said.out
-
-
-def test_expected_numbers_of_a_document_are_tests(call, joints):
-    said = call("test", joints)
-    assert (said.code, said.err) == (0, "")
-    assert "expect[0]: 4 numbers" in said.out
-    document = json.loads(joints.read_text(encoding="utf-8"))
-    document["expect"][0]["want"]["driver.motor.rate"] = [3.0, 3.5]
-    joints.write_text(json.dumps(document), encoding="utf-8")
-    assert call("test", joints).code == 1
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 
-import pytest
 from jsonschema import Draft202012Validator
 
 from blockmech.blocks import REGISTRY
-from blockmech.export import result_schema
 from tests.model.documents import DOCUMENTS
 
 
@@ -33,19 +31,6 @@ def test_blocks_gives_parameters_with_units_and_defaults(call):
     crank = next(part for part in text.split("\n\n") if part.startswith("driver.crank"))
     assert "  parameter   length [m], optional\n" in crank
     assert "  parameter   offset [rad] = 0.0\n" in crank
-
-
-def test_schema_of_a_result_is_that_of_python(call):
-    said = call("schema", "result")
-    assert (said.code, said.err) == (0, "")
-    assert json.loads(said.out) == result_schema()
-
-
-@pytest.mark.parametrize("words", [[], ["graph"]])
-def test_schema_of_a_graph_accepts_a_graph(call, ruiz, words):
-    schema = json.loads(call("schema", *words).out)
-    Draft202012Validator.check_schema(schema)
-    Draft202012Validator(schema).validate(json.loads(ruiz.read_text(encoding="utf-8")))
 
 
 def test_a_printed_result_keeps_the_printed_schema(call, ruiz):

@@ -20,11 +20,6 @@ def test_limits_prints_the_arcs_and_what_ends_them(call, short):
     assert call("limits", short, "--deg").out == found(short).text(degrees=True) + "\n"
 
 
-def test_limits_as_json_are_those_of_python(call, short):
-    told = json.loads(call("limits", short, "--json").out)
-    assert told["limits"] == [found(short).to_dict()]
-
-
 def test_each_driver_is_moved_with_the_others_held(call, fivebar):
     said = call("limits", fivebar, "--at", "left=0", "--at", "right=60deg", "--json")
     told = json.loads(said.out)["limits"]

@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
-from blockmech.cli import main
 
 PYTHON = (sys.executable, "-m", "blockmech")
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="pipes and devices of POSIX")
@@ -48,13 +47,6 @@ def test_help_names_the_command(call, words):
     said = call(*words)
     assert "Usage: blockmech" in said.out + said.err
     assert said.code == (2 if not words else 0)  # a call without a command is not complete
-
-
-def test_an_unknown_command_is_one_sentence(call):
-    said = call("simulatte", "x.json")
-    assert said.code == 2
-    assert "simulatte" in said.err
-    assert said.err.count("\n") == 1
 
 
 def no_json(path: Path) -> Path:
@@ -173,12 +165,6 @@ def test_old_consoles_get_a_question_mark_for_letters_they_lack(tmp_path):
     assert "größe_?".encode("cp1252") in answers[0][0]
     assert "????????".encode("cp1252") in answers[1][0]
     assert json.loads(answers[3][0]) == g.run(at=[1.0]).to_dict()
-
-
-def test_main_reads_the_words_of_the_process(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["blockmech", "--version"])
-    assert main() == 0
-    assert capsys.readouterr().out == f"blockmech {bm.__version__}\n"
 
 
 def test_importing_blockmech_leaves_the_command_line_out():

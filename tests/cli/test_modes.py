@@ -32,11 +32,6 @@ def test_modes_prints_branches_arcs_and_what_merges(call, short):
     assert "merges with arc 2" in said.out
 
 
-def test_angles_in_degrees_on_request(call, short):
-    said = call("modes", short, "--at", "60deg", "--deg")
-    assert "crank.q = 60 deg: 2 modes" in said.out
-
-
 def test_modes_as_json_are_those_of_python(call, triad):
     told = json.loads(call("modes", triad, "--at", "2.8,5", "--json").out)
     assert told == {"file": str(triad), **found(triad, [2.8, 5.0]).to_dict()}
@@ -48,12 +43,6 @@ def test_without_arcs_only_the_modes_are_listed(call, triad):
     said = call("modes", triad, "--no-arcs", "--group", "triad")
     assert said.out == f"{found(triad, arcs=False)}\n"
     assert "along" not in said.out
-
-
-def test_with_two_drivers_arcs_are_along_the_one_that_is_named(call, fivebar):
-    at = ("--at", "left=0", "--at", "right=60deg")
-    assert "along" not in call("modes", fivebar, *at).out
-    assert "along right.q" in call("modes", fivebar, *at, "--driver", "right").out
 
 
 def test_wrong_calls_say_what_to_do(call, fivebar, short):

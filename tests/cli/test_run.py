@@ -83,19 +83,6 @@ def test_a_slide_is_given_in_metres(call, slide, text):
     assert json.loads(said.out) == computed(slide, at=[0.1])
 
 
-def test_a_slide_is_not_given_in_degrees(call, slide):
-    said = call("run", slide, "--at", "10deg")
-    assert said.code == 2
-    assert '"10deg" is not a number' in said.err
-    assert "m or mm" in said.err
-
-
-def test_flags_do_not_change_the_exit_code(call, ruiz):
-    said = call("run", ruiz, "--at", "0")
-    assert said.code == 0
-    assert "flag zero-relative-speed at dyad.C" in said.out
-
-
 # -- gaps ------------------------------------------------------------------------------
 
 
@@ -105,13 +92,6 @@ def test_a_sample_without_an_answer_gives_exit_code_1_and_the_rest(call, short):
     assert json.loads(said.out) == computed(short, at=[0.3, 3.0, 6.0])
     assert "no answer at 1 of 3 samples" in said.err
     assert "no-assembly at dyad, 1 sample: crank.q = 3 rad" in said.err
-
-
-def test_the_table_names_gaps(call, short):
-    said = call("run", short)
-    assert said.code == 1
-    assert "no-assembly" in said.out
-    assert "nan" not in said.out
 
 
 def test_gaps_can_be_refused_and_then_nothing_is_written(call, short, tmp_path):
@@ -128,13 +108,6 @@ def test_a_run_can_stop_before_the_first_gap(call, short):
     assert said.code == 1
     assert json.loads(said.out) == computed(short, at=[0.3, 0.4])
     assert "no answer at 1 of 4 samples" in said.err
-
-
-def test_a_table_that_stops_before_a_gap_is_followed_by_why(call, short):
-    said = call("run", short, "--at", "0.3,0.4,3,6", "--on-gap", "stop")
-    assert said.code == 1
-    assert "2 samples" in said.out
-    assert "no-assembly at dyad, 1 sample: crank.q = 3 rad" in said.err
 
 
 # -- files ------------------------------------------------------------------------------
@@ -204,32 +177,6 @@ def test_out_writes_a_folder_of_results_and_pictures(call, ruiz, tmp_path):
     assert all((place / name).stat().st_size > 1000 for name in pictures)
 
 
-@pytest.mark.parametrize("name", ["x.svg", "x.png", "x.pdf"])
-def test_plot_draws_the_wanted_outputs(call, ruiz, tmp_path, name):
-    words = ("--samples", "9", "--want", "crank.drive", "--plot", tmp_path / name)
-    said = call("run", ruiz, *words)
-    assert said.code == 0
-    assert said.out.splitlines()[-1] == f"wrote {tmp_path / name}"
-    assert (tmp_path / name).stat().st_size > 1000
-
-
-def test_plot_names_the_unit_of_the_angle(call, ruiz, tmp_path):
-    words = ("run", ruiz, "--samples", "9", "--want", "dyad.margin", "--plot", tmp_path / "x.svg")
-    call(*words)
-    radians = (tmp_path / "x.svg").read_text(encoding="utf-8")
-    call(*words, "--deg")
-    degrees = (tmp_path / "x.svg").read_text(encoding="utf-8")
-    assert "crank.q [rad]" in radians
-    assert "crank.q [°]" in degrees
-
-
-def test_a_run_that_stops_at_once_still_writes_its_head(call, short, tmp_path):
-    said = call("run", short, "--at", "3", "--on-gap", "stop", "--csv", tmp_path / "x.csv")
-    assert said.code == 1
-    (head,) = (tmp_path / "x.csv").read_text(encoding="utf-8").splitlines()
-    assert head.startswith("crank.q [rad],")
-
-
 # -- the call is wrong --------------------------------------------------------------------
 
 WRONG_CALLS = [
@@ -278,12 +225,6 @@ def test_a_wrong_call_is_one_sentence_and_exit_code_2(
     assert said.err.count("\n") == 1
     assert "Traceback" not in said.err
     assert os.listdir(tmp_path) == ["ruiz.json"]
-
-
-def test_all_wrong_drivers_are_named_at_once(call, fivebar):
-    said = call("run", fivebar, "--at", "lift=1", "--at", "right=x")
-    assert said.code == 2
-    assert len(said.err.splitlines()) == 2
 
 
 def test_a_driver_without_a_law_asks_for_samples(call, fivebar):

@@ -96,12 +96,6 @@ def test_the_abscissa_is_the_drivers_coordinate_in_degrees_or_radians():
     assert abscissa(toggle().run(samples=3)).words == "ram.q [m]"
 
 
-def test_a_law_of_time_is_drawn_over_time():
-    result = rocking_slide().run(samples=11)
-    assert abscissa(result).words == "time [s]"
-    assert abscissa(result, over="coordinate").words == "ram.q [m]"
-
-
 def test_a_motion_under_loads_is_drawn_over_time_for_its_driver_may_come_back():
     swing = watt().compile().simulate("swings=2", start={"crank": (0.0, 0.0)})
     assert abscissa(swing).words == "time [s]"
@@ -173,14 +167,6 @@ def test_legends_cover_no_axes_and_stay_on_the_page(scene):
             assert not any(word.overlaps(frame) for frame in frames)
 
 
-def test_curves_of_one_panel_differ_in_colour_and_dashes():
-    result = ruiz().run(samples=9)
-    (axes,) = drawn(result, "reactions").axes
-    named = [x for x in axes.lines if x.get_label() != "without friction"]
-    assert len({x.get_color() for x in named}) == len(named) == 4
-    assert len({(x.get_linestyle(), x._unscaled_dash_pattern[1]) for x in named}) == 4
-
-
 def test_many_joints_get_a_panel_for_each_few_blocks():
     panels = pictures_of(chain(8).run(samples=5))["reactions"]
     assert len(panels) > 1
@@ -207,9 +193,7 @@ def test_too_many_curves_are_refused():
     [
         ("N m", 12000.0, (1e-3, "kN m")),
         ("N", 1200.0, (1.0, "N")),
-        ("W", 3e7, (1e-6, "MW")),
         ("J", 2e-5, (1e6, "µJ")),
-        ("N", 0.0, (1.0, "N")),
         ("rad/s", 1e5, (1.0, "rad/s")),
         ("", 1e5, (1.0, "")),
     ],
@@ -227,12 +211,6 @@ def test_run_pictures_writes_one_picture_a_kind(tmp_path):
             assert image.width / 300 * 2.54 == pytest.approx(8.5, abs=0.05)
     (only,) = run_pictures(fourbar().run(samples=5), tmp_path)
     assert only.name == "kinematics.png"
-
-
-def test_a_folder_that_is_a_file_is_refused(tmp_path):
-    (tmp_path / "taken").write_text("x", encoding="utf-8")
-    with pytest.raises(bm.RequestError, match="cannot-write"):
-        run_pictures(ruiz().run(samples=3), tmp_path / "taken")
 
 
 def test_a_plot_holds_all_pictures_of_a_run_or_what_was_wanted(tmp_path):

@@ -14,9 +14,8 @@ from matplotlib.colors import to_hex
 import blockmech as bm
 from blockmech import Graph
 from blockmech.draw import diagram_svg, palette
-from blockmech.draw.diagram import Diagram, draw_diagram, shifted
+from blockmech.draw.diagram import Diagram, draw_diagram
 from blockmech.draw.paper import styled
-from blockmech.model.diagram import UnknownBlock
 from tests.draw.scenes import cyclic, quick_return, rocking_slide, slider_crank, unfinished
 from tests.wiring import chain, ruiz, toggle, watt, wire
 
@@ -27,21 +26,17 @@ LONG = "a name that goes on and on for much longer than any box should be"
 
 def odd_names() -> Graph:
     """Names that a picture could choke on."""
-    g = Graph("odd", title="<script>alert(1)</script> & more")
+    g = Graph("odd", title="<script>alert(1)</script> & more \x07 and \x00")
     g.add("frame", bm.Frame(markers={"$A_1$": (0.0, 0.0), "D]]>": (5.0, 0.0)}))
     g.add(LONG, bm.Crank(length=2.0))
     g.add("<dyad>&\"'", bm.RRR(l_i=6.0, l_j=3.0))
     g.add("中文\\n", bm.Force(force=(0.0, -1.0)))
-    return wire_by_pairs(
-        g,
+    pairs = (
         ("frame.$A_1$", f"{LONG}.A"),
         (f"{LONG}.B", "<dyad>&\"'.B"),
         ("frame.D]]>", "<dyad>&\"'.D"),
         ("<dyad>&\"'.C", "中文\\n.at"),
     )
-
-
-def wire_by_pairs(g: Graph, *pairs: tuple[str, str]) -> Graph:
     for source, target in pairs:
         g.connect(source, target)
     return g
@@ -160,18 +155,13 @@ def test_a_load_that_reads_its_marker_gets_motion_forward():
     assert "forward:dyad.j -> couple.on" not in heads
 
 
-def test_the_structural_formula_is_the_subtitle():
-    words = [t.get_text() for t in draw_diagram(ruiz()).labels]
-    assert words[1] == "I(crank: 0,1) → II RRR(dyad: 2,3)"
-
-
 def test_a_joint_without_a_wire_is_red_and_others_are_not():
     drawn = draw_diagram(unfinished())
     red = palette.ALARM.lower()
     unwired = labelled(drawn, "unwired:")
     assert {a.get_label() for a in unwired} == {"unwired:dyad.D", "unwired:load.at"}
-    assert {to_hex(a.get_edgecolor()) for a in unwired} == {red}
-    assert all(to_hex(a.get_edgecolor()) != red for a in labelled(drawn, "port:"))
+    assert {to_hex(a.get_markeredgecolor()) for a in unwired} == {red}
+    assert all(to_hex(a.get_markeredgecolor()) != red for a in labelled(drawn, "port:"))
     texts = {t.get_text(): to_hex(t.get_color()) for t in drawn.labels}
     assert texts["D (R)"] == red
     assert texts["A (R)"] != red
@@ -202,16 +192,8 @@ def test_names_come_back_from_the_svg_as_they_are():
     texts = [t.text for t in root.iter(f"{SVG}text")]
     assert "<dyad>&\"'" in texts
     assert "$A_1$" in texts
-    assert any(t and t.startswith("<script>") for t in texts)
+    assert any(t and t.startswith("<script>") and "\\x07" in t for t in texts)
     assert not list(root.iter(f"{SVG}script"))
-
-
-def test_control_characters_leave_the_svg_well_formed():
-    g = Graph("bell \x07 and \x00")
-    g.add("frame", bm.Frame())
-    g.add("x", UnknownBlock("a\x1bb", {}))
-    root = ElementTree.fromstring(diagram_svg(g))
-    assert any("\\x07" in (t.text or "") for t in root.iter(f"{SVG}text"))
 
 
 def test_the_same_graph_gives_the_same_svg_in_any_process():
@@ -255,11 +237,6 @@ def test_a_very_long_chain_is_cut_and_says_so():
     assert len(drawn.content.blocks) == 40
     assert drawn.labels[1].get_text().startswith("first 40 of 102 blocks")
     assert not labelled(drawn, "unwired:")
-
-
-def test_a_way_that_is_moved_aside_keeps_its_corners():
-    moved = shifted([(0.0, 0.0), (10.0, 0.0), (10.0, 20.0), (30.0, 20.0)], 1.0)
-    assert moved == [(0.0, -1.0), (11.0, -1.0), (11.0, 19.0), (30.0, 19.0)]
 
 
 def test_drawing_needs_no_pyplot_and_importing_no_matplotlib():

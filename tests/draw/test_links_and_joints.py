@@ -49,11 +49,6 @@ def test_paths_are_those_of_the_documents_markers(crank):
         paths_of(motion, ["rod_piston.C"])
 
 
-def test_without_markers_pins_between_moving_links_are_followed():
-    motion = moves(linkage(DOCUMENTS["shaper"]()).compile(), samples=9)
-    assert list(paths_of(motion, None)) == ["joint.C"]
-
-
 def test_an_arrow_shows_where_the_driven_link_goes_however_its_joint_is_named(crank):
     other = linkage(flipped(DOCUMENTS["slider_crank"](), "O"))
     ways = []

@@ -10,10 +10,28 @@ from __future__ import annotations
 import sys
 import traceback
 from collections.abc import Sequence
+from typing import Annotated, Any
 
+import typer
+
+import blockmech
+from blockmech.cli.analyses import check, extremes, limits, modes, verify
+from blockmech.cli.decompose import decompose
+from blockmech.cli.describe import blocks, schema
+from blockmech.cli.draw import draw
+from blockmech.cli.new import new
+from blockmech.cli.run import run
+from blockmech.cli.simulate import simulate
+from blockmech.cli.terminal import say
+from blockmech.cli.test import test
+from blockmech.cli.trade import trade
 from blockmech.errors import BlockmechError, SampleError
 
 DONE, NO_ANSWER, WRONG, FAULT, INTERRUPTED = 0, 1, 2, 3, 130
+COMMANDS = (
+    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade),
+    *(test, new, blocks, schema),
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -22,12 +40,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     ``--debug`` may stand anywhere and shows the traceback of a user error.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    debug = "--debug" in words
-    _never_choke()
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # an old console shows ? for letters that it lacks
+            stream.reconfigure(errors="replace")
     try:
         return _run([w for w in words if w != "--debug"])
     except BlockmechError as error:
-        if debug:
+        if "--debug" in words:
             traceback.print_exc()
         else:
             print(error, file=sys.stderr)
@@ -46,8 +65,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(words: list[str]) -> int:
     """Let typer find and call the command; its own refusals become one sentence."""
-    from blockmech.cli.app import command
-
     try:
         code = command().main(args=words, prog_name="blockmech", standalone_mode=False)
     except Exception as error:
@@ -69,8 +86,35 @@ def _run(words: list[str]) -> int:
     return code if isinstance(code, int) else DONE
 
 
-def _never_choke() -> None:
-    """Consoles without Unicode get a question mark in place of a crash."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
+def command() -> Any:
+    """The whole application as one command that can be called."""
+    app = typer.Typer(
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        no_args_is_help=True,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(_shared)
+    for function in COMMANDS:
+        app.command()(function)
+    return typer.main.get_command(app)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        say(f"blockmech {blockmech.__version__}")
+        raise typer.Exit
+
+
+def _shared(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Show the version.", is_eager=True, callback=_version),
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show the traceback of an error, anywhere.")
+    ] = False,
+) -> None:
+    """Planar mechanisms as block diagrams: run, simulate, check and draw a graph file."""
+    # --debug is read by `main`, which also takes it after the command.

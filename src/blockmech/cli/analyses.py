@@ -7,19 +7,10 @@ from typing import Annotated, Any
 import typer
 
 from blockmech.builders import Graph, Opened, opened, problems_in
+from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.options import (
-    AsJson,
-    At,
-    DegreesOfText,
-    GraphFile,
-    compiled,
-    option,
-    refused,
-    si_only,
-    switch,
-)
-from blockmech.cli.terminal import note, patience, say, say_data
+from blockmech.cli.options import AsJson, At, DegreesOfText, option, refused, si_only, switch
+from blockmech.cli.terminal import answer, note, progress_bar
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:
@@ -29,50 +20,44 @@ def check(file: GraphFile, json: AsJson = False) -> None:
     from being a mechanism.
     """
     problems = problems_in(file)
-    if json:
-        facts = {} if problems else _facts(opened(file))
-        rows = [p.to_dict() for p in problems]
-        say_data(file, {"ok": not problems, **facts, "problems": rows})
-    elif problems:
+    if problems and not json:
         note(*map(str, problems))
     else:
-        found = opened(file)
-        say(repr(found))
-        if not isinstance(found, Graph):
-            say(f"mobility {found.compile().structure.mobility}")
+        facts, text = ({}, "") if problems else _facts(opened(file))
+        rows = [p.to_dict() for p in problems]
+        answer(file, json, {"ok": not problems, **facts, "problems": rows}, text)
     if problems:
         raise typer.Exit(2)
 
 
-def _facts(found: Opened) -> dict[str, Any]:
+def _facts(found: Opened) -> tuple[dict[str, Any], str]:
+    """What a mechanism is, as data and as text."""
+    text = repr(found)
     if isinstance(found, Graph):
         structure = found.structure()
         formula = structure.formula
     else:
         made = found.decompose()
         structure, formula = made.graph.structure(), str(made.formation)
+        text += f"\nmobility {structure.mobility}"
     return {
         "graph": found.name,
         "links": len(structure.links) - 1,
         "pairs": structure.pairs,
         "mobility": structure.mobility,
         "formula": formula,
-    }
+    }, text
 
 
 def verify(file: GraphFile, at: At = None, json: AsJson = False) -> None:
     """Check balances, powers and the two routes to the driving moment."""
     mechanism = compiled(file)
     given = coordinates(mechanism, at or [])
-    with patience("verifying"):
+    with progress_bar("verifying"):
         found = mechanism.verify(**({} if given is None else {"at": given}))
-    if json:
-        rows = [
-            {"name": r.name, "value": r.value, "allowed": r.allowed, "ok": r.ok} for r in found.rows
-        ]
-        say_data(file, {"ok": found.ok, "rows": rows})
-    else:
-        say(str(found))
+    keys = ("name", "value", "allowed", "ok")
+    rows = [{key: getattr(row, key) for key in keys} for row in found.rows]
+    answer(file, json, {"ok": found.ok, "rows": rows}, str(found))
     if not found.ok:
         raise typer.Exit(1)
 
@@ -90,24 +75,21 @@ def limits(
     """Find the arcs of each driver on which the mechanism closes."""
     si_only(json, deg)
     mechanism = compiled(file)
+    moving = mechanism.drivers if driver is None else (driver,)
     held = {}
     for name, row in (coordinates(mechanism, at or []) or {}).items():
         if len(row) != 1:
             raise refused(f"--at {name}", f"it names {len(row)} places", "give one number")
-        held[name] = row[0]
-    moving = mechanism.drivers if driver is None else (driver,)
-    for name in held:
         if moving == (name,):
             raise refused(f"--at {name}", "this driver is the one that moves", "hold another one")
-    with patience("searching"):
+        held[name] = row[0]
+    with progress_bar("searching"):
         found = [
             mechanism.limits(moved, {d: q for d, q in held.items() if d != moved})
             for moved in moving or (None,)
         ]
-    if json:
-        say_data(file, {"limits": [f.to_dict() for f in found]})
-    else:
-        say("\n".join(f.text(degrees=deg) for f in found))
+    text = "\n".join(f.text(degrees=deg) for f in found)
+    answer(file, json, {"limits": [f.to_dict() for f in found]}, text)
 
 
 def modes(
@@ -124,14 +106,10 @@ def modes(
     """List all assembly modes of each group, what chooses them, and where they exist."""
     si_only(json, deg)
     mechanism = compiled(file)
-    with patience("searching"):
-        found = mechanism.modes(
-            coordinates(mechanism, at or []), driver=driver, groups=group or None, arcs=not no_arcs
-        )
-    if json:
-        say_data(file, found.to_dict())
-    else:
-        say(found.text(degrees=deg))
+    given = coordinates(mechanism, at or [])
+    with progress_bar("searching"):
+        found = mechanism.modes(given, driver=driver, groups=group or None, arcs=not no_arcs)
+    answer(file, json, found.to_dict(), found.text(degrees=deg))
 
 
 def extremes(
@@ -146,9 +124,7 @@ def extremes(
 ) -> None:
     """Find extremes of outputs over the cycle, refined beyond the samples."""
     mechanism = compiled(file)
-    with patience("searching"):
+    with progress_bar("searching"):
         found = [mechanism.stroke(n) if stroke else mechanism.extremes(n) for n in names]
-    if json:
-        say_data(file, {"strokes" if stroke else "extremes": [f.to_dict() for f in found]})
-    else:
-        say("\n".join(map(str, found)))
+    rows = [f.to_dict() for f in found]
+    answer(file, json, {"strokes" if stroke else "extremes": rows}, "\n".join(map(str, found)))

@@ -10,7 +10,7 @@ import typer
 
 from blockmech.builders import Graph, opened
 from blockmech.cli.options import AsJson, refused, spare
-from blockmech.cli.terminal import say, say_data
+from blockmech.cli.terminal import answer
 from blockmech.export import aligned
 from blockmech.model.naming import JointName
 from blockmech.model.structure import Structure
@@ -49,11 +49,8 @@ def decompose(
     made = found.decompose(general.value if general else "")
     if output is not None:
         made.graph.save(output)
-    if json:
-        say_data(file, as_data(made))
-        return
-    lines = list(as_text(made))
-    say("\n".join([*lines, *([f"wrote {output}"] if output is not None else [])]))
+    lines = [*as_text(made), *([f"wrote {output}"] if output is not None else [])]
+    answer(file, json, as_data(made), "\n".join(lines))
 
 
 def as_data(made: Decomposition) -> dict[str, Any]:
@@ -85,25 +82,25 @@ def as_text(made: Decomposition) -> Iterator[str]:
         f"{len(structure.links) - 1} moving links, {structure.pairs} pairs, "
         f"mobility {structure.mobility}"
     )
-    joints = [
-        (
-            name,
+    yield from _table(
+        ("link", "block.link"), {n: [str(w.link)] for n, w in made.names.links.items()}
+    )
+    joints = {
+        name: [
             " + ".join(_pairs(where)),
             structure.joint(where.joint).kind,
             "second link first" if _is_turned(where) else "",
-        )
+        ]
         for name, where in made.names.joints.items()
-    ]
-    for head, rows in (
-        (("link", "block.link"), [(n, str(w.link)) for n, w in made.names.links.items()]),
-        (("joint", "block.joint", "kind", ""), joints),
-        (
-            ("driver", "block.joint", "coordinate of the joint"),
-            [(name, str(j), _counted(structure, name)) for name, j in structure.driven.items()],
-        ),
-    ):
-        if rows:
-            yield from ("", *aligned(head, rows))
+    }
+    yield from _table(("joint", "block.joint", "kind", ""), joints)
+    drivers = {n: [str(j), _counted(structure, n)] for n, j in structure.driven.items()}
+    yield from _table(("driver", "block.joint", "coordinate of the joint"), drivers)
+
+
+def _table(head: tuple[str, ...], rows: dict[str, list[str]]) -> Iterator[str]:
+    if rows:
+        yield from ("", *aligned(head, [[name, *row] for name, row in rows.items()]))
 
 
 def _pairs(where: JointName) -> list[str]:

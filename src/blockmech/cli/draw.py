@@ -8,9 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from blockmech.builders import opened
+from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.options import At, GraphFile, compiled, names_of
-from blockmech.cli.terminal import patience, say
+from blockmech.cli.options import At, names_of
+from blockmech.cli.terminal import progress_bar, say
 
 Picture = Annotated[
     str,
@@ -52,7 +53,7 @@ def draw(
         subject = compiled(file)
     if kind in ("mechanism", "animation"):
         given = coordinates(subject, at or [])
-    with patience("drawing"):
+    with progress_bar("drawing"):
         names = names_of(want) or ("*",)
         path = drawn(subject, picture, kind, given, want=names)  # type: ignore[arg-type]
     say(f"wrote {path}")

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.mechanism import Mechanism
 
 UNITS = {"rad": {"": 1.0, "rad": 1.0, "deg": math.pi / 180}, "m": {"": 1.0, "m": 1.0, "mm": 1e-3}}
 RATES = {of: units | {f"{u}/s": x for u, x in units.items() if u} for of, units in UNITS.items()}
@@ -20,7 +20,7 @@ ROW = ("numbers are separated by commas and", "write for example 0,0.5,1")
 Read = TypeVar("Read")
 
 
-def coordinates(mechanism: Mechanism, given: list[str]) -> dict[str, list[float]] | None:
+def coordinates(mechanism: Compiled, given: list[str]) -> dict[str, list[float]] | None:
     """Driver coordinates from the ``--at`` options, one for each driver; None without any.
 
     ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several.
@@ -29,7 +29,7 @@ def coordinates(mechanism: Mechanism, given: list[str]) -> dict[str, list[float]
     return _by_driver(mechanism, given, "--at", "0,1", lambda at, x, of: row(at, x, UNITS[of]))
 
 
-def starts(mechanism: Mechanism, given: list[str]) -> dict[str, tuple[float, float]] | None:
+def starts(mechanism: Compiled, given: list[str]) -> dict[str, tuple[float, float]] | None:
     """Driver -> (q [rad or m], rate) from the ``--start`` options; None without any.
 
     ``1.2,-3deg/s`` for the one driver, ``crank=60deg`` by name with several; without a rate
@@ -39,7 +39,7 @@ def starts(mechanism: Mechanism, given: list[str]) -> dict[str, tuple[float, flo
 
 
 def _by_driver(
-    mechanism: Mechanism,
+    mechanism: Compiled,
     given: list[str],
     option: str,
     example: str,
@@ -84,22 +84,20 @@ def _unknown(where: str, name: str, drivers: Sequence[str], example: str) -> Pro
 
 def _start(where: str, text: str, unit: str) -> tuple[float, float]:
     """Coordinate and rate of one driver, whose coordinate is in ``unit``."""
-    q, *rates = text.split(",")
-    if len(rates) > 1:
-        found = f"{1 + len(rates)} numbers"
-        raise RequestError(_problem(where, found, "a start is the coordinate, then the rate", ""))
-    numbers = [0.0, 0.0]
+    parts, found = text.split(","), [0.0, 0.0]
     problems: list[Problem] = []
-    asked = [(q, UNITS[unit], f"a coordinate is in {unit} and")]
-    asked += [(rate, RATES[unit], f"a rate is in {unit}/s and") for rate in rates]
-    for i, (part, units, valid) in enumerate(asked):
+    if len(parts) > 2:
+        valid = "a start is the coordinate, then the rate"
+        raise RequestError(_problem(where, f"{len(parts)} numbers", valid, ""))
+    asked = [(UNITS[unit], f"a coordinate is in {unit}"), (RATES[unit], f"a rate is in {unit}/s")]
+    for i, (part, (units, valid)) in enumerate(zip(parts, asked, strict=False)):
         try:
-            numbers[i] = _number(where, part, units, (valid, ""))
+            found[i] = _number(where, part, units, (f"{valid} and", ""))
         except RequestError as error:
             problems += error.problems
     if problems:
         raise RequestError(problems)
-    return numbers[0], numbers[1]
+    return found[0], found[1]
 
 
 def times(text: str | None) -> list[float] | None:

@@ -7,36 +7,26 @@ from typing import Annotated, Any
 
 import typer
 
+from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.numbers import coordinates, times
 from blockmech.cli.options import (
     At,
-    Csv,
-    Decimal,
-    Degrees,
     Explain,
     Friction,
-    GraphFile,
     Iterations,
-    Json,
-    Out,
-    Plot,
     Samples,
-    Separator,
     Static,
     Times,
     Tolerance,
     Want,
-    check_ways,
-    compiled,
     names_of,
     option,
-    spelled,
 )
-from blockmech.cli.terminal import note, patience, say, show
+from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
+from blockmech.cli.terminal import note, progress_bar, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines
 from blockmech.failures import without_gaps
-from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 
 Accuracy = Annotated[
@@ -75,36 +65,26 @@ def run(
     Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that
     some sample has no answer.
     """
-    check_ways(file, json, out, csv, plot, deg)
+    output = Output(file, json, out, csv, plot, deg, separator, decimal)
     mechanism = compiled(file)
-    names = names_of(want)
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-    plan: dict[str, Any] = {"want": names or EVERYTHING, "static": static, **settings}
+    request: dict[str, Any] = {"want": names_of(want) or EVERYTHING, "static": static, **settings}
     if explain:
-        say(mechanism.explain(**plan | {"friction": friction or "newton"}))
+        say(mechanism.explain(**request | {"friction": friction or "newton"}))
         return
-    given = coordinates(mechanism, at or [])
-    taken = {"at": given, "samples": samples, "times": times(at_times)}
-    how = {"engine": engine, "precision": precision, "accuracy": accuracy}
-    result, gaps = _computed(mechanism, {**plan, **taken, **how}, on_gap, deg)
+    request |= {"at": coordinates(mechanism, at or []), "samples": samples}
+    request |= {"times": times(at_times), "engine": engine, "precision": precision}
+    with progress_bar("computing"):
+        result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")
+        gaps = gap_lines(result, deg)
+        result = without_gaps(result, on_gap, mechanism.feasible)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    ways: dict[str, Any] = {"json": json, "out": out, "csv": csv, "plot": plot}
-    show(result, spelled(separator, decimal, deg), _pictures, **ways, gaps=gaps)
-    if on_gap == "stop" and not (json or csv == "-"):  # the table does not reach them
+    output.show(result, _pictures, gaps)
+    if on_gap == "stop" and not output.is_data:  # the table does not reach them
         note(*gaps)
     if gaps:
         raise typer.Exit(1)
-
-
-def _computed(
-    mechanism: Mechanism, request: dict[str, Any], on_gap: str, degrees: bool
-) -> tuple[Result, list[str]]:
-    """The result, and lines about samples without an answer."""
-    with patience("computing"):
-        result = mechanism.run(**request, on_gap="mark")
-        gaps = gap_lines(result, degrees)
-        return without_gaps(result, on_gap, mechanism.feasible), gaps
 
 
 def _pictures(result: Result, folder: Path, degrees: bool) -> None:

@@ -7,30 +7,21 @@ from typing import Annotated, Any
 
 import typer
 
+from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
 from blockmech.cli.options import (
-    Csv,
-    Decimal,
-    Degrees,
     Explain,
     Friction,
-    GraphFile,
     Iterations,
-    Json,
-    Out,
-    Plot,
-    Separator,
     Times,
     Tolerance,
     Want,
-    check_ways,
-    compiled,
     names_of,
     option,
-    spelled,
 )
-from blockmech.cli.terminal import progress_bar, say, show
+from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
+from blockmech.cli.terminal import progress_bar, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines
 from blockmech.result import Result
@@ -87,7 +78,7 @@ def simulate(
     motion ended before some wanted time, or that none could be computed. Ctrl-C ends the
     run: what was computed until then is shown or written, and the exit code is 130.
     """
-    check_ways(file, json, out, csv, plot, deg)
+    output = Output(file, json, out, csv, plot, deg, separator, decimal)
     mechanism = compiled(file)
     names = names_of(want) or (EVERYTHING if out is not None else DRIVERS)
     settings = {"tolerance": tolerance, "iterations": iterations}
@@ -98,7 +89,7 @@ def simulate(
         say(mechanism.explain(names, **rubs), "\n\n", evaluation_cost(mechanism, **rubs))
         return
     given, begun = times(at_times), starts(mechanism, start or [])
-    with progress_bar("simulating", quiet=json or csv == "-") as told:
+    with progress_bar("simulating", quiet=output.is_data) as told:
         result = mechanism.simulate(
             until,
             method=method,
@@ -112,9 +103,7 @@ def simulate(
             **settings,
         )
         gaps = gap_lines(result, deg)
-    ways: dict[str, Any] = {"json": json, "out": out, "csv": csv, "plot": plot}
-    lines = ["", *motion_lines(result, deg)]
-    show(result, spelled(separator, decimal, deg), _pictures, **ways, lines=lines, gaps=gaps)
+    output.show(result, _pictures, gaps, ["", *motion_lines(result, deg)])
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):

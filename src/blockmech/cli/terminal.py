@@ -1,26 +1,21 @@
-"""Talking to the terminal: text that survives pipes and old consoles, files, and patience."""
+"""Talking to the terminal: text that survives pipes and old consoles, and patience."""
 
 from __future__ import annotations
 
 import errno
-import json as text_of
+import json
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import typer
 
-from blockmech.export import csv_chunks, json_chunks, table, write_csv
-from blockmech.files import cannot_write, folder, writing
-from blockmech.result import Result
+from blockmech.files import cannot_write
 
 PATIENCE = 1.0  # [s] after which a reader wants to see that something happens
-
-Pictures: TypeAlias = Callable[..., Any]  # (result, folder, degrees=) -> files drawn
 
 
 def say(*pieces: str, end: str = "\n") -> None:
@@ -28,9 +23,9 @@ def say(*pieces: str, end: str = "\n") -> None:
     pour([*pieces, end])
 
 
-def say_data(file: str, data: Mapping[str, Any]) -> None:
-    """Write what was found about a file as JSON."""
-    say(text_of.dumps({"file": file, **data}, indent=2))
+def answer(file: str, as_json: bool, data: Mapping[str, Any], text: str) -> None:
+    """Write what was found about a file, as JSON or as text."""
+    say(json.dumps({"file": file, **data}, indent=2) if as_json else text)
 
 
 def pour(pieces: Iterable[str]) -> None:
@@ -58,74 +53,6 @@ def note(*lines: str) -> None:
         print(line, file=sys.stderr)
 
 
-# ---- files of a result -------------------------------------------------------------------
-
-
-def show(
-    result: Result,
-    spelling: dict[str, Any],
-    pictures: Pictures,
-    *,
-    json: bool,
-    out: str | None,
-    csv: str | None,
-    plot: str | None,
-    lines: Sequence[str] = (),
-    gaps: Sequence[str] = (),
-) -> None:
-    """Print a result as data, with notes of its gaps; or write what is asked for, and a table.
-
-    ``spelling`` is how numbers stand, ``pictures`` draws into a folder, ``lines`` follow the
-    table.
-    """
-    if json or csv == "-":
-        pour(json_chunks(result) if json else csv_chunks(result, **spelling))
-        note(*gaps)
-        return
-    files = [f"wrote {path}" for path in _written(result, spelling, out, csv, plot, pictures)]
-    say("\n".join([table(result, degrees=spelling["degrees"]), *lines, *files]))
-
-
-def _written(
-    result: Result,
-    spelling: dict[str, Any],
-    out: str | None,
-    csv: str | None,
-    plot: str | None,
-    pictures: Pictures,
-) -> list[Path]:
-    """Write what is asked for."""
-    if csv is not None:
-        with patience("writing"):
-            write_csv(csv_chunks(result, **spelling), csv)
-        return [Path(csv)]
-    if plot is not None:
-        from blockmech.draw import plot as plotted
-
-        with patience("drawing"):
-            return [plotted(result, plot, degrees=spelling["degrees"])]
-    if out is None:
-        return []
-    with patience("writing and drawing"), folder(out) as draft:  # all or none
-        write_csv(csv_chunks(result, **spelling), draft / "results.csv")
-        with writing(draft / "result.json") as stream:
-            for chunk in json_chunks(result):
-                stream.write(chunk.encode())
-        pictures(result, draft, degrees=spelling["degrees"])
-        names = sorted(path.name for path in draft.iterdir())
-    return [Path(out) / name for name in names]
-
-
-# ---- patience ----------------------------------------------------------------------------
-
-
-@contextmanager
-def patience(what: str) -> Iterator[None]:
-    """Show on a terminal that a block which lasts over a second is at work."""
-    with progress_bar(what):
-        yield
-
-
 @contextmanager
 def progress_bar(
     what: str, quiet: bool = False, still: bool = False
@@ -139,27 +66,19 @@ def progress_bar(
     if quiet or not sys.stderr.isatty():
         yield None
         return
-    shown: list[Any] = []
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    def show() -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-        parts = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-        console = Console(stderr=True)
-        bar = Progress(*parts, console=console, transient=True, auto_refresh=not still)
-        bar.add_task(what, total=None)
-        bar.start()
-        shown.append(bar)
+    parts = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    bar = Progress(*parts, console=console, transient=True, auto_refresh=not still)
+    task = bar.add_task(what, total=None)
 
     def tell(said: str, done: float, whole: float | None) -> None:
-        for bar in shown:
-            description = f"{what}: {said}"
-            bar.update(bar.task_ids[0], description=description, completed=done, total=whole)
-            if still:
-                bar.refresh()
+        description = f"{what}: {said}"
+        bar.update(task, description=description, completed=done, total=whole, refresh=still)
 
-    timer = threading.Timer(PATIENCE, show)
+    timer = threading.Timer(PATIENCE, bar.start)
     timer.daemon = True
     timer.start()
     try:
@@ -167,5 +86,4 @@ def progress_bar(
     finally:
         timer.cancel()
         timer.join()
-        for bar in shown:
-            bar.stop()
+        bar.stop()

@@ -13,8 +13,8 @@ import typer
 
 from blockmech.builders import opened
 from blockmech.cli.options import AsJson
-from blockmech.cli.terminal import note, patience, say
-from blockmech.errors import BlockmechError, Problem
+from blockmech.cli.terminal import note, progress_bar, say
+from blockmech.errors import BlockmechError, Problem, in_file
 from blockmech.model.expect import Expectation
 from blockmech.testing.expectations import (
     Outcome,
@@ -26,7 +26,7 @@ from blockmech.testing.files import LEFT_OUT, graphs_of
 
 
 @dataclass
-class _Tested:
+class Tested:
     """A graph file and what became of its expectations."""
 
     file: str
@@ -37,7 +37,41 @@ class _Tested:
     @property
     def failed(self) -> bool:
         """Whether some number is not met."""
-        return any(not o.ok for _, _, outcomes in self.entries for o in outcomes)
+        return any(not o.ok for *_, outcomes in self.entries for o in outcomes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON data."""
+        entries = [
+            {
+                "entry": k,
+                "source": expectation.source,
+                "ok": all(o.ok for o in outcomes),
+                "outcomes": [o.to_dict() for o in outcomes],
+            }
+            for k, expectation, outcomes in self.entries
+        ]
+        return {
+            "file": self.file,
+            "graph": self.graph,
+            "ok": not (self.problems or self.failed),
+            "problems": [p.to_dict() for p in self.problems],
+            "entries": entries,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """One line for each entry, with a table below one that fails."""
+        for k, expectation, outcomes in self.entries:
+            failed = sum(not o.ok for o in outcomes)
+            count = f"{failed} of {len(outcomes)}" if failed else f"{len(outcomes)}"
+            numbers = "number" if count == "1" else "numbers"
+            word = "FAILS" if failed else "ok   "
+            yield f"{word}  {self.file} expect[{k}]: {count} {numbers} ({expectation.source})"
+            if failed:
+                yield from (f"       {line}" for line in failure_table(outcomes).splitlines())
+        if self.problems:
+            yield f"wrong  {self.file}"
+        elif not self.entries:
+            yield f"-      {self.file}: no expectations"
 
 
 def test(
@@ -51,23 +85,22 @@ def test(
     Of a folder all graphs are taken but those under broken and legacy. Exit code 1 says
     that a number is not met, 2 that a file is wrong.
     """
-    with patience("testing"):
+    with progress_bar("testing"):
         tested = list(_runs(paths))
-    wrong = any(t.problems for t in tested)
-    failed = any(t.failed for t in tested)
+    wrong, failed = any(t.problems for t in tested), any(t.failed for t in tested)
     if json:
-        files = [_data(t) for t in tested]
+        files = [t.to_dict() for t in tested]
         say(text_of.dumps({"ok": not (wrong or failed), "files": files}, indent=2))
     else:
         for t in tested:
-            say("\n".join(_report(t)))
+            say("\n".join(t.lines()))
             note(*map(str, t.problems))
         say(_summary(tested))
     if wrong or failed:
         raise typer.Exit(2 if wrong else 1)
 
 
-def _runs(paths: list[str]) -> Iterator[_Tested]:
+def _runs(paths: list[str]) -> Iterator[Tested]:
     """Every graph file that paths name, each once; a path without any is noted."""
     done: set[str] = set()
     for path in paths:
@@ -76,85 +109,39 @@ def _runs(paths: list[str]) -> Iterator[_Tested]:
         if not files:
             valid = f"graph files end in .json; those under {' and '.join(LEFT_OUT)} are left out"
             problem = Problem("no-file", "", "no graph file in this folder", valid, file=path)
-            yield _Tested(path, problems=[problem])
-        for file in files:
-            if file not in done:
-                done.add(file)
-                yield _tested(file)
+            yield Tested(path, problems=[problem])
+        for file in (f for f in files if f not in done):
+            done.add(file)
+            yield _tested(file)
 
 
-def _tested(file: str) -> _Tested:
+def _tested(file: str) -> Tested:
     """Run every expectation of a file; what is wrong with the file is noted."""
-    tested = _Tested(file)
+    tested = Tested(file)
     try:
         graph = opened(file)
         tested.graph = graph.name
         expectations = expectations_of(graph)
         mechanism = graph.compile()
     except BlockmechError as error:
-        tested.problems = _in(file, error)
+        tested.problems = in_file(error.problems, file)
         return tested
     for k, expectation in enumerate(expectations):
         try:
-            tested.entries.append((k, expectation, check_expectation(mechanism, expectation, k)))
+            outcomes = check_expectation(mechanism, expectation, k)
+            tested.entries.append((k, expectation, outcomes))
         except BlockmechError as error:
-            tested.problems += _in(file, error)
+            tested.problems += in_file(error.problems, file)
     return tested
 
 
-def _in(file: str, error: BlockmechError) -> list[Problem]:
-    from blockmech.errors import in_file
-
-    return in_file(error.problems, file)
-
-
-# -- showing ---------------------------------------------------------------------------------
-
-
-def _report(tested: _Tested) -> Iterator[str]:
-    """One line for each entry, with a table below one that fails."""
-    for k, expectation, outcomes in tested.entries:
-        failed = sum(not o.ok for o in outcomes)
-        count = f"{failed} of {len(outcomes)}" if failed else f"{len(outcomes)}"
-        numbers = "number" if count == "1" else "numbers"
-        word = "FAILS" if failed else "ok   "
-        yield f"{word}  {tested.file} expect[{k}]: {count} {numbers} ({expectation.source})"
-        if failed:
-            yield from (f"       {line}" for line in failure_table(outcomes).splitlines())
-    if tested.problems:
-        yield f"wrong  {tested.file}"
-    elif not tested.entries:
-        yield f"-      {tested.file}: no expectations"
-
-
-def _summary(tested: list[_Tested]) -> str:
-    entries = [outcomes for t in tested for _, _, outcomes in t.entries]
+def _summary(tested: list[Tested]) -> str:
+    entries = [outcomes for t in tested for *_, outcomes in t.entries]
     failed = sum(any(not o.ok for o in outcomes) for outcomes in entries)
     silent = sum(not t.entries and not t.problems for t in tested)
     wrong = sum(bool(t.problems) for t in tested)
     parts = [f"{len(entries) - failed} ok", f"{failed} failed"]
-    parts += [f"{_files(silent)} without expectations"] if silent else []
-    parts += [f"{_files(wrong)} wrong"] if wrong else []
+    for count, what in ((silent, "without expectations"), (wrong, "wrong")):
+        if count:
+            parts.append(f"{count} file{'s' if count > 1 else ''} {what}")
     return ", ".join(parts)
-
-
-def _files(count: int) -> str:
-    return "1 file" if count == 1 else f"{count} files"
-
-
-def _data(tested: _Tested) -> dict[str, Any]:
-    return {
-        "file": tested.file,
-        "graph": tested.graph,
-        "ok": not (tested.problems or tested.failed),
-        "problems": [p.to_dict() for p in tested.problems],
-        "entries": [
-            {
-                "entry": k,
-                "source": expectation.source,
-                "ok": all(o.ok for o in outcomes),
-                "outcomes": [o.to_dict() for o in outcomes],
-            }
-            for k, expectation, outcomes in tested.entries
-        ],
-    }

@@ -6,21 +6,20 @@ import json as text_of
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.numbers import SECONDS, coordinates, row, times
 from blockmech.cli.options import (
     At,
-    GraphFile,
     Samples,
     Static,
     Times,
-    compiled,
     names_of,
     one_of,
     option,
     refused,
     switch,
 )
-from blockmech.cli.terminal import note, patience, progress_bar, say
+from blockmech.cli.terminal import note, progress_bar, say
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade import Trade
@@ -93,7 +92,7 @@ def trade(
         if len(found) > 1:
             say("\n\nrequests compared")
             say("\n".join(f"  {t.question}: {t.recommendation}" for t in found))
-        with patience("drawing"):
+        with progress_bar("drawing"):
             say("".join(f"wrote {path}\n" for path in _written(found[0], out, plot)), end="")
     if any(s.why == "interrupted" for t in found for s in t.skipped):
         note("interrupted: what was measured is kept")

@@ -6,16 +6,18 @@ is written whole or not at all; the same subject gives the same bytes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias
 
 from blockmech.compiled import Compiled
-from blockmech.draw.animation import MOVING, Animation, film_of
+from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.boxes import graph_of
 from blockmech.draw.curves import Axis, abscissa, chosen_panels, pictures_of
 from blockmech.draw.diagram import draw_diagram
 from blockmech.draw.mechanism import draw_mechanism
+from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.panels import draw_panels
 from blockmech.draw.paper import STILL, rendered, suffix_of, write_figure
 from blockmech.draw.schedule import draw_schedule
@@ -137,8 +139,21 @@ def animate(
     """
     if path is not None:
         suffix_of(path, "an animation", MOVING)  # before anything is computed
-    mover = subject if isinstance(subject, Result) else _mechanism(subject)
-    made = film_of(mover, at, frames=frames, seconds=seconds, trace=trace, degrees=degrees)
+    wrong: dict[str, tuple[object, str]] = {}
+    if not isinstance(frames, int) or not 2 <= frames <= 2000:
+        wrong["frames"] = frames, "a whole number from 2 to 2000"
+    if not isinstance(seconds, int | float) or not 0 < seconds < math.inf:
+        wrong["seconds"] = seconds, "a positive number of seconds"
+    if wrong:
+        raise RequestError(
+            Problem("bad-value", name, f"got {value!r}", f"valid: {valid}", "")
+            for name, (value, valid) in wrong.items()
+        )
+    if isinstance(subject, Result):
+        motion = moves_of_result(subject)
+    else:
+        motion = moves(_mechanism(subject), at, samples=frames + 1)
+    made = Animation(motion, seconds, trace, degrees)
     return made if path is None else made.save(path)
 
 

@@ -20,27 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.compiled import Compiled
 from blockmech.draw import palette as ink
-from blockmech.draw.mechanism import (
-    Page,
-    caption,
-    joint_labels,
-    load_text,
-    move,
-    page_of,
-    paths_of,
-)
-from blockmech.draw.motion import Complex, Motion, moves, moves_of_result
+from blockmech.draw.mechanism import caption, joint_labels, load_text, page_of, paths_of
+from blockmech.draw.motion import Complex, Motion
+from blockmech.draw.page import Page, move
 from blockmech.draw.paper import scaled_unit, shown_name, styled, suffix_of
 from blockmech.draw.shapes import Shape, Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
-from blockmech.errors import Problem, RequestError
 from blockmech.files import AnyPath, writing
 from blockmech.result import Result
 
 MOVING = (".gif", ".html")
-FRAMES = (2, 2000)  # fewest and most
 NAMES = 12  # joints up to which all are named
 SEEN = 8  # frames that show whether a name's place is free
 FRICTION_POWER = "mechanism.friction_power"
@@ -92,7 +82,7 @@ class Animation:
         self.names = []
         if len(sketch.pins) <= NAMES:
             crowd = self.page.crowd(self.shapes, {}, range(0, len(good), -(-len(good) // SEEN)))
-            self.names = crowd.place(joint_labels(self.page, stage))
+            self.names = [*map(crowd.place, joint_labels(self.page, stage))]
             self.shapes += [self.page.leader(p, len(good)) for p in self.names if p.far]
 
     @cached_property
@@ -120,36 +110,6 @@ class Animation:
     def _repr_html_(self) -> str:
         inside = html.escape(self.html, quote=True)
         return f'<iframe srcdoc="{inside}" width="100%" height="560" frameborder="0"></iframe>'
-
-
-def film_of(
-    subject: Compiled | Result,
-    at: Any = None,
-    *,
-    frames: int = 72,
-    seconds: float = 3.0,
-    trace: Iterable[str] | None = None,
-    degrees: bool = True,
-) -> Animation:
-    """The animation of a mechanism over its range, or of the samples of a run.
-
-    Raises `RequestError` where the range is not known or a number makes no sense.
-    """
-    wrong: list[tuple[str, object, str]] = []
-    if not isinstance(frames, int) or not FRAMES[0] <= frames <= FRAMES[1]:
-        wrong.append(("frames", frames, f"a whole number from {FRAMES[0]} to {FRAMES[1]}"))
-    if not isinstance(seconds, int | float) or not 0 < seconds < math.inf:
-        wrong.append(("seconds", seconds, "a positive number of seconds"))
-    if wrong:
-        raise RequestError(
-            Problem("bad-value", name, f"got {value!r}", f"valid: {valid}", "")
-            for name, value, valid in wrong
-        )
-    if isinstance(subject, Result):
-        motion = moves_of_result(subject)
-    else:
-        motion = moves(subject, at, samples=frames + 1)
-    return Animation(motion, seconds, trace, degrees)
 
 
 # -- captions ------------------------------------------------------------------------------

@@ -7,8 +7,8 @@ wires name.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 from blockmech.blocks.contract import Moving
@@ -102,40 +102,39 @@ def graph_of(mechanism: Compiled) -> Graph:
 class Words:
     """What a document of links and joints calls the parts of its graph; nothing without one."""
 
-    links: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # block -> links in it
-    joints: Mapping[str, str] = field(default_factory=dict)  # block.joint -> joint
-    markers: Mapping[str, str] = field(default_factory=dict)  # block.marker -> link or marker
+    links: Mapping[str, Sequence[str]]  # block -> links in it
+    wires: Mapping[str, str]  # block.joint or block.marker -> joint, link or marker
 
     @classmethod
     def of(cls, names: Names | None, graph: Graph) -> Words:
         """The words of the document that a graph was made of."""
         if names is None:
-            return cls()
+            return cls({}, {})
         said = {where.link: link for link, where in names.links.items()}
         links = {
-            name: tuple(said[ref] for x in b.link_names if (ref := LinkRef(name, x)) in said)
+            name: [said[ref] for x in b.link_names if (ref := LinkRef(name, x)) in said]
             for name, b in graph.blocks.items()
             if isinstance(b, Moving)
         }
-        markers = {str(where.marker): link for link, where in names.links.items()}
-        for where in names.links.values():
-            markers |= {str(ref): marker for marker, ref in where.markers.items()}
-        joints = {str(where.joint): name for name, where in names.joints.items()}
-        return cls(links, joints, markers)
+        wires = {str(where.joint): joint for joint, where in names.joints.items()}
+        for link, where in names.links.items():
+            wires[str(where.marker)] = link
+            wires |= {str(ref): marker for marker, ref in where.markers.items()}
+        return cls(links, wires)
 
     def formula(self, structure: Structure) -> str:
         """The structural formula, of a document with its links."""
-        if not self.links:
-            return structure.formula
-        return " -> ".join(
+        terms = (
             f"{b.group_class}{f' {b.kind}' if b.closes else ''}({', '.join(self.links[n])})"
             for n, b in structure.blocks.items()
+            if self.links
         )
+        return " -> ".join(terms) or structure.formula
 
     def beside(self, wire: Ends) -> str:
         """The word beside the marker of a wire."""
-        marker = self.markers.get(f"{wire.source}.{wire.marker}", wire.marker)
-        return self.joints.get(f"{wire.target}.{wire.port}", marker)
+        marker = self.wires.get(f"{wire.source}.{wire.marker}", wire.marker)
+        return self.wires.get(f"{wire.target}.{wire.port}", marker)
 
 
 def content_of(graph: Graph, names: Names | None = None) -> Content:
@@ -191,7 +190,7 @@ def _shown(
     ports = []
     for port in dict.fromkeys([*pairs, *named]):
         pair = pairs.get(port, "")
-        word = shown_name(said.joints.get(f"{name}.{port}", port), 16)
+        word = shown_name(said.wires.get(f"{name}.{port}", port), 16)
         label = f"{word} ({pair})" if pair else word
         ports.append(Port(port, pair, (name, port) in fed, label))
     kind, words = _kind(block)

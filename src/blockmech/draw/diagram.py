@@ -18,20 +18,25 @@ from blockmech.draw import palette as ink
 from blockmech.draw.boxes import Content, Flow, Port, Shown, content_of
 from blockmech.draw.layout import arrange
 from blockmech.draw.palette import ROW, SIZES
-from blockmech.draw.paper import flowed, new_page, shown_name, styled, text_width, wrapped
+from blockmech.draw.paper import fitting_columns, new_page, shown_name, styled, wrapped
 from blockmech.draw.routing import Placed, Point, Rectangle, honour, place
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 
 ARROWHEAD = "-|>,head_length=4.2,head_width=1.5"  # [pt]
 ARROWS = {"forward": ink.FORWARD, "back": ink.BACK, "cycle": ink.ALARM}
-GLYPHS = {"forward": 22.0, "back": 22.0, "cycle": 22.0, "unwired": 22.0}  # [pt] in the legend
+SYMBOLS = {  # of joints, terminals (loads) and markers: shape, size [pt], fill
+    "R": ("o", 2 * SIZES.port, ink.PAPER),
+    "P": ("s", 2 * SIZES.port, ink.PAPER),
+    "": ("D", 1.6 * SIZES.port, ink.PAPER),
+    "marker": ("o", 2 * SIZES.port - 2, ink.INK),
+}
 FILLS = {
     "frame": ink.FRAME_FILL,
     "driver": ink.DRIVER_FILL,
     "group": ink.GROUP_FILL,
     "element": ink.ELEMENT_FILL,
-    "unknown": ink.PAPER,
+    "unknown": "none",
     "missing": ink.PAPER,
 }
 
@@ -55,39 +60,22 @@ class Diagram:
         given = {"fontsize": ink.SMALL, "va": "center_baseline", "color": ink.INK, "zorder": 4}
         self.labels.append(self.axes.text(x, y, text, label="text", **{**given, **style}))
 
-    def arrow(self, way: Sequence[Point], colour: str, what: str) -> None:
+    def arrow(self, way: Sequence[Point], kind: str, what: str) -> None:
         """A line with an arrowhead at its end."""
         from matplotlib.patches import FancyArrowPatch
         from matplotlib.path import Path
 
-        style: dict[str, Any] = {"joinstyle": "round", "zorder": 1.8, "label": what}
-        patch = FancyArrowPatch(
-            path=Path(way), arrowstyle=ARROWHEAD, mutation_scale=1, color=colour, lw=1.0, **style
-        )
-        self.axes.add_patch(patch)
+        style: dict[str, Any] = {"arrowstyle": ARROWHEAD, "mutation_scale": 1, "lw": 1.0}
+        style |= {"color": ARROWS[kind], "joinstyle": "round", "zorder": 1.8}
+        self.axes.add_patch(FancyArrowPatch(path=Path(way), label=f"{kind}:{what}", **style))
 
-    def pin(self, x: float, y: float, pair: str, colour: str, what: str) -> None:
+    def pin(self, x: float, y: float, pair: str, what: str, colour: str = ink.INK) -> None:
         """The symbol of a joint or a terminal; a marker is a dot."""
-        from matplotlib.patches import Circle, Patch, RegularPolygon
-
-        fill = ink.INK if pair == "marker" else ink.PAPER
-        style: dict[str, Any] = {"facecolor": fill, "edgecolor": colour, "lw": 0.9, "zorder": 5}
-        if pair in ("R", "marker"):
-            patch: Patch = Circle(
-                (x, y), SIZES.port if pair == "R" else SIZES.port - 1, label=what, **style
-            )
-        else:  # a square, for a load on its corner
-            turn = math.pi / 4 if pair == "P" else 0.0
-            size = SIZES.port * math.sqrt(2) if pair == "P" else SIZES.port + 0.4
-            patch = RegularPolygon((x, y), 4, radius=size, orientation=turn, label=what, **style)
-        self.axes.add_patch(patch)
+        self.axes.plot([x], [y], **_symbol(pair, colour), zorder=5, label=what)
 
     def cross(self, x: float, y: float) -> None:
         """A red cross on a stump: nothing is wired to the pin at a place."""
-        for dx, dy in ((-10.0, -2.5), (-10.0, 2.5)):
-            xs, ys = (x + dx, x + dx + 5), (y + dy, y - dy)
-            self.axes.plot(xs, ys, color=ink.ALARM, lw=1.1, zorder=3)
-        self.axes.plot((x - 7.5, x - SIZES.port), (y, y), color=ink.ALARM, lw=1.1, zorder=3)
+        self.axes.plot((x - 7.5, x), (y, y), color=ink.ALARM, marker="x", ms=5, markevery=[0], lw=1)
 
 
 def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
@@ -101,18 +89,20 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
     view = _view(graph)
     if view:
         honour(placed, view, wires, driven=any(b.drive for b in content.blocks))
-    width = max(placed.width + 2 * SIZES.margin, ink.COLUMN)
-    inside = width - 2 * SIZES.margin
+    inside = max(placed.width, ink.COLUMN - 2 * SIZES.margin)
+    width = inside + 2 * SIZES.margin
     title = wrapped(shown_name(content.title, 90), ink.TEXT, inside, bold=True)
     subtitle = wrapped(shown_name(content.subtitle, 1200), ink.SMALL, inside)
     legend = _legend(content, bool(placed.backward))
-    widths = [GLYPHS.get(kind, 10.0) + text_width(text, ink.SMALL) + 12 for kind, text in legend]
-    spots = flowed(widths, inside)
-    head = SIZES.margin + (ROW + 1) * len(title) + ROW * len(subtitle) + SIZES.margin
-    foot = SIZES.margin + ROW * (spots[-1][0] + 1) + SIZES.margin
+    columns = fitting_columns([*legend], inside)
+    head = 2 * SIZES.margin + (ROW + 1) * len(title) + ROW * len(subtitle)
+    foot = 2 * SIZES.margin + 1.1 * ROW * -(-len(legend) // columns)
     left = placed.corner[0] - (width - placed.width) / 2
+    total = head + placed.height + foot
     with styled():
-        figure, axes = new_page(width, head + placed.height + foot, left, -head)
+        from matplotlib.lines import Line2D
+
+        figure, axes = new_page(width, total, left, -head)
         drawn = Diagram(figure, axes, content, placed)
         x, y = left + SIZES.margin, SIZES.margin + ROW / 2 - head
         for k, line in enumerate(title):
@@ -121,18 +111,12 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
         for k, line in enumerate(subtitle):
             drawn.write(x, y + (ROW + 1) * len(title) + ROW * k, line, color=colour)
         for i, flow in enumerate(content.flows):
-            _draw_wire(drawn, flow, placed.ways[i], i in placed.backward)
+            _draw_wire(drawn, i, flow)
         for block in content.blocks:
             _draw_block(drawn, block)
-        for i, flow in enumerate(content.flows):
-            at = placed.marker(i, flow.ends.source)
-            what = f"marker:{flow.ends.source}.{flow.ends.marker}"
-            drawn.pin(*at, "marker", ink.INK, what)
-            drawn.write(at[0] - SIZES.pad, at[1], shown_name(flow.word, 16), ha="right")
-        for (kind, text), (row, shift) in zip(legend, spots, strict=True):
-            y = placed.height + SIZES.margin + ROW * (row + 0.5)
-            _draw_glyph(drawn, kind, x + shift, y)
-            drawn.write(x + shift + GLYPHS.get(kind, 10.0), y, text)
+        handles = [Line2D([], [], label=words, **look) for words, look in legend.items()]
+        corner = (SIZES.margin / width, SIZES.margin / total)
+        axes.legend(handles=handles, bbox_to_anchor=corner, ncols=columns)
     return drawn
 
 
@@ -156,22 +140,20 @@ def _draw_block(drawn: Diagram, block: Shown) -> None:
 
     r = drawn.placed.boxes[block.name]
     wrong, unknown, small = (block.kind == k for k in ("missing", "unknown", "element"))
-    place, edge = ((r.x, r.y), r.width, r.height), ink.ALARM if wrong else ink.INK
-    look: dict[str, Any] = {"ls": "--" if wrong else "-", "lw": 0.6 if small else 0.9, "zorder": 2}
+    look: dict[str, Any] = {"fc": FILLS[block.kind], "ec": ink.ALARM if wrong else ink.INK}
+    look |= {"ls": "--" if wrong else "-", "lw": 0.6 if small else 0.9, "zorder": 2}
     backed = {}
-    if unknown:  # an outline over pale hatching, and words on paper
-        drawn.axes.add_patch(Patch(*place, fill=False, ec=ink.PALE, hatch="////", zorder=1.9))
-        look |= {"hatch": "////", "fc": "none"}
+    if unknown:  # words on paper over hatching
+        look["hatch"] = "////"
         backed = {"bbox": {"facecolor": ink.PAPER, "edgecolor": "none", "pad": 0.5}}
-    look = {"fc": FILLS[block.kind], "ec": edge, "label": f"box:{block.name}", **look}
-    drawn.axes.add_patch(Patch(*place, **look))
+    box = Patch((r.x, r.y), r.width, r.height, label=f"box:{block.name}", **look)
+    drawn.axes.add_patch(box)
     middle, size = r.x + r.width / 2, ink.SMALL if small else ink.TEXT
-    name, words = shown_name(block.name), shown_name(block.words)
     bold: dict[str, Any] = {"fontsize": size, "weight": "bold", "ha": "center", **backed}
-    drawn.write(middle, r.y + 0.55 * ROW, name, **bold)
+    drawn.write(middle, r.y + 0.55 * ROW, shown_name(block.name), **bold)
     at, side = (r.x + r.width - SIZES.pad, "right") if small else (middle, "center")
     grey = ink.ALARM if wrong else ink.GREY
-    drawn.write(at, r.y + 1.5 * ROW, words, color=grey, ha=side, **backed)
+    drawn.write(at, r.y + 1.5 * ROW, shown_name(block.words), color=grey, ha=side, **backed)
     for port in block.ports:
         _draw_port(drawn, block, port, backed)
     if block.drive:
@@ -182,38 +164,38 @@ def _draw_port(drawn: Diagram, block: Shown, port: Port, backed: dict[str, Any])
     x, y = drawn.placed.port(block.name, port.name)
     colour = ink.INK if port.wired else ink.ALARM
     what = f"{'port' if port.wired else 'unwired'}:{block.name}.{port.name}"
-    drawn.pin(x, y, port.pair, colour, what)
-    drawn.write(x + SIZES.pad, y, port.label, color=colour, **backed)
     if not port.wired:
         drawn.cross(x, y)
+    drawn.pin(x, y, port.pair, what, colour)
+    drawn.write(x + SIZES.pad, y, port.label, color=colour, **backed)
 
 
 def _draw_drive(drawn: Diagram, r: Rectangle, labels: tuple[str, ...]) -> None:
     """Coordinate in and driving effort out, on top of a driver."""
-    low, high = r.y - 0.5, r.y - 2 * ROW + 5
-    for label, way, side, aside in zip(
-        labels, ("forward", "back"), ("right", "left"), (-4, 4), strict=True
-    ):
-        x = r.x + r.width / 2 + aside
-        ends = [(x, high), (x, low)]
-        drawn.arrow(ends if way == "forward" else ends[::-1], ARROWS[way], f"{way}:drive")
-        drawn.write(x + aside, high + 4, label, color=ARROWS[way], ha=side)
+    low, high, middle = r.y - 0.5, r.y - 2 * ROW + 5, r.x + r.width / 2
+    forward, back = labels
+    drawn.arrow([(middle - 4, high), (middle - 4, low)], "forward", "drive")
+    drawn.arrow([(middle + 4, low), (middle + 4, high)], "back", "drive")
+    drawn.write(middle - 8, high + 4, forward, color=ink.FORWARD, ha="right")
+    drawn.write(middle + 8, high + 4, back, color=ink.BACK, ha="left")
 
 
 # -- wires ---------------------------------------------------------------------------------
 
 
-def _draw_wire(drawn: Diagram, flow: Flow, way: Sequence[Point], backward: bool) -> None:
-    address = f"{flow.ends.source}.{flow.ends.marker} -> {flow.ends.target}.{flow.ends.port}"
-    if backward:
-        drawn.arrow(shortened(way, SIZES.port), ink.ALARM, f"cycle:{address}")
-        return
-    distance = SIZES.aside if flow.forward else 0.0
-    if flow.forward:
-        forward = shortened(shifted(way, distance), SIZES.port)
-        drawn.arrow(forward, ink.FORWARD, f"forward:{address}")
-    back = shortened(shifted(way, -distance)[::-1], SIZES.port)
-    drawn.arrow(back, ink.BACK, f"back:{address}")
+def _draw_wire(drawn: Diagram, i: int, flow: Flow) -> None:
+    source, marker, target, port = flow.ends
+    what, way = f"{source}.{marker} -> {target}.{port}", drawn.placed.ways[i]
+    if i in drawn.placed.backward:
+        drawn.arrow(shortened(way, SIZES.port), "cycle", what)
+    else:
+        aside = SIZES.aside if flow.forward else 0.0
+        if flow.forward:
+            drawn.arrow(shortened(shifted(way, aside), SIZES.port), "forward", what)
+        drawn.arrow(shortened(shifted(way, -aside)[::-1], SIZES.port), "back", what)
+    x, y = way[0]
+    drawn.pin(x, y, "marker", f"marker:{source}.{marker}")
+    drawn.write(x - SIZES.pad, y, shown_name(flow.word, 16), ha="right")
 
 
 def shifted(way: Sequence[Point], distance: float) -> list[Point]:
@@ -241,28 +223,27 @@ def shortened(way: Sequence[Point], by: float) -> list[Point]:
 # -- legend ----------------------------------------------------------------------------
 
 
-def _legend(content: Content, cycle: bool) -> list[tuple[str, str]]:
-    """Kinds and words of the symbols that are there."""
+def _symbol(pair: str, colour: str = ink.INK) -> dict[str, Any]:
+    shape, size, fill = SYMBOLS[pair]
+    return {"marker": shape, "ms": size, "mfc": fill, "mec": colour, "mew": 0.9, "ls": ""}
+
+
+def _legend(content: Content, cycle: bool) -> dict[str, dict[str, Any]]:
+    """Words and looks of the symbols that are there."""
     ports = [p for b in content.blocks for p in b.ports]
-    entries = {
-        ("forward", "motion forward: p, v, a"): True,
-        ("back", "force and moment back: F, M"): True,
-        ("R", "revolute joint"): any(p.pair == "R" for p in ports),
-        ("P", "prismatic joint"): any(p.pair == "P" for p in ports),
-        ("", "load"): any(b.kind == "element" for b in content.blocks),
-        ("marker", "marker"): bool(content.flows),
-        ("unwired", "not wired"): not all(p.wired for p in ports),
-        ("cycle", "waits for a later block"): cycle,
-    }
-    return [entry for entry, there in entries.items() if there]
-
-
-def _draw_glyph(drawn: Diagram, kind: str, x: float, y: float) -> None:
-    if kind in ARROWS:
-        ends = [(x, y), (x + 17, y)]
-        drawn.arrow(ends[::-1] if kind == "back" else ends, ARROWS[kind], "legend")
-    elif kind == "unwired":
-        drawn.pin(x + 14, y, "R", ink.ALARM, "legend")
-        drawn.cross(x + 14, y)
-    else:
-        drawn.pin(x + 4, y, kind, ink.INK, "legend")
+    forward, back, wrong = (
+        {"color": ARROWS[kind], "marker": head, "ms": 4, "lw": 1.0}
+        for kind, head in (("forward", ">"), ("back", "<"), ("cycle", ">"))
+    )
+    cross = {"color": ink.ALARM, "marker": "x", "ms": 5, "lw": 1.0}
+    entries = (
+        ("motion forward: p, v, a", forward, True),
+        ("force and moment back: F, M", back, True),
+        ("revolute joint", _symbol("R"), any(p.pair == "R" for p in ports)),
+        ("prismatic joint", _symbol("P"), any(p.pair == "P" for p in ports)),
+        ("load", _symbol(""), any(b.kind == "element" for b in content.blocks)),
+        ("marker", _symbol("marker"), bool(content.flows)),
+        ("not wired", cross, not all(p.wired for p in ports)),
+        ("waits for a later block", wrong, cycle),
+    )
+    return {words: look for words, look, there in entries if there}

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from blockmech.draw.palette import INK, SMALL
 from blockmech.draw.paper import text_width
 
-STEP = 2.0  # [pt] between points that stand for a line
+STEP, MARGIN = 2.0, 2.0  # [pt] between points that stand for a line; free inside the page
 DIRECTIONS = np.exp(2j * math.pi * np.arange(16) / 16)
 DISTANCES = np.array([4.0, 7.0, 11.0, 16.0, 22.0, 29.0, 37.0, 46.0])  # [pt] to a label's edge
 LINE = 8.6  # [pt] height of a line of a label
@@ -31,15 +30,6 @@ COVERED, OUTSIDE, LEADER, NEAR = 1e3, 1e4, 6.0, 0.2
 
 Reals = NDArray[np.float64]
 Places = NDArray[np.complex128]
-
-
-class Rect(NamedTuple):
-    """Left, bottom, right and top [pt]."""
-
-    left: float
-    bottom: float
-    right: float
-    top: float
 
 
 @dataclass(frozen=True)
@@ -71,11 +61,6 @@ class Place:
         """The middle of the label."""
         return complex(self.anchor[frame]) + self.offset
 
-    def rect(self, frame: int = 0) -> Rect:
-        """What the label covers."""
-        low, high = self.centre(frame) - self.half, self.centre(frame) + self.half
-        return Rect(low.real, low.imag, high.real, high.imag)
-
     @property
     def lines(self) -> list[tuple[str, float]]:
         """The lines of the text, and how far each lies above the middle."""
@@ -84,17 +69,17 @@ class Place:
 
     def leader(self, frame: int = 0) -> list[complex]:
         """A line from the anchor to the label, if that stands far off."""
-        anchor, r = complex(self.anchor[frame]), self.rect(frame)
-        x, y = np.clip(anchor.real, r.left, r.right), np.clip(anchor.imag, r.bottom, r.top)
-        way = complex(x, y) - anchor
+        back, h = -self.offset, self.half
+        edge = complex(np.clip(back.real, -h.real, h.real), np.clip(back.imag, -h.imag, h.imag))
+        anchor, way = complex(self.anchor[frame]), self.offset + edge
         return [anchor + 0.12 * way, anchor + 0.97 * way] if self.far else []
 
 
 class Crowd:
-    """What is drawn already on a page: points with weights, in each of some frames."""
+    """What is drawn already on a page of a size [pt]: points with weights, in some frames."""
 
-    def __init__(self, page: Rect, frames: Sequence[int] = (0,)) -> None:
-        self.page = page
+    def __init__(self, size: complex, frames: Sequence[int] = (0,)) -> None:
+        self.size = size
         self._points: dict[int, list[tuple[complex, float]]] = {frame: [] for frame in frames}
 
     def add_line(self, places: ArrayLike, weight: float = 1.0, frame: int = 0) -> None:
@@ -109,12 +94,8 @@ class Crowd:
         for r in np.arange(0.0, radius + STEP / 2, STEP):
             self.add_line(centre + r * DIRECTIONS, weight, frame)
 
-    def place(self, labels: Iterable[Label], most: float = math.inf) -> list[Place]:
-        """Places of the labels, in their order; of those none that would cost more."""
-        found = (self._place(label, most) for label in labels)
-        return [place for place in found if place is not None]
-
-    def _place(self, label: Label, most: float) -> Place | None:
+    def place(self, label: Label) -> Place:
+        """The best place of a label, which is then taken."""
         lines = label.text.split("\n")
         half = complex(max(text_width(line, SMALL) for line in lines), LINE * len(lines)) / 2
         reach = DISTANCES[:, None] + label.clearance
@@ -133,29 +114,24 @@ class Crowd:
         cost = np.array(costs) + NEAR * gap + LEADER * (gap > FAR)
         if label.prefer is not None:
             cost += 1 - np.cos(np.angle(offsets) - label.prefer)
-        if cost.min() > most:
-            return None
         j, k = divmod(int(np.argmin(cost)), len(offsets))
         place = Place(label, anchors[j], complex(offsets[k]), half, bool(gap[k] > FAR))
         for frame in self._points:
             self.add_line(place.leader(frame), COVERED, frame)
-            left, bottom, right, top = place.rect(frame)
-            for level in np.linspace(bottom, top, math.ceil((top - bottom) / STEP) + 1):
-                self.add_line([left + 1j * level, right + 1j * level], COVERED, frame)
+            for up in np.linspace(-half.imag, half.imag, math.ceil(2 * half.imag / STEP) + 1):
+                middle = place.centre(frame) + 1j * up
+                self.add_line([middle - half.real, middle + half.real], COVERED, frame)
         return place
 
     def _cost(
         self, anchor: complex, offsets: Places, half: complex, far: NDArray[np.bool_], frame: int
     ) -> Reals:
         """What labels around an anchor, and the leaders of far ones, would cover in a frame."""
-        centres, page = anchor + offsets, self.page
-        low, high = centres - half, centres + half
-        cost: Reals = OUTSIDE * (
-            np.maximum(page.left - low.real, 0)
-            + np.maximum(high.real - page.right, 0)
-            + np.maximum(page.bottom - low.imag, 0)
-            + np.maximum(high.imag - page.top, 0)
-        )
+        centres = anchor + offsets
+        aside = centres - self.size / 2  # a label may come up to a margin within the page
+        beyond = np.maximum(np.abs(aside.real) + half.real + MARGIN - self.size.real / 2, 0)
+        beyond += np.maximum(np.abs(aside.imag) + half.imag + MARGIN - self.size.imag / 2, 0)
+        cost: Reals = OUTSIDE * beyond
         if not self._points[frame]:
             return cost
         z, weights = (np.array(column) for column in zip(*self._points[frame], strict=True))

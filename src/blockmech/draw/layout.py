@@ -21,7 +21,6 @@ import networkx as nx
 import numpy as np
 
 SWEEPS = 24  # more change nothing on diagrams of a hundred blocks
-AIR = 1  # rows between two boxes of a layer
 STRAIGHT = {0: 1, 1: 2, 2: 8}  # weight of a step, by how many of its ends only pass a layer
 
 Node = str | tuple[int, int]
@@ -80,15 +79,13 @@ class Layered:
 
     def pin(self, node: Node, k: int) -> int:
         """Row of the pin number k, counted from the node's first."""
-        if not isinstance(node, str):
-            return 0
-        return self.boxes[node].above + self.boxes[node].head + k
+        return self.boxes[node].above + self.boxes[node].head + k if isinstance(node, str) else 0
 
     def ends(self, step: tuple[Node, Node, int]) -> tuple[int, int]:
         """Rows of the two ends of a step."""
         source, target, wire = step
-        out, into = self.out.get(wire, 0), self.into.get(wire, 0)
-        return self.row[source] + self.pin(source, out), self.row[target] + self.pin(target, into)
+        out, into = self.pin(source, self.out[wire]), self.pin(target, self.into[wire])
+        return self.row[source] + out, self.row[target] + into
 
 
 def layers_of(boxes: Sequence[Box], wires: Sequence[Ends]) -> tuple[dict[str, int], list[int]]:
@@ -122,17 +119,16 @@ def arrange(boxes: Sequence[Box], wires: Sequence[Ends]) -> Layered:
         layers[layer[box.name]].append(box.name)
         steps.add_node(box.name)
     for i, wire in enumerate(wires):
-        if i in backward:
-            continue
-        passing: list[Node] = []
-        for k in range(layer[wire.source] + 1, layer[wire.target]):
-            passing.append((i, k))
-            layers[k].append((i, k))
-        for a, b in pairwise([wire.source, *passing, wire.target]):
-            steps.add_edge(a, b, key=i)
+        if i not in backward:
+            between = range(layer[wire.source] + 1, layer[wire.target])
+            for a, b in pairwise([wire.source, *((i, k) for k in between), wire.target]):
+                steps.add_edge(a, b, key=i)
+            for k in between:
+                layers[k].append((i, k))
     made = Layered({b.name: b for b in boxes}, layers, layer, backward, steps)
     _order(made)
     _pins(made, wires)
+    made.row = dict.fromkeys((n for nodes in layers for n in nodes), 0)
     made.row = _rows(made)
     return made
 
@@ -147,11 +143,8 @@ def _order(made: Layered) -> None:
         down = sweep % 2 == 0
         for nodes in layers[1:] if down else layers[-2::-1]:
             place = _places(layers)
-            mean: dict[Node, float] = {}
-            for node in nodes:
-                edges = steps.in_edges(node) if down else steps.out_edges(node)
-                near = [place[a if down else b] for a, b in edges]
-                mean[node] = sum(near) / len(near) if near else place[node]
+            near = {n: list(steps.predecessors(n) if down else steps.successors(n)) for n in nodes}
+            mean = {n: np.mean([place[m] for m in near[n] or [n]]) for n in nodes}
             nodes.sort(key=mean.__getitem__)
         count = _crossings(made)
         if count < fewest:
@@ -179,17 +172,15 @@ def _pins(made: Layered, wires: Sequence[Ends]) -> None:
     for name, box in made.boxes.items():
         came = {wires[w].port: place[a] for a, _, w in steps.in_edges(name, keys=True)}
         order = sorted(box.ports, key=lambda port: came.get(port, len(place)))
-        made.into |= {
-            i: order.index(wire.port) for i, wire in enumerate(wires) if wire.target == name
-        }
+        made.into |= {i: order.index(w.port) for i, w in enumerate(wires) if w.target == name}
     for name in made.boxes:
         leaving = sorted(
-            steps.out_edges(name, keys=True),
-            key=lambda step: (place[step[1]], made.into[step[2]] if step[1] in made.boxes else 0),
+            (place[to], made.into[wire] if to in made.boxes else 0, wire)
+            for _, to, wire in steps.out_edges(name, keys=True)
         )
         back = [i for i in made.backward if wires[i].source == name]
-        out = [*(w for _, _, w in leaving), *back]
-        made.out |= {w: k for k, w in enumerate(out)}
+        out = [*(wire for *_, wire in leaving), *back]
+        made.out |= {wire: k for k, wire in enumerate(out)}
         made.leaving[name] = len(out)
 
 
@@ -200,33 +191,25 @@ def _rows(made: Layered) -> dict[Node, int]:
     """
     from scipy.optimize import linprog
 
-    nodes = {node: k for k, node in enumerate(n for layer in made.layers for n in layer)}
+    nodes = {node: k for k, node in enumerate(made.row)}
     steps = list(made.steps.edges(keys=True))
-    size = len(nodes) + len(steps)
-    limits, bounds = [], []
-
-    def at_least(a: int, b: int, distance: int, slack: int | None = None) -> None:
-        """Row b, and the step's length where it counts, lie so many rows below row a."""
-        line = np.zeros(size)
-        line[[a, b]] = 1.0, -1.0
-        if slack is not None:
-            line[len(nodes) + slack] = -1.0
-        limits.append(line)
-        bounds.append(-float(distance))
-
+    limits: list[tuple[int, int, int, int | None]] = []  # row b is so far below a, but for a slack
     for layer in made.layers:
         for a, b in pairwise(layer):
-            air = AIR if isinstance(a, str) and isinstance(b, str) else 0
-            at_least(nodes[a], nodes[b], made.height(a) + air)
-    cost = np.ones(size)
-    made.row = dict.fromkeys(nodes, 0)
-    for k, (a, b, wire) in enumerate(steps):
-        start, end = made.ends((a, b, wire))
-        at_least(nodes[a], nodes[b], start - end, k)
-        at_least(nodes[b], nodes[a], end - start, k)
+            air = 1 if isinstance(a, str) and isinstance(b, str) else 0
+            limits.append((nodes[a], nodes[b], made.height(a) + air, None))
+    cost = np.ones(len(nodes) + len(steps))
+    for k, (a, b, wire) in enumerate(steps, len(nodes)):
+        start, end = made.ends((a, b, wire))  # counted from the first rows of the two
+        limits += [(nodes[a], nodes[b], start - end, k), (nodes[b], nodes[a], end - start, k)]
         passing = (not isinstance(a, str)) + (not isinstance(b, str))
-        cost[len(nodes) + k] = STRAIGHT[passing] * (len(nodes) + 1)
+        cost[k] = STRAIGHT[passing] * (len(nodes) + 1)
     if not limits:
         return made.row
-    found = linprog(cost, np.array(limits), bounds, method="highs-ds")
+    matrix = np.zeros((len(limits), len(cost)))
+    for line, (upper, lower, _, slack) in zip(matrix, limits, strict=True):
+        line[upper], line[lower] = 1.0, -1.0
+        if slack is not None:
+            line[slack] = -1.0
+    found = linprog(cost, matrix, [-distance for _, _, distance, _ in limits], method="highs-ds")
     return {node: round(found.x[k]) for node, k in nodes.items()}

@@ -103,9 +103,10 @@ def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
         look = {**ink.curve_style(i), "lw": 1.2, "zorder": 2.5, "marker": "o"}
         label = "with friction" if pair else shown_name(name)
         _line(axes, x, factor * y[order], label=label, **look)
+    for i, name in enumerate(panel.curves):
         if name in panel.without:
             # One pair of curves differs in colour and dashes; of many, the thin ones.
-            look |= {"marker": "s", "dashes": (), "lw": 0.5, "zorder": 2}
+            look = {"color": ink.curve_style(i)["color"], "lw": 0.5, "zorder": 2, "marker": "s"}
             if pair:
                 look |= {"color": ink.SERIES[1], "dashes": (4.0, 1.8), "lw": 1.1, "zorder": 3}
             _line(axes, x, factor * panel.without[name][order], label=WITHOUT, **look)
@@ -127,7 +128,9 @@ def _line(axes: Any, x: Array, y: Array, **look: Any) -> None:
     """A curve; few samples are marked, and so is one that stands alone between gaps."""
     good = np.pad(np.isfinite(y), 1)
     alone = np.flatnonzero(good[1:-1] & ~good[:-2] & ~good[2:]).tolist()
-    axes.plot(x, y, ms=2.4, markevery=None if len(y) <= FEW else alone, **look)
+    if len(y) > FEW:
+        look |= {"markevery": alone} if alone else {"marker": ""}
+    axes.plot(x, y, ms=2.4, **look)
 
 
 def _shade_gaps(axes: Any, x: Array, rows: Array) -> None:

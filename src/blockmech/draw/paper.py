@@ -100,41 +100,24 @@ def wrapped(text: str, size: float, width: float, bold: bool = False) -> list[st
     return lines
 
 
+def fitting_columns(labels: Sequence[str], width: float) -> int:
+    """Columns of a legend of a width [pt], filled one after the other, each as wide as needed."""
+    wide = np.array([text_width(label, SMALL) + LEGEND for label in labels])
+    columns = len(labels)
+    while columns > 1 and sum(map(max, np.array_split(wide, columns))) > width:
+        columns -= 1
+    return columns
+
+
 def legend_above(axes: Any, width: float) -> int:
     """A legend above axes, of what has a label there, once each; the number of its rows."""
     lines, labels = axes.get_legend_handles_labels()
     found = dict(zip(labels, lines, strict=True))
     if not found:
         return 0
-    wide = np.array([text_width(label, SMALL) + LEGEND for label in found])
-    columns = len(found)  # filled one after the other, each as wide as its widest word
-    while columns > 1 and sum(map(max, np.array_split(wide, columns))) > width - BESIDE:
-        columns -= 1
-    axes.legend(
-        found.values(),
-        found,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=columns,
-        borderaxespad=0.1,
-        borderpad=0.1,
-        labelspacing=0.3,
-        handlelength=2.5,
-        columnspacing=1.2,
-    )
+    columns = fitting_columns([*found], width - BESIDE)
+    axes.legend(found.values(), found, bbox_to_anchor=(0.0, 1.0), ncols=columns)
     return -(-len(found) // columns)
-
-
-def flowed(widths: Sequence[float], most: float) -> list[tuple[int, float]]:
-    """Row and x [pt] of things that stand side by side, in rows of at most a width."""
-    found: list[tuple[int, float]] = []
-    row, x = 0, 0.0
-    for wide in widths:
-        if x and x + wide > most:
-            row, x = row + 1, 0.0
-        found.append((row, x))
-        x += wide
-    return found
 
 
 def scaled_unit(unit: str, largest: float) -> tuple[float, str]:

@@ -1,11 +1,9 @@
-"""Ways of the wires of a block diagram: right-angled, each in tracks of its own.
+"""Ways of the wires of a block diagram: right-angled, each in a track of its own.
 
-Between two layers runs a *channel*; a wire that changes its row there climbs in a
-track that it shares with no wire near it. Two wires that swap their rows would lie
-on each other; one of them then climbs in two tracks. Wires that go backward (blocks
-that wait for each other) run below all boxes.
-
-Sources: Hashimoto & Stevens 1971 (left-edge rule), Deutsch 1976 (doglegs).
+Between two layers runs a *channel*; a wire that changes its row there climbs in one of
+its tracks. Two wires that swap their rows would lie on each other; one of them then
+climbs in two tracks. Wires that go backward (blocks that wait for each other) run below
+all boxes.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from typing import NamedTuple
 
 import networkx as nx
 
-from blockmech.draw.layout import Ends, Layered, Node
+from blockmech.draw.layout import Ends, Layered
 from blockmech.draw.palette import ROW, SIZES
 
 Point = tuple[float, float]
@@ -40,7 +38,6 @@ class Climb:
     start: float
     end: float
     leg: int = 0
-    track: int = -1
 
     @property
     def preference(self) -> tuple[float, ...]:
@@ -50,14 +47,7 @@ class Climb:
 
     def left_of(self, other: Climb) -> bool:
         """Whether it must lie to the left of another climb, or their wires would overlap."""
-        if self.wire == other.wire:
-            return self.leg < other.leg
-        return self.start == other.end
-
-    def touches(self, other: Climb) -> bool:
-        """Whether the two share a row."""
-        low, high = sorted((self.start, self.end))
-        return low <= max(other.start, other.end) and min(other.start, other.end) <= high
+        return self.leg < other.leg if self.wire == other.wire else self.start == other.end
 
 
 @dataclass
@@ -87,50 +77,43 @@ class Placed:
 def place(made: Layered, wires: Sequence[Ends]) -> Placed:
     """Rectangles [pt] of the boxes and ways of the wires, from rows to points."""
     bottom = max((made.row[n] + made.height(n) for layer in made.layers for n in layer), default=0)
-    lanes = {wire: bottom + 1 + k for k, wire in enumerate(made.backward)}
-    channels = [_climbs(made, wires, k, lanes) for k in range(-1, len(made.layers))]
-    placed = Placed(backward=frozenset(lanes))
-    placed.height = (bottom + len(lanes) + bool(lanes)) * ROW
-    tracks: list[float] = []  # x of the first track of each channel
-    x = 0.0
-    for k, climbs in enumerate(channels):
-        count = assign_tracks(climbs)
-        inner = 0 < k < len(channels) - 1
-        tracks.append(x + (SIZES.stub if inner else SIZES.track))
-        if count:
-            x += (count - 1) * SIZES.track + (2 * SIZES.stub if inner else SIZES.stub + SIZES.track)
-        elif inner:
-            x += 2 * SIZES.stub
-        if k < len(made.layers):
-            x = _place_layer(made, made.layers[k], x, placed)
-    placed.width = x
+    placed = Placed(backward=frozenset(made.backward))
+    placed.height = (bottom + len(made.backward) + bool(made.backward)) * ROW
+    climbs: dict[int, list[Point]] = {i: [] for i in range(len(wires))}
+    sides: list[Point] = []  # left and right of each layer
+    for nodes in made.layers:
+        boxes = [made.boxes[n] for n in nodes if isinstance(n, str)]
+        left, width = placed.width, max((box.width for box in boxes), default=0.0)
+        sides.append((left, left + width))
+        for box in boxes:
+            top = (made.row[box.name] + box.above) * ROW
+            height = (made.height(box.name) - box.above) * ROW
+            x = left + (width - box.width) / 2
+            placed.boxes[box.name] = Rectangle(x, top, box.width, height)
+        tracks = in_tracks(
+            Climb(step[2], start, end)
+            for step in made.steps.out_edges(nodes, keys=True)
+            for start, end in [made.ends(step)]
+            if start != end
+        )
+        placed.width += width
+        if nodes is not made.layers[-1]:
+            for k, climb in enumerate(tracks):
+                x = placed.width + SIZES.stub + k * SIZES.track
+                climbs[climb.wire] += [(x, (row + 0.5) * ROW) for row in (climb.start, climb.end)]
+            placed.width += 2 * SIZES.stub + max(len(tracks) - 1, 0) * SIZES.track
     _place_pins(made, wires, placed)
-    for i, wire in enumerate(wires):
-        steps = [(k, c) for k, found in enumerate(channels) for c in found if c.wire == i]
-        # A backward wire first goes down right of its source, then up left of its target.
-        steps.sort(key=lambda at: (-at[0] if i in lanes else at[0], at[1].leg))
-        placed.ways[i] = [
-            placed.marker(i, wire.source),
-            *(
-                (tracks[k] + c.track * SIZES.track, (row + 0.5) * ROW)
-                for k, c in steps
-                for row in (c.start, c.end)
-            ),
-            placed.port(wire.target, wire.port),
-        ]
+    if made.backward:
+        placed.corner, placed.width = (-SIZES.stub, 0.0), placed.width + 2 * SIZES.stub
+    for lane, i in enumerate(made.backward):  # down beside its source, up beside its target
+        beside, y = SIZES.stub / 2 - lane, (bottom + 1.5 + lane) * ROW
+        down = sides[made.layer[wires[i].source]][1] + beside
+        up = sides[made.layer[wires[i].target]][0] - beside
+        start, end = (placed.marker(i, wires[i].source), placed.port(*wires[i][2:]))
+        climbs[i] = [(down, start[1]), (down, y), (up, y), (up, end[1])]
+    for i, (source, _, target, port) in enumerate(wires):
+        placed.ways[i] = [placed.marker(i, source), *climbs[i], placed.port(target, port)]
     return placed
-
-
-def _place_layer(made: Layered, nodes: Sequence[Node], x: float, placed: Placed) -> float:
-    """Put the boxes of a layer at x; the x of its right side."""
-    boxes = [made.boxes[n] for n in nodes if isinstance(n, str)]
-    width = max((box.width for box in boxes), default=0.0)
-    for box in boxes:
-        top = (made.row[box.name] + box.above) * ROW
-        height = (made.height(box.name) - box.above) * ROW
-        left = x + (width - box.width) / 2
-        placed.boxes[box.name] = Rectangle(left, top, box.width, height)
-    return x + width
 
 
 def _place_pins(made: Layered, wires: Sequence[Ends], placed: Placed) -> None:
@@ -148,56 +131,27 @@ def _place_pins(made: Layered, wires: Sequence[Ends], placed: Placed) -> None:
                 placed.ports[name, port] = depth(name, next(free))
 
 
-def _climbs(
-    made: Layered, wires: Sequence[Ends], channel: int, lanes: Mapping[int, int]
-) -> list[Climb]:
-    """What changes rows in the channel to the right of a layer; -1 is left of all."""
-    found = []
-    layer = made.layers[channel] if 0 <= channel < len(made.layers) else []
-    for step in made.steps.out_edges(layer, keys=True):
-        start, end = made.ends(step)
-        if start != end:
-            found.append(Climb(step[2], start, end))
-    for i, lane in lanes.items():
-        source, target = wires[i].source, wires[i].target
-        if made.layer[source] == channel:
-            found.append(Climb(i, made.row[source] + made.pin(source, made.out[i]), lane))
-        if made.layer[target] == channel + 1:
-            found.append(Climb(i, lane, made.row[target] + made.pin(target, made.into[i])))
-    return found
-
-
-def assign_tracks(climbs: list[Climb]) -> int:
-    """Give every climb a track so that no two wires lie on each other; the number of tracks.
+def in_tracks(climbs: Iterable[Climb]) -> list[Climb]:
+    """Climbs from left to right, each in its own track, so that no two wires lie on each other.
 
     A climb that ends in the row where another starts must lie to the right of it.
     Where that is impossible, one of them is replaced by two legs.
     """
+    climbs = list(climbs)
     while True:
         left = nx.DiGraph()
         left.add_nodes_from(climbs)
         left.add_edges_from((a, b) for a, b in permutations(climbs, 2) if a.left_of(b))
         if nx.is_directed_acyclic_graph(left):
-            break
+            return list(nx.lexicographical_topological_sort(left, key=lambda c: c.preference))
         circle = [a for a, _ in nx.find_cycle(left)]
         cut = max(circle, key=lambda c: (abs(c.start - c.end), c.preference))
-        climbs[:] = [c for c in climbs if c is not cut] + _legs(cut, climbs)
-    done: list[Climb] = []
-    for climb in nx.lexicographical_topological_sort(left, key=lambda c: c.preference):
-        climb.track = max((other.track + 1 for other in left.predecessors(climb)), default=0)
-        while any(o.track == climb.track and o.touches(climb) for o in done):
-            climb.track += 1
-        done.append(climb)
-    return max((c.track + 1 for c in climbs), default=0)
-
-
-def _legs(cut: Climb, climbs: Sequence[Climb]) -> list[Climb]:
-    """Two climbs with a step between them, in a row that is nobody's."""
-    taken = {r for c in climbs for r in (c.start, c.end)}
-    middle = (cut.start + cut.end) // 2 + 0.5
-    while middle in taken:
-        middle += 0.25 if middle % 1 else 0.5
-    return [Climb(cut.wire, cut.start, middle, 1), Climb(cut.wire, middle, cut.end, 2)]
+        taken = {row for c in climbs for row in (c.start, c.end)}
+        middle = (cut.start + cut.end) // 2 + 0.5  # a row that is nobody's
+        while middle in taken:
+            middle += 0.25
+        climbs.remove(cut)
+        climbs += [Climb(cut.wire, cut.start, middle, 1), Climb(cut.wire, middle, cut.end, 2)]
 
 
 # -- boxes at the author's places --------------------------------------------------------
@@ -210,12 +164,9 @@ def honour(placed: Placed, view: Mapping[str, Point], wires: Sequence[Ends], dri
     below = max(y - y0 + old[n].height for n, (_, y) in view.items()) + 2 * ROW
     top = min((r.y for n, r in old.items() if n not in view), default=0.0)
     room = 2 * ROW if driven else 0.0
-    placed.boxes = {
-        name: r._replace(x=view[name][0] - x0 + SIZES.stub, y=view[name][1] - y0 + room)
-        if name in view
-        else r._replace(x=r.x + SIZES.stub, y=r.y - top + below + room)
-        for name, r in old.items()
-    }
+    for name, r in old.items():
+        x, y = view.get(name, (r.x + x0, r.y - top + below + y0))
+        placed.boxes[name] = r._replace(x=x - x0 + SIZES.stub, y=y - y0 + room)
     for i, wire in enumerate(wires):
         start, end = placed.marker(i, wire.source), placed.port(wire.target, wire.port)
         placed.ways[i] = way_between(start, end, i, placed.boxes.values())
@@ -231,21 +182,15 @@ def way_between(
 ) -> list[Point]:
     """A plain way between boxes that the user placed, through as few of them as it can.
 
-    ``k`` sets wires side by side.
+    Where the end is not to the right, it goes around below all; ``k`` sets wires side by side.
     """
     (x1, y1), (x2, y2) = start, end
     boxes, aside = list(boxes), (k % 3 - 1) * SIZES.track / 2
     out, into = x1 + SIZES.stub + aside, x2 - SIZES.stub + aside
-    ways: list[list[Point]] = []
-    if x2 - x1 >= 2 * SIZES.stub:
-        if y1 == y2:
-            ways.append([start, end])
-        for j in (4, 3, 5, 2, 6, 1, 7, 0, 8):  # the middle first
-            x = out + (into - out) * j / 8
-            ways.append([start, (x, y1), (x, y2), end])
-    edges = [y for r in boxes for y in (r.y - ROW + aside, r.y + r.height + ROW + aside)]
-    for y in [(y1 + y2) / 2 + aside, *edges]:
-        ways.append([start, (out, y1), (out, y), (into, y), (into, y2), end])
+    if out > into:
+        y = max((r.y + r.height for r in boxes), default=max(y1, y2)) + ROW + aside
+        return [start, (out, y1), (out, y), (into, y), (into, y2), end]
+    ways = [[start, (x, y1), (x, y2), end] for x in ((out + into) / 2, out, into)]
     return min(ways, key=lambda way: sum(_runs_through(way, r) for r in boxes))
 
 

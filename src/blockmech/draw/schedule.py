@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import Any
 
 from blockmech.draw.palette import BACK, DRIVE, GREY, INK, SERIES, SMALL, TEXT
-from blockmech.draw.paper import new_figure, shown_name, styled
+from blockmech.draw.paper import new_page, shown_name, styled
 from blockmech.plan import Node, Plan
 
 COLUMN, ROW, LANE = 92.0, 30.0, 14.0  # [pt] a column, a call, and what parts two blocks
 MARGIN = 24.0  # [pt] around
-ARROWS: dict[str, tuple[str, Any]] = {  # what travels -> colour, dashes
+ARROWS: dict[str, tuple[str, str]] = {  # what travels -> colour, dashes
     "place": (GREY, "solid"),
     "velocity": (DRIVE, "solid"),
     "acceleration": (SERIES[2], "solid"),
@@ -28,65 +28,56 @@ def draw_schedule(plan: Plan) -> Any:
     from matplotlib.lines import Line2D
 
     graph = plan.graph()
-    places, lanes = _places(graph)
-    width = COLUMN * (1 + max((x for x, _ in places.values()), default=0))
-    height = ROW * sum(lanes.values()) + LANE * len(lanes)
+    at, tops, height = _places(graph)
+    right = max((x for x, _ in at.values()), default=0.0) + COLUMN / 2 + MARGIN
+    left = -COLUMN - MARGIN
     with styled():
-        figure = new_figure(width + 2 * MARGIN + COLUMN, height + 2 * MARGIN)
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        axes.set_axis_off()
-        axes.set_xlim(-COLUMN - MARGIN, width + MARGIN)
-        axes.set_ylim(height, -2 * MARGIN)
-        at = {
-            call: (COLUMN * (x + 0.5), _top(lanes, call[0]) + ROW * (y + 0.5))
-            for call, (x, y) in places.items()
-        }
-        for block in lanes:
-            y = _top(lanes, block)
+        figure, axes = new_page(right - left, height + 2 * MARGIN, left, -2 * MARGIN)
+        for block, y in tops.items():
             axes.axhline(y - LANE / 2, color=GREY, linewidth=0.3)
             axes.text(-COLUMN, y + ROW / 2, shown_name(block, 18), va="center", weight="bold")
+        seen = set()
         for first, then, data in graph.edges(data=True):
+            seen.add(data["kind"])
             _arrow(axes, at[first], at[then], *ARROWS[data["kind"]])
+        box = {"boxstyle": "round", "facecolor": "white", "edgecolor": INK, "linewidth": 0.7}
         for call, (x, y) in at.items():
             of = f"\n({shown_name(call[2], 14)})" if call[2:] else ""
-            box = {"boxstyle": "round", "facecolor": "white", "edgecolor": INK, "linewidth": 0.7}
             axes.text(x, y, call[1] + of, size=SMALL, ha="center", va="center", bbox=box)
-        seen = {data["kind"] for _, _, data in graph.edges(data=True)}
         keys = [
             Line2D([], [], color=colour, linestyle=dashes, label=kind)
             for kind, (colour, dashes) in ARROWS.items()
             if kind in seen
         ]
         if keys:
-            axes.legend(handles=keys, loc="upper left", ncols=3, fontsize=TEXT)
+            axes.legend(handles=keys, loc="upper left", ncols=3, fontsize=TEXT, borderaxespad=0.5)
     return figure
 
 
-def _places(graph: Any) -> tuple[dict[Node, tuple[int, int]], dict[str, int]]:
-    """Column of each call and its row in its block, and how many rows each block has."""
+def _places(graph: Any) -> tuple[dict[Node, tuple[float, float]], dict[str, float], float]:
+    """Middle of each call, top of each block, and the whole height [pt]."""
     import networkx as nx
 
-    places: dict[Node, tuple[int, int]] = {}
-    rows: dict[str, int] = dict.fromkeys((call[0] for call in graph), 1)
+    taken: dict[tuple[str, int], list[Node]] = {}
     for column, calls in enumerate(nx.topological_generations(graph)):
-        taken: dict[str, int] = {}
         for call in calls:
-            row = taken[call[0]] = taken.get(call[0], -1) + 1
-            places[call] = column, row
-            rows[call[0]] = max(rows[call[0]], row + 1)
-    return places, rows
+            taken.setdefault((call[0], column), []).append(call)
+    tops: dict[str, float] = {}
+    height = 0.0
+    for block in dict.fromkeys(call[0] for call in graph):
+        tops[block] = height
+        height += LANE + ROW * max(len(calls) for (b, _), calls in taken.items() if b == block)
+    at = {
+        call: (COLUMN * (column + 0.5), tops[block] + ROW * (row + 0.5))
+        for (block, column), calls in taken.items()
+        for row, call in enumerate(calls)
+    }
+    return at, tops, height
 
 
-def _top(lanes: dict[str, int], block: str) -> float:
-    """Where a block's rows begin [pt]."""
-    above = list(lanes)[: list(lanes).index(block)]
-    return LANE * len(above) + ROW * sum(lanes[b] for b in above)
-
-
-def _arrow(axes: Any, start: Any, end: Any, colour: str, dashes: Any) -> None:
+def _arrow(axes: Any, start: Any, end: Any, colour: str, dashes: str) -> None:
     """An arrow that bends a little, so that what lies on its way stays readable."""
-    level = start[1] == end[1]
-    far = end[0] - start[0] > COLUMN
+    level, far = start[1] == end[1], end[0] - start[0] > COLUMN
     style = {
         "arrowstyle": "-|>",
         "color": colour,

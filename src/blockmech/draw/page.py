@@ -1,0 +1,143 @@
+"""The page that a mechanism is drawn on: axes in metres, and symbols in points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from blockmech.draw import palette as ink
+from blockmech.draw.labels import Crowd, Place
+from blockmech.draw.motion import Complex
+from blockmech.draw.palette import SIZES
+from blockmech.draw.paper import new_figure, shown_name, wrapped
+from blockmech.draw.shapes import Shape
+
+SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
+
+Paths = Mapping[str, Complex]
+
+
+class Page:
+    """Axes in metres at equal aspect, with paths of markers, and room for captions above.
+
+    ``width`` and ``height`` of the axes are in points; ``unit`` [m/pt] is what a point is on
+    the ground, and ``corner`` [m] the lower left one of the axes.
+    """
+
+    def __init__(self, places: Complex, wide: bool, paths: Paths, captions: Iterable[str]) -> None:
+        columns = 2 * ink.COLUMN + 14.0 if wide else ink.COLUMN
+        self.wide = wide
+        self.width = columns - SIZES.left - SIZES.right
+        low = complex(places.real.min(), places.imag.min())
+        size = complex(places.real.max(), places.imag.max()) - low
+        room = self.width - 2 * SIZES.edge
+        smallest = (max(size.real, size.imag) or 1.0) / room / 3
+        tallest = SIZES.heights[1] - 2 * SIZES.edge
+        self.unit = max(size.real / room, size.imag / tallest, smallest)
+        self.height = float(np.clip(size.imag / self.unit + 2 * SIZES.edge, *SIZES.heights))
+        self.corner = low + size / 2 - complex(self.width, self.height) * self.unit / 2
+        rows = max((len(self.lines(text)) for text in captions), default=0)
+        rows += math.ceil(len(paths) / (4 if wide else 2))
+        total = SIZES.bottom + self.height + SIZES.top + ink.ROW * rows
+        left = SIZES.left / columns
+        self.figure = new_figure(columns, total)
+        self.axes = self.figure.add_axes(
+            (left, SIZES.bottom / total, self.width / columns, self.height / total)
+        )
+        self._set_axes(paths)
+        style = {"fontsize": ink.SMALL, "va": "top", "label": "caption", "linespacing": 1.35}
+        self.caption = self.figure.text(left, 1 - SIZES.top / 2 / total, "", **style)
+
+    def _set_axes(self, paths: Paths) -> None:
+        axes, far = self.axes, self.metres(complex(self.width, self.height))
+        axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", adjustable="box")
+        axes.set(xlim=(self.corner.real, far.real), ylim=(self.corner.imag, far.imag))
+        axes.xaxis.labelpad, axes.yaxis.labelpad = 1.5, 1.0
+        axes.locator_params(nbins=6)
+        axes.grid(True)
+        for i, (name, path) in enumerate(paths.items()):
+            look = {"lw": 0.9, "zorder": 4.9, "label": f"path of {shown_name(name)}"}
+            axes.plot(path.real, path.imag, **ink.curve_style(i), **look)
+        if paths:
+            axes.legend(ncols=4 if self.wide else 2, bbox_to_anchor=(0.0, 1.0))
+
+    def lines(self, text: str) -> list[str]:
+        """A caption as lines that fit."""
+        return [line for part in text.split("\n") for line in wrapped(part, ink.SMALL, self.width)]
+
+    def write_caption(self, text: str) -> Any:
+        """Show a caption; its artist."""
+        self.caption.set_text("\n".join(self.lines(text)))
+        return self.caption
+
+    def points(self, z: Any) -> Any:
+        """Places [m] in points of the page, from the axes' lower left corner."""
+        return (z - self.corner) / self.unit
+
+    def metres(self, z: Any) -> Any:
+        """The places [m] of points of the page."""
+        return z * self.unit + self.corner
+
+    def draw(self, shape: Shape, k: int = 0) -> Any:
+        """Draw a shape at sample k; its artist."""
+        from matplotlib.lines import Line2D
+        from matplotlib.patches import Polygon
+
+        look: dict[str, Any] = {"zorder": shape.order, "label": shape.what}
+        if shape.kind == "area":
+            look |= {"fc": shape.fill, "ec": shape.stroke, "lw": shape.width}
+            artist: Any = Polygon([(0.0, 0.0)], joinstyle="round", **look)
+            self.axes.add_patch(artist)
+        else:
+            look |= {"lw": shape.width, "color": shape.stroke}
+            if shape.kind == "disc":
+                look |= {"marker": "o", "ms": 2 * shape.radius, "mew": shape.width}
+                look |= {"mfc": shape.fill, "ls": ""}
+            elif shape.dash:
+                look["dashes"] = shape.dash
+            look["solid_capstyle"] = "round" if shape.rounded else "butt"
+            artist = self.axes.add_line(Line2D([], [], **look))
+        move(artist, shape, k)
+        return artist
+
+    def write(self, place: Place) -> Any:
+        """Write a label at its place."""
+        z = self.metres(place.centre())
+        style = {"fontsize": ink.SMALL, "color": place.label.colour, "zorder": 9}
+        middle = {"ha": "center", "va": "center", "linespacing": 1.1}
+        return self.axes.text(z.real, z.imag, place.label.text, label="text", **middle, **style)
+
+    def leader(self, place: Place, frames: int = 1) -> Shape:
+        """The line from what a label names to the label, if that stands far off."""
+        ways = np.array([place.leader(k) for k in range(frames)], complex).T
+        return Shape("leader", "line", self.metres(ways), 8, place.label.colour, width=0.4)
+
+    def crowd(self, drawn: Iterable[Shape], paths: Paths, frames: Sequence[int] = (0,)) -> Crowd:
+        """What labels must spare: the shapes at some samples, and the paths."""
+        crowd = Crowd(complex(self.width, self.height), frames)
+        for k in frames:
+            for path in paths.values():
+                crowd.add_line(self.points(path), 0.4, k)
+            for shape in drawn:
+                z, weight = self.points(shape.at(k)), SOLID[shape.kind]
+                if shape.kind == "disc":
+                    for centre in z:
+                        crowd.add_disc(centre, shape.radius + 1, weight, k)
+                    continue
+                closed = np.append(z, z[:1]) if shape.kind == "area" else z
+                half = shape.width / 2 if shape.width > 2 else 0.0
+                for shift in dict.fromkeys((-half, 0.0, half)):
+                    crowd.add_line(closed + shift * (1 + 1j), weight, k)
+        return crowd
+
+
+def move(artist: Any, shape: Shape, k: int) -> None:
+    """Put the artist of a shape where that is at sample k."""
+    z = shape.at(k)
+    if shape.kind == "area":
+        artist.set_xy(np.stack([z.real, z.imag], axis=1))
+    else:
+        artist.set_data(z.real, z.imag)
