@@ -503,6 +503,13 @@ def test_no_efficiency_of_a_free_motion_whose_drive_is_idle():
     assert math.isnan(engine["mechanism.efficiency"])
 
 
+def test_no_efficiency_where_other_loads_drive_as_well():
+    """The gas gives work beside the drive, so their shares of the useful work are not known."""
+    engine = bm.Graph.load(GRAPHS / "engine.json").compile().run(samples=73, want="mechanism.*")
+    assert engine["mechanism.useful_power"].sum() > engine["mechanism.drive_power"].sum() > 0
+    assert math.isnan(engine["mechanism.efficiency"])
+
+
 def test_no_efficiency_of_a_single_sample():
     r = winch().run(at=1.0)
     assert math.isnan(r["mechanism.efficiency"])

@@ -14,6 +14,7 @@ from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.mechanism import Mechanism
 from blockmech.samples import make_samples
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
+from tests.analysis.linkages import fourbar
 from tests.wiring import ruiz, watt, wire
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
@@ -167,3 +168,24 @@ def test_a_looser_accuracy_of_a_simulation_is_met_wherever_a_tighter_one_is() ->
     rough = mech.simulate("time=2", start=start, accuracy=1e-6, method="lsoda").motion
     assert rough is not None
     assert abs(rough.q_end - motions[-1].q_end) <= rough.error + motions[-1].error
+
+
+@pytest.mark.parametrize("request_", [{"at": 0.0}, {"at": [0.0, math.pi]}, {"samples": 3}])
+def test_friction_is_judged_also_where_a_joint_stands_still(request_) -> None:
+    mech = ruiz().compile()
+    run = mech.run(**request_, want="crank.drive", accuracy=1e-6)
+    exact = mech.run(**request_, want="crank.drive", friction="newton")
+    assert run.accuracy is not None
+    assert run.accuracy.reached
+    error = np.abs(run["crank.drive"] - exact["crank.drive"]).max()
+    assert error <= run.accuracy.estimate * np.abs(exact["crank.drive"]).max()
+
+
+def test_what_stands_at_a_dead_centre_only_is_not_judged_and_taken_most_exactly() -> None:
+    mech = fourbar(4.0, 3.0, 2.0, 3.5).compile()
+    end = mech.limits().arcs[0].end.q
+    run = mech.run(at=end - 1e-9, rates=1.0, want="dyad.j.omega", accuracy=1e-12)
+    assert run.accuracy is not None
+    assert not run.accuracy.reached
+    assert run.accuracy.friction == "newton"
+    assert "not judged, as they are at or near a dead centre: 1 sample" in str(run.accuracy)

@@ -1,7 +1,6 @@
 """What `explain` tells: what each wanted output drags in, and what asking for less saves."""
 
-import blockmech as bm
-from blockmech.analysis.explain import shares, without_friction
+from blockmech.analysis.explain import shares
 from tests.wiring import ruiz, watt
 
 
@@ -17,8 +16,8 @@ def test_shares_name_the_blocks_and_stages_that_an_output_drags_in():
 def test_the_dearest_output_saves_most_and_one_that_others_need_saves_little():
     found = shares(ruiz().compile(), ["crank.drive", "dyad.j.alpha", "crank.q"])
     assert found[0].name == "crank.drive"
-    assert found[0].saves > 2
-    assert all(s.saves < 1.5 for s in found[1:])  # the drive needs it anyway
+    assert found[0].saves == 2  # reactions of the dyad and of the crank
+    assert all(s.saves == 0 for s in found[1:])  # the drive needs it anyway
 
 
 def test_many_outputs_are_told_by_the_stage_that_they_need():
@@ -27,22 +26,10 @@ def test_many_outputs_are_told_by_the_stage_that_they_need():
 
 
 def test_friction_that_is_left_out_costs_nothing():
-    mech = ruiz().compile()
-    assert mech.plan("*.friction_power", friction="none").calls == 0
-    assert without_friction(mech, "*.reaction") > 1.5
-    assert without_friction(mech, "*.p") is None
+    assert ruiz().compile().plan("*.friction_power", friction="none").calls == 0
 
 
 def test_explain_says_what_asking_for_less_would_save():
     text = ruiz().compile().explain(["crank.drive", "dyad.j.alpha"])
     assert "8 kernel calls for 2 outputs" in text
-    assert "without friction:" in text
-    assert "x faster" in text
-
-
-def test_explain_works_where_drivers_have_no_law_of_motion():
-    g = bm.Graph("pendulum", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    g.add("crank", bm.Crank(length=1.0, links={"crank": bm.Link(mass=1.0, cm=(0.5, 0.0))}))
-    g.connect("frame.A", "crank.A")
-    assert "crank.J_red" in g.compile().explain(["crank.J_red", "crank.tau_red"])
+    assert "saved without it" in text

@@ -214,7 +214,7 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     """
     double = request.run(few, Setting("newton"))
     rubs = any(name.startswith("friction/") for name in double.plan.layout)
-    good = comparable(double, rubs)
+    good = comparable(double, friction=False)
     smooth = request.run(few, Setting("none")) if rubs else double
     single = request.run(few, Setting("none", precision="complex64"))
     wide = request.run(few, Setting("none", precision="clongdouble")) if WIDER else None
@@ -229,9 +229,12 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     quality = double.quality
     contraction = _worst(quality.contraction, good)
     share = errors.error(smooth) if rubs else 0.0
-    if rubs and WIDER:
+    signed = comparable(double, friction=True)  # elsewhere rounding decides which way friction is
+    if not good.any():
+        rounding = dict.fromkeys(rounding, math.inf)
+    elif rubs and WIDER and signed.any():
         exact = request.run(few, Setting("newton", precision="clongdouble"))
-        lost = reference_errors(exact, double, good).without(left_out).error(double)
+        lost = reference_errors(exact, double, signed).without(left_out).error(double)
         for name, eps in (("complex128", DOUBLE), ("clongdouble", LONG)):
             rounding[name] = max(rounding[name], lost * eps / DOUBLE)
     elif rubs:
@@ -293,13 +296,15 @@ def _judged(
     request: _Request, result: Result, setting: Setting, probe: Probe, accuracy: float
 ) -> Accuracy:
     """The estimate after the run, from its own residuals, contractions and margins."""
-    good = comparable(result, probe.rubs)
+    good = comparable(result, friction=False)
     nearer = max(1.0, probe.margin / max(_least_margin(result, good), 1e-300))
     rounding = SAFETY * probe.rounding[setting.precision] * nearer**1.5
     rubbing, words = 0.0, f"{rounding:.1g} from rounding"
     if probe.rubs:
         rubbing = _friction_left(request, result, setting, probe, good)
         words += f", {rubbing:.1g} from friction"
+    if not good.all():
+        words += f"; not judged, as they are at or near a dead centre: {(~good).sum()} samples"
     if probe.errors.left_out:
         names = listed(probe.errors.left_out, 3)
         words += f"; not judged, as they are rounding alone: {names}"

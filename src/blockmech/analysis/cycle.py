@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from blockmech.analysis.limits import limits
-from blockmech.analysis.scan import NODES, TURN
+from blockmech.analysis.limits import SAMPLES, limits
+from blockmech.analysis.scan import NODES, TURN, bisect, runs
 from blockmech.errors import Problem, RequestError
+from blockmech.result import Result
 from blockmech.series import Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-    from blockmech.result import Result
 
-STEPS = 720  # of a turn, or of a range
-MOST = 36_000  # steps of a long range
+MOST = 50 * SAMPLES  # steps of a range of many turns
 SAME = 1e-12  # of a range, of places and numbers of turns that count as the same
-
-By = Literal["coordinate", "time", "share"]
 
 
 @dataclass(frozen=True)
@@ -32,25 +29,29 @@ class Cycle:
     Attributes
     ----------
     mechanism : the mechanism
-    low, high : ends of the range
+    settings : friction and the like, for every run
     by : what s is: the only driver's "coordinate" [rad or m], the "time" [s], or the
         "share" [-] of the ranges of several drivers
+    low, high : ends of the range
     request : places (n,) -> arguments of `Compiled.run`
-    settings : friction and the like, for every run
-    turns : whether the range is one or more whole turns of the only crank
-    rate : sign of the driver's rate, +1 where it has none
     steps : samples of the range
+    turns : whether the range is one or more whole turns of the only crank
+    backwards : whether the driver's rate is negative
     """
 
     mechanism: Compiled
+    settings: Mapping[str, Any]
+    by: Literal["coordinate", "time", "share"]
     low: float
     high: float
-    by: By
     request: Callable[[Floats], dict[str, Any]]
-    settings: Mapping[str, Any]
-    turns: bool
-    rate: int
     steps: int
+    turns: bool = False
+    backwards: bool = False
+
+    def __post_init__(self) -> None:
+        if self.low == self.high:
+            raise _no_range(self.by, "follow more than one place")
 
     def run(self, s: Floats, want: str) -> Result:
         """The wanted output at places s (n,); gaps are marked."""
@@ -66,13 +67,32 @@ class Cycle:
         """Equally spaced places from end to end."""
         return np.linspace(self.low, self.high, self.steps + 1)
 
+    def wrapped(self, s: float) -> float:
+        """A place of a whole turn inside the range: one at its very end is at its beginning."""
+        span = self.high - self.low
+        s = s + span if s < self.low - SAME * span else s
+        return s - span if s >= self.high - SAME * span else s
+
+    def stretches(self, value: Callable[[Floats], Any]) -> Iterator[tuple[float, float]]:
+        """Ends of the stretches on which a value is finite, to rounding."""
+        places = self.places()
+
+        def exists(s: float) -> bool:
+            return bool(np.isfinite(value(np.array([s]))[0]))
+
+        def edge(i: int, side: int) -> float:
+            inside, last = float(places[i]), not 0 <= i + side < len(places)
+            return inside if last else bisect(exists, inside, float(places[i + side]))
+
+        for a, b in runs(np.isfinite(value(places))):
+            yield edge(a, -1), edge(b, 1)
+
     def at(self, s: float) -> tuple[dict[str, float], float | None]:
         """Driver coordinates and, where the request says it, the time of a place."""
-        first = self.mechanism.of_driver(self.mechanism.drivers[0], "q")
-        run = self.run(np.array([s]), first)
-        time = None if run.time is None else float(run.time[0])
-        time = time if time is None or math.isfinite(time) else None
-        return {name: float(q[0]) for name, q in run.drivers.items()}, time
+        run = self.run(np.array([s]), self.mechanism.of_driver(self.mechanism.drivers[0], "q"))
+        time = math.nan if run.time is None else float(run.time[0])
+        drivers = {name: float(q[0]) for name, q in run.drivers.items()}
+        return drivers, time if math.isfinite(time) else None
 
 
 def cycle_of(source: Compiled | Result, settings: Mapping[str, Any]) -> Cycle:
@@ -80,132 +100,99 @@ def cycle_of(source: Compiled | Result, settings: Mapping[str, Any]) -> Cycle:
 
     Raises `RequestError` where there is no range to follow.
     """
-    from blockmech.result import Result
-
     if isinstance(source, Result):
-        return _of_result(source, settings)
-    return _of_mechanism(source, settings)
-
-
-def _of_mechanism(mechanism: Compiled, settings: Mapping[str, Any]) -> Cycle:
-    drivers = mechanism.drivers
-    laws: dict[str, Any] = {
-        d: mechanism.scene.drive[d] for d in drivers if d in mechanism.scene.drive
-    }
-    if len(drivers) == 1:
-        law = laws.get(drivers[0])
-        rotary = mechanism.driver_joint(drivers[0]).rotary
-        if law is None or (law.by_coordinate and law.start == law.end):
-            if not rotary:
-                raise _no_range(drivers[0], 'give the driver a law of motion with "from" and "to"')
-            start = 0.0 if law is None else float(law.start)
-            low = _before_arcs(mechanism, start)
-            return _by_coordinate(mechanism, low, low + TURN, settings, STEPS, law)
-        if law.by_coordinate:
-            low, high = sorted((float(law.start), float(law.end)))
-            if rotary and law.law == "constant_rate" and abs(high - low - TURN) <= SAME * TURN:
-                low = _before_arcs(mechanism, low)
-                high = low + TURN
-            return _by_coordinate(mechanism, low, high, settings, STEPS, law)
-    missing = [d for d in drivers if d not in laws]
+        return _of_result(source, {**source.settings, **settings})
+    drivers, drive = source.drivers, source.scene.drive
+    laws: list[Any] = [drive.get(d) for d in drivers]
+    if len(drivers) == 1 and (laws[0] is None or laws[0].by_coordinate):
+        return _by_coordinate(source, settings, *_range_of(source, laws[0]), laws[0])
+    missing = [d for d, law in zip(drivers, laws, strict=True) if law is None]
     if missing or not drivers:
         raise _no_range(missing[0] if missing else "mechanism", "give every driver a law of motion")
-    if all(law.by_coordinate for law in laws.values()):
-        ends = {d: (float(law.start), float(law.end)) for d, law in laws.items()}
-        return _by_share(mechanism, ends, settings, STEPS)
-    duration = max(x for law in laws.values() if math.isfinite(x := law.duration()))
-    return _by_time(mechanism, 0.0, duration, settings, STEPS)
+    if all(law.by_coordinate for law in laws):
+        return _by_share(source, settings, [(float(law.start), float(law.end)) for law in laws])
+    duration = max(x for law in laws if math.isfinite(x := law.duration()))
+    return _by_time(source, settings, 0.0, duration)
 
 
-def _before_arcs(mechanism: Compiled, start: float) -> float:
-    """Where to begin a turn so that it cuts no feasible arc."""
-    found = limits(mechanism)
-    if found.whole_turn or not found.arcs:
-        return start
-    return (found.arcs[-1].end.q - TURN + found.arcs[0].start.q) / 2
+def _range_of(mechanism: Compiled, law: Any) -> tuple[float, float]:
+    """Ends of the only driver's range: those of its law, or a turn, which cuts no feasible arc."""
+    (driver,) = mechanism.drivers
+    rotary = mechanism.driver_joint(driver).rotary
+    low, high = (0.0, 0.0) if law is None else sorted((float(law.start), float(law.end)))
+    if low == high and not rotary:
+        raise _no_range(driver, 'give the driver a law of motion with "from" and "to"')
+    turn = low == high or (law.law == "constant_rate" and abs(high - low - TURN) <= SAME * TURN)
+    if rotary and turn:
+        found = limits(mechanism)
+        if not found.whole_turn and found.arcs:
+            low = (found.arcs[-1].end.q - TURN + found.arcs[0].start.q) / 2
+        return low, low + TURN
+    return low, high
 
 
 def _of_result(result: Result, settings: Mapping[str, Any]) -> Cycle:
     mechanism, samples = result.mechanism, result.samples
-    known = {**result.settings, **settings}
-    steps = max(STEPS, result.n - 1)
     if samples.times is not None:
         low, high = float(samples.times.min()), float(samples.times.max())
-        return _by_time(mechanism, low, high, known, steps)
+        return _by_time(mechanism, settings, low, high, result.n)
     columns = [samples.coordinate(i) for i in range(len(mechanism.drivers))]
     if len(columns) == 1:
-        low, high = float(columns[0].min()), float(columns[0].max())
-        law = samples.clock
-        rates = None if law else (_one(samples.inputs["qd_0"]), _one(samples.inputs["qdd_0"]))
-        return _by_coordinate(mechanism, low, high, known, steps, law, rates)
+        ends = float(columns[0].min()), float(columns[0].max())
+        if samples.clock:
+            return _by_coordinate(mechanism, settings, *ends, samples.clock, n=result.n)
+        rates = [np.unique(np.asarray(samples.inputs[name])) for name in ("qd_0", "qdd_0")]
+        if any(len(values) > 1 for values in rates):
+            raise _no_range("rates", "give the driver a law of motion in place of rates")
+        rate, acceleration = (float(values[0]) for values in rates)
+        more = {"rates": rate, "accelerations": acceleration}
+        return _by_coordinate(mechanism, settings, *ends, None, more, result.n)
     even = [np.linspace(c[0], c[-1], len(c)) for c in columns]
     if not columns or not all(map(np.allclose, columns, even)):
         raise _no_range("samples", "sample the drivers at equal steps, or by time")
-    ends = {d: (float(c[0]), float(c[-1])) for d, c in zip(mechanism.drivers, columns, strict=True)}
-    return _by_share(mechanism, ends, known, steps)
-
-
-def _one(column: Any) -> float:
-    """The one value of a column. Raises `RequestError` where there are several."""
-    values = np.unique(np.asarray(column, dtype=float))
-    if len(values) > 1:
-        raise _no_range("rates", "give the driver a law of motion in place of rates")
-    return float(values[0])
+    return _by_share(mechanism, settings, [(float(c[0]), float(c[-1])) for c in columns], result.n)
 
 
 def _by_coordinate(
     mechanism: Compiled,
+    settings: Mapping[str, Any],
     low: float,
     high: float,
-    settings: Mapping[str, Any],
-    steps: int,
     law: Any,
-    rates: tuple[float, float] | None = None,
+    rates: Mapping[str, float] | None = None,
+    n: int = 0,
 ) -> Cycle:
-    driver = mechanism.drivers[0]
-    if low == high:
-        raise _no_range(driver, "follow more than one place")
-    rotary = mechanism.driver_joint(driver).rotary
-    count = (high - low) / TURN
-    whole = rotary and round(count) >= 1 and abs(count - round(count)) <= SAME * count
-    steps = min(MOST, max(steps, math.ceil(STEPS * count))) if rotary else steps
-    more: dict[str, Any] = {}
-    if rates is not None:
-        more = {"rates": rates[0], "accelerations": rates[1]}
-    rate = float(getattr(law, "rate", 0.0)) if law is not None else more.get("rates", 0.0)
+    """A range of the only driver's coordinate, by its law or at given rates."""
+    more = dict(rates or {})
+    rotary = mechanism.driver_joint(mechanism.drivers[0]).rotary
+    count = (high - low) / TURN if rotary else 0.0
+    whole = round(count) >= 1 and abs(count - round(count)) <= SAME * count
+    steps = min(MOST, max(SAMPLES, n - 1, math.ceil(SAMPLES * count)))
+    rate = more.get("rates", 0.0) if law is None else getattr(law, "rate", 0.0)
+
+    def request(s: Floats) -> dict[str, Any]:
+        return {"at": s, **more}
+
     return Cycle(
-        mechanism,
-        low,
-        high,
-        "coordinate",
-        lambda s: {"at": s, **more},
-        settings,
-        whole,
-        -1 if rate < 0 else 1,
-        steps,
+        mechanism, settings, "coordinate", low, high, request, steps, whole, float(rate) < 0
     )
 
 
 def _by_time(
-    mechanism: Compiled, low: float, high: float, settings: Mapping[str, Any], steps: int
+    mechanism: Compiled, settings: Mapping[str, Any], low: float, high: float, n: int = 0
 ) -> Cycle:
-    if low == high:
-        raise _no_range("times", "follow more than one time")
-    return Cycle(
-        mechanism, low, high, "time", lambda s: {"times": s}, settings, False, 1, 2 * steps
-    )
+    steps = 2 * max(SAMPLES, n - 1)
+    return Cycle(mechanism, settings, "time", low, high, lambda s: {"times": s}, steps)
 
 
 def _by_share(
-    mechanism: Compiled,
-    ends: Mapping[str, tuple[float, float]],
-    settings: Mapping[str, Any],
-    steps: int,
+    mechanism: Compiled, settings: Mapping[str, Any], ends: list[tuple[float, float]], n: int = 0
 ) -> Cycle:
     def request(s: Floats) -> dict[str, Any]:
-        return {"at": {d: a + s * (b - a) for d, (a, b) in ends.items()}}
+        pairs = zip(mechanism.drivers, ends, strict=True)
+        return {"at": {d: a + s * (b - a) for d, (a, b) in pairs}}
 
-    return Cycle(mechanism, 0.0, 1.0, "share", request, settings, False, 1, steps)
+    return Cycle(mechanism, settings, "share", 0.0, 1.0, request, max(SAMPLES, n - 1))
 
 
 def _no_range(where: str, remedy: str) -> RequestError:

@@ -1,29 +1,16 @@
-"""What a request costs: its kernel calls counted, and the plans of less timed on the spot.
-
-Each wanted output's plan, and the plan of all the others, run on samples of the drivers'
-ranges, and the best of a few runs counts. So what is said is about this machine and these
-samples, and good for a tenth or so.
-"""
+"""What a request costs: its kernel calls, and how many of them each wanted output drags in."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from blockmech.compiled import Compiled
-from blockmech.errors import RequestError, listed
+from blockmech.errors import listed
 from blockmech.plan import Plan
-from blockmech.samples import Samples, make_samples
 
 GROUPS = 12  # wanted outputs above which they are told by quantity
-FEW, MANY = 64, 4096  # samples of a timed run: as many as take no longer than
-LONG = 0.02  # [s], so that a table of all outputs is there within a second
-ROUNDS = 3  # of which the fastest counts
-NEAR = 1e-3  # [rad] or [m] around a start, where the mechanism is sure to close
 FAMILIES = (  # the dearest stage that outputs need -> what they are called
     ("force", "reactions and drives"),
     ("unit acceleration", "reduced loads with slope"),
@@ -42,34 +29,15 @@ class Share:
     ----------
     name : output or pattern
     blocks, stages : what it drags in
-    alone : time of it alone, over that of the whole request [-]
-    saves : how many times faster the request is without it [-]
+    alone : kernel calls of it alone
+    saves : kernel calls that the request needs for nothing else
     """
 
     name: str
     blocks: tuple[str, ...]
     stages: tuple[str, ...]
-    alone: float
-    saves: float
-
-
-class Stopwatch:
-    """Times of plans of one mechanism, all on the same samples."""
-
-    def __init__(self, mechanism: Compiled, whole: Plan) -> None:
-        self.mechanism = mechanism
-        self.samples = _samples(mechanism, FEW)
-        share = LONG / max(self.time(whole), LONG * FEW / MANY)
-        self.samples = _samples(mechanism, int(np.clip(FEW * share, FEW, MANY)))
-
-    def time(self, plan: Plan) -> float:
-        """Processor time [s] of a plan's program."""
-        best = np.inf
-        for _ in range(ROUNDS + 1):  # the first binds the program
-            start = time.process_time()
-            self.mechanism.evaluate(plan, self.samples, "numpy")
-            best = min(best, time.process_time() - start)
-        return float(best)
+    alone: int
+    saves: int
 
 
 def explain(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> str:
@@ -77,49 +45,27 @@ def explain(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> 
     patterns = (want,) if isinstance(want, str) else tuple(want)
     plan = mechanism.plan(patterns, **settings)
     rows = shares(mechanism, patterns, **settings)
-    if not rows:
-        return f"{plan.explain()}\n\n"
-    width = max(max(len(r.name) for r in rows), len("output"))
-    lines = [f"{'output':<{width}}  alone  without it       drags in"]
+    width = max([len(r.name) for r in rows] + [len("output")])
+    lines = [f"{'output':<{width}}  calls alone  saved without it  drags in"] * bool(rows)
     for r in rows:
-        saves = "nothing left" if r.saves == float("inf") else f"{r.saves:.1f} x faster"
         what = f"{listed(r.stages, 6)} of {listed(r.blocks, 4)}" if r.blocks else "nothing"
-        lines.append(f"{r.name:<{width}}  {100 * r.alone:3.0f} %  {saves:<15}  {what}")
-    smooth = without_friction(mechanism, patterns, **settings)
-    if smooth is not None:
-        lines.append(f"without friction: {smooth:.1f} times faster")
+        lines.append(f"{r.name:<{width}}  {r.alone:>11}  {r.saves:>16}  {what}")
     return "\n".join([plan.explain(), "", *lines])
 
 
 def shares(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> tuple[Share, ...]:
-    """What each wanted output costs; many are told by quantity, as patterns."""
+    """What each wanted output costs, the dearest first; many are told by quantity or pattern."""
     patterns = (want,) if isinstance(want, str) else tuple(want)
     whole = mechanism.plan(patterns, **settings)
-    watch = Stopwatch(mechanism, whole)
-    total = watch.time(whole)
     found = []
     for name, members in _groups(mechanism, patterns, whole, settings).items():
-        rest = tuple(n for n in whole.want if n not in members)
         plan = mechanism.plan(members, **settings)
-        left = watch.time(mechanism.plan(rest, **settings)) if rest else 0.0
-        alone = watch.time(plan) / total if rest else 1.0
+        rest = tuple(n for n in whole.want if n not in members)
+        left = mechanism.plan(rest, **settings).calls if rest else 0
         blocks = tuple(dict.fromkeys(e.block for e in plan.entries))
         stages = tuple(dict.fromkeys(e.stage for e in plan.entries))
-        found.append(Share(name, blocks, stages, alone, total / left if left else float("inf")))
+        found.append(Share(name, blocks, stages, plan.calls, whole.calls - left))
     return tuple(sorted(found, key=lambda s: -s.saves))
-
-
-def without_friction(
-    mechanism: Compiled, want: Iterable[str] | str, **settings: Any
-) -> float | None:
-    """How many times faster the request is without friction; None if it has none."""
-    plan = mechanism.plan(want, **settings)
-    if not any(name.startswith("friction/") for name in plan.layout):
-        return None
-    less = {k: v for k, v in settings.items() if k not in ("tolerance", "iterations")}
-    watch = Stopwatch(mechanism, plan)
-    smooth = mechanism.plan(want, **less | {"friction": "none"})
-    return watch.time(plan) / watch.time(smooth)
 
 
 def _groups(
@@ -140,14 +86,3 @@ def _groups(
         family = next((words for stage, words in FAMILIES if stage in stages), "inputs")
         found[family] = (*found.get(family, ()), *members)
     return found
-
-
-def _samples(mechanism: Compiled, n: int) -> Samples:
-    """Samples of the drivers' ranges; near the start where there is no law."""
-    drivers, scene = mechanism.drivers, mechanism.scene
-    try:
-        return make_samples(mechanism, scene, samples=n)
-    except RequestError:
-        start = {d: scene.initial[d].q if d in scene.initial else 0.0 for d in drivers}
-        at = {d: np.linspace(q, q + NEAR, n) for d, q in start.items()}
-        return make_samples(mechanism, scene, at, rates=dict.fromkeys(drivers, 1.0))

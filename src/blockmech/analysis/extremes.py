@@ -2,9 +2,8 @@
 
 The output is sampled (720 times a turn) until its Chebyshev series end. Where it is smooth,
 the place is a root of the derivative of a series (`blockmech.analysis.scan`): the value is good
-to rounding, the place to about 1e-13 rad times |value| / |second derivative|. At a kink (the
-magnitude of a vector that passes zero, a friction moment that changes its sign) minimisation
-takes over.
+to rounding, the place to about 1e-13 rad times |value| / |second derivative|. At a kink (a
+friction moment that changes its sign) minimisation takes over.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.analysis.cycle import Cycle, cycle_of
-from blockmech.analysis.follow import Signal, Turn, signal_of, turns_of
+from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
 from blockmech.errors import Problem, RequestError
 
 if TYPE_CHECKING:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 SAMPLES = 720  # of a turn: every half degree
 FEWEST = 16
-TURNS, UNLIMITED = "turn", "unlimited"
 TINY = 1e-13  # [rad or m] shown as zero
 
 
@@ -121,9 +120,12 @@ class Limits:
 
         A crank's coordinate may be any number of turns away from the arc.
         """
-        if self.unit == "rad":
-            return next((a for a in self.arcs if _turned_into(a, q)), None)
-        return next((a for a in self.arcs if a.start.q <= q <= a.end.q), None)
+        for arc in self.arcs:
+            middle = (arc.start.q + arc.end.q) / 2
+            near = middle + math.remainder(q - middle, TURN) if self.unit == "rad" else q
+            if arc.start.q <= near <= arc.end.q:
+                return arc
+        return None
 
     def sentence(self) -> str:
         """The arcs in one sentence."""
@@ -138,9 +140,8 @@ class Limits:
     def text(self, degrees: bool = False) -> str:
         """The arcs, their ends and change points, one a line."""
         turned = degrees and self.unit == "rad"
-        return "\n".join(
-            self._lines(180 / math.pi if turned else 1.0, "deg" if turned else self.unit)
-        )
+        scale, unit = (180 / math.pi, "deg") if turned else (1.0, self.unit)
+        return "\n".join(self._lines(scale, unit))
 
     def __str__(self) -> str:
         return self.text()
@@ -214,8 +215,9 @@ def limits(
     RequestError for an unknown driver, others without a place, or too few samples
     """
     if samples < FEWEST:
-        raise _error("samples", f"got {samples}", f"give at least {FEWEST}")
-    moved, held = _request(mechanism, driver, dict(at or {}))
+        raise RequestError(_wrong("samples", f"got {samples}", "", f"give at least {FEWEST}"))
+    moved = _moved(mechanism, driver)
+    held = _held(mechanism, moved, at or {})
     joint = mechanism.driver_joint(moved)
     closure = Closure(mechanism.of_blocks, moved, held, _groups(mechanism.structure, blocks))
     span = one_turn() if joint.rotary else travel(mechanism, moved)
@@ -253,31 +255,25 @@ def _shown(q: float, digits: int = 15) -> str:
 
 def _together(points: Iterable[End]) -> list[list[End]]:
     """Change points in rising order, those of several groups at one place together."""
-    found: list[list[End]] = []
+    rows: list[list[End]] = []
     for p in points:
-        if found and abs(p.q - found[-1][0].q) <= DOUBLE_ROOT:
-            found[-1].append(p)
-        else:
-            found.append([p])
-    return [sorted(row, key=lambda p: p.block) for row in found]
-
-
-def _turned_into(arc: Arc, q: float) -> bool:
-    middle = (arc.start.q + arc.end.q) / 2
-    return abs(math.remainder(q - middle, TURN)) <= arc.length / 2
+        if not rows or abs(p.q - rows[-1][0].q) > DOUBLE_ROOT:
+            rows.append([])
+        rows[-1].append(p)
+    return [sorted(row, key=lambda p: p.block) for row in rows]
 
 
 def _arc(closure: Closure, piece: Piece) -> Arc:
     """A piece with its ends named."""
     passes = tuple(_end(closure, p) for p in piece.passes)
     if piece.start is None or piece.end is None:
-        return Arc(End(0.0, "", TURNS), End(TURN, "", TURNS), passes)
+        return Arc(End(0.0, "", "turn"), End(TURN, "", "turn"), passes)
     return Arc(_end(closure, piece.start), _end(closure, piece.end), passes)
 
 
 def _end(closure: Closure, bound: Bound) -> End:
     if not bound.block:
-        return End(math.copysign(math.inf, bound.q), "", UNLIMITED)
+        return End(math.copysign(math.inf, bound.q), "", "unlimited")
     return End(bound.q, bound.block, closure.how(bound.block, bound.q))
 
 
@@ -289,62 +285,46 @@ def _groups(structure: Structure, blocks: Iterable[str] | None) -> tuple[str, ..
     return tuple(n for n, b in structure.blocks.items() if n in kept and b.closes)
 
 
-def _request(
-    mechanism: Compiled, driver: str | None, at: dict[str, float]
-) -> tuple[str, dict[str, float]]:
-    """The driver that moves, and where the others stand."""
+def _moved(mechanism: Compiled, driver: str | None) -> str:
+    """The driver that moves."""
     drivers = mechanism.drivers
+    if driver is None and len(drivers) == 1:
+        return drivers[0]
     if driver is None:
-        if len(drivers) != 1:
-            found = f"the mechanism has {len(drivers)} drivers" if drivers else "it has no driver"
-            raise _error("limits", found, f"name one of: {listed(drivers)}" if drivers else "")
-        driver = drivers[0]
+        found = f"the mechanism has {len(drivers)} drivers" if drivers else "it has no driver"
+        remedy = f"name one of: {listed(drivers)}" if drivers else ""
+        raise RequestError(_wrong("limits", found, "", remedy))
     if driver not in drivers:
-        raise RequestError(
-            Problem(
-                "bad-request",
-                driver,
-                "there is no such driver",
-                f"drivers: {listed(drivers)}" if drivers else "",
-                close_match(driver, drivers),
-            )
-        )
+        valid = f"drivers: {listed(drivers)}" if drivers else ""
+        near = close_match(driver, drivers)
+        raise RequestError(_wrong(driver, "there is no such driver", valid, near))
+    return driver
+
+
+def _held(mechanism: Compiled, moved: str, at: Mapping[str, Any]) -> dict[str, float]:
+    """Where the drivers stand that do not move: as asked, or where their motion begins."""
+    others = [d for d in mechanism.drivers if d != moved]
+    valid = f"held: {listed(others)}"
     problems = [
-        Problem(
-            "bad-request", f"at[{d}]", found, f"held: {listed(x for x in drivers if x != driver)}"
-        )
+        _wrong(f"at[{d}]", "this driver is the one that moves", valid)
+        if d == moved
+        else _wrong(f"at[{d}]", "there is no such driver", valid)
         for d in at
-        if (found := _misplaced(d, driver, drivers, at[d]))
+        if d not in others
     ]
     held = {}
-    for other in drivers:
-        if other == driver:
-            continue
-        place = at[other] if other in at else _begin(mechanism, other)
-        if place is None:
-            problems.append(
-                Problem(
-                    "bad-request",
-                    other,
-                    "nothing says where this driver is held",
-                    "",
-                    f'give at={{"{other}": ...}}, or a law of motion by coordinate',
-                )
-            )
+    for d in others:
+        q = at[d] if d in at else _begin(mechanism, d)
+        if isinstance(q, int | float) and math.isfinite(q):
+            held[d] = float(q)
+        elif d in at:
+            problems.append(_wrong(f"at[{d}]", f"not a finite number: {q!r}", valid))
         else:
-            held[other] = float(place)
+            remedy = f'give at={{"{d}": ...}}, or a law of motion by coordinate'
+            problems.append(_wrong(d, "nothing says where this driver is held", "", remedy))
     if problems:
         raise RequestError(problems)
-    return driver, held
-
-
-def _misplaced(name: str, driver: str, drivers: tuple[str, ...], place: Any) -> str:
-    if name not in drivers:
-        return "there is no such driver"
-    if name == driver:
-        return "this driver is the one that moves"
-    good = isinstance(place, int | float) and math.isfinite(place)
-    return "" if good else f"not a finite number: {place!r}"
+    return held
 
 
 def _begin(mechanism: Compiled, driver: str) -> float | None:
@@ -355,5 +335,5 @@ def _begin(mechanism: Compiled, driver: str) -> float | None:
     return None if initial is None else float(initial.q)
 
 
-def _error(where: str, found: str, remedy: str) -> RequestError:
-    return RequestError(Problem("bad-request", where, found, "", remedy))
+def _wrong(where: str, found: str, valid: str = "", remedy: str = "") -> Problem:
+    return Problem("bad-request", where, found, valid, remedy)

@@ -138,17 +138,23 @@ def bisect(holds: Callable[[float], bool], inside: float, outside: float) -> flo
 
 
 def minimize(function: Callable[[float], float], low: float, high: float) -> float:
-    """Place of a minimum in a bracket; it need not be smooth. NaN counts as large."""
+    """Place of a minimum in a bracket; it need not be smooth. NaN counts as large.
+
+    Brent's method keeps the root of rounding of what it is given, so it is given the distance
+    from the middle, and a second time from what it found.
+    """
     from scipy.optimize import minimize_scalar
 
     middle, half = low + (high - low) / 2, (high - low) / 2
+    for _ in range(2):
 
-    def apart(d: float) -> float:
-        y = function(middle + d * half)
-        return math.inf if math.isnan(y) else y
+        def apart(d: float, middle: float = middle, half: float = half) -> float:
+            y = function(middle + d * half)
+            return math.inf if math.isnan(y) else y
 
-    found = minimize_scalar(apart, bounds=(-1.0, 1.0), method="bounded", options={"xatol": EPS})
-    return float(middle + found.x * half)
+        found = minimize_scalar(apart, bounds=(-1, 1), method="bounded", options={"xatol": EPS})
+        middle, half = middle + float(found.x) * half, 4 * math.sqrt(EPS) * half
+    return middle
 
 
 def runs(holds: Sequence[bool] | NDArray[np.bool_]) -> list[tuple[int, int]]:

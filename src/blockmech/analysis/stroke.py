@@ -9,18 +9,18 @@ so it is a ratio of driver travel.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.cycle import Cycle, cycle_of
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
-from blockmech.analysis.follow import ALIKE, Signal, Turn, signal_of, stretches, turns_of
-from blockmech.analysis.scan import NODES, Span, scan
+from blockmech.analysis.scan import NODES, TURN, Span, scan
+from blockmech.analysis.turns import ALIKE, Signal, Turn, Turns, signal_of, turns_of
 from blockmech.errors import Problem, RequestError
 from blockmech.series import EPS, Floats, fit, panels
 
@@ -30,7 +30,10 @@ if TYPE_CHECKING:
 
 STANDS = 1e-6  # of the largest speed: below it a marker may reverse
 
+ASK = "ask for the extremes of its x or y"
+
 Path = Literal["scalar", "straight", "curved"]
+Velocity = Callable[[Floats], NDArray[np.complex128]]
 
 
 @dataclass(frozen=True)
@@ -111,49 +114,29 @@ def stroke(source: Compiled | Result, name: str, **settings: Any) -> Stroke:
     """
     cycle = cycle_of(source, settings)
     output, parts = parts_of(cycle.mechanism, name)
-    unit = cycle.mechanism.outputs[output].unit
+    path: Path = "scalar"
+    chord: float | None = None
     if len(parts) == 1:
-        found = turns_of(cycle, signal_of(cycle, output, parts[0]))
-        if not math.isfinite(found.high.value - found.low.value):
+        ends = turns_of(cycle, signal_of(cycle, output, parts[0]))
+        if not math.isfinite(ends.high.value - ends.low.value):
             raise _error(name, "it grows without bound", "")
-        ends = _Ends(found.low, found.high, "scalar", None, found.closed)
-        return _made(cycle, name, unit, ends)
-    if not output.endswith(".p"):
+    elif output.endswith(".p"):
+        ends, path, chord = _of_marker(cycle, output)
+    else:
         raise _error(name, "it is no place of a marker", "name a place, a real output or a part")
-    return _made(cycle, name, unit, _of_marker(cycle, output))
-
-
-class _Ends(NamedTuple):
-    """Extreme positions, by their value along the path."""
-
-    low: Turn
-    high: Turn
-    path: Path
-    chord: float | None
-    closed: bool  # whether the cycle is a whole turn after which the path repeats
-
-
-def _made(cycle: Cycle, name: str, unit: str, ends: _Ends) -> Stroke:
     low, high = ends.low, ends.high
     out = back = None
     if ends.closed and low.s != high.s:
-        out = math.fmod(cycle.rate * (high.s - low.s), 2 * math.pi)
-        out = out + 2 * math.pi if out < 0 else out
-        back = 2 * math.pi - out
-    return Stroke(
-        name,
-        unit,
-        high.value - low.value,
-        extreme_at(cycle, low),
-        extreme_at(cycle, high),
-        ends.path,
-        ends.chord,
-        out,
-        back,
-    )
+        out = (-1 if cycle.backwards else 1) * (high.s - low.s) % TURN
+        back = TURN - out
+    unit, length = cycle.mechanism.outputs[output].unit, high.value - low.value
+    extremes = extreme_at(cycle, low), extreme_at(cycle, high)
+    return Stroke(name, unit, length, *extremes, path, chord, out, back)
 
 
-def _of_marker(cycle: Cycle, output: str) -> _Ends:
+def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:
+    """Extreme positions of a marker by their value along its path, its kind, and the chord."""
+
     def read(s: Floats) -> NDArray[np.complex128]:
         return np.asarray(cycle.run(s, output)[output])
 
@@ -168,117 +151,77 @@ def _of_marker(cycle: Cycle, output: str) -> _Ends:
     # The principal axis of the samples: the square forgets which way along it they lie.
     u = complex(np.sqrt(((z - middle) ** 2).sum()))
     u /= abs(u)
-    if float(np.abs(((z - middle) * u.conjugate()).imag).max()) > ALIKE * spread:
-        return _along_curve(cycle, output)
+    straight = float(np.abs(((z - middle) * u.conjugate()).imag).max()) <= ALIKE * spread
 
     def along(s: Floats) -> Floats:
         return np.asarray(((read(s) - middle) * u.conjugate()).real)
 
-    found = turns_of(cycle, Signal(output, along, along))
+    found = turns_of(cycle, Signal(output, along, along)) if straight else _curve(cycle, output)
     chord = float(abs(np.diff(read(np.array([found.low.s, found.high.s])))[0]))
-    low, high = found.low._replace(value=0.0), found.high._replace(value=chord)
-    return _Ends(low, high, "straight", chord, found.closed)
+    high = found.high._replace(value=chord) if straight else found.high
+    path: Path = "straight" if straight else "curved"
+    return found._replace(low=found.low._replace(value=0.0), high=high), path, chord
 
 
-# -- curved paths ------------------------------------------------------------------------
-
-
-def _along_curve(cycle: Cycle, output: str) -> _Ends:
+def _curve(cycle: Cycle, output: str) -> Turns:
     """The reversals of a marker on a curve, with the length of the path between them."""
-    path = _Curve(cycle, output)
-    marks = path.marks()
+    if cycle.by == "share":
+        raise _error(output, "a curved path needs one driver, or laws of motion by time", ASK)
+
+    def velocity(s: Floats) -> NDArray[np.complex128]:
+        """Derivative of the place with respect to s: the velocity at unit rate."""
+        given = cycle.request(s)
+        given |= {"rates": 1.0, "accelerations": 0.0} if cycle.by == "coordinate" else {}
+        run = cycle.mechanism.run(want=rate, on_gap="mark", **given)
+        return np.asarray(run[rate])
+
+    rate = output.removesuffix("p") + "v"
+    ends, *more = cycle.stretches(velocity)
+    if more:
+        raise _error(output, "its path is not in one piece", ASK)
+    closed = cycle.turns and ends == (cycle.low, cycle.high)
+    marks = _reversals(cycle, velocity, ends, closed)
+    if closed and len(marks) < 2:
+        raise _error(output, "the marker runs round a closed path and never reverses", ASK)
+    marks = [*marks, marks[0] + cycle.high - cycle.low] if closed else [ends[0], *marks, ends[1]]
     place = [0.0]
     for i, (a, b) in enumerate(pairwise(marks)):
-        place.append(place[-1] + (-1) ** i * path.length(a, b))
-    if path.closed:
+        place.append(place[-1] + (-1) ** i * _length(velocity, Span(a, b)))
+    if closed:
         way = sum(abs(b - a) for a, b in pairwise(place))
         if abs(place[-1] - place[0]) > ALIKE * way:
-            raise _error(
-                output,
-                "the marker does not return on the path it came on",
-                "ask for the extremes of its x or y",
-            )
-        marks, place = marks[:-1], place[:-1]
-    i, j = int(np.argmin(place)), int(np.argmax(place))
-    ends = np.array([marks[i], marks[j]])
-    chord = float(abs(np.diff(cycle.run(ends, output)[output])[0]))
-    turn = [Turn(path.wrapped(marks[k]), place[k] - place[i], 1, False) for k in (i, j)]
-    return _Ends(turn[0]._replace(sign=-1), turn[1], "curved", chord, path.closed)
+            raise _error(output, "the marker does not return on the path it came on", ASK)
+        marks, place = [cycle.wrapped(s) for s in marks[:-1]], place[:-1]
+    low, high = int(np.argmin(place)), int(np.argmax(place))
+    last = Turn(marks[high], place[high] - place[low], 1)
+    return Turns(Turn(marks[low], 0.0, -1), last, (), closed)
 
 
-class _Curve:
-    """The path of one marker, run through along a cycle."""
+def _reversals(
+    cycle: Cycle, velocity: Velocity, ends: tuple[float, float], closed: bool
+) -> list[float]:
+    """Where the speed vanishes and the velocity before and after points opposite ways."""
+    span = Span(*ends, turn=closed)
+    found = scan(lambda s: np.abs(velocity(s)) ** 2, span, panels(0.0, 1.0, cycle.panels))
+    x, y = found.x, found.y
+    if closed:  # before the first place comes the last but one, a turn earlier
+        x, y = np.append(x[-2] - (cycle.high - cycle.low), x), np.append(y[-2], y)
+    still = (y[1:-1] <= y[:-2]) & (y[1:-1] <= y[2:]) & (y[1:-1] <= STANDS**2 * np.nanmax(y))
+    i = np.flatnonzero(still) + 1
+    if not len(i):
+        return []
+    before, after = velocity((x[i - 1] + x[i]) / 2), velocity((x[i] + x[i + 1]) / 2)
+    turned: list[float] = x[i[(before * after.conj()).real < 0]].tolist()
+    return turned
 
-    def __init__(self, cycle: Cycle, output: str) -> None:
-        if cycle.by == "share":
-            raise _error(
-                output,
-                "a curved path needs one driver, or laws of motion by time",
-                "ask for the extremes of its x or y",
-            )
-        self.cycle = cycle
-        self.output = output
-        self.rate = output.removesuffix("p") + "v"
-        good = np.isfinite(self.velocity(cycle.places()))
-        whole = list(stretches(cycle, good, self.velocity))
-        if len(whole) > 1:
-            raise _error(output, "its path is not in one piece", "ask for the extremes of x or y")
-        self.ends = whole[0]
-        self.closed = cycle.turns and bool(good.all())
 
-    def velocity(self, s: Floats) -> NDArray[np.complex128]:
-        """Derivative of the place with respect to s: the velocity at unit rate."""
-        given = self.cycle.request(s)
-        if self.cycle.by == "coordinate":
-            given |= {"rates": 1.0, "accelerations": 0.0}
-        run = self.cycle.mechanism.run(want=self.rate, on_gap="mark", **given)
-        return np.asarray(run[self.rate])
+def _length(velocity: Velocity, span: Span) -> float:
+    """Length of the path between two reversals."""
 
-    def marks(self) -> list[float]:
-        """Reversals in order; with the ends of an open path, or the first one again.
+    def speed(u: Floats) -> Floats:
+        return np.asarray(np.abs(velocity(span.place(u))) * span.slope(u))
 
-        The speed vanishes there, and the velocity before and after points opposite ways.
-        """
-        span, count = Span(*self.ends, turn=self.closed), self.cycle.panels
-        found = scan(lambda s: np.abs(self.velocity(s)) ** 2, span, panels(0.0, 1.0, count))
-        x, y = found.x, found.y
-        if self.closed:  # before the first place comes the last but one, a turn earlier
-            turn = self.cycle.high - self.cycle.low
-            x, y = np.append(x[-2] - turn, x), np.append(y[-2], y)
-        still = (y[1:-1] <= y[:-2]) & (y[1:-1] <= y[2:]) & (y[1:-1] <= STANDS**2 * np.nanmax(y))
-        i = np.flatnonzero(still) + 1
-        around = zip(x[i].tolist(), x[i - 1].tolist(), x[i + 1].tolist(), strict=True)
-        turned = [s for s, low, high in around if self._turns(s, low, high)]
-        if not self.closed:
-            return [self.ends[0], *turned, self.ends[1]]
-        if len(turned) < 2:
-            raise _error(
-                self.output,
-                "the marker runs round a closed path and never reverses",
-                "ask for the extremes of its x or y",
-            )
-        return [*turned, turned[0] + self.cycle.high - self.cycle.low]
-
-    def _turns(self, s: float, low: float, high: float) -> bool:
-        """Whether the marker comes back where it stands still, between two other places."""
-        before, after = self.velocity(np.array([(low + s) / 2, (s + high) / 2]))
-        return bool((before * after.conj()).real < 0)
-
-    def length(self, a: float, b: float) -> float:
-        """Length of the path between two reversals."""
-        span = Span(a, b)
-
-        def speed(u: Floats) -> Floats:
-            return np.asarray(np.abs(self.velocity(span.place(u))) * span.slope(u))
-
-        return float(fit(speed, panels(0.0, 1.0, 1), n=NODES).integral()(np.array([1.0]))[0])
-
-    def wrapped(self, s: float) -> float:
-        """A place of a closed cycle inside its range."""
-        span = self.cycle.high - self.cycle.low
-        if not self.closed or self.cycle.low <= s < self.cycle.high:
-            return s
-        return s + span if s < self.cycle.low else s - span
+    return float(fit(speed, panels(0.0, 1.0, 1), n=NODES).integral()(np.array([1.0]))[0])
 
 
 def _error(where: str, found: str, remedy: str) -> RequestError:

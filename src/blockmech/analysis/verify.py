@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.by_link import checks_said, run_of_blocks
 from blockmech.analysis.free_bodies import Array, FreeBodies
 from blockmech.model.structure import JointRef, LinkRef
 
@@ -95,23 +94,28 @@ def verify(mechanism: Compiled, **request: Any) -> Verification:
     if not {"at", "samples", "times"} & set(request):
         request["samples"] = SAMPLES
     request |= {"want": ("*",), "on_gap": "mark"}
-    run = run_of_blocks(mechanism, request)
-    smooth = run_of_blocks(mechanism, _without_friction(request))
-    judge = _Judge(run)
-    rows = [
-        *judge.links(),
-        *judge.blocks(),
-        judge.whole(),
-        *_Judge(smooth).drives(),
-    ]
-    said = checks_said(mechanism)
+    run = mechanism.of_blocks.run
+    judge = _Judge(run(**request))
+    smooth = {k: v for k, v in request.items() if k not in ("tolerance", "iterations")}
+    drives = _Judge(run(**smooth | {"friction": "none"})).drives()
+    rows = [*judge.links(), *judge.blocks(), judge.whole(), *drives]
+    said = _checks_said(mechanism)
     rows = [replace(row, name=said.get(row.name, row.name)) for row in rows]
     return Verification(tuple(rows), int(judge.good.sum()), float(judge.worst))
 
 
-def _without_friction(request: dict[str, Any]) -> dict[str, Any]:
-    left_out = ("friction", "tolerance", "iterations")
-    return {k: v for k, v in request.items() if k not in left_out} | {"friction": "none"}
+def _checks_said(mechanism: Compiled) -> dict[str, str]:
+    """Name of a check -> the same in the words of a document of joints, if there is one."""
+    if mechanism.names is None:
+        return {}
+    blocks = mechanism.structure.blocks
+    found = {f"power through {b}": f"power through {mechanism.said(b)}" for b in blocks}
+    for name, link in mechanism.names.links.items():
+        found |= {f"{what} on {link.link}": f"{what} on {name}" for what in ("forces", "moments")}
+    for name in mechanism.drivers:
+        drive = mechanism.of_driver(name, "drive")
+        found[f"two routes to {name}.drive"] = f"two routes to {drive}"
+    return found
 
 
 class Term(NamedTuple):

@@ -36,7 +36,7 @@ Want = Annotated[
     list[str] | None, option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")
 ]
 Friction = Annotated[str | None, option("none, single, successive or newton.", "METHOD")]
-Tolerance = Annotated[float | None, option("Stop of successive approximations (1e-3 N).", "X")]
+Tolerance = Annotated[float | None, option("Stop of successive approximations [N].", "X")]
 Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
 Static = Annotated[bool, switch("static", "Leave inertia out.")]
 Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]

@@ -28,9 +28,7 @@ from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import (
     NOTHING,
     cm_velocity,
-    element_parameters,
-    readings,
-    terminal_reading,
+    kernel_on,
     terminal_term,
     weight_on,
 )
@@ -188,14 +186,10 @@ def _kinks(element: Element) -> list[float]:
 def _measure(structure: Structure, scene: Any, name: str, element: Element) -> Any:
     """The program that gives an element's own measure."""
     s = schedule(structure, scene, FREE)
-    if isinstance(element, TorsionSpring):
-        args = [s.ask(terminal_reading, JointRef(name, terminal), "e") for terminal in ("a", "b")]
-        measure: Any = twist
-    else:
-        assert isinstance(element, Following)
-        measure, reads = element.own_measure(rate=False)
-        args = readings(s, name, reads)
-    value = s.emit(measure, *args, s.ask(element_parameters, name), name="measure")
+    measure: Any = twist
+    if isinstance(element, Following):
+        measure = element.own_measure(rate=False)
+    value = kernel_on(s, name, measure, value="measure")
     return s.program([value])
 
 

@@ -27,6 +27,8 @@ from numpy.polynomial import chebyshev
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
+from blockmech.series import tail
+
 Floats: TypeAlias = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero
@@ -52,49 +54,34 @@ class Rule(NamedTuple):
 def basis(v: Floats, n: int) -> Floats:
     """Chebyshev polynomials (m, n) in 2 v - 1 at v (m,); exact beside v = 0.
 
-    By the angle: v = sin^2(a / 2), and T_k(2 v - 1) = cos k (pi - a).
+    By the angle: v = sin^2(a / 2), and T_k(2 v - 1) = (-1)^k cos k a.
     """
-    angle = math.pi - 2 * np.arcsin(np.sqrt(v))
-    found: Floats = np.cos(np.multiply.outer(angle, np.arange(n)))
+    found: Floats = np.cos(np.multiply.outer(2 * np.arcsin(np.sqrt(v)), np.arange(n)))
+    found[..., 1::2] *= -1
     return found
 
 
 @cache
 def rule(n: int) -> Rule:
-    """The rule with n nodes; v_i = sin^2((i + 1/2) pi / 2n), small ones to full accuracy."""
-    v: Floats = np.asarray(np.sin((np.arange(n) + 0.5) * math.pi / (2 * n)) ** 2)
-    to_series: Floats = np.asarray(np.linalg.inv(basis(v, n)))
+    """The rule with n nodes; v_i = sin^2((i + 1/2) pi / 2n), small ones to full accuracy.
+
+    Its matrices are made in extended precision, where the machine has it: the angles of the
+    polynomial k are rounded k times as much as those of the first.
+    """
+    half = 2 * np.arctan(np.longdouble(1)) / n
+    v = np.sin((np.arange(n) + np.longdouble(0.5)) * half) ** 2
+    to_series = basis(v, n).T * (2 / np.longdouble(n))
+    to_series[0] /= 2
     x, weights = leggauss(n + 1)
-    s = (x + 1) / 2
-    places = np.append(v, 1.0)[:, None] * s
-    values = basis(places, n)  # (n + 1, gauss, n)
+    s = (x.astype(np.longdouble) + 1) / 2
+    values = basis(np.append(v, 1)[:, None] * s, n)  # (n + 1, gauss, n)
     average: dict[int, Floats] = {}
     whole: dict[int, Floats] = {}
     for p in (1, 2):
         rows = np.einsum("g,igk->ik", weights / 2 * p * s ** (p - 1), values) @ to_series
-        average[p], whole[p] = rows[:-1], rows[-1]
+        average[p], whole[p] = rows[:-1].astype(float), rows[-1].astype(float)
     integral: Floats = np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2)
-    return Rule(v, to_series, average, whole, integral)
-
-
-def tail(series: Floats, noise: float = 0.0) -> Floats:
-    """What a series (..., n) leaves out, relative to its largest coefficient.
-
-    The largest of the last quarter. Where that is no smaller than a third of those before, from
-    a third on, and below the square root of rounding, they have stopped falling: what is left
-    is rounding of the values, which no shorter piece makes smaller, and it counts as none; so
-    does what is below the relative noise of the values, where that is known.
-    """
-    n = series.shape[-1]
-    size = np.abs(series)
-    top = size.max(axis=-1)
-    last = size[..., n - n // 4 :].max(axis=-1)
-    before = size[..., n // 3 : n - n // 4].max(axis=-1)
-    with np.errstate(all="ignore"):
-        left = np.where(top > 0, last / top, 0.0)
-    flat = (3 * last >= before) & (left <= math.sqrt(EPS))
-    found: Floats = np.where(flat | (left <= noise), 0.0, left)
-    return found
+    return Rule(v.astype(float), to_series.astype(float), average, whole, integral)
 
 
 def roots(series: Floats) -> Floats:
@@ -141,7 +128,8 @@ class PlaceData:
     def tail(self) -> float:
         """What the series leave out, of the worst row."""
         rows = np.delete(self.series, 2, axis=0)  # the smallest of several margins has kinks
-        return float(np.max(tail(rows, self.noise)))
+        left = tail(rows)
+        return float(np.max(np.where(left <= self.noise, 0.0, left)))
 
     @property
     def noise(self) -> float:
@@ -204,7 +192,8 @@ class PlaceData:
 @cache
 def _finer(n: int) -> Floats:
     """Values at 4 n nodes from n coefficients."""
-    return basis(rule(4 * n).v, n)
+    v: Floats = np.sin((np.arange(4 * n) + 0.5) * math.pi / (8 * n)) ** 2
+    return basis(v, n)
 
 
 def nodes(low: float, high: float, limit: int, n: int) -> Floats:

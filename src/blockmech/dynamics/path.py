@@ -49,23 +49,22 @@ from blockmech.dynamics.panels import (
     final_energy,
     roots,
     rule,
-    tail,
 )
 from blockmech.dynamics.request import Start
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.road import CLOSE, SLIPS, Piece, Road
 from blockmech.dynamics.track import Leg, PathTrack, Pattern, Standing, durations
 from blockmech.dynamics.work import STEPS, OfFriction, OfPlace, OfRate, Span, Work, settled
+from blockmech.series import tail
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
 TURN = 2 * math.pi
-NODES, MORE = 40, 8  # of a panel, and more of a finer one
+NODES, MORE = 32, 16  # of a panel, and more of a finer one
 FINEST = 16 * EPS  # what series of that length leave of rounding; asked for without a target
 BESIDE = 4  # ulps of start and work by which a run beside is off: a sum of some ten terms
-COARSEST = 1e-5  # relative, of series: a looser one saves no node
 MOST = 8_000  # panels of a run; ten seconds of work and more
 SHORT = 8  # a piece is made anew if what happens in it needs no more than this part of it
 
@@ -100,6 +99,7 @@ class PathRun:
     lost: float = 0.0  # [J] by friction
 
     def __post_init__(self) -> None:
+        self.tolerance += self.system.noise
         self.road = Road(self.system, self.n, self.tolerance)
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
 
@@ -420,9 +420,11 @@ class PathRun:
                     end = q + sign * min(0.5 * abs(stop - q), 0.5 * length)
                     continue
                 panel = self.made(span, end, w, K, J)
-                if (K > 0).all() and self.resolved(panel, work):
+                if (K > 0).all() and self.resolved(panel, work) and self.starts(piece, panel):
                     return self.until_guide_turns(piece, panel, work)
             end = q + sign * 0.5 * length
+            if J.min() < piece.data.rows[0].max() / SHORT**2 and self.shortened(piece, end):
+                return None
 
     def too_short(self, piece: Piece, end: float) -> None:
         """No panel is short enough: friction has no solution, or the motion is at its end."""
@@ -439,6 +441,8 @@ class PathRun:
         """What gives dK/du at the nodes of a panel, and the inertia there."""
         q = span.places(rule(self.n).v, self.sign) - piece.shift
         rows = piece.data.at(q)
+        if self.beside:  # a series is as exact as its largest value
+            rows[0] += self.rounding * float(piece.data.rows[0].max())
         friction = self.system.friction
         if friction is not None:
             middle = span.places(np.array([0.5]), self.sign) - piece.shift
@@ -462,6 +466,17 @@ class PathRun:
         return not work.follows_energy or bool(
             tail(rule(self.n).to_series @ panel.w) <= self.tolerance
         )
+
+    def starts(self, piece: Piece, panel: Panel) -> bool:
+        """Whether a panel's series begins with the rate that is known: no thin layer is missed."""
+        if panel.p != 1:
+            return True
+        J = float(piece.data.at(np.array([panel.q0 - piece.shift]))[0, 0])
+        known = abs(panel.q1 - panel.q0) * math.sqrt(J / (2 * panel.K0))
+        size = np.abs(panel.rate)
+        found = float((basis(np.zeros(1), self.n) @ panel.rate)[0])
+        left = max(float(size[-self.n // 4 :].max()), self.tolerance * float(size.max()))
+        return abs(found - known) <= self.n * left
 
     def standstill_ahead(self, span: Span, w: Floats, K: Floats) -> float | None:
         """The first place of a panel at which K is zero, roughly; None where there is none.
@@ -567,16 +582,15 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     unresolved is looked at by finer panels once.
     """
     target = request.accuracy or FINEST
-    share = min(max(target / 8, FINEST), COARSEST)
-    resting = _at_rest(system, request, share)
+    resting = _at_rest(system, request, FINEST)
     if resting is not None:
         return stated(resting, Difference(0.0, 0.0, True, True))
     best = None
-    for n in (NODES, NODES + MORE):
-        coarse = _run(system, _beside(request), n, share, True)
+    for n in (NODES, NODES + MORE // 2):
+        coarse = _run(system, _beside(request), n, FINEST, True)
         if coarse.end in (INTERRUPTED, TOO_MANY):
             return stopped(coarse, best)
-        fine = _run(system, request, n + MORE, share, False)
+        fine = _run(system, request, n + MORE, FINEST, False)
         if fine.end in (INTERRUPTED, TOO_MANY) and fine.t_end < coarse.t_end:
             return stopped(fine, best or coarse)
         apart = difference(coarse, fine, request.times)
@@ -584,7 +598,6 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
         best = found if best is None or found.error < best.error else best
         if best.error <= target and best.status != "failed":
             break
-        share = FINEST
     assert best is not None
     return best if request.accuracy is None else missed(best, request.accuracy)
 

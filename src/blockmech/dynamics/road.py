@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics.motion import DEAD_CENTRE, END_STOP, IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
-from blockmech.dynamics.panels import EPS, NOTHING, Floats, PlaceData, nodes, rule, tail
+from blockmech.dynamics.panels import EPS, NOTHING, Floats, PlaceData, nodes, rule
+from blockmech.series import tail
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -112,29 +113,23 @@ class Road:
         """A resolved piece from q on."""
         far, what = self._far(q, sign, length)
         limit = self._limit(sign, what)
-        rows = self._rows(*_ordered(q, far), limit)
-        if not what and not _possible(rows).all():
-            far, what = self._last_possible(q, far)
-            if far == q:
-                return what
-            self.limits.append((far, sign, what))
-            limit = self._limit(sign, what)
-            rows = self._rows(*_ordered(q, far), limit)
         for _ in range(HALVINGS):
+            if far == q:
+                return what or IMPOSSIBLE
+            rows = self._rows(*_ordered(q, far), limit)
+            if not limit and not _possible(rows).all():
+                far, what = self._last_possible(q, far)
+                self.limits.append((far, sign, what))
+                limit = self._limit(sign, what)
+                continue
             data = PlaceData(*_ordered(q, far), limit, rows)
             touched = self._touched(data, sign)
             if touched is not None and abs(touched[0] - far) > math.sqrt(EPS) * data.length:
                 far, what, limit = *touched, 0
-                if far == q:
-                    return what
             elif data.tail <= self.tolerance:
                 return self._finished(data, sign, what)
             else:
-                middle = (q + far) / 2
-                if middle in (q, far):
-                    break
-                far, what, limit = middle, "", 0
-            rows = self._rows(*_ordered(q, far), limit)
+                far, what, limit = (q + far) / 2, "", 0
         return IMPOSSIBLE
 
     def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:

@@ -8,23 +8,21 @@ solution beyond). The last two are self-locking, and lambda there is the limit.
 
 The path is followed to each kink of a guide's load with the contacts held, and goes on with
 the new one.
-
-Source: Allgower & Georg, Introduction to Numerical Continuation Methods, SIAM 2003
-(pseudo-arclength steps).
 """
 
 from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from blockmech.continuation import Curve, Point, advance, correct, crossing, point, side
 from blockmech.friction.equations import Array, Equations
 
 STEP, LARGEST, SMALLEST = 0.05, 0.2, 1e-10
-TURN = 0.95  # cosine of the largest turn of the tangent in one step
 MOST = 500  # steps
 KINK = 1e-14  # of the largest load: what rounding may say about which edge presses
 
@@ -37,12 +35,11 @@ class Outcome(enum.IntEnum):
     NOT_CONVERGED = 2
     FOLD = 3
     ASYMPTOTE = 4
-    UNCERTIFIED = 5  # a fixed count of iterations where nothing bounds what it left
 
     @property
     def solved(self) -> bool:
-        """Whether there is an answer, be it one that only its residual describes."""
-        return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION, Outcome.UNCERTIFIED)
+        """Whether there is an answer."""
+        return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION)
 
 
 class Path(NamedTuple):
@@ -77,168 +74,68 @@ def continue_from_zero(
     """
     eq = Equations(k, edges, base, rows)
     v, contacts = eq.start()
-    tangent = _tangent(eq, v, contacts, None)
-    side = _side(eq, v, contacts, tangent)
+    curve = partial(eq.value, contacts=contacts)
+    at = point(curve, v)
+    way = side(curve, at)
     step = STEP
     for count in range(1, MOST + 1):
-        moved = _moved(eq, v, contacts, tangent, step)
-        if moved is None:
+        ahead = advance(curve, at, step)
+        if ahead is None:
             step /= 2
             if step < SMALLEST:
-                return _ended(eq, Outcome.NOT_CONVERGED, v[-1], count)
+                return _ended(eq, Outcome.NOT_CONVERGED, at.v[-1], count)
             continue
-        new, ahead, effort = moved
-        kink = bool(eq.spare(new, contacts).min() < -KINK)
+        spare = partial(_spare, eq, contacts)
+        kink = spare(ahead.v) < -KINK
+        if kink:  # only as far as the contact is the same
+            step = crossing(curve, at, step, spare)
+            ahead = advance(curve, at, step) or ahead
+        end = _end(eq, curve, at, ahead, step, count)
+        if end is not None:
+            return end
         if kink:
-            step = _kink(eq, v, contacts, tangent, step)
-            new, ahead, effort = _moved(eq, v, contacts, tangent, step) or moved
-        full = _at_full(eq, v, new, contacts) if new[-1] >= 1.0 else None
-        if full is not None and full[-2] > 0.0:
-            return _polish(eq, full, count)
-        if new[-2] <= 0.0:
-            return _ended(eq, Outcome.ASYMPTOTE, _asymptote(eq, v, contacts, tangent, step), count)
-        if ahead[-1] <= 0.0:
-            top = _fold(eq, v, contacts, tangent, step)
-            full = _at_full(eq, v, top, contacts) if top[-1] >= 1.0 else None
-            if full is not None and full[-2] > 0.0:  # lambda 1 is this side of the fold
-                return _polish(eq, full, count)
-            return _ended(eq, Outcome.FOLD, top[-1], count)
-        if new[-1] >= 1.0:
-            return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
-        if kink:
-            contacts = eq.switched(new, contacts)
-            ahead = _tangent(eq, new, contacts, side)
-            if ahead[-1] <= 0.0:  # lambda turns back at the kink itself
-                return _ended(eq, Outcome.FOLD, new[-1], count)
+            contacts = eq.switched(ahead.v, contacts)
+            curve = partial(eq.value, contacts=contacts)
+            ahead = point(curve, ahead.v, way)
+            if ahead.tangent[-1] <= 0.0:  # lambda turns back at the kink itself
+                return _ended(eq, Outcome.FOLD, ahead.v[-1], count)
             step = STEP
-        v, tangent = new, ahead
-        if effort <= 3:
-            step = min(1.5 * step, LARGEST)
-    return _ended(eq, Outcome.NOT_CONVERGED, v[-1], MOST)
+        at, step = ahead, min(1.5 * step, LARGEST)
+    return _ended(eq, Outcome.NOT_CONVERGED, at.v[-1], MOST)
 
 
-def _moved(
-    eq: Equations, v: Array, contacts: Array, tangent: Array, step: float
-) -> tuple[Array, Array, int] | None:
-    """The path one step further, its tangent there and the effort; None if it turns too much."""
-    found = _correct(eq, v, contacts, tangent, step)
-    if found is None:
-        return None
-    new, effort = found
-    ahead = _tangent(eq, new, contacts, _side(eq, v, contacts, tangent))
-    return (new, ahead, effort) if ahead @ tangent >= TURN else None
+def _spare(eq: Equations, contacts: Array, v: Array) -> float:
+    """What the contact of some guide has left until it changes."""
+    return float(eq.spare(v, contacts).min())
 
 
-def _tangent(eq: Equations, v: Array, contacts: Array, side: float | None) -> Array:
-    """Unit null vector of the Jacobian, in the path's direction (at the start: of lambda).
+def _end(
+    eq: Equations, curve: Curve, at: Point, ahead: Point, step: float, count: int
+) -> Path | None:
+    """How the path ends between two points, or None if it goes on.
 
-    The direction is told by the sign of det [J; tangent], which is one along the whole
-    path, kinks included: a change of contact adds to J a multiple of the kink's normal.
+    The answer lies before the fold, if there is one between them: beyond it the path comes
+    back through lambda = 1 with another solution.
     """
-    null: Array = np.linalg.svd(eq.value(v, contacts)[1])[2][-1]
-    forward = null[-1] if side is None else side * _side(eq, v, contacts, null)
-    return -null if forward < 0 else null
 
+    def place(rest: Callable[[Array], float], step: float) -> tuple[Array, float]:
+        h = crossing(curve, at, step, rest)
+        found = correct(curve, at.v + h * at.tangent, at.tangent)
+        return (at.v if found is None else found), h
 
-def _side(eq: Equations, v: Array, contacts: Array, tangent: Array) -> float:
-    """Sign of det [J; tangent]."""
-    return float(np.sign(np.linalg.det(np.vstack([eq.value(v, contacts)[1], tangent]))))
-
-
-def _correct(
-    eq: Equations, v: Array, contacts: Array, tangent: Array, step: float
-) -> tuple[Array, int] | None:
-    """Newton back to the path, across the tangent; None if it takes more than six steps."""
-    guess = v + step * tangent
-    x = guess.copy()
-    for effort in range(1, 7):
-        G, J = eq.value(x, contacts)
-        A = np.vstack([J, tangent])
-        try:
-            dx = np.linalg.solve(A, np.append(G, tangent @ (x - guess)))
-        except np.linalg.LinAlgError:
-            return None
-        x = x - dx
-        if np.abs(dx).max() < 1e-12:
-            return x, effort
-    return None
-
-
-def _crossing(
-    eq: Equations,
-    v: Array,
-    contacts: Array,
-    tangent: Array,
-    step: float,
-    rest: Callable[[Array], float],
-) -> float:
-    """The step at which the rest of something is used up, by regula falsi (Illinois)."""
-
-    def at(x: float) -> float:
-        moved = _correct(eq, v, contacts, tangent, x)
-        return np.nan if moved is None else rest(moved[0])
-
-    low, high, f_low, f_high = 0.0, step, rest(v), at(step)
-    for k in range(30):  # a contact that has just changed starts with nothing to spare
-        if f_low > 0.0:
-            break
-        low = step * 0.5 ** (k + 1)
-        f_low = at(low)
-    x, side = high, 0
-    for _ in range(60):
-        if high - low <= 4e-16 * high:
-            break
-        sound = f_low > 0.0 >= f_high
-        x = (low * f_high - high * f_low) / (f_high - f_low) if sound else (low + high) / 2
-        f = at(x)
-        if abs(f) <= 4e-16:
-            break
-        if f > 0.0:
-            low, f_low, f_high, side = x, f, f_high / 2 if side > 0 else f_high, 1
-        else:
-            high, f_high, f_low, side = x, f, f_low / 2 if side < 0 else f_low, -1
-    return x
-
-
-def _kink(eq: Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
-    """The step at which a guide's contact changes."""
-    return _crossing(eq, v, contacts, tangent, step, lambda x: float(eq.spare(x, contacts).min()))
-
-
-def _asymptote(eq: Equations, v: Array, contacts: Array, tangent: Array, step: float) -> float:
-    """Lambda where eta is zero, between v and one step further."""
-    end = _crossing(eq, v, contacts, tangent, step, lambda x: float(x[-2]))
-    moved = _correct(eq, v, contacts, tangent, end)
-    return float((v if moved is None else moved[0])[-1])
-
-
-def _fold(eq: Equations, v: Array, contacts: Array, tangent: Array, step: float) -> Array:
-    """The point of largest lambda on the path between v and one step further."""
-    side = _side(eq, v, contacts, tangent)
-    end = _crossing(
-        eq, v, contacts, tangent, step, lambda x: float(_tangent(eq, x, contacts, side)[-1])
-    )
-    moved = _correct(eq, v, contacts, tangent, end)
-    return v if moved is None else moved[0]
-
-
-def _at_full(eq: Equations, v: Array, new: Array, contacts: Array) -> Array | None:
-    """The point of the path between v and new where lambda is 1, by Newton.
-
-    The unknowns stay homogeneous, so a friction that goes to infinity does no harm.
-    """
-    x: Array = v + (1.0 - v[-1]) / (new[-1] - v[-1]) * (new - v)
-    row = np.eye(eq.m + 2)[-1]
-    for _ in range(12):
-        G, J = eq.value(x, contacts)
-        try:
-            dx = np.linalg.solve(np.vstack([J, row]), np.append(G, x[-1] - 1.0))
-        except np.linalg.LinAlgError:
-            return None
-        x = x - dx
-        if np.abs(dx).max() < 1e-14:
-            return x
-    return None
+    top = ahead.v
+    folds = ahead.tangent[-1] <= 0.0
+    if folds:
+        way = side(curve, at)
+        top, step = place(lambda v: float(point(curve, v, way).tangent[-1]), step)
+    if top[-1] >= 1.0:
+        full, _ = place(lambda v: 1.0 - float(v[-1]), step)
+        if full[-2] > 0.0:
+            return _polish(eq, full, count)
+    if top[-2] <= 0.0:
+        pole, _ = place(lambda v: float(v[-2]), step)
+        return _ended(eq, Outcome.ASYMPTOTE, pole[-1], count)
+    return _ended(eq, Outcome.FOLD, top[-1], count) if folds else None
 
 
 def _polish(eq: Equations, x: Array, count: int) -> Path:
@@ -254,11 +151,11 @@ def _polish(eq: Equations, x: Array, count: int) -> Path:
         n = n - dn
         if np.abs(dn).max() <= 4e-16 * max(1.0, np.abs(n).max()):
             break
-    near = x[:-2] / x[-2]
+    moved = np.append(n, 1.0) / np.hypot(np.linalg.norm(n), 1.0) - x[:-1]
     g, _ = eq.norm(n, 1.0, eq.contacts(eq.loads(n, 1.0)))
     scale = float(np.abs(eq.k * g).max()) or 1.0
     residual = float(np.abs(n - eq.k * g).max()) / scale
-    if residual > 1e-12 or np.abs(n - near).max() > 0.5 * max(1.0, np.abs(near).max()):
+    if residual > 1e-12 or np.abs(moved).max() > 1e-6:  # another solution
         return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
     t = n * eq.factor * eq.load
     return Path(
@@ -274,48 +171,3 @@ def _polish(eq: Equations, x: Array, count: int) -> Path:
 def _ended(eq: Equations, outcome: Outcome, limit: Any, count: int) -> Path:
     nothing = (float("nan"),) * eq.m
     return Path(nothing, nothing, outcome, float(limit), float("nan"), count)
-
-
-def replaced(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
-    """One uncertified sample of Newton's method: continuation's answer in its place."""
-    found = continue_from_zero(k, edges, base, rows)
-    return given._replace(
-        t=found.t,
-        g=found.g,
-        iterations=float(found.steps),
-        residual=found.residual,
-        outcome=float(found.outcome),
-        limit=found.limit,
-    )
-
-
-def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, tolerance: float) -> Any:
-    """One uncertified sample of successive approximations: it stands if continuation agrees.
-
-    Near a contraction rho of 1 the remaining error is rho / (1 - rho) times the last
-    change, and beyond it the iteration may settle on another solution.
-    """
-    found = continue_from_zero(k, edges, base, rows)
-    outcome = found.outcome
-    if outcome == Outcome.BY_CONTINUATION:
-        rho = min(max(given.contraction, 0.0), 1.0 - 1e-12)
-        reach = max(tolerance, 1e-12 * max(found.g)) * max(1.0, rho / (1.0 - rho))
-        off = max(abs(a - b) for a, b in zip(found.g, given.g, strict=True))
-        if given.outcome or not off <= 10.0 * reach:
-            outcome = Outcome.NOT_CONVERGED
-    spoilt = outcome != Outcome.BY_CONTINUATION
-    t = (float("nan"),) * len(given.t) if spoilt else given.t
-    return given._replace(t=t, outcome=float(outcome), limit=found.limit)
-
-
-def bounded(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
-    """One uncertified sample of a fixed count of iterations.
-
-    It stays what the user asked for and is flagged; where Coulomb's equations have no
-    solution at all there is nothing that it approximates, and it is no answer.
-    """
-    found = continue_from_zero(k, edges, base, rows)
-    if found.outcome == Outcome.BY_CONTINUATION:
-        return given._replace(outcome=float(Outcome.UNCERTIFIED), limit=found.limit)
-    nothing = (float("nan"),) * len(given.t)
-    return given._replace(t=nothing, outcome=float(found.outcome), limit=found.limit)

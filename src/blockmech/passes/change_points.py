@@ -17,11 +17,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import NumpyEngine
@@ -31,20 +30,15 @@ from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
-
-Floats: TypeAlias = NDArray[np.float64]
+from blockmech.series import DOUBLE_ROOT, Floats, coefficients, nodes
 
 TURN = 2 * math.pi
 SEAM = -math.pi / 2  # where the scan of a turn begins
 SAMPLES = 720  # of a turn, or of the travel of a slide
 ASIDE = 0.382  # of a spacing: samples do not fall on the round angles of symmetric poses
-LOW = 0.3  # of the largest determinant: a minimum above it is none
-NODES = 16
+NODES = 16  # even, so that none is at the change point
 REACHES = (12.0, 6.0, 2.5, 1.2)  # spacings on either side that a series covers
-X: Floats = np.asarray(np.cos((np.arange(NODES) + 0.5) * math.pi / NODES))
-TO_SERIES: Floats = np.asarray(np.linalg.inv(chebyshev.chebvander(X, NODES - 1)))
 ENDED = 1e-10  # end of a series that is smooth
-SAME = 1e-7  # spacings within which two dyads change at the same point
 AT_HOME = 1e-3  # of the largest determinant: below it home is at a change point
 TRAVEL = 2.0  # sizes of the mechanism to which a slide is searched on either side
 
@@ -129,7 +123,7 @@ def _points(search: _Search, y: Floats, largest: float, known: set[float]) -> It
     spacing = float(search.nodes[1] - search.nodes[0])
     low, high = np.roll(y, 1), np.roll(y, -1)
     with np.errstate(invalid="ignore"):
-        minima = (y <= low) & (y < high) & (y < LOW)
+        minima = (y <= low) & (y < high)
     count = 0
     for i in np.flatnonzero(minima).tolist():
         if not search.rotary and not 2 <= i < y.size - 2:
@@ -141,7 +135,7 @@ def _points(search: _Search, y: Floats, largest: float, known: set[float]) -> It
             count += 1
             if search.rotary:
                 point = SEAM + (point - SEAM) % TURN
-            yield next((k for k in known if abs(k - point) <= SAME * spacing), point)
+            yield next((k for k in known if abs(k - point) <= DOUBLE_ROOT * spacing), point)
     gap = ~np.isfinite(y)
     if search.rotary and count % 2 and gap.any():
         # the driver does not turn fully: a turn further on the same pose is the same mode
@@ -160,14 +154,15 @@ def _root(
     size: Callable[[Floats], Floats], guess: float, spacing: float, largest: float
 ) -> float | None:
     """The zero that the size goes through near a guess, or None if it is not smooth there."""
+    x = nodes(NODES)
     for reach in REACHES:
         half = reach * spacing
-        series: Floats = np.asarray(TO_SERIES @ (np.sign(X) * size(guess + half * X) / largest))
+        series = coefficients(np.sign(x) * size(guess + half * x) / largest)
         if not np.isfinite(series).all():
             continue
         if np.abs(series[-4:]).max() <= ENDED * np.abs(series).max():
             roots = chebyshev.chebroots(series)
-            real = roots[np.abs(roots.imag) < SAME].real
+            real = roots[np.abs(roots.imag) < DOUBLE_ROOT].real
             return guess + half * float(real[np.argmin(np.abs(real))]) if real.size else None
     return None
 

@@ -54,16 +54,8 @@ def potential(s: Schedule) -> str:
             terms.append(s.line(f"-{m} * dot({loads.gravity(s)}, {p})", f"{link}_V"))
     for name, element in s.structure.elements.items():
         stored = element.energy()
-        if stored is None:
-            continue
-        args = [
-            s.ask(loads.terminal_reading, JointRef(name, terminal), what)
-            for terminal, reads in element.reads().items()
-            for what in reads
-            if what in ("p", "e")
-        ]
-        args.append(s.ask(loads.element_parameters, name))
-        terms.append(s.emit(stored, *args, name=f"{name}_V"))
+        if stored is not None:
+            terms.append(loads.kernel_on(s, name, stored, value=f"{name}_V"))
     return s.sum(terms, "potential")
 
 
@@ -151,12 +143,17 @@ def efficiency(s: Schedule) -> tuple[str, str]:
 
 
 def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
-    """Work of the useful loads over the drive's work; NaN without positive drive work.
+    """Work of the useful loads over the drive's work, between 0 and 1, else NaN.
 
-    In a free motion the drive is idle, and its work is rounding of the useful loads' work.
+    It is that of a machine whose drive gives all the work. There is none where the drive is
+    idle (a free motion: its work is rounding of the useful loads' work), where the useful
+    loads give work, or where they take more than the drive gives, as other loads drive too.
     """
     taken, given = np.sum(useful * weights), np.sum(drive * weights)
-    return float(taken / given) if given > _rounding(useful, drive, weights) else float("nan")
+    rounding = _rounding(useful, drive, weights)
+    if not (given > rounding and -rounding <= taken <= given + rounding):
+        return float("nan")
+    return float(np.clip(taken / given, 0.0, 1.0))
 
 
 def friction_efficiency(s: Schedule) -> tuple[str, str]:

@@ -25,7 +25,7 @@ from blockmech.loads.couple import Couple
 from blockmech.loads.force import Force
 from blockmech.mechanism import Mechanism
 from blockmech.testing.rules import Array, planar, vectors
-from blockmech.typing import Guide, GuideAcceleration, GuideVelocity, Load
+from blockmech.typing import Guide, LinkAcceleration, LinkVelocity, Load
 from blockmech.values import Link, Marker, Place, Vector
 
 Motions = Mapping[str, Array]
@@ -106,7 +106,7 @@ class Subject:
         for joint in self.outer:
             z, angle = planar(motions[joint.name][k]), motions[angle_of(joint.name)][k].real
             turned: Any = planar(np.exp(1j * angle)) if k == 0 else angle
-            guide = (Guide, GuideVelocity, GuideAcceleration)[k](z, turned)
+            guide = (Guide, LinkVelocity, LinkAcceleration)[k](z, turned)
             found.append(guide if joint.reads == "guide" else z)
         return [*found, *([motions[DRIVE][k]] if DRIVE in motions else [])]
 

@@ -7,13 +7,13 @@ its end is found to rounding and the value there is judged: a limit, or growth w
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.cycle import SAME, Cycle
-from blockmech.analysis.scan import ASIDE, Span, bisect, minimize, runs, scan
+from blockmech.analysis.cycle import Cycle
+from blockmech.analysis.scan import ASIDE, Span, minimize, runs, scan
 from blockmech.errors import Problem, RequestError
 from blockmech.failures import without_gaps
 from blockmech.series import EPS, Floats, panels
@@ -21,10 +21,8 @@ from blockmech.series import EPS, Floats, panels
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
 LARGE = 0.9  # share of the samples below the size that rounding is judged by
 NOISY = 0.1  # extrema a sample, above which a signal is rounding only
-ALIKE = 1e-9  # relative, of values that count as the same: outputs lose some digits
 BESIDE = np.geomspace(1e-7, 1.0, 8)  # of the way to the next place: looked at around an extremum
-BEYOND = 10.0  # the ratio of these: a better value is no farther
-FEWEST = 2  # panels of a short range
+ALIKE = 1e-9  # relative, of values that count as the same: outputs lose some digits
 
 
 class Signal(NamedTuple):
@@ -45,25 +43,20 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
     def read(s: Floats) -> Any:
         return cycle.run(s, output)[output]
 
-    if part == "x":
-        return _plain(output, lambda s: np.asarray(read(s).real))
-    if part == "y":
-        return _plain(output, lambda s: np.asarray(read(s).imag))
     if part == "magnitude":
         return Signal(output, lambda s: np.abs(read(s)), lambda s: np.abs(read(s)) ** 2)
-    if output.endswith(".angle"):
-        return _plain(output, _continued(cycle, read))
-    return _plain(output, lambda s: np.asarray(read(s), dtype=float))
-
-
-def _plain(name: str, value: Callable[[Floats], Floats]) -> Signal:
-    return Signal(name, value, value)
+    parts: dict[str, Callable[[Floats], Any]] = {
+        "x": lambda s: read(s).real,
+        "y": lambda s: read(s).imag,
+        "": _continued(cycle, read) if output.endswith(".angle") else read,
+    }
+    return Signal(output, parts[part], parts[part])
 
 
 def _continued(cycle: Cycle, read: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
     """An angle that does not jump by a turn on any stretch: it stays near the samples."""
     places = cycle.places()
-    known = np.asarray(read(places), dtype=float)
+    known = np.array(read(places))
     good = np.isfinite(known)
     for a, b in runs(good):
         known[a : b + 1] = np.unwrap(known[a : b + 1])
@@ -71,7 +64,7 @@ def _continued(cycle: Cycle, read: Callable[[Floats], Any]) -> Callable[[Floats]
     between = (places[1:] + places[:-1]) / 2
 
     def value(s: Floats) -> Floats:
-        angle = np.asarray(read(s), dtype=float)
+        angle = np.asarray(read(s))
         if not len(known):
             return angle
         turns = np.round((known[np.searchsorted(between, s)] - angle) / (2 * math.pi))
@@ -86,7 +79,7 @@ class Turn(NamedTuple):
     s: float
     value: float
     sign: int  # +1 a maximum, -1 a minimum
-    end: bool
+    end: bool = False  # of the range, or of a stretch that can be computed
 
 
 class Turns(NamedTuple):
@@ -119,55 +112,47 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
     if good.all() and np.ptp(values) <= ROUNDING * largest:
         ends = [Turn(cycle.low, float(values[0]), 1, True)]
     else:
-        for low, high in stretches(cycle, good, signal.value):
+        for low, high in cycle.stretches(signal.value):
             aside = ASIDE * closed
             inner += _inner(cycle, signal, Span(low - aside, high - aside, turn=closed))
             if not closed:
                 ends += [_end(cycle, signal, edge) for edge in (low, high)]
-    found = [*inner, *ends]
-    least = min(found, key=lambda t: t.value)
-    most = max(found, key=lambda t: t.value)
+    least = min([*inner, *ends], key=lambda t: t.value)
+    most = max([*inner, *ends], key=lambda t: t.value)
     return Turns(least._replace(sign=-1), most._replace(sign=1), tuple(sorted(inner)), closed)
-
-
-def stretches(
-    cycle: Cycle, good: Any, value: Callable[[Floats], Any]
-) -> Iterator[tuple[float, float]]:
-    """Ends of the stretches that can be computed, to rounding."""
-    places = cycle.places()
-
-    def exists(s: float) -> bool:
-        return bool(np.isfinite(value(np.array([s]))[0]))
-
-    def edge(i: int, side: int) -> float:
-        inside = float(places[i])
-        if not 0 <= i + side < len(places):
-            return inside
-        return bisect(exists, inside, float(places[i + side]))
-
-    for a, b in runs(good):
-        yield edge(a, -1), edge(b, 1)
 
 
 def _inner(cycle: Cycle, signal: Signal, span: Span) -> list[Turn]:
     """Extrema inside a stretch, in order."""
     part = (span.high - span.low) / (cycle.high - cycle.low)
-    edges = panels(0.0, 1.0, max(FEWEST, math.ceil(part * cycle.panels)))
+    edges = panels(0.0, 1.0, max(2, math.ceil(part * cycle.panels)))
     found = scan(signal.smooth, span, edges, signal.value)
     good = np.isfinite(found.y)
     x, y, rough = found.x[good], found.y[good], found.rough[good]
     turning = _turning(y, span.turn)
     if len(turning) > NOISY * len(x) and rough.all():  # there is nothing to close in on
-        ends = ((int(np.argmax(y)), 1), (int(np.argmin(y)), -1))
-        return [Turn(float(x[i]), float(y[i]), sign, False) for i, sign in ends]
+        return [Turn(float(x[i]), float(y[i]), s) for i, s in ((y.argmax(), 1), (y.argmin(), -1))]
     made = []
     for i, sign in turning:
         s = float(x[i])
         if 0 < i < len(x) - 1:
             s = _cornered(signal, s, min(s - float(x[i - 1]), float(x[i + 1]) - s), sign)
-        value = float(signal.value(np.array([s]))[0])
-        made.append(Turn(_wrapped(cycle, s) if span.turn else s, value, sign, False))
+        made.append(Turn(cycle.wrapped(s) if span.turn else s, _at(signal, s), sign))
     return made
+
+
+def _cornered(signal: Signal, s: float, room: float, sign: int) -> float:
+    """An extremum, closed in on where values beside it are better: then it is no smooth one."""
+    aside = np.outer([-1, 1], room * BESIDE).ravel()
+    at, *beside = (sign * signal.value(np.append(s, s + aside))).tolist()
+    if not max(beside) > at + ROUNDING * abs(at):
+        return s
+    place = minimize(lambda x: -sign * _at(signal, x), s - room, s + room)
+    return place if sign * _at(signal, place) > at else s
+
+
+def _at(signal: Signal, s: float) -> float:
+    return float(signal.value(np.array([s]))[0])
 
 
 def _turning(y: Floats, closed: bool) -> list[tuple[int, int]]:
@@ -190,35 +175,9 @@ def _turning(y: Floats, closed: bool) -> list[tuple[int, int]]:
     for j in range(n) if closed else range(1, n - 1):
         before, after = level[j] - level[j - 1], level[j] - level[(j + 1) % n]
         if before * after > 0:
-            group = groups[j]
             sign = 1 if before > 0 else -1
-            found.append((group[int(np.argmax(sign * y[group]))], sign))
+            found.append((max(groups[j], key=lambda i: sign * y[i]), sign))
     return found
-
-
-def _cornered(signal: Signal, s: float, room: float, sign: int) -> float:
-    """An extremum that has better values beside it, because it is no smooth one, closed in on."""
-
-    def below(places: Floats) -> Floats:
-        return -sign * signal.value(places)
-
-    aside = room * BESIDE
-    beside = below(np.concatenate([[s], s - aside, s + aside]))
-    better = beside[1:] < beside[0] - ROUNDING * abs(beside[0])
-    if not better.any():
-        return s
-    reach = BEYOND * float(np.tile(aside, 2)[better].max())
-    reach = min(reach, room)
-    place = minimize(lambda x: float(below(np.array([x]))[0]), s - reach, s + reach)
-    found = below(np.array([s, place]))
-    return place if found[1] < found[0] else s
-
-
-def _wrapped(cycle: Cycle, s: float) -> float:
-    """A place of a closed cycle inside its range: one at its very end is at its beginning."""
-    span = cycle.high - cycle.low
-    s = s + span if s < cycle.low - SAME * span else s
-    return s - span if s >= cycle.high - SAME * span else s
 
 
 def _end(cycle: Cycle, signal: Signal, edge: float) -> Turn:
@@ -227,16 +186,12 @@ def _end(cycle: Cycle, signal: Signal, edge: float) -> Turn:
     Steps towards it shrink by 100 each: the value then settles, or it grows like
     1/sqrt(distance), each time by 10 times more.
     """
-
-    def value(s: float) -> float:
-        return float(signal.value(np.array([s]))[0])
-
-    at = value(edge)
+    at = _at(signal, edge)
     if edge in (cycle.low, cycle.high):
         return Turn(edge, at, 1, True)
     inward = (cycle.high - cycle.low) / cycle.steps
-    inward = inward if math.isfinite(value(edge + 1e-6 * inward)) else -inward
-    far, near, nearest = (value(edge + inward * x) for x in (1e-2, 1e-4, 1e-6))
+    inward = inward if math.isfinite(_at(signal, edge + 1e-6 * inward)) else -inward
+    far, near, nearest = (_at(signal, edge + inward * x) for x in (1e-2, 1e-4, 1e-6))
     if abs(nearest - near) > 2 * abs(near - far) + ROUNDING * abs(near):
         at = math.copysign(math.inf, nearest - near)
     return Turn(edge, at, 1, True)
