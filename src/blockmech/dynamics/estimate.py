@@ -30,15 +30,15 @@ class Difference(NamedTuple):
 
     q : [rad or m] largest difference at common times
     t : [s] difference of the ends
-    same : whether both end by the same thing
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
         no further apart than `PARTED` and than the way itself
+    same : whether both end by the same thing
     """
 
     q: float
     t: float
-    same: bool
     agree: bool
+    same: bool = True
 
 
 def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
@@ -60,7 +60,7 @@ def difference(coarse: Motion, fine: Motion, wanted: Sequence[float] = ()) -> Di
     late = abs(coarse.t_end - fine.t_end)
     span = fine.t_end - fine.t_start
     close = q <= PARTED and late <= PARTED * span and (q <= way or way == 0)
-    return Difference(q, late, same, same and (close or span == 0))
+    return Difference(q, late, same and (close or span == 0), same)
 
 
 def stated(fine: Motion, apart: Difference) -> Motion:

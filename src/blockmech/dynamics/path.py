@@ -584,7 +584,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     target = request.accuracy or FINEST
     resting = _at_rest(system, request, FINEST)
     if resting is not None:
-        return stated(resting, Difference(0.0, 0.0, True, True))
+        return stated(resting, Difference(0.0, 0.0, True))
     best = None
     for n in (NODES, NODES + MORE // 2):
         coarse = _run(system, _beside(request), n, FINEST, True)
