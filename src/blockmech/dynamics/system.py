@@ -192,12 +192,7 @@ class System:
     @cached_property
     def span(self) -> float:
         """A length [rad or m] over which things change."""
-        return TURN if self.rotary[0] else self.length
-
-    @cached_property
-    def length(self) -> float:
-        """A length [m] over which things change."""
-        return loads.largest_length(self.compiled.structure)
+        return TURN if self.rotary[0] else loads.largest_length(self.compiled.structure)
 
     @cached_property
     def lossless(self) -> bool:

@@ -21,7 +21,6 @@ from blockmech.dynamics.events import (
     GOAL,
     GUIDE_SIDE,
     KINK,
-    LEAST_MARGIN,
     PARTS,
     REVERSAL,
     STANDSTILL,
@@ -60,6 +59,7 @@ from blockmech.dynamics.motion import (
     Still,
 )
 from blockmech.dynamics.request import SimulationRequest
+from blockmech.dynamics.singular import AHEAD, PAST, End, time_left, what_is_ahead
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
@@ -72,9 +72,6 @@ FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
 SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
 FOREVER = 1 / EPS  # [s] for goals without a time
-NEAR_DEAD_CENTRE = math.sqrt(LEAST_MARGIN)  # below which a solver that gives up is at one
-PAST = 16 * EPS  # relative: so near to a place, and so little beyond it
-AHEAD = math.sqrt(EPS)  # relative: how far ahead of where a solver gives up there is no pose
 
 
 class Verdict(NamedTuple):
@@ -166,6 +163,8 @@ class Run:
         k, y = self.equation.drivers, self.y
         q, qd = (float(y[0]), float(y[1])) if k == 1 else (y[:k], y[k : 2 * k])
         self._balance(start)
+        if self.asked == "euler_q" and self.method != self.asked:  # so near it comes itself
+            self.left += self.longest
         if verdict.end in (SELF_LOCKED, AMBIGUOUS):
             self.notes.append(f"{verdict.end}: t = {self.t:.9g} s, q = {q:.9g}, rate = {qd:.9g}")
         if self.method != self.asked and verdict.status == "reached":
@@ -236,7 +235,10 @@ class Run:
             return Verdict("reached", "time")
         bound = min(self.t_max, loads.next_time_kink(self.system.compiled.structure, self.t))
         parts = 1 if self.method in STEPPERS else PARTS
-        spans = [TURN if turns else self.system.length for turns in self.system.rotary]
+        spans = [self.system.span]
+        if self.equation.drivers > 1:
+            length = loads.largest_length(self.system.compiled.structure)
+            spans = [TURN if turns else length for turns in self.system.rotary]
         lookout = Lookout.at(self._rules(), parts, spans, self.t, self.y, self.fired)
         self.fired = None
         hit = self._integrated(lookout, bound)
@@ -354,8 +356,9 @@ class Run:
         elif rule.kind == STANDSTILL:
             return self._stood()
         elif rule.kind in (DEAD_CENTRE, NO_INERTIA):
-            self._singular(rule.kind)
-            return Verdict("ended", rule.kind)
+            q, qd = float(self.y[0]), float(self.y[1])
+            left = time_left(self.system, rule.kind, q, qd)
+            return Verdict("ended", self._met_end(End(rule.kind, left)))
         elif rule.kind == GOAL:
             return Verdict("reached", self.request.until.goal)
         elif rule.kind != GUIDE_SIDE:
@@ -409,51 +412,21 @@ class Run:
         self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
         return None
 
-    # -- where nothing leads on ------------------------------------------------------------
-
-    def _singular(self, kind: str) -> None:
-        """The time left to a dead centre, or to a place without inertia.
-
-        The margin goes with the square of that time, the inertia with the square of the way.
-        """
-        q, qd = float(self.y[0]), float(self.y[1]) if self.equation.drivers == 1 else math.nan
-        left = math.inf
-        if kind == NO_INERTIA:
-            one = self.system.one(q)
-            left = abs(one.J / one.dJ / qd) if one.dJ and qd else math.inf
-        elif math.isfinite(qd):
-            h = math.copysign(LEAST_MARGIN * NEAR_DEAD_CENTRE, qd)
-            here, before = (self.system.one(x).margin for x in (q, q - h))
-            fall = (before - here) / abs(h) * abs(qd)
-            left = 2 * here / fall if fall > 0 else math.inf
-        self.left = left
-        if math.isfinite(left):
-            self.facts[f"{kind.replace(' ', '_')}_time"] = self.t + left
-
     def _given_up(self) -> Verdict | None:
         """Why the run is over where a solver gave up; None if another one goes on."""
         if self.method != "dop853":
             self.method = "dop853"  # which comes as near as one can to where there is no pose
             return None
-        t, y = self.t, self.y
-        margin = self.equation.closeness(y)[0]
-        if not margin > NEAR_DEAD_CENTRE:
-            if margin > 0:
-                self._singular(DEAD_CENTRE)
-            return Verdict("ended", DEAD_CENTRE)
-        way = np.sign(np.asarray(self.equation(t, y), dtype=float))
-        ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
-        later = t + AHEAD * max(abs(t), 1.0)
-        if self.equation.sides:
-            found = self.equation.resisted(float(ahead[0]), float(ahead[1]), later)
-            if not found.outcome.solved and found.margin > 0:
-                return Verdict("ended" if self.pieces else "failed", SELF_LOCKED)
-        if not np.isfinite(np.asarray(self.equation(later, ahead), dtype=float)).all():
-            rate = float(np.abs(y[self.equation.drivers]))
-            places = PAST * max(1.0, float(np.abs(y[0])))  # it comes so near, and steps so short
-            self.left = PAST * max(abs(t), EPS) + (places / rate if rate else 0.0)
-            return Verdict("ended", IMPOSSIBLE)
-        return Verdict("failed", "the solver's step became too small")
+        end = self._met_end(what_is_ahead(self.equation, self.t, self.y))
+        known = end in (DEAD_CENTRE, IMPOSSIBLE) or (end == SELF_LOCKED and self.pieces)
+        return Verdict("ended" if known else "failed", end)
+
+    def _met_end(self, end: End) -> str:
+        """Keep what is known of an end that the run stops short of."""
+        self.left = end.left
+        if end.kind in (DEAD_CENTRE, NO_INERTIA) and math.isfinite(end.left):
+            self.facts[f"{end.kind.replace(' ', '_')}_time"] = self.t + end.left
+        return end.kind
 
 
 # -- the methods ---------------------------------------------------------------------------
