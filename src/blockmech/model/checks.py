@@ -243,11 +243,18 @@ def _group_problems(blocks: Blocks) -> Iterator[Problem]:
     for name, block in blocks.items():
         if isinstance(block, GeneralGroup):
             from blockmech.assur.diagnosis import diagnose  # few graphs have such a group
+            from blockmech.assur.rank import TooTangledError
 
-            driven = [joint.name for joint in block.driven]
-            for finding in diagnose(block.link_names, block.structural, {SUPPORTS}, driven):
+            driven, where = [joint.name for joint in block.driven], f"{name}.pairs"
+            try:
+                findings = diagnose(block.link_names, block.structural, {SUPPORTS}, driven)
+            except TooTangledError:
+                found = f"{len(block.link_names)} links stand in too many loops to be judged"
+                yield Problem("too-tangled", where, found, "", "take the group apart")
+                continue
+            for finding in findings:
                 remedy = "move a pair from an over-constrained link to a loose one"
-                yield Problem(finding.code, f"{name}.pairs", finding.text, "", remedy)
+                yield Problem(finding.code, where, finding.text(), "", remedy)
 
 
 def _cycles(blocks: Blocks, wires: Iterable[Wire]) -> Iterator[Problem]:

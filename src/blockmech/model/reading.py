@@ -22,13 +22,6 @@ from blockmech.errors import MOST, FormatError, Problem, in_file, path_text
 LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
 DEEPEST = 64  # nested objects and lists; a graph needs nine
 
-MARKS = (  # the longer ones first
-    (codecs.BOM_UTF32_LE, "UTF-32"),
-    (codecs.BOM_UTF32_BE, "UTF-32"),
-    (codecs.BOM_UTF16_LE, "UTF-16"),
-    (codecs.BOM_UTF16_BE, "UTF-16"),
-)
-
 
 def text_of(path: str | os.PathLike[str]) -> str:
     """The text of a file. Raises `FormatError` with file and, of bad text, line and column.
@@ -49,14 +42,11 @@ def _bytes_of(path: Path) -> bytes:
         found, remedy = "it is a directory", "name a graph file in it"
         raise FormatError(Problem("not-a-file", "", found, "", remedy))
     with path.open("rb") as stream:
-        size = os.fstat(stream.fileno()).st_size
-        most = size or LARGEST  # what is no file on a disk tells no size
-        raw = b"" if size > LARGEST else stream.read(most + 1)
-    if size > LARGEST or len(raw) > LARGEST:
-        found = f"{size / 1e6:.0f} MB" if size > LARGEST else "endless"
-        valid = f"a graph file has at most {LARGEST / 1e6:.0f} MB"
-        remedy = "check that it is a graph file"
-        raise FormatError(Problem("too-large", "", f"too large: {found}", valid, remedy))
+        raw = stream.read(LARGEST + 1)
+    if len(raw) > LARGEST:
+        found = f"too large: more than {LARGEST / 1e6:.0f} MB"
+        valid, remedy = "a graph file is shorter", "check that it is a graph file"
+        raise FormatError(Problem("too-large", "", found, valid, remedy))
     return raw
 
 
@@ -70,21 +60,17 @@ def _not_opened(error: OSError | ValueError) -> Problem:
 
 
 def _decoded(raw: bytes) -> str:
-    found, where = "", "line 1, column 1"
-    if b"\x00" in raw[:4]:
-        found = "not text, or UTF-16"
-    found = next((f"the text is {name}" for mark, name in MARKS if raw.startswith(mark)), found)
+    encoding = json.detect_encoding(raw)
+    found, where = f"the text is {encoding[:6].upper()}", "line 1, column 1"
     try:
-        text = raw.removeprefix(codecs.BOM_UTF8).decode()
+        if encoding.startswith("utf-8"):
+            return raw.removeprefix(codecs.BOM_UTF8).decode()
     except UnicodeDecodeError as error:
-        text, before = "", raw[: error.start].decode(errors="replace")
-        if not found:
-            found = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
-            where = place(before, len(before))
-    if found:
-        valid, remedy = "a graph file is UTF-8", "save it as UTF-8"
-        raise FormatError(Problem("wrong-encoding", where, found, valid, remedy))
-    return text
+        before = raw[: error.start].decode(errors="replace")
+        found = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
+        where = place(before, len(before))
+    valid, remedy = "a graph file is UTF-8", "save it as UTF-8"
+    raise FormatError(Problem("wrong-encoding", where, found, valid, remedy))
 
 
 def place(text: str, offset: int) -> str:

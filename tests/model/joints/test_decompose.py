@@ -267,6 +267,33 @@ def test_a_motor_that_follows_the_angle_of_links_leaves_their_frames_alone():
         assert np.abs(found[name] - wanted[name]).max() <= ROUNDING * np.abs(wanted[name]).max()
 
 
+def test_a_slide_whose_frame_a_law_reads_is_left_alone():
+    """A driven slide at an angle has a frame of its own; a law of its angle wants the user's."""
+    law = {"kind": "polynomial", "coefficients": [0.0, 2.0]}
+    data = {
+        "format": "blockmech/joints",
+        "version": 1,
+        "links": {"slide": {"pose": [0.5, 0, -0.4]}, "arm": {"pose": [0.5, 0, 0.6]}},
+        "joints": {
+            "S": {
+                "type": "P",
+                "links": ["frame", "slide"],
+                "at": [[0, 0], [0, 0]],
+                "angle": [0, 0.4],
+            },
+            "R": {"type": "R", "links": ["slide", "arm"], "at": [[0, 0], [0, 0]]},
+        },
+        "drivers": {"push": {"joint": "S"}, "turn": {"joint": "R"}},
+        "loads": {"m": {"type": "motor", "links": ["slide", "arm"], "law": law}},
+    }
+    made = loads(json.dumps(data)).decompose()
+    assert made.data["blocks"]["slide"]["type"] == "group.general"
+    at = {"push": 0.7, "turn": 1.1}
+    run = made.compile().run(at=at, rates=dict.fromkeys(at, 0.0))
+    assert run["driver.turn.drive"][0] == pytest.approx(-2.0 * 1.1, rel=1e-12)
+    assert run["link.slide.angle"][0] == pytest.approx(-0.4, abs=1e-14)
+
+
 # ---- laws and coordinates -----------------------------------------------------------------
 
 OF_THE_DRIVER = {

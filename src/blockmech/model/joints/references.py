@@ -14,9 +14,8 @@ Known: TypeAlias = Mapping[str, Collection[str]]
 """Section -> names in it, those of parts that are wrong by themselves included."""
 
 
-def reference_problems(linkage: Any, known: Known | None = None) -> Iterator[Problem]:
+def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
     """What links, joints, drivers and loads say of each other that is not so."""
-    known = known or vars(linkage)
     yield from _links(linkage)
     for name, joint in linkage.joints.items():
         for k, link in enumerate(joint.links):
