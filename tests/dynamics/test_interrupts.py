@@ -163,7 +163,7 @@ def test_ctrl_c_on_the_command_line_prints_what_was_done():
     code = f"""
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
-import blockmech.cli.simulate, blockmech.dynamics.simulation
+import blockmech.cli.simulate, blockmech.cli, blockmech.dynamics.simulation
 from blockmech.cli import main
 print("ready", flush=True)
 sys.exit(main({words!r}))

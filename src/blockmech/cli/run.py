@@ -23,7 +23,7 @@ from blockmech.cli.options import (
     option,
 )
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
-from blockmech.cli.terminal import note, progress_bar, say
+from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines
 from blockmech.failures import without_gaps
@@ -84,7 +84,7 @@ def run(
     if on_gap == "stop" and not output.is_data:  # the table does not reach them
         note(*gaps)
     if gaps:
-        raise typer.Exit(1)
+        raise typer.Exit(NO_ANSWER)
 
 
 def _pictures(result: Result, folder: Path, degrees: bool) -> None:

@@ -21,7 +21,7 @@ from blockmech.cli.options import (
     option,
 )
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
-from blockmech.cli.terminal import progress_bar, say
+from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines
 from blockmech.result import Result
@@ -47,7 +47,6 @@ Method = Annotated[
 Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]
 Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
 
-INTERRUPTED = 130
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 
 
@@ -107,7 +106,7 @@ def simulate(
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):
-        raise typer.Exit(1)
+        raise typer.Exit(NO_ANSWER)
 
 
 def _pictures(result: Result, folder: Path, degrees: bool) -> None:
