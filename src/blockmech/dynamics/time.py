@@ -233,12 +233,13 @@ class Run:
         """Go on with one smooth right-hand side to whatever ends it."""
         if self.t >= self.t_max:
             return Verdict("reached", "time")
-        bound = min(self.t_max, loads.next_time_kink(self.system.compiled.structure, self.t))
+        structure = self.system.compiled.structure
+        bound = min(self.t_max, loads.next_time_kink(structure, self.t))
         parts = 1 if self.method in STEPPERS else PARTS
         spans = [self.system.span]
         if self.equation.drivers > 1:
-            length = loads.largest_length(self.system.compiled.structure)
-            spans = [TURN if turns else length for turns in self.system.rotary]
+            length = loads.largest_length
+            spans = [TURN if turns else length(structure) for turns in self.system.rotary]
         lookout = Lookout.at(self._rules(), parts, spans, self.t, self.y, self.fired)
         self.fired = None
         hit = self._integrated(lookout, bound)
