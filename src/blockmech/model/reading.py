@@ -1,7 +1,7 @@
 """From a file to plain data: bytes, text, JSON, with line and column of what is wrong.
 
-The fast parser of the standard library reads; only where it meets something odd does a
-slower scan of the same text find the places.
+The parser of the standard library reads; a scan of the same text finds what it takes as it
+comes.
 """
 
 from __future__ import annotations
@@ -87,67 +87,23 @@ def data_of(text: str) -> tuple[dict[str, Any], list[Problem]]:
     if not text.strip():
         remedy = "start from a gallery graph"
         raise FormatError(Problem("empty-file", "", "it is empty", "", remedy))
-    too_deep = f"objects and lists are nested more than {DEEPEST} deep"
     try:
-        data, odd = _parsed(text)
-        if _deeper(data, DEEPEST):
-            raise RecursionError
+        data = json.loads(
+            text, parse_int=lambda token: int(token) if len(token) < 300 else float(token)
+        )
+        misfits = list(islice(_misfits(text), MOST + 1))
     except json.JSONDecodeError as error:
         raise FormatError(_syntax(text, error)) from error
     except RecursionError as error:
-        raise FormatError(Problem("too-deep", "", too_deep, "a graph needs nine")) from error
+        found = f"objects and lists are nested more than {DEEPEST} deep"
+        raise FormatError(Problem("too-deep", "", found, "a graph needs nine")) from error
     if not isinstance(data, dict):
         found = "the file does not hold an object"
         valid = 'a graph file is {"format": "blockmech/graph", ...}'
         raise FormatError(Problem("not-an-object", "line 1, column 1", found, valid))
-    misfits = list(islice(_misfits(text), MOST + 1)) if odd else []
     if any(problem.code == "wrong-encoding" for problem in misfits):
         raise FormatError(misfits)  # half characters break what they are handed to
     return data, misfits
-
-
-def _parsed(text: str) -> tuple[Any, bool]:
-    """The data of a text, and whether a scan of the text will find something odd in it."""
-    odd = _half_characters(text) or "\\ud" in text or "\\uD" in text
-
-    def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
-        nonlocal odd
-        found = dict(items)
-        odd = odd or len(found) != len(items)
-        return found
-
-    def number(token: str) -> float:
-        nonlocal odd
-        x = float(token)
-        odd = odd or not math.isfinite(x)
-        return x
-
-    def whole(token: str) -> int | float:
-        return int(token) if len(token) < 300 else number(token)
-
-    data = json.loads(
-        text, object_pairs_hook=pairs, parse_constant=number, parse_float=number, parse_int=whole
-    )
-    return data, odd
-
-
-def _deeper(data: Any, most: int) -> bool:
-    level = [data]
-    for _ in range(most + 1):
-        boxes = [box for box in level if isinstance(box, dict | list)]
-        level = [x for b in boxes for x in (b.values() if isinstance(b, dict) else b)]
-        if not level:
-            return False
-    return True
-
-
-def _half_characters(text: str) -> bool:
-    """Whether a text has a lone half of a pair, which no file can hold."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return True
-    return False
 
 
 # Syntax, in words of our own, so that they are the same in every Python.
@@ -196,7 +152,8 @@ def _slip(text: str, at: int, before: str, message: str) -> tuple[str, str]:
     return f"{sign} is not a value", 'a value is a number, "text", true, false, null, [..] or {..}'
 
 
-# The slower scan: duplicate keys, numbers out of range, half characters.
+# What the parser of the standard library takes as it comes: duplicate keys, numbers out of
+# range, half characters, any depth.
 
 TOKEN = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+', re.DOTALL)
 
@@ -221,6 +178,8 @@ def _misfits(text: str) -> Iterator[Problem]:
         sign, at = token.group(), token.start()
         if sign in ("{", "["):
             inside.append(_Open("" if sign == "{" else 0, {}, sign == "{"))
+            if len(inside) > DEEPEST:
+                raise RecursionError
         elif sign in ("}", "]"):
             inside.pop()
         elif sign == "," and isinstance(number := inside[-1].key, int):
@@ -228,14 +187,14 @@ def _misfits(text: str) -> Iterator[Problem]:
         elif sign in (",", ":"):
             inside[-1].expects_key = sign == ","
         elif sign[0] == '"':
-            said, here = json.loads(sign), inside[-1]
+            said, here = json.loads(sign) if "\\" in sign else sign[1:-1], inside[-1]
             if here.expects_key:
                 here.key = said
                 first = here.keys.setdefault(said, at)
                 if first != at:
                     found = f"the key is given twice: {place(text, first)} and {place(text, at)}"
                     yield problem("duplicate-key", found, "keep one of them")
-            if _half_characters(said):
+            if not said.isascii() and any("\ud800" <= c <= "\udfff" for c in said):
                 found = f"half of a character ({place(text, at)})"
                 yield problem("wrong-encoding", found, "write the whole character")
         elif sign[0] not in "tfn" and not math.isfinite(float(sign)):

@@ -162,7 +162,10 @@ def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
         how = {k: getattr(expectation, k) for k in ("at", "friction", "tolerance", "iterations")}
         return mechanism.run(want=want, on_gap="mark", **how)
     friction = "none" if expectation.friction == "none" else None
-    found = mechanism.simulate(moving.until, times=moving.times, want=want, friction=friction)
+    until, method = moving.until, moving.method
+    found = mechanism.simulate(
+        until, times=moving.times, want=want, friction=friction, method=method
+    )
     if found.motion.end == "interrupted":
         raise KeyboardInterrupt
     return found

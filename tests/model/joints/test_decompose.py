@@ -11,9 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import blockmech as bm
-from blockmech.blocks.registry import REGISTRY
-from blockmech.model.joints.contents import sections
 from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import shuffled
@@ -73,14 +70,6 @@ def test_the_example_becomes_a_crank_and_an_rrp_dyad():
         "branch": 1,
         "x_S": 0.0,
     }
-
-
-def test_the_graph_can_be_saved_and_says_the_same(tmp_path):
-    made = read(machines.SLIDER_CRANK).decompose()
-    made.graph.save(tmp_path / "graph.json")
-    loaded = bm.Graph.load(tmp_path / "graph.json")
-    assert loaded.to_json() == made.graph.to_json()
-    assert loaded.structure().mobility == 1
 
 
 def test_names_and_signs_are_those_of_the_document_whichever_link_is_named_first():
@@ -400,12 +389,6 @@ def test_a_long_chain_in_shuffled_order_is_a_chain_of_dyads(number):
     assert len(structure.blocks) == number + 1
     assert structure.mobility == 1
     assert len(found.names.links) == 2 * number + 1
-
-
-def test_every_load_of_the_registry_is_a_load_of_documents():
-    known = {name.removeprefix("load.") for name in REGISTRY if name.startswith("load.")}
-    assert set(sections()["loads"].kinds) == known
-    assert {"force", "couple", "spring", "thrust", "torsion_spring", "motor"} <= known
 
 
 def test_whole_turns_in_poses_do_not_lengthen_the_way_from_home():

@@ -73,6 +73,8 @@ class _Joint(Strictly):
         if len(self.at) != len(self.links):
             found = f'"at" has {len(self.at)} places for {len(self.links)} links'
             raise mistake("wrong-value", found)
+        if len(set(self.links)) < len(self.links):
+            raise mistake("wrong-value", "a joint is between different links")
         if self.friction is not None:
             try:
                 self.friction.check_for(getattr(self, "type"), "the joint")  # noqa: B009
