@@ -41,7 +41,6 @@ RATE_READS = frozenset({*VELOCITY_READS, "qd"})
 SAME = 1e-12  # relative distance of two periods that fit: files may give them to 12 digits
 KINK_SAMPLES = 720  # of a turn, between which the passing of a kink is looked for
 REACH = 3.0  # lengths of a mechanism on either side in which kinks of a slide are looked for
-REPEATED = 4000  # repetitions of a table of the time at most
 
 
 def depends_on(structure: Structure) -> frozenset[str]:
@@ -146,15 +145,14 @@ def knots_of(structure: Structure, scene: Any, driver: str) -> tuple[float, ...]
     return tuple(sorted({x % period for x in found} if period else set(found)))
 
 
-def time_knots_of(structure: Structure, latest: float) -> tuple[float, ...]:
-    """Times [s] of kinks, up to the latest; infinite: as many as a run may meet."""
-    found: set[float] = set()
+def next_time_kink(structure: Structure, t: float) -> float:
+    """The first kink in time [s] after a time; infinite if there is none."""
+    found = []
     for element in structure.elements.values():
         law = _law(element)
         if isinstance(law, Table) and law.variables() == ("time",):
-            most = REPEATED * law.whole if law.whole else math.inf
-            found.update(_rows(law, 0.0, min(latest, most)))
-    return tuple(sorted(found))
+            found += _rows(law, t, t + 2 * law.whole if law.whole else math.inf)
+    return min((s for s in found if s > t), default=math.inf)
 
 
 def _rows(law: Table, low: float, high: float) -> list[float]:
