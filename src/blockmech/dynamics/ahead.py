@@ -167,6 +167,7 @@ class Ahead:
         Its end is moved until the energy at its other end is that of the motion.
         """
         last, guessed = math.inf, None
+        before: tuple[float, float] | None = None  # an end, and what energy that leaves over
         for _ in range(STEPS):
             length = at.sign * (guess - at.q)
             if length <= CLOSE * max(abs(at.q), 1.0) and 1e3 * EPS * self.largest >= at.K:
@@ -180,10 +181,17 @@ class Ahead:
             at_rest = float(r.to_series[::2].sum(axis=0) @ w - r.to_series[1::2].sum(axis=0) @ w)
             if not at_rest < 0:
                 return None
-            step = at.sign * (at.K - float(K[-1])) / -at_rest
+            left = at.K - float(K[-1])
+            slope = -at_rest * at.sign  # of K by the end; with loads of the rate a secant's
+            if before is not None and guess != before[0] and left != before[1]:
+                slope = (before[1] - left) / (guess - before[0])
+            step = left / slope
             if abs(step) <= EPS * abs(guess) or abs(step) >= last:
                 break
+            before = guess, left
             last, guess, guessed = abs(step), guess + step, w
+        else:
+            return None
         panel = replace(self._made(at, span, guess, w, K, loaded), K1=0.0)
         if not self._resolved(panel, loaded):
             return None
