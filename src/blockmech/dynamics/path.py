@@ -99,7 +99,7 @@ class PathRun:
         rate = float(self.request.start.rate) * (1 + self.off * EPS)
         try:
             if rate:
-                J = self.system.one(self.q).J
+                J = float(self.system.sample(np.array([self.q])).J[0])
                 self.sign, self.K = (1 if rate > 0 else -1), J * rate**2 / 2
                 self.mark = (0, self.at)
             else:
@@ -148,7 +148,7 @@ class PathRun:
                 self.rest(REST)
             self.sign = found.moves
         else:
-            tau = system.one(q).tau
+            tau = float(system.sample(np.array([q])).tau[0])
             if abs(tau) <= 8 * EPS * system.load_size(q):  # a sum of some ten terms
                 kind, facts, notes = equilibrium(system, q)
                 self.facts.update(facts)
@@ -243,7 +243,8 @@ class PathRun:
 
     def rate(self) -> float:
         """Rate of the driver."""
-        return self.sign * math.sqrt(2 * self.K / self.system.one(self.q).J)
+        J = float(self.system.sample(np.array([self.q])).J[0])
+        return self.sign * math.sqrt(2 * self.K / J)
 
     def stand(self) -> None:
         """A standstill: the goal, or on from there."""
