@@ -11,3 +11,21 @@ WORDS = """
     wrong-home unwired-joint cycle unknown-driver
 """
 FILE_CODES = frozenset(WORDS.split())
+
+LINKAGE_CODES = {
+    "unconnected-links": "links that no joint joins to the rest",
+    "coincident-joints": "joints at one place, so that they hold nothing, or hold it twice",
+    "over-constrained": "links that are held more often than their freedoms are",
+    "turning-held-twice": "a loop of sliding joints, which hold the relative turning too often",
+    "missing-driver": "more freedoms than drivers",
+    "too-many-drivers": "more drivers than freedoms",
+    "locked-driver": "a driver whose joint cannot move",
+    "conflicting-drivers": "two drivers that prescribe one freedom",
+    "loose-links": "links that move with every driver held",
+    "too-tangled": "so many links in loops with each other that only counting is left",
+    "no-links": "a document without moving links",
+    "does-not-close": "joints that gape, and cannot be closed near the given pose",
+    "pose-far-off": "a pose from which another assembly mode may be reached than was meant",
+    "dead-centre": "a pose that does not tell the assembly mode",
+}
+"""What can be wrong with links and joints that are named well."""

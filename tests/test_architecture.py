@@ -275,6 +275,7 @@ def test_the_general_group_computes_with_the_primitives_alone(module):
         "typing",
         "blockmech.blocks.contract",
         "blockmech.blocks.general.equations",
+        "blockmech.blocks.motion",
         "blockmech.plane",
         "blockmech.typing",
     }

@@ -167,6 +167,7 @@ NOT_FROM_FILES = {
     "idle-driver",  # a remark
     "not-a-block",  # Graph.add
     "not-a-law",  # Graph.drive
+    "too-tangled",  # a general group of hundreds of links
     "not-json",  # data added in Python
     "unknown-attribute",  # set in Python
     "user-function",  # a law that is a function of Python

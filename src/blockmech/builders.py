@@ -6,14 +6,16 @@ Below this file a graph or a linkage knows nothing of what computes with it.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from functools import cached_property
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from blockmech.errors import FormatError, GraphError, Problem, in_file
 from blockmech.model import graph
+from blockmech.model.document import read
 from blockmech.model.joints import decompose, linkage
-from blockmech.model.reading import data_of, text_of
+from blockmech.model.reading import text_of
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -127,19 +129,16 @@ def opened(path: str | os.PathLike[str]) -> Opened:
     FormatError with all problems of the file
     GraphError if only the wiring of a graph is wrong
     """
-    file, text = os.fspath(path), text_of(path)
-    return (Linkage if _of_joints(text) else Graph).from_json(text, file)
+    kind: Callable[[dict[str, Any]], type[Opened]] = _kind
+    return read(text_of(path), os.fspath(path), kind)
 
 
-def _of_joints(text: str) -> bool:
-    """Whether the text says so, or, if it names no format, has joints and no blocks."""
-    try:
-        raw, _ = data_of(text)
-    except FormatError:  # the readers say better what is wrong
-        return False
+def _kind(raw: dict[str, Any]) -> type[Opened]:
+    """What data say that they are, or, if they name no format, what they look like."""
+    joints = "joints" in raw and "blocks" not in raw
     if "format" in raw:
-        return bool(raw["format"] == Linkage.form.format)
-    return "joints" in raw and "blocks" not in raw
+        joints = raw["format"] == Linkage.form.format
+    return Linkage if joints else Graph
 
 
 def problems_in(path: str | os.PathLike[str]) -> list[Problem]:

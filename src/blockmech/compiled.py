@@ -144,7 +144,7 @@ class Compiled:
         ----------
         want : names or patterns of outputs
         friction : "none" | "single" | "successive" | "newton"
-        tolerance : float [N], stop of ``successive``; default 1e-3
+        tolerance : float [N], stop of ``successive``; default 1e-7 of the largest reaction
         iterations : int, fixed number of iterations of ``successive``
         static : without inertia
 

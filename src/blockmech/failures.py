@@ -79,9 +79,9 @@ def _what(
     quality = result.quality
     status = quality.status[first]
     if status == "not-converged":
-        by = "successive approximations"
-        by = by if result.settings["friction"] == "successive" else "continuation"
-        return FrictionError, status, f"{by} did not converge"
+        by = {"single": "a single correction", "successive": "successive approximations"}
+        how = by.get(result.settings["friction"], "continuation")
+        return FrictionError, status, f"{how} did not converge"
     if status != NO_ASSEMBLY:
         limit = next(
             (f.value for f in quality.flags if f.sample == first and f.where == block), None

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 ZERO, ONE, REST = "ZERO", "ONE", "REST"  # constants that every engine names: 0j, 1, rest's share
 NOUGHT = "0.0"  # a number that is known to be zero: nothing is computed with it
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
-MOST_KEPT = 32  # programs whose code is kept
 NO_LETTER = re.compile(r"\W", re.ASCII)
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
@@ -74,24 +73,18 @@ class Share(NamedTuple):
     head: str
 
 
-class Line(NamedTuple):
-    """One line of the program: a call and the name of its value."""
-
-    name: str
-    text: str
-
-
 @dataclass(frozen=True)
 class Friction:
     """How the friction equations are solved: the user's trade of speed for accuracy.
 
     method : "none" | "single" | "successive" | "newton"
-    tolerance [N] : largest change of a reaction at which ``successive`` stops
+    tolerance [N] : largest change of a reaction at which ``successive`` stops; by default
+        1e-7 of the largest one
     iterations : fixed number of iterations of ``successive``, or None
     """
 
     method: str = "newton"
-    tolerance: float = 1e-3
+    tolerance: float | None = None
     iterations: int | None = None
 
 
@@ -122,7 +115,7 @@ class Program:
         return _compiled(self.source)
 
 
-@functools.lru_cache(maxsize=MOST_KEPT)
+@functools.lru_cache
 def _compiled(source: str) -> CodeType:
     """A program's code: numbers are parameters, so designs of one structure share it."""
     return compile(source, "<plan>", "exec")
@@ -148,7 +141,7 @@ class Schedule:
         self.guess = guess
         self.entries: list[Entry] = []
         self.shares: list[Share] = []
-        self.lines: list[Line] = []
+        self.lines: list[tuple[str, str]] = []  # name of a value and the expression for it
         self.functions: dict[str, Callable[..., Any]] = {}
         self.parameters: dict[str, Any] = {}
         self.inputs: set[str] = set()
@@ -203,7 +196,7 @@ class Schedule:
         key = ("line", text)
         if key not in self._answers:
             value = self._fresh(name)
-            self.lines.append(Line(value, text))
+            self.lines.append((value, text))
             self._answers[key] = value
         answer: str = self._answers[key]
         return answer
@@ -217,7 +210,7 @@ class Schedule:
         for start in range(1, len(kept), LONGEST_SUM):
             text = " + ".join((total, *kept[start : start + LONGEST_SUM]))
             total = self._fresh(name)
-            self.lines.append(Line(total, text))
+            self.lines.append((total, text))
         return total
 
     def kernel(self, entry: Entry, function: Callable[..., Any], *args: str, name: str) -> str:
@@ -262,7 +255,7 @@ class Schedule:
         """The finished program that returns these values."""
         wanted = tuple(outputs)
         inputs = tuple(sorted(self.inputs))
-        body = [f"    {line.name} = {line.text}" for line in self.lines]
+        body = [f"    {name} = {text}" for name, text in self.lines]
         head = [f"def program({', '.join((*inputs, 'P'))}):"]
         if self.parameters:
             head.append(f"    {', '.join(self.parameters)}, = P")

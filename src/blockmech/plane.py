@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import bisect
 import math
+from types import FunctionType
 from typing import Any
 
 from blockmech.typing import Complex, Real
@@ -162,31 +163,5 @@ def spread(a: Any) -> Real:
     return float(values[-1] / values[0])
 
 
-SCALAR_PRIMITIVES = {
-    f.__name__: f
-    for f in (
-        cross,
-        dot,
-        mul,
-        imul,
-        expi,
-        hyp,
-        sqrt,
-        sign,
-        where,
-        minimum,
-        maximum,
-        angle,
-        modulo,
-        piecewise,
-        some,
-        repair,
-        each,
-        planar,
-        matrix,
-        solve,
-        solve_transposed,
-        spread,
-    )
-}
+SCALAR_PRIMITIVES = {n: f for n, f in vars().items() if isinstance(f, FunctionType)}
 """Name of each primitive and its meaning on Python numbers."""

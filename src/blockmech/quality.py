@@ -31,7 +31,6 @@ DETAIL = {
     Outcome.NOT_CONVERGED: "slow",
     Outcome.FOLD: "fold",
     Outcome.ASYMPTOTE: "asymptote",
-    Outcome.UNCERTIFIED: "uncertified",
 }
 
 

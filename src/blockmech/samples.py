@@ -126,11 +126,11 @@ def make_samples(
         raise _error("rates", "rates need coordinates", "give at= as well")
     laws = _laws(driven, scene)
     if times is not None:
-        return _by_time(driven, scene, laws, _column("times", times))
+        return _by_time(scene, laws, _column("times", times))
     n = DEFAULT_SAMPLES if samples is None else samples
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
         raise _error("samples", f"must be a positive whole number, got {n!r}", "")
-    return _by_range(driven, scene, laws, int(n))
+    return _by_range(scene, laws, int(n))
 
 
 def _one_pose(driven: Driven, scene: Scene, q: float) -> Samples | None:
@@ -150,9 +150,8 @@ def _by_coordinate(
     qd = _per_driver(driven, "rates", rates) if rates is not None else {}
     qdd = _per_driver(driven, "accelerations", accelerations) if accelerations is not None else {}
     n = max((len(x) for part in (q, qd, qdd) for x in part.values()), default=1)
-    inputs: dict[str, Any] = {}
-    clock = None
-    for i, driver in enumerate(driven.drivers):
+    motions, clock = {}, None
+    for driver in driven.drivers:
         column = _stretched(driver, q[driver], n)
         law = scene.drive.get(driver)
         rate = acceleration = np.zeros(n)
@@ -166,42 +165,51 @@ def _by_coordinate(
                 f'the law "{law.law}" is sampled by time, not by coordinate',
                 "use times=, or give rates= and accelerations=",
             )
-        inputs[f"q_{i}"] = column
-        inputs[f"qd_{i}"] = _stretched(driver, qd[driver], n) if driver in qd else rate
-        given = driver in qdd
-        inputs[f"qdd_{i}"] = _stretched(driver, qdd[driver], n) if given else acceleration
-    _finite(driven, scene, inputs)
-    return Samples(n, inputs, clock=clock)
+        motions[driver] = (
+            column,
+            _stretched(driver, qd[driver], n) if driver in qd else rate,
+            _stretched(driver, qdd[driver], n) if driver in qdd else acceleration,
+        )
+    return _collected(scene, n, motions, clock=clock)
 
 
-def _by_time(driven: Driven, scene: Scene, laws: Mapping[str, LawOfMotion], t: Array) -> Samples:
-    inputs: dict[str, Any] = {}
-    for i, driver in enumerate(driven.drivers):
-        motion = laws[driver].at_times(t)
-        for name, column in zip(("q", "qd", "qdd"), motion, strict=True):
-            inputs[f"{name}_{i}"] = column
-    _finite(driven, scene, inputs)
-    return Samples(len(t), inputs, t)
+def _by_time(scene: Scene, laws: Mapping[str, LawOfMotion], t: Array) -> Samples:
+    return _collected(scene, len(t), {d: law.at_times(t) for d, law in laws.items()}, t)
 
 
-def _by_range(driven: Driven, scene: Scene, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
+def _by_range(scene: Scene, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
     ranged = {d: x for d, x in laws.items() if isinstance(x, ConstantRate | RateAcceleration)}
     if len(ranged) < len(laws):
         begin = max(x.begin() for x in laws.values())
         end = max(x.begin() + x.duration() for x in laws.values() if np.isfinite(x.duration()))
-        return _by_time(driven, scene, laws, np.linspace(begin, end, n))
+        return _by_time(scene, laws, np.linspace(begin, end, n))
     if all(x.start == x.end for x in ranged.values()):
         n = 1
-    inputs: dict[str, Any] = {}
-    clock = None
-    for i, driver in enumerate(driven.drivers):
-        law = ranged[driver]
-        q = np.linspace(law.start, law.end, n) if n > 1 else np.array([law.start])
-        for name, column in zip(("q", "qd", "qdd"), law.at_coordinates(q), strict=True):
+    motions = {d: x.at_coordinates(np.linspace(x.start, x.end, n)) for d, x in ranged.items()}
+    clock = next(iter(ranged.values())) if len(ranged) == 1 else None
+    return _collected(scene, n, motions, clock=clock)
+
+
+def _collected(
+    scene: Scene,
+    n: int,
+    motions: Mapping[str, tuple[Array, Array, Array]],
+    times: Array | None = None,
+    clock: ConstantRate | RateAcceleration | None = None,
+) -> Samples:
+    """Samples of coordinates, rates and accelerations by driver, in the drivers' order."""
+    inputs = {}
+    for i, (driver, motion) in enumerate(motions.items()):
+        for name, column in zip(("q", "qd", "qdd"), motion, strict=True):
             inputs[f"{name}_{i}"] = column
-        clock = law if len(ranged) == 1 else None
-    _finite(driven, scene, inputs)
-    return Samples(n, inputs, clock=clock)
+            bad = np.flatnonzero(~np.isfinite(column))
+            if len(bad):
+                raise _error(
+                    scene.address("drive", driver),
+                    f"the law of motion never gets to sample {bad[0]}",
+                    "give samples inside its range",
+                )
+    return Samples(n, inputs, times, clock)
 
 
 def _laws(driven: Driven, scene: Scene) -> dict[str, LawOfMotion]:
@@ -261,19 +269,6 @@ def _stretched(driver: str, column: Array, n: int) -> Array:
     if len(column) == 1:
         return np.full(n, column[0])
     raise _error(driver, f"has {len(column)} samples where others have {n}", "give equal numbers")
-
-
-def _finite(driven: Driven, scene: Scene, inputs: Mapping[str, Array]) -> None:
-    for i, driver in enumerate(driven.drivers):
-        for name in ("q", "qd", "qdd"):
-            column = inputs[f"{name}_{i}"]
-            bad = np.flatnonzero(~np.isfinite(column))
-            if len(bad):
-                raise _error(
-                    scene.address("drive", driver),
-                    f"the law of motion never gets to sample {bad[0]}",
-                    "give samples inside its range",
-                )
 
 
 def _error(where: str, found: str, remedy: str) -> RequestError:

@@ -93,13 +93,11 @@ class Series:
     edges : (m + 1,) rising
     c : (m, n) Chebyshev coefficients of each panel; NaN where a value was not finite
     resolved : (m,) whether the panel's series ends
-    rounding : (m,) largest of the last quarter of its coefficients, which are cut off
     """
 
     edges: Floats
     c: Floats
     resolved: NDArray[np.bool_]
-    rounding: Floats
 
     def __call__(self, x: Floats) -> Floats:
         """Values (k,) at places (k,)."""
@@ -207,8 +205,7 @@ def fit(
     lows, highs, cs, goods = (np.concatenate(part) for part in zip(*kept, strict=True))
     order = np.argsort(lows)
     ends = np.append(lows[order], highs[order][-1])
-    rounding, _ = _last_quarters(cs[order])
-    return Series(ends, without_rounding(cs[order]), goods[order], rounding)
+    return Series(ends, without_rounding(cs[order]), goods[order])
 
 
 def panels(low: float, high: float, count: int) -> Floats:

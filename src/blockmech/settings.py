@@ -45,9 +45,11 @@ def friction_asked(method: str, tolerance: float | None, iterations: int | None)
         problems.append(Problem("bad-value", "iterations", found, "", ""))
     if problems:
         raise RequestError(problems)
-    if tolerance is None:
-        tolerance = 0.0 if iterations is not None else 1e-3
-    return Friction(method, float(tolerance), None if iterations is None else int(iterations))
+    return Friction(
+        method,
+        None if tolerance is None else float(tolerance),
+        None if iterations is None else int(iterations),
+    )
 
 
 def unknown_engine(engine: str, precision: str) -> RequestError:

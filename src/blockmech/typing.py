@@ -23,20 +23,6 @@ class Guide(NamedTuple):
     u: Complex  # (...) [-] the marker's unit direction
 
 
-class GuideVelocity(NamedTuple):
-    """The same at the velocity stage."""
-
-    v: Complex  # (...) [m/s] velocity of the marker's place
-    om: Real  # (...) [rad/s] rate of the marker's link
-
-
-class GuideAcceleration(NamedTuple):
-    """The same at the acceleration stage."""
-
-    a: Complex  # (...) [m/s2] acceleration of the marker's place
-    al: Real  # (...) [rad/s2] angular acceleration of the marker's link
-
-
 class LinkPosition(NamedTuple):
     """Origin and unit x axis of a link."""
 
@@ -45,14 +31,14 @@ class LinkPosition(NamedTuple):
 
 
 class LinkVelocity(NamedTuple):
-    """Velocity of a link's origin and the link's rate."""
+    """Velocity of a link's origin, or of a guide's marker, and the link's rate."""
 
     v: Complex  # (...) [m/s]
     om: Real  # (...) [rad/s]
 
 
 class LinkAcceleration(NamedTuple):
-    """Acceleration of a link's origin and the link's angular acceleration."""
+    """Acceleration of a link's origin, or of a guide's marker, and the link's angular one."""
 
     a: Complex  # (...) [m/s2]
     al: Real  # (...) [rad/s2]
@@ -70,3 +56,4 @@ class Slide(NamedTuple):
 
     N: Real  # (...) [N] normal force along n = i u, u the guide's direction
     C: Real  # (...) [N m] guide couple about the origin of the later link
+    C_i: Real = 0.0  # (...) [N m] inner: the same about the origin of link i

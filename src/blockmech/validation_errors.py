@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from itertools import islice
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -80,39 +79,9 @@ def _problems(
 ) -> list[Problem]:
     schema = model.model_json_schema(by_alias, schema_generator=InWrittenOrder)
     found = []
-    for line in _first_mistakes(error, model, raw):
+    for line in error.errors(include_url=False)[: MOST + 1]:
         found.append(_problem(_Place(schema, raw, _path_in(raw, line), what, at), line))
     return list(_united(found))
-
-
-def _first_mistakes(error: ValidationError, model: type[BaseModel], raw: Any) -> list[Any]:
-    """The first of pydantic's mistakes, soon even where there are a million."""
-    flood = 10 * MOST
-    lines = list[Any]()
-    for most in () if error.error_count() <= flood else (MOST // 10, flood, 20 * flood):
-        try:
-            model.model_validate(_beginning(raw, most))
-        except ValidationError as shorter:
-            if shorter.error_count() <= flood:
-                lines = [x for x in shorter.errors(include_url=False) if not _comes_later(raw, x)]
-        if lines:
-            break
-    return (lines or error.errors(include_url=False))[: MOST + 1]
-
-
-def _beginning(raw: Any, most: int) -> Any:
-    """The first items of every object and list."""
-    if isinstance(raw, dict):
-        return {key: _beginning(item, most) for key, item in islice(raw.items(), most)}
-    return [_beginning(item, most) for item in raw[:most]] if isinstance(raw, list) else raw
-
-
-def _comes_later(raw: Any, line: Any) -> bool:
-    """Whether a key is missing only because the beginning of an object was looked at."""
-    path = _path_in(raw, line)
-    for part in path[:-1]:
-        raw = raw[part]
-    return line["type"] == "missing" and path[-1] in raw
 
 
 def _path_in(raw: Any, line: Any) -> list[str | int]:
@@ -193,9 +162,11 @@ def _problem(place: _Place, line: Any) -> Problem:
         return Problem("missing-key", where, f'{place.owner} needs "{name}"{unit}', "", "add it")
     if kind == "extra_forbidden":
         return unknown_key(where, place.owner, str(line["loc"][-1]), place.keys)
-    if kind == "too_short":
-        least, has = more["min_length"], more["actual_length"]
-        return Problem("wrong-value", where, f"{name} must have at least {least} values, has {has}")
+    if kind in ("too_short", "too_long"):
+        most = f"at most {more.get('max_length')}"
+        most = f"at least {more['min_length']}" if kind == "too_short" else most
+        found = f"{name} must have {most} values, has {more['actual_length']}"
+        return Problem("wrong-value", where, found)
     if kind == "literal_error":
         allowed = more["expected"].replace("'", '"')
         words = re.findall(r'"([^"]*)"', allowed)

@@ -29,30 +29,15 @@ def travelling(structure: Structure, read: Read, n: int, name: str) -> dict[str,
     """
     wires = {f"{m} -> {j}": (m, j) for j, m in structure.feeds.items()}
     if name not in wires:
-        raise RequestError(
-            Problem(
-                "no-such-wire",
-                name,
-                "there is no such wire",
-                f"wires: {listed(wires, 30)}",
-                "",
-            )
-        )
+        known = f"wires: {listed(wires, 30)}"
+        raise RequestError(Problem("no-such-wire", name, "there is no such wire", known))
     marker, joint = wires[name]
-    names = [f"{marker}.{x}" for x in ("p", "v", "a")]
-    fixed = marker.on == structure.frame_link
-    rates = [] if fixed else [f"{marker.on}.omega", f"{marker.on}.alpha"]
-    found = read(*names, *rates, f"{joint}.wrench_F", f"{joint}.wrench_M")
-    still = np.zeros(n)
-    wire = {
-        "p": found[names[0]],
-        "v": found[names[1]],
-        "a": found[names[2]],
-        "om": still if fixed else found[rates[0]],
-        "al": still if fixed else found[rates[1]],
-        "F": found[f"{joint}.wrench_F"],
-        "M": found[f"{joint}.wrench_M"],
-    }
+    names = {"p": f"{marker}.p", "v": f"{marker}.v", "a": f"{marker}.a"}
+    names |= {"om": f"{marker.on}.omega", "al": f"{marker.on}.alpha"}
+    names |= {"F": f"{joint}.wrench_F", "M": f"{joint}.wrench_M"}
+    still = ("om", "al") if marker.on == structure.frame_link else ()
+    found = read(*(said for key, said in names.items() if key not in still))
+    wire = {key: np.zeros(n) if key in still else found[said] for key, said in names.items()}
     power = -(wire["F"] * np.conj(wire["v"])).real - wire["M"] * wire["om"]
     return {**wire, "power": power, **_shares(structure, read, joint.block)}
 

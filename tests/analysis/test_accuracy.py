@@ -131,7 +131,7 @@ def test_what_cannot_be_reached_is_said() -> None:
 
 
 def test_where_iterations_may_not_converge_newton_is_taken() -> None:
-    run = ruiz(radius=0.5).compile().run(samples=37, accuracy=1e-2, on_gap="mark")
+    run = ruiz(radius=1.0).compile().run(samples=37, accuracy=1e-2, on_gap="mark")
     assert run.accuracy is not None
     assert run.accuracy.friction == "newton"
 

@@ -75,7 +75,7 @@ class WithMachines(Twin):
 
 @cache
 def swept(name: str) -> Trade:
-    return trade(outside.mechanism(name), budget=BUDGET, samples=SAMPLES)
+    return trade(outside.mechanism(name), want="*", budget=BUDGET, samples=SAMPLES)
 
 
 @cache

@@ -42,22 +42,14 @@ def in_line(l, r, e, sign):
     return math.atan2(sign * e, sign * reach(l, r, e, sign))
 
 
-def test_inline_slider_crank_has_a_stroke_of_two_cranks():
-    found = slider_crank(0.1, 0.35).compile().stroke("dyad.C.p")
-    assert abs(found.length - 0.2) <= ROUNDINGS * EPS * 0.45
-    assert found.path == "straight"
-    assert apart(found.high.at["crank.q"], 0.0) <= PLACE * 0.45 / 0.1
-    assert apart(found.low.at["crank.q"], math.pi) <= PLACE * 0.45 / 0.1
-    assert abs(found.time_ratio - 1) <= 2 * PLACE * 0.45 / 0.1
-
-
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(12))
 def test_offset_slider_crank_obeys_the_stroke_formula_and_returns_quickly(seed):
     chance = random.Random(seed)
     r = chance.uniform(0.5, 2.0)
     l = r * chance.uniform(2.0, 5.0)
-    e = chance.uniform(-0.7, 0.7) * (l - r)
+    e = chance.uniform(-0.7, 0.7) * (l - r) if seed else 0.0
     found = slider_crank(r, l, e).compile().stroke("dyad.C.p")
+    assert found.path == "straight"
     high, low = reach(l, r, e, 1), reach(l, r, e, -1)
     # The margin is at least 1 - (0.7 (l - r) + r)^2 / l^2 > 0.27, its root above 1/2.
     assert abs(found.length - (high - low)) <= ROUNDINGS * EPS * (l + r)
@@ -118,7 +110,7 @@ def crank_rockers(count):
     return found
 
 
-@pytest.mark.parametrize("lengths", crank_rockers(25), ids=str)
+@pytest.mark.parametrize("lengths", crank_rockers(12), ids=str)
 def test_rocker_swings_between_crank_and_coupler_in_line(lengths):
     c = lengths[2]
     mechanism = fourbar(*lengths).compile()
@@ -195,7 +187,10 @@ def scotch_yoke():
     ],
 )
 def test_harmonic_motion_turns_where_it_should(what, amplitude, highest, lowest):
-    found = scotch_yoke().extremes(what)
+    mechanism = scotch_yoke()
+    found = mechanism.extremes(what)
+    few = extremes(mechanism.run(samples=5, want=what.removesuffix(".x")), what)
+    assert abs(few.maximum.value - amplitude) <= 4 * EPS * amplitude  # samples do not limit it
     assert abs(found.maximum.value - amplitude) <= 4 * EPS * amplitude
     assert abs(found.minimum.value + amplitude) <= 4 * EPS * amplitude
     assert apart(found.maximum.at["crank.q"], highest) <= PLACE
@@ -219,15 +214,6 @@ def test_speed_is_zero_at_the_dead_centres():
     # 2 m/s times the error of the place, PLACE, at the zero of the velocity.
     assert 0 <= found["magnitude"].minimum.value <= 2 * 5.0 * PLACE
     assert abs(found["magnitude"].maximum.value - 2.0) <= 8 * EPS
-
-
-def test_samples_do_not_limit_an_extreme():
-    # Few samples of a result, the same extreme.
-    mechanism = scotch_yoke()
-    few = mechanism.run(samples=5, want="dyad.O.v")
-    found = extremes(few, "dyad.O.v.x")
-    assert abs(found.maximum.value - 2.0) <= 8 * EPS
-    assert apart(found.maximum.at["crank.q"], 1.5 * math.pi) <= PLACE
 
 
 def test_range_that_ends_early_has_its_extreme_at_the_end():

@@ -15,17 +15,15 @@ import blockmech as bm
 from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front, trade
 from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock
-from blockmech.analysis.trade.rotated import rotated_run
-from blockmech.draw.trade import draw_trade, trade_figure
+from blockmech.draw.trade import trade_figure
 from blockmech.mechanism import Mechanism
-from blockmech.result import Result
-from blockmech.samples import make_samples
 from tests.wiring import ruiz, watt
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 LONG = bool(np.finfo(np.longdouble).eps < np.finfo(np.float64).eps)
 PLENTY = 90.0  # [s] budget that no setting misses, even on a machine that does much else
+ENOUGH = 30.0  # [s] the same for the coarser settings of every method
 
 
 def mechanism(name: str) -> Mechanism:
@@ -40,7 +38,7 @@ def friction() -> Trade:
 @cache
 def motion() -> Trade:
     request = {"until": "time=2", "times": [2.0], "start": {"crank": (math.pi / 3, 0.0)}}
-    return trade(watt().compile(), "simulate", "crank.q", budget=PLENTY, **request)
+    return trade(watt().compile(), "simulate", "crank.q", budget=ENOUGH, **request)
 
 
 def of(found: Trade, method: str) -> list[Point]:
@@ -56,7 +54,7 @@ def test_a_force_analysis_is_measured_with_every_friction_method_and_precision()
     settings = [p.setting for p in of(friction(), "numpy")]
     assert settings == ["complex64", "complex128"] + ["clongdouble"] * LONG  # from cheap to dear
     iterations = [p.options.get("iterations") for p in of(friction(), "successive")]
-    assert iterations == [2, 3, 4, 5, 6, None]
+    assert iterations == [2, 3, 4, 5, 6]
 
 
 def test_a_simulation_is_measured_with_every_method_that_applies() -> None:
@@ -80,7 +78,7 @@ def test_times_are_medians_of_five_warm_repeats_at_least_with_their_spread(found
 
 
 def test_more_successive_approximations_give_smaller_errors() -> None:
-    errors = [p.error for p in of(friction(), "successive") if "iterations" in p.options]
+    errors = [p.error for p in of(friction(), "successive")]
     assert errors == sorted(errors, reverse=True)
     single = of(friction(), "friction single")[0]
     assert of(friction(), "friction none")[0].error > single.error > errors[0]
@@ -115,29 +113,18 @@ def test_refining_a_method_does_not_make_it_worse(method: str) -> None:
 # -- the choice ------------------------------------------------------------------------------
 
 
-def test_without_a_target_the_usual_one_is_named_where_nothing_reaches_it() -> None:
-    said = by_hand(point("rk4", 1e-3, 10, 1e-6)).recommendation
-    assert said.startswith("no setting here gives an error of 1e-9; the closest is rk4")
-
-
-def point(method: str, seconds: float, evaluations: int, error: float) -> Point:
+def point(method: str, seconds: float, error: float) -> Point:
     how = {"seconds": seconds, "fastest": seconds, "slowest": seconds, "repeats": 5}
-    return Point(method, evaluations=evaluations, error=error, **how)
+    return Point(method, evaluations=100, error=error, **how)
 
 
 def by_hand(*points: Point, **more) -> Trade:
     return Trade("m", "q", "e", "n", Reference("r", "c", 1e-15), points, **more)
 
 
-def test_the_front_holds_what_nothing_beats_in_both() -> None:
-    a, b, c = point("a", 1.0, 1, 1e-2), point("b", 2.0, 2, 1e-3), point("c", 3.0, 3, 1e-2)
-    assert front((c, a, b), "seconds") == (a, b)
-
-
-def test_what_errs_by_the_whole_answer_is_no_bargain() -> None:
-    a, b = point("a", 1.0, 1, 2.4), point("b", 2.0, 2, 1e-3)
-    assert front((a, b), "seconds") == (b,)
-    assert "nothing here is twice as fast" in by_hand(a, b, target=1e-2).recommendation
+def test_the_front_holds_what_nothing_beats_in_both_and_no_error_as_large_as_the_answer() -> None:
+    a, b, c, d = (point("m", *row) for row in ((1.0, 1e-2), (2.0, 1e-3), (3.0, 1e-2), (0.1, 2.4)))
+    assert front((c, a, d, b), "seconds") == (a, b)
 
 
 @pytest.mark.parametrize("target", [1e-4, 1e-6, 1e-8])
@@ -147,37 +134,32 @@ def test_the_recommended_setting_is_the_fastest_of_the_front_within_the_target(t
     assert best.seconds == min(p.seconds for p in friction().points if p.error <= target)
 
 
+ENERGY, RK4 = point("energy", 4e-4, 1e-6), point("rk4", 4e-5, 1e-3)
+SLOW, FAST = point("slow", 2.0, 1e-9), point("fast", 0.1, 1e-4)
+NOTHING = "no setting here gives an error of 1e-9"
+TOLD = "for 1e-5, 1e-6 in 400 µs: energy; 10.0 times faster costs"
+
+
 @pytest.mark.parametrize(
-    ("error", "said"), [(2e-6, "less than a digit"), (1e-5, "1 digit"), (1e-3, "3 digits")]
+    ("points", "asked", "said"),
+    [
+        ([ENERGY, RK4], {"target": 1e-5}, f"{TOLD} 3 digits (rk4)"),
+        ([ENERGY, point("rk4", 4e-5, 1.1e-5)], {"target": 1e-5}, f"{TOLD} 1 digit (rk4)"),
+        ([ENERGY, point("rk4", 9e-5, 2e-6)], {"target": 1e-6}, "costs less than a digit (rk4)"),
+        ([RK4, point("wild", 1e-6, 2.4)], {"target": 1e-2}, "rk4; nothing here is twice as fast"),
+        ([RK4], {}, f"{NOTHING}; the closest is rk4: 1e-3 in 40 µs"),
+        ([RK4], {"target": 1e-16}, "cannot be confirmed: the reference itself is known to 1e-15"),
+        ([SLOW, FAST], {"within": 1.0}, "1e-4 in 100 ms: fast; nothing here is twice as fast"),
+        (
+            [SLOW, FAST],
+            {"within": 1.0, "target": 1e-9},
+            f"{NOTHING} and a run within 1 s; the closest is fast: 1e-4 in 100 ms",
+        ),
+        ([SLOW, FAST], {"within": 2.0, "target": 1e-9}, "for 1e-9, 1e-9 in 2 s: slow"),
+    ],
 )
-def test_the_price_of_speed_is_told_in_digits(error: float, said: str) -> None:
-    found = by_hand(point("energy", 4e-4, 200, 1e-6), point("rk4", 4e-5, 100, error), target=1e-6)
-    assert f"costs {said} (rk4)" in found.recommendation
-
-
-def test_the_sentence_names_error_time_setting_and_the_price_of_speed() -> None:
-    found = by_hand(point("energy", 4e-4, 200, 1e-6), point("rk4", 4e-5, 100, 1e-3), target=1e-5)
-    said = found.recommendation
-    assert said == "for 1e-5, 1e-6 in 400 µs: energy; 10.0 times faster costs 3 digits (rk4)"
-
-
-def test_a_target_out_of_reach_is_refused_in_words() -> None:
-    assert (
-        "no setting here gives an error of 1e-9"
-        in by_hand(point("rk4", 1e-3, 10, 1e-6), target=1e-9).recommendation
-    )
-    below = by_hand(point("rk4", 1e-3, 10, 1e-6), target=1e-16).recommendation
-    assert "cannot be confirmed" in below
-
-
-def test_a_time_limit_chooses_the_most_exact_setting_within_it() -> None:
-    found = by_hand(point("slow", 2.0, 20, 1e-9), point("fast", 0.1, 10, 1e-4), within=1.0)
-    assert found.recommended is not None
-    assert found.recommended.method == "fast"
-    assert by_hand(*found.points, within=1.0, target=1e-9).recommendation == (
-        "no setting here gives an error of 1e-9 and a run within 1 s; "
-        "the closest is fast: 1e-4 in 100 ms"
-    )
+def test_the_sentence_names_the_choice_and_its_price(points, asked, said: str) -> None:
+    assert said in by_hand(*points, **asked).recommendation
 
 
 def test_what_friction_alone_makes_is_judged_where_it_is_asked_for() -> None:
@@ -187,45 +169,6 @@ def test_what_friction_alone_makes_is_judged_where_it_is_asked_for() -> None:
     asked = trade(ruiz().compile(), want="mechanism.friction_power", budget=PLENTY, samples=51)
     (none, _) = of(asked, "friction none")
     assert (none.error, none.worst) == (pytest.approx(1.0), "mechanism.friction_power")
-
-
-def graphs() -> list[str]:
-    return sorted(p.stem for p in GRAPHS.glob("*.json"))
-
-
-@pytest.mark.parametrize("name", graphs())
-def test_the_recommended_setting_run_afresh_meets_its_target(name: str) -> None:
-    mech = mechanism(name)
-    if any(d not in mech.scene.drive for d in mech.drivers):
-        assert mech.scene.initial, f"{name} has neither a law of motion nor a start"
-        return  # it only moves freely
-    found = trade(mech, samples=101, budget=PLENTY)
-    for target in TARGETS:
-        best = found.best(target)
-        if best is None:
-            continue
-        assert best in found.pareto
-        fresh = mech.run(samples=101, on_gap="mark", **best.options)
-        assert error_against_rotated(mech, fresh) <= max(target, found.reference.floor)
-
-
-def error_against_rotated(mech: Mechanism, run: Result) -> float:
-    """Largest error against a mechanism rotated in the plane, computed in the widest numbers.
-
-    Written apart from the trade's own measure: outputs that rotating leaves alone, relative
-    to their largest magnitude where that is above the smallest of their unit.
-    """
-    samples = make_samples(mech.structure, mech.scene, samples=run.n)
-    plain = [n for n in run if run.output(n).kind == "real" and n.endswith(JUDGED)]
-    other = rotated_run(mech, samples, "clongdouble", {"want": tuple(plain), "static": False})
-    unsure = {f.sample for f in other.quality.flags}
-    good = [i for i in range(run.n) if i not in unsure and other.quality.status[i] == "ok"]
-    size = {n: float(np.max(np.abs(other[n][good]), initial=0.0)) for n in plain}
-    worst = 0.0
-    for name in plain:
-        if size[name] > 1e-6 * max(size[n] for n in plain if run.unit(n) == run.unit(name)):
-            worst = max(worst, float(np.max(np.abs(run[name] - other[name])[good])) / size[name])
-    return worst
 
 
 @pytest.mark.parametrize("target", TARGETS)
@@ -239,9 +182,6 @@ def test_the_recommended_simulation_meets_its_target_against_an_outside_number(
     # Crank angle [rad] at 2 s by Runge and Kutta's method in long double, made outside.
     error = abs(fresh["crank.q"][-1] + 4.375366616457432)
     assert error <= max(target, motion().reference.floor)
-
-
-JUDGED = (".drive", ".omega", ".margin", ".slip", ".J_red")
 
 
 # -- single precision ------------------------------------------------------------------------
@@ -285,7 +225,7 @@ def test_factored_kernels_keep_six_digits_in_single_precision_near_a_dead_centre
 
 
 def test_the_table_names_the_floor_the_front_and_what_was_skipped() -> None:
-    found = by_hand(point("a", 1.0, 1, 1e-2), skipped=(Skipped("b", "the budget is spent"),))
+    found = by_hand(point("a", 1.0, 1e-2), skipped=(Skipped("b", "the budget is spent"),))
     text = found.text()
     assert "(the floor)" in text
     assert "skipped: b: the budget is spent" in text
@@ -334,10 +274,6 @@ def test_labels_of_the_picture_do_not_overlap_and_stay_inside(found) -> None:
             assert whole.x0 <= box.x0 <= box.x1 <= whole.x1
 
 
-def test_the_picture_is_written(tmp_path: Path) -> None:
-    assert draw_trade(friction(), tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
-
-
 # -- mistakes --------------------------------------------------------------------------------
 
 
@@ -346,8 +282,10 @@ def test_an_unknown_question_names_the_known_ones() -> None:
         trade(ruiz().compile(), "simulation")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-@pytest.mark.parametrize("name", ["budget", "target", "within"])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("budget", 0.0), ("target", -1.0), ("within", math.nan), ("budget", math.inf)],
+)
 def test_a_limit_must_be_positive(name: str, value: float) -> None:
     with pytest.raises(bm.RequestError, match=f"{name}: must be > 0"):
         trade(ruiz().compile(), **{name: value})

@@ -1,8 +1,8 @@
-"""Pairs of one axis: what coincides for good, and which links only carry a pin of others."""
+"""Pairs of one axis: what coincides for good."""
 
 import math
 
-from blockmech.assur.pairs import SAME, Pair, Side, axes, carriers
+from blockmech.assur.pairs import SAME, Side, axes
 
 FAR = 3.0 * SAME  # [m] apart on a mechanism of 1 m
 
@@ -47,27 +47,3 @@ def test_places_are_judged_by_the_size_of_the_mechanism():
     sides = [Side("A", "rod", "R", 0j), Side("B", "rod", "R", FAR + 0j)]
     assert axes(sides, 1.0) == {"A": "", "B": ""}
     assert axes(sides, 10.0) == {"A": "A", "B": "A"}
-
-
-PIN = [Pair("A", "crank", "rod", axis="A"), Pair("B", "crank", "rocker", axis="A")]
-FURTHER = [Pair("C", "rod", "rocker"), Pair("D", "frame", "rod")]
-
-
-def test_a_link_with_pairs_of_one_axis_carries_the_pin_of_the_others():
-    assert carriers(PIN + FURTHER, {"frame"}) == {"crank"}
-
-
-def test_a_link_with_another_pair_is_no_mere_carrier():
-    assert carriers([*PIN, *FURTHER, Pair("O", "frame", "crank")], {"frame"}) == set()
-
-
-def test_a_pin_that_is_closed_twice_has_no_carrier():
-    doubled = Pair("E", "rod", "rocker", axis="A")
-    assert carriers([*PIN, *FURTHER, doubled], {"frame"}) == set()
-
-
-def test_earlier_links_carry_a_pin_as_one_body():
-    hub = [Pair("A", "frame", "rod", axis="A"), Pair("B", "wall", "rocker", axis="A")]
-    closed = [*hub, Pair("C", "rod", "rocker")]
-    assert carriers(closed, {"frame", "wall"}) == {"frame", "wall"}
-    assert carriers([*closed, Pair("D", "wall", "rod")], {"frame", "wall"}) == set()

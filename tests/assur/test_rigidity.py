@@ -70,7 +70,7 @@ def test_a_roller_that_spins_is_loose() -> None:
         "too-few-drivers": ((), 1),
         "loose-links": (("roller",), 1),
     }
-    assert "roller" in found[-1].text
+    assert "roller" in found[-1].text()
 
 
 def test_unconnected_links_are_named_and_kept_out_of_the_count() -> None:

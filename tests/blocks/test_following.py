@@ -166,35 +166,6 @@ def test_answers_do_not_depend_on_order_batch_or_chunk(make):
         assert_same_bits(whole, run_alone(make, one, engine="numpy"), [k])
 
 
-@MACHINES
-def test_far_sample_first_changes_nothing(make):
-    near = {d: q + np.array([0.0, 0.1, 0.2]) for d, q in make.home.items()}
-    far = {d: np.append(q + 500.0, q) for d, q in near.items()}
-    assert_same_bits(
-        run_alone(make, far, engine="numpy"), run_alone(make, near, engine="numpy"), slice(3, 6)
-    )
-    mech = make().compile()
-    given = {**moving(mech), "want": WANT, "on_gap": "mark"}
-    first = mech.run(at=near, **given)
-    mech.run(at={d: q + 500.0 for d, q in near.items()}, **given)
-    assert_same_bits(first, mech.run(at=near, **given))
-
-
-@MACHINES
-def test_scalar_engine_agrees_to_rounding(make):
-    at = samples(make, 25)
-    a, b = (run_alone(make, at, engine=e, friction="none") for e in ("numpy", "scalar"))
-    assert a.quality.status == b.quality.status
-    margin = np.min(list(a.quality.margin.values()), axis=0)
-    condition = 1 / np.maximum(margin, 1e-12)  # accelerations and forces divide by J twice
-    for name in a:
-        scale = np.nanmax(np.abs(a[name])) or 1.0
-        off = np.abs(a[name] - b[name]) / (scale * condition)
-        if name.endswith(".angle"):
-            off = np.abs(np.exp(1j * (a[name] - b[name])) - 1) / condition
-        assert np.nanmax(off) <= 1e-13, name
-
-
 # -- turns --------------------------------------------------------------------------------
 
 
@@ -296,19 +267,3 @@ def test_a_message_says_how_far_a_path_came():
         assert f"followed from its home it comes as far as crank = {end:.9g} rad" in str(
             refused.value
         )
-
-
-def test_a_message_names_the_last_good_values_of_several_drivers():
-    mech = two_drivers().compile()
-    home = two_drivers.home
-    far = {name: q + 4 * two_drivers.span[name] for name, q in home.items()}
-    with pytest.raises(bm.AssemblyError) as refused:
-        mech.run(at=far, rates=dict.fromkeys(far, 0.0), want="platform.margin")
-    text = str(refused.value).split("it comes as far as ")[1].split(";")[0]
-    last = {name: float(q.split()[0]) for name, q in (x.split(" = ") for x in text.split(", "))}
-    shares = [(last[name] - home[name]) / (far[name] - home[name]) for name in home]
-    assert 0 < shares[0] < 1
-    assert shares[0] == pytest.approx(shares[1], rel=1e-6)
-    on_the_way = {name: q - 1e-6 * (q - home[name]) for name, q in last.items()}
-    run = mech.run(at=on_the_way, rates=dict.fromkeys(far, 0.0), want="platform.margin")
-    assert run["platform.margin"][0] > 0

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.draw import draw
 from blockmech.model.schema import graph_schema
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
 from tests.blocks import machines
@@ -162,16 +161,6 @@ def test_motion_and_forces_are_the_judges(graph, q, friction):
         assert sum(j.friction != 0 for j in compared.judge.forces.joints.values()) >= 6
 
 
-def test_friction_by_iteration_is_friction_by_newton():
-    mech = two_drivers().compile()
-    given = {"at": {"crank": 0.9, "platform.S": 1.0}, **moving(mech, 1.0)}
-    want = ["*.reaction", "*.friction", "*.drive"]
-    newton = mech.run(**given, want=want, friction="newton")
-    steps = mech.run(**given, want=want, friction="successive", tolerance=1e-11)
-    for name in newton:
-        assert abs(newton[name][0] - steps[name][0]) <= 1e-10 * max(1.0, abs(newton[name][0]))
-
-
 @pytest.mark.parametrize("engine", ["scalar", "numpy"])
 @pytest.mark.parametrize("make", [triad, two_drivers, stacked])
 def test_efforts_of_both_routes_agree_and_everything_balances(make, engine):
@@ -189,28 +178,6 @@ def test_efforts_of_both_routes_agree_and_everything_balances(make, engine):
 
 
 # -- scale, place and precision -------------------------------------------------------------
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1e3, 1e6])
-@pytest.mark.parametrize("cylinder", [False, True], ids=["crank", "crank and cylinder"])
-def test_size_of_the_unit_does_not_matter(scale, cylinder):
-    one, other = (platform(cylinder=cylinder, scale=x) for x in (1.0, scale))
-    q = np.linspace(-0.9, 2.3, 15)
-    at = [{"crank": q, "platform.S": x * np.full(15, REACH - 0.1)} for x in (1.0, scale)]
-    drivers = one.compile().drivers
-    want = ["*.angle", "*.p", "*.margin"]
-    a, b = (
-        g.run(at={d: x[d] for d in drivers}, want=want)
-        for g, x in zip((one, other), at, strict=True)
-    )
-    root = np.sqrt(a.quality.margin["platform"])
-    assert a.quality.status == b.quality.status
-    for name in a:
-        by = scale if name.endswith(".p") else 1.0
-        off = np.abs(b[name] / by - a[name])
-        if name.endswith(".angle"):
-            off = np.abs(np.exp(1j * (b[name] - a[name])) - 1)
-        assert (off * root).max() <= ROUNDING * 10, name
 
 
 @pytest.mark.parametrize("far", [1e3, 1e6])
@@ -241,20 +208,6 @@ def test_other_precisions_agree_to_their_rounding(make, precision, eps):
     for name in (n for n in a if not n.endswith(".margin")):
         scale = np.abs(a[name]).max() or 1.0
         assert np.abs(a[name] - b[name]).max() <= 100 * rounding * condition * scale, name
-
-
-def test_extended_precision_is_more_than_double():
-    mech = triad().compile()
-    q = np.linspace(0.2, 1.2, 7)
-    wide = mech.run(at=q, want=["*.p", "*.angle"], precision="clongdouble", engine="numpy")
-    arm = wide["platform.leg 1.p"], wide["platform.leg 1.angle"], wide["platform.plate.p"]
-    group = mech.structure.blocks["platform"]
-    pair = group.pairs["C1"]
-    at_leg, at_plate = (np.clongdouble(m.at.z) for m in pair.sides.values())
-    turn = wide["platform.plate.angle"].astype(np.longdouble)
-    e = [np.cos(x) + 1j * np.sin(x) for x in (arm[1].astype(np.longdouble), turn)]
-    gap = np.abs(arm[0] + e[0] * at_leg - arm[2] - e[1] * at_plate)
-    assert gap.max() <= 100 * np.finfo(np.longdouble).eps * 6.0  # of the largest place [m]
 
 
 # -- what is refused --------------------------------------------------------------------------
@@ -399,16 +352,6 @@ def test_simulation_by_energy_is_the_integrated_one():
     a = mech.simulate(**given, method="energy")
     b = mech.simulate(**given, method="dop853")
     assert a["crank.rate"][-1] == pytest.approx(b["crank.rate"][-1], rel=1e-7)
-
-
-def test_plan_and_drawings_know_the_group(tmp_path):
-    graph = stacked()
-    mech = graph.compile()
-    for kind, more in (("diagram", {}), ("mechanism", {"at": HOME})):
-        path = draw(graph, tmp_path / f"{kind}.svg", kind=kind, **more)
-        assert path.stat().st_size > 1000
-    assert "platform" in mech.plan(["*.p"]).explain()
-    assert "III triad(platform" in repr(mech)
 
 
 # -- random ones -----------------------------------------------------------------------------

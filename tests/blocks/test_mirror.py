@@ -50,60 +50,8 @@ def mirrored(block):
     return type(block)(**numbers)
 
 
-def mirrored_graph(graph):
-    found = bm.Graph(graph.name, gravity=graph.scene.gravity.z.conjugate())
-    for name, block in graph.blocks.items():
-        found.add(name, mirrored(block))
-    for w in graph.wires:
-        found.connect(w.source, w.target)
-    return found
-
-
-def mirrored_request(graph, request):
-    def sign(driver):
-        return -1.0 if isinstance(graph.blocks[driver], bm.Crank) else 1.0
-
-    return {k: {d: sign(d) * x for d, x in part.items()} for k, part in request.items()}
-
-
-def sign_of(mechanism, name):
-    """Sign that an output takes in the mirror; vectors are conjugated besides."""
-    block, *_, what = name.split(".")
-    joint = name.split(".")[1] if name.count(".") == 2 else ""
-    blocks = mechanism.structure.blocks
-    if what in ("angle", "omega", "alpha", "N", "C", "wrench_M", "shaking_moment", "couple"):
-        return -1
-    if what in ("friction", "slip") and blocks[block].joints[joint].kind == "R":
-        return -1
-    rotary = block in mechanism.drivers and mechanism.structure.driver_joint(block).rotary
-    turning = ("q", "rate", "acceleration", "drive", "drive_by_reduction", "tau_red", "dJ_red")
-    return -1 if rotary and what in turning else 1
-
-
 WANT = ("*.p", "*.v", "*.a", "*.angle", "*.omega", "*.alpha", "*.reaction", "*.N", "*.C")
 WANT += ("*.friction", "*.slip", "*.friction_power", "*.drive", "*.drive_by_reduction")
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("friction", ["none", "newton"])
-def test_mirror_image_gives_the_same_bits(seed, friction):
-    case = random_mechanism(Seeded(seed), Options(groups=(2, 4)))
-    mechanism = case.graph.compile()
-    names = [n for n in mechanism.outputs if n.endswith(tuple(w[1:] for w in WANT))]
-    names = [n for n in names if mechanism.outputs[n].kind != "number"]
-    settings = {"want": names, "friction": friction, "on_gap": "mark"}
-    here = mechanism.run(**case.request, **settings)
-    there = mirrored_graph(case.graph).compile()
-    there = there.run(**mirrored_request(case.graph, case.request), **settings)
-    assert here.quality.status == there.quality.status
-    certified = not any(f.code in ("by-continuation", "slow") for f in here.quality.flags)
-    for name in names:
-        wanted = sign_of(mechanism, name) * np.conj(there[name])
-        if certified:
-            assert np.array_equal(here[name], wanted, equal_nan=True), name
-        else:  # continuation rounds in its own way
-            scale = np.nanmax(np.abs(wanted), initial=0.0)
-            assert np.all(np.abs(here[name] - wanted) <= 1e-9 * scale), name
 
 
 # -- the two links of a dyad in each other's roles ----------------------------------------

@@ -125,6 +125,15 @@ def test_outer_slider_is_not_on_the_inner_links():
         bm.RPP(beta=1.0, slider={"S": "i"})
 
 
+def test_couple_of_a_slider_on_the_pinned_link_keeps_its_digits_under_large_loads():
+    graph = scotch_yoke(slider={"S1": "i"})
+    for name, moment, link in (("small", 1e-6, "i"), ("large", 1e6, "j")):
+        graph.add(name, bm.Couple(moment=moment))
+        graph.connect(f"dyad.{link}", f"{name}.on")
+    run = graph.compile().run(at=EVERYWHERE, rates=RATE)
+    assert np.abs(run["dyad.S1.C"] - 1e-6).max() <= 1e-6 * ROUNDING
+
+
 def test_dyad_made_from_points_closes_there():
     chance = np.random.default_rng(3)
     for owner in ("j", "i"):

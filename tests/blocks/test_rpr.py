@@ -111,6 +111,15 @@ def test_guide_force_of_a_lever_with_a_couple_is_the_couple_over_the_distance():
     assert np.abs(run["crank.drive"] + 7.0 * turned_by).max() <= 7.0 * ROUNDING
 
 
+def test_couple_of_a_slider_on_the_pinned_link_keeps_its_digits_under_large_loads():
+    graph = quick_return(x_S=0.0, slider="i")
+    for name, moment, link in (("small", 1e-6, "i"), ("large", 1e6, "j")):
+        graph.add(name, bm.Couple(moment=moment))
+        graph.connect(f"dyad.{link}", f"{name}.on")
+    run = graph.compile().run(at=EVERYWHERE, rates=RATE)
+    assert np.abs(run["dyad.S.C"] - 1e-6).max() <= 1e-6 * ROUNDING
+
+
 def test_dyad_made_from_points_closes_there():
     chance = np.random.default_rng(3)
     for slider in ("later", "i"):

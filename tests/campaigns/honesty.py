@@ -26,13 +26,12 @@ import numpy as np
 import blockmech as bm
 from blockmech.errors import BlockmechError
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
-from tests.dynamics.honesty import DEAR, GRAPHS, RUNS, mechanism
+from tests.dynamics.honesty import DEAR, GRAPHS, RUNS, apart, mechanism
 
 PATH, TIME = ("energy", "spectral"), ("dop853", "lsoda", "radau")
 METHODS = (*PATH, *TIME, "auto", "rk4", "euler_q")
 FINEST = 1e-14
 PATIENCE = 4  # [s] of computing for a run
-SAMPLES = 41
 MOTIONS = {"pin_pendulum": 3.0, "sticking_slider": 1.0, "shaken_slider": 2.0, "gas_crank": 0.1,
            "clock": 2.0, "falling_rod": 2.0}  # [s]  # fmt: skip
 
@@ -103,16 +102,13 @@ def known(truth: Any) -> bool:
 
 def compared(motion: Any, truth: Any) -> dict[str, Any]:
     """How far a motion is from the truth, beyond what that does not know itself."""
-    end = min(motion.t_end, truth.t_end)
-    t = np.linspace(0.0, end, SAMPLES) * (1 - 1e-15)
-    apart = float(np.abs(motion.at(t).q - truth.at(t).q).max())
-    apart = 0.0 if end == 0 else max(0.0, apart - truth.error)
+    off = max(0.0, apart(motion, truth) - truth.error) if truth.t_end > 0 else 0.0
     late = 0.0
     if motion.end == truth.end != "time":
         late = max(0.0, abs(motion.t_end - truth.t_end) - truth.time_error)
     ratios = [e / s if s > 0 else math.inf * (e > 0) if e else 0.0
-              for e, s in ((apart, motion.error), (late, motion.time_error))]  # fmt: skip
-    return {"error": apart, "late": late, "ratio": max(ratios), "end": motion.end,
+              for e, s in ((off, motion.error), (late, motion.time_error))]  # fmt: skip
+    return {"error": off, "late": late, "ratio": max(ratios), "end": motion.end,
             "estimate": motion.error, "time_estimate": motion.time_error,
             "status": motion.status, "truth_end": truth.end,
             "other_end": motion.end != truth.end}  # fmt: skip

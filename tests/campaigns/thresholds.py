@@ -1,6 +1,6 @@
 """Doubles and halves every module-level number, one at a time, and runs tests: a script.
 
-    python -m tests.campaigns.thresholds FOLDER [--room dynamics] [--only NAME] -- PYTEST-ARGS
+    python -m tests.campaigns.thresholds FOLDER [--room dynamics] [--only NAME] --tests PYTEST-ARGS
 
 The package is copied to FOLDER and changed there; lines tell which tests a change breaks.
 Numbers that round, like counts, stay whole. What breaks needs its derivation beside it.
@@ -39,16 +39,13 @@ def is_number(value: ast.expr | None) -> bool:
 
 
 def numbers(path: Path) -> list[tuple[str, int]]:
-    """Names of a module's numbers, and the line after each."""
+    """Names of a module's numbers, and the line of each."""
     found = []
     for statement in ast.parse(path.read_text("utf-8")).body:
         if isinstance(statement, ast.Assign | ast.AnnAssign) and is_number(statement.value):
             target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
             if isinstance(target, ast.Name) and target.id != "TURN":
                 found.append((target.id, statement.end_lineno or statement.lineno))
-            elif isinstance(target, ast.Tuple):
-                names = [t.id for t in target.elts if isinstance(t, ast.Name)]
-                found += [(name, statement.end_lineno or statement.lineno) for name in names]
     return found
 
 
@@ -72,11 +69,12 @@ def main() -> None:
     asked.add_argument("folder", type=Path)
     asked.add_argument("--room", default="dynamics")
     asked.add_argument("--only", default="")
-    asked.add_argument("tests", nargs="*")
+    asked.add_argument("--tests", nargs=argparse.REMAINDER, required=True)
     given = asked.parse_args()
     shutil.rmtree(given.folder, ignore_errors=True)
     shutil.copytree(SOURCE, given.folder)
-    print("unchanged:", broken(given.folder, given.tests) or "all pass", flush=True)
+    before = broken(given.folder, given.tests)
+    print("unchanged:", before or "all pass", flush=True)
     room = given.folder / "blockmech" / given.room
     for path in sorted(room.rglob("*.py")) if room.is_dir() else [room.with_suffix(".py")]:
         text = path.read_text("utf-8")
@@ -89,7 +87,7 @@ def main() -> None:
                 row = f"tuple(map({one}, {name})) if isinstance({name}, tuple)"
                 new = f"{name} = {row} else {one}({name})"
                 path.write_text("\n".join([*lines[:line], new, *lines[line:]]) + "\n", "utf-8")
-                failed = broken(given.folder, given.tests)
+                failed = [t for t in broken(given.folder, given.tests) if t not in before]
                 where = path.relative_to(given.folder)
                 print(f"{where} {name} {word}: {len(failed)} broken", flush=True)
                 for test in failed[:5]:

@@ -39,12 +39,6 @@ def test_modes_as_json_are_those_of_python(call, triad):
     assert homes == [{"crank": 2.8}] * 4
 
 
-def test_without_arcs_only_the_modes_are_listed(call, triad):
-    said = call("modes", triad, "--no-arcs", "--group", "triad")
-    assert said.out == f"{found(triad, arcs=False)}\n"
-    assert "along" not in said.out
-
-
 def test_wrong_calls_say_what_to_do(call, fivebar, short):
     said = call("modes", fivebar)
     assert said.code == 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from pathlib import Path
 
 import jsonschema
@@ -82,6 +83,9 @@ def test_times_that_the_motion_does_not_reach_are_said_by_the_exit_code(call):
     said = call("simulate", WATT, "--until", "standstill", "--times", "0,1,2")
     assert said.code == 1
     assert "1 of 3 times after the end are left out" in said.out
+    top = call("simulate", WATT, "--until", "time=20", "--start", "1.4933373434657107")
+    assert top.code == 1
+    assert "failed: not decided" in top.out
 
 
 def test_joint_friction_brakes_unless_it_is_waived(call, ruiz, tmp_path):
@@ -92,6 +96,12 @@ def test_joint_friction_brakes_unless_it_is_waived(call, ruiz, tmp_path):
     said = call("simulate", path, "--until", "time=0.1")
     assert said.code == 0
     assert "the joints have friction" in said.out
+    assert "friction work" in said.out
+    words = ("--friction", "successive", "--iterations", "3")
+    assert call("simulate", path, "--until", "time=0.1", *words).code == 0
+    assert "has no meaning" in call("simulate", path, "--friction", "newton", *words[2:]).err
+    explained = call("simulate", path, "--explain").out
+    assert re.search(r"equation of motion \d+; pairs with friction \d+, 6 times", explained)
     free = call("simulate", path, "--until", "time=0.1", "--friction", "none")
     assert free.code == 0
     assert "friction work" not in free.out

@@ -15,7 +15,7 @@ import blockmech as bm
 from blockmech.draw import Animation, animate, draw
 from blockmech.draw.animation import player_data
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
-from tests.wiring import ruiz, toggle, watt
+from tests.wiring import ruiz, watt
 
 FRAMES = 12
 GRAIN = 0.011  # [pt] places are rounded to hundredths of a point
@@ -48,11 +48,6 @@ def test_a_gif_has_the_frames_and_the_time_that_were_asked_for_on_axes_that_stay
     assert all((p == bottom[0]).all() for p in bottom)
     with Image.open(path) as image:
         assert (image.info["loop"], image.info["duration"]) == (0, 100)
-
-
-def test_a_motion_that_does_not_return_is_played_to_and_fro(tmp_path):
-    count, _ = opened(animate(toggle(), tmp_path / "a.gif", frames=FRAMES).path)
-    assert count == 2 * FRAMES
 
 
 def test_poses_that_do_not_close_are_left_out():

@@ -10,7 +10,7 @@ from PIL import Image
 
 import blockmech as bm
 from blockmech.draw import plot, run_pictures
-from blockmech.draw.curves import abscissa, chosen_panels, pictures_of, without_friction
+from blockmech.draw.curves import abscissa, chosen_panels, pictures_of
 from blockmech.draw.panels import Abscissa, Panel, draw_panels
 from blockmech.draw.paper import scaled_unit, styled
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
@@ -69,13 +69,6 @@ def test_figure_14_shows_the_size_of_every_reaction():
     (axes,) = drawn(result, "reactions").axes
     assert line(axes, "dyad.D") == pytest.approx(KILO * np.abs(result["dyad.D.reaction"]))
     assert sum(x.get_label() == "without friction" for x in axes.lines) == 4
-
-
-def test_where_there_is_no_friction_there_is_one_curve():
-    result = watt().run(samples=9)
-    assert without_friction(result) is None
-    assert set(pictures_of(result)) == {"drive", "reactions"}
-    assert without_friction(ruiz().run(samples=3, friction="none")) is None
 
 
 def test_a_mechanism_without_forces_shows_its_motion():

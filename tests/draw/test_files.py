@@ -9,14 +9,6 @@ from blockmech.draw import draw
 from tests.draw.scenes import unfinished
 from tests.wiring import ruiz
 
-HEADS = {
-    ".png": b"\x89PNG",
-    ".svg": b"<?xml",
-    ".pdf": b"%PDF",
-    ".gif": b"GIF89a",
-    ".html": b"<!DOC",
-}
-
 
 @pytest.mark.parametrize(
     ("name", "kind", "code"),

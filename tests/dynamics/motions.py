@@ -188,6 +188,14 @@ def falling_rod() -> Rows:
     return table([(t, q, -rate(mpf(q))) for t, q in found], "crank")
 
 
+# -- a rod with a damper -----------------------------------------------------------------------
+
+
+def damped_rod() -> Rows:
+    """It comes to rest where it hangs."""
+    return table([(0, -mp.pi / 2, 0)], "crank")
+
+
 # -- a clock: a pendulum that a motor keeps swinging -------------------------------------------
 
 CLOCK = (0.4, -0.3)  # moment [N m] by the rate and its cube
@@ -219,6 +227,7 @@ MOTIONS: dict[str, Callable[[], Rows]] = {
     "locking_press": locking_press,
     "gas_crank": gas_crank,
     "falling_rod": falling_rod,
+    "damped_rod": damped_rod,
     "clock": clock,
 }
 

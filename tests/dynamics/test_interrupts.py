@@ -64,8 +64,8 @@ def test_one_driver_keeps_the_motion_as_far_as_it_came(name, method, n, more, to
 
 
 def test_euler_q_keeps_its_steps():
-    stop = Stopping(3)
-    r = mechanism("watt_sixbar").simulate("swings=99", method="euler_q", step=1e-4, progress=stop)
+    stop = Stopping(6000, "euler_q")
+    r = mechanism("watt_sixbar").simulate("swings=99", method="euler_q", step=4e-4, progress=stop)
     assert r.motion.end == "interrupted"
     early = r.time < 0.5
     wanted = mechanism("watt_sixbar").simulate(times=r.time[early])["crank.q"]
@@ -159,11 +159,11 @@ def test_the_command_line_shows_no_bar_in_a_pipe_or_beside_json(monkeypatch):
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to a console, not to a process")
 def test_ctrl_c_on_the_command_line_prints_what_was_done():
     words = ["simulate", str(GRAPHS / "watt_sixbar.json"), "--until", "time=20"]
-    words += ["--method", "rk4", "--step", "1e-5"]  # two million steps: half a minute at least
+    words += ["--method", "rk4", "--step", "5e-5"]  # 400,000 steps: half a minute at least
     code = f"""
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
-import blockmech.cli.simulate, blockmech.cli.app, blockmech.dynamics.simulation
+import blockmech.cli.simulate, blockmech.cli, blockmech.dynamics.simulation
 from blockmech.cli import main
 print("ready", flush=True)
 sys.exit(main({words!r}))

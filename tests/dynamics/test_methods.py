@@ -39,7 +39,7 @@ def test_cost_and_accuracy_are_in_the_result():
         (lambda: move(motored(), Start(1.0), "time=1", "energy"), "method", "rate"),
         (lambda: move(motored(), Start(1.0), "time=1", "euler_q"), "method", "rate"),
         (lambda: move(watt(), Start(1.0), "event"), "until", "no event"),
-        (lambda: move(watt(), Start(1.0), "steady", "rk4"), "method", "knows no events"),
+        (lambda: move(watt(), Start(1.0), "steady", "rk4"), "method", "no steady state"),
         (lambda: move(watt(), Start(1.0), "swing=2"), "until", 'did you mean "swings"?'),
         (lambda: move(watt(), Start(1.0), "time"), "until", "valid: "),
         (

@@ -52,6 +52,18 @@ def test_with_half_the_friction_the_press_opens():
     assert motion.q_end > 2 * PRESS_START
 
 
+@pytest.mark.parametrize("name", ["damped_rod", "clock"])
+@pytest.mark.parametrize("q", [-1.1707963267948966, -1.2181163267948967])
+def test_loads_of_the_rate_meet_a_standstill_alike_along_the_path_and_in_time(name, q):
+    mech, start = bm.Graph.load(FOLDER / f"{name}.json").compile(), {"crank": (q, 0.0)}
+    path, time = (
+        mech.simulate("swings=2", start=start, method=method, accuracy=1e-12).motion
+        for method in ("spectral", "dop853")
+    )
+    assert abs(path.q_end - time.q_end) <= path.error + time.error
+    assert abs(path.t_end - time.t_end) <= path.time_error + time.time_error
+
+
 def test_the_rod_ends_at_its_stop():
     motion = bm.Graph.load(FOLDER / "falling_rod.json").compile().simulate("time=2").motion
     assert (motion.end, motion.q_end) == ("end stop", STOP)

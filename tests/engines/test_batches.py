@@ -64,15 +64,6 @@ def test_crank_angles_of_any_size_share_a_batch_without_harm(engine):
 
 
 @EACH_ENGINE
-def test_samples_that_repeat_repeat_their_answer(engine):
-    q = np.tile([0.3, 1.7, 5.5], 9)
-    r = ruiz().run(at=q, engine=engine)
-    for name, values in r.items():
-        if np.ndim(values):
-            assert np.array_equal(values, np.tile(values[:3], 9)), name
-
-
-@EACH_ENGINE
 def test_impossible_samples_do_not_touch_their_neighbours(engine):
     apart = 0
     for seed in range(12):
@@ -85,15 +76,6 @@ def test_impossible_samples_do_not_touch_their_neighbours(engine):
         assert kept.quality.status == ("ok",) * int(good.sum())
         assert same_bits(rows(whole, good), kept) == []
     assert apart >= 3  # there was something to keep apart
-
-
-def test_self_locked_samples_do_not_touch_their_neighbours():
-    mech = ruiz(radius=3.75).compile()  # f' r = 1.5 m: many crank angles lock
-    q = np.linspace(0.05, 6.2, 30)
-    whole = mech.run(at=q, engine="numpy", on_gap="mark")
-    good = np.array([s == "ok" for s in whole.quality.status])
-    assert 3 < good.sum() < 27
-    assert same_bits(rows(whole, good), mech.run(at=q[good], engine="numpy")) == []
 
 
 def test_engine_is_chosen_by_the_number_of_samples():

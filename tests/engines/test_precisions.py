@@ -7,8 +7,7 @@ import pytest
 
 from blockmech.engines.binding import bind
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
-from blockmech.testing.strategies import Options, Seeded, random_mechanism
-from tests.wiring import ruiz, same_bits, toggle, watt
+from tests.wiring import ruiz, toggle, watt
 
 SINGLE = float(np.finfo(np.float32).eps)
 EXTENDED = float(np.finfo(np.longdouble).eps)
@@ -87,17 +86,6 @@ def test_single_precision_is_right_to_single_precision(name):
 
 
 @EACH_GRAPH
-def test_results_of_single_precision_are_single(name):
-    r = MAKERS[name]().run(samples=3, precision="complex64")
-    kinds = {k: r[k].dtype for k in r if np.ndim(r[k])}
-    driver = next(iter(r.mechanism.drivers))
-    computed = {k: t for k, t in kinds.items() if not k.startswith(f"{driver}.q")}
-    wide = {k for k, t in computed.items() if t not in (np.float32, np.complex64)}
-    constant = {k for k in wide if np.ptp(r[k].real) == 0 == np.ptp(r[k].imag)}
-    assert wide == constant  # structural zeros are Python's, of no width
-
-
-@EACH_GRAPH
 def test_extended_precision_agrees_with_double_to_double(name):
     mech = MAKERS[name]().compile()
     exact = mech.run(samples=9, precision="clongdouble")
@@ -125,31 +113,6 @@ def test_crank_angle_stays_double_in_single_precision():
     found = ruiz().run(at=q, want=["dyad.C.p", "crank.q"], precision="complex64")
     assert abs(found["dyad.C.p"][0] - exact["dyad.C.p"][0]) < 20 * SINGLE * 7.0
     assert found["crank.q"][0] == q
-
-
-@pytest.mark.parametrize("precision", WIDTH)
-def test_batch_and_chunk_change_no_bit_in_any_precision(precision):
-    mech = watt(spring=2.0, friction=True).compile()
-    whole = mech.run(samples=50, precision=precision, engine="numpy")
-    chunked = mech.run(samples=50, precision=precision, engine="numpy", chunk=7)
-    assert same_bits(whole, chunked) == []
-    alone = mech.run(at=whole["crank.q"][[13]], precision=precision, engine="numpy")
-    assert (
-        same_bits(alone, {k: v[[13]] for k, v in whole.items() if np.ndim(v)} | rest(alone)) == []
-    )
-
-
-def rest(result):
-    return {k: v for k, v in result.items() if not np.ndim(v)}
-
-
-def test_random_mechanisms_lose_no_sample_in_single_precision():
-    for seed in range(25):
-        case = random_mechanism(Seeded(seed), Options(groups=(1, 2), least_margin=0.1))
-        mech = case.graph.compile()
-        double = mech.run(**case.request, on_gap="mark")
-        single = mech.run(**case.request, precision="complex64", on_gap="mark")
-        assert single.quality.status == double.quality.status, seed
 
 
 def test_pair_without_load_has_no_friction_in_single_precision():

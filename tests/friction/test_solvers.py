@@ -73,6 +73,14 @@ def test_successive_approximations_are_the_papers_recurrence():
     assert solvers.single((k,), REVOLUTE, (f,), ((R,),)).t[0] == k * abs(f)
 
 
+def test_successive_approximations_stop_relative_to_the_loads():
+    k, f, R = 0.4, 100 + 40j, 0.5 + 0.2j
+    for scale in (1e-12, 1.0, 1e12):
+        found = solvers.successive((k,), REVOLUTE, (scale * f,), ((R,),), None, None)
+        assert found.iterations == 11
+        assert found.t[0] == pytest.approx(scale * lever(k, f, R), rel=1e-6)
+
+
 def test_observed_contraction_is_the_ratio_of_changes():
     k, f, R = 0.4, 100 + 40j, 0.5 + 0.2j
     g = [abs(f)]

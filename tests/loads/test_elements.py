@@ -66,16 +66,6 @@ def test_half_a_turn_from_rest_counts_as_positive(engine):
     assert angle(1 + 0j, -1 + 0j) == angle(-1 + 0j, 1 + 0j) == math.pi
 
 
-def test_energy_of_a_torsion_spring_is_that_of_its_twist():
-    mech = arm(bm.TorsionSpring(stiffness=10.0, rest_angle=0.5), LINKS)
-    found = mech.run(at=Q, want="mechanism.potential_energy")["mechanism.potential_energy"]
-    assert close(found, 5 * wrapped(Q - 0.5) ** 2)
-
-
-def test_torsional_damper_resists_the_rate():
-    assert close(moment(bm.TorsionSpring(stiffness=0.0, damping=2.0), LINKS), -2.0 * RATE + 0 * Q)
-
-
 @ENGINES
 def test_linear_damper_resists_the_rate_of_its_length(engine):
     d = np.exp(1j * Q) - P
@@ -240,3 +230,19 @@ def test_what_a_load_depends_on_is_declared():
     timely = {"kind": "polynomial", "of": "time", "coefficients": [1.0]}
     assert bm.Thrust(law=timely).reads() == {"a": ("p",), "b": ("p",), "time": ("t",)}
     assert bm.Motor(law={"kind": "constant", "value": 1.0}).reads() == {}
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_coordinate_of_a_thrust_is_measured_along_its_direction(way):
+    g = bm.Graph("press")
+    g.add("frame", bm.Frame(markers={"O": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
+    g.add("ram", bm.SlideDrive(offset=0.3))
+    law = {"kind": "polynomial", "coefficients": [0.0, 100.0]}  # 100 N per metre
+    g.add("push", bm.Thrust(law=law, direction=(way, 0.0)))
+    for source, target in (("frame.O", "ram.S"), ("frame.O", "push.a"), ("ram.S", "push.b")):
+        g.connect(source, target)
+    # the ram is at 0.5 m: a coordinate of 0.5 m pushes along +x, one of -0.5 m along -(-x)
+    assert g.run(at=0.2)["push.b.force"][0] == pytest.approx(50.0)
+    for cls in (bm.Thrust, bm.Motor):
+        assert "law's coordinate" in cls.__doc__
+        assert cls.own_coordinate

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 
 import numpy as np
@@ -84,23 +83,10 @@ def test_the_names_of_the_parameters_choose_the_method():
     assert methods == {"coordinate": "energy", "rate": "spectral", "time": "dop853"}
 
 
-def test_any_callable_will_do():
-    half = functools.partial(lambda gain, rate: gain * rate, -0.5)
-    assert arm(half).blocks["motor"].law.of == ("rate",)
-    law = Function(math.sin, of=("time",))  # of a builtin that names no parameters
-    r = arm(law).run(at=[0.1, 0.3])
-    assert r["motor.b.couple"].tolist() == [math.sin(t) for t in r.time]
-
-
 @pytest.mark.parametrize("law", [lambda w: w, lambda: 1.0, math.sin, lambda rate, torque: rate])
 def test_a_function_of_something_else_is_refused_and_told_how(law):
     with pytest.raises(GraphError, match=r"Motor\.law: a function of .*coordinate.*lambda rate"):
         bm.Motor(law=law)
-
-
-def test_a_driver_is_useless_to_a_function_of_the_time():
-    with pytest.raises(GraphError, match="the law is of time"):
-        bm.Motor(law=LINES["time"], driver="crank")
 
 
 @EACH_ENGINE

@@ -45,33 +45,6 @@ def test_spokes_on_one_hub_make_a_wheel_that_turns():
     assert f"are no Assur group; over-constrained: {links}; loose: {links}" in problem.found
 
 
-def test_a_foot_wired_to_a_pin_of_a_later_link_is_told_its_place():
-    # b stands on the frame's own pin A and could be placed first, but is fed by a link of a
-    g = bm.Graph("two dyads")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (3.0, 0.0)}))
-    g.add("a", bm.RRR(l_i=1.0, l_j=1.0))
-    g.add("b", bm.RRR(l_i=2.0, l_j=2.0))
-    for source, target in (("frame.A", "a.B"), ("a.B", "b.B"), ("frame.D", "b.D"), ("b.C", "a.D")):
-        g.connect(source, target)
-    (problem,) = g.check()
-    order = "the links can be placed in the order II RRR(b.i, b.j) -> II RRR(a.i, a.j)"
-    assert problem.found.endswith(order)
-    assert problem.remedy == "wire b.B to the same pin on frame.frame"
-    g.wires[1] = Wire("frame.A", "b.B")
-    assert g.check() == []
-
-
-def test_friction_keeps_a_pin_on_its_link():
-    g = rings(1, 2)
-    rough = bm.RRR(l_i=2.0, l_j=2.0, friction={"B": bm.Coulomb(coefficient=0.1, radius=0.01)})
-    g.blocks |= {"a": bm.RRR(l_i=1.0, l_j=1.0), "b": rough}
-    g.blocks = {name: g.blocks[name] for name in ("frame", "a", "b")}
-    ends = (("frame.A0", "a.B"), ("a.B", "b.B"), ("frame.A1", "b.D"), ("b.C", "a.D"))
-    g.wires = [Wire(*wire) for wire in ends]
-    (problem,) = g.check()
-    assert "a.i, a.j, b.i, b.j are one Assur group" in problem.found
-
-
 def test_two_dyads_that_wait_for_each_other_are_a_group_of_class_four():
     # dyad (a, b) stands on d and the frame, dyad (c, d) on a and the crank: a closed loop
     links, pairs = chain("A:a-frame B:a-b C:b-d D:d-c E:c-a F:d-crank")

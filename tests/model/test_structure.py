@@ -66,22 +66,6 @@ def test_links_pairs_mobility_and_formula(name):
     assert structure.formula == formula
 
 
-def test_formula_names_every_kind_of_dyad():
-    g = bm.Graph("zoo")
-    guide = Marker(at=(1.0, 0.0), angle=0.4)
-    other = Marker(at=(0.0, 1.0), angle=2.0)
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide, "H": other}))
-    g.add("crank", bm.Crank(length=0.5))
-    g.add("a", bm.RRP(l=3.0, h=0.0))
-    g.add("b", bm.RPR(h_i=0.0, h_j=0.0))
-    g.add("c", bm.RPP(beta=1.0, h_i=0.0, h_j=0.0))
-    wire(g, "frame.A crank.A", "crank.B a.B", "frame.G a.S", "crank.B b.B", "frame.A b.D")
-    wire(g, "crank.B c.B", "frame.H c.S")
-    assert g.structure().formula == (
-        "I(crank: 0,1) -> II RRP(a: 2,3) -> II RPR(b: 4,5) -> II RPP(c: 6,7)"
-    )
-
-
 def test_formation_order_is_topological_with_ties_by_name():
     assert list(robot().structure().blocks) == ["carriage", "arm", "gripper", "wrist"]
     g = bm.Graph("names")

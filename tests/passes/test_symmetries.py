@@ -118,11 +118,6 @@ def test_mirror_image_of_a_random_mechanism(case):
     check_mirror(case.graph, case.request)
 
 
-def test_mirrored_twice_is_the_mechanism_itself():
-    graph = watt(spring=2.0, friction=True)
-    assert mirrored(mirrored(graph)).to_json() == rewired(graph).to_json()
-
-
 # ---- scaled ------------------------------------------------------------------------------
 
 
@@ -225,13 +220,3 @@ def test_order_of_writing_changes_no_bit_of_a_random_mechanism(case, seed):
     assert set(one) == set(other)
     assert same_bits(numbers(one), numbers(other)) == []
     assert str(one.mechanism) == str(other.mechanism)
-
-
-def test_order_of_drivers_in_the_request_does_not_matter():
-    options = Options(kinds=("dyad.rrr",), drivers=(3, 3), groups=(2, 2))
-    from blockmech.testing.strategies import Seeded, random_mechanism
-
-    case = random_mechanism(Seeded(4), options)
-    backwards = {k: dict(reversed(v.items())) for k, v in case.request.items()}
-    one, other = solve(case.graph, case.request), solve(case.graph, backwards)
-    assert same_bits(numbers(one), numbers(other)) == []

@@ -13,6 +13,34 @@ from examples.wire_ruiz import fourbar
 
 REFERENCE = Path(__file__).parents[1] / "data" / "ruiz_fourbar.json"
 
+MET = {"source": "by hand", "at": {"crank": [0.0]}, "want": {"crank.B.p": [[2.0, 0.0]]}, "atol": 0}
+MISSED = {
+    "source": "a slip",
+    "at": {"crank": [0.0, 1.0]},
+    "want": {"crank.q": [0.0, 1.5], "crank.rate": [3.0, 3.0]},
+    "atol": 1e-3,
+}
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """The folder in which files stand."""
+    return tmp_path
+
+
+@pytest.fixture
+def file(arm: bm.Graph, home: Path) -> Any:
+    """``file(name, *entries)``: a file of the crank with these expectations."""
+
+    def writing(name: str, *entries: Any) -> Path:
+        path = home / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        arm.extras["expect"] = list(entries)
+        arm.save(path)
+        return path
+
+    return writing
+
 
 @pytest.fixture
 def arm() -> bm.Graph:

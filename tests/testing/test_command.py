@@ -9,14 +9,7 @@ from typing import NamedTuple
 import pytest
 
 from blockmech.cli import main
-
-MET = {"source": "by hand", "at": {"crank": [0.0]}, "want": {"crank.B.p": [[2.0, 0.0]]}, "atol": 0}
-MISSED = {
-    "source": "a slip",
-    "at": {"crank": [0.0, 1.0]},
-    "want": {"crank.q": [0.0, 1.5], "crank.rate": [3.0, 3.0]},
-    "atol": 1e-3,
-}
+from tests.testing.conftest import MET, MISSED
 
 
 class Said(NamedTuple):
@@ -35,20 +28,6 @@ def call(capsys):
         return Said(code, *capsys.readouterr())
 
     return calling
-
-
-@pytest.fixture
-def file(arm, tmp_path):
-    """``file(name, entries)``: a file of the crank with these expectations."""
-
-    def writing(name, *entries):
-        path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        arm.extras["expect"] = list(entries)
-        arm.save(path)
-        return path
-
-    return writing
 
 
 def test_what_is_met_is_one_line_an_entry(call, file):
@@ -116,11 +95,6 @@ def test_a_folder_is_taken_with_its_folders_but_not_those_that_are_wrong_on_purp
     ]
 
 
-def test_a_broken_folder_is_taken_where_it_is_named(call, file, tmp_path):
-    file("broken/c.json", MISSED)
-    assert call(tmp_path / "broken").code == 1
-
-
 def test_a_file_named_twice_runs_once(call, file, tmp_path):
     path = file("graphs/a.json", MET)
     assert call(path, tmp_path / "graphs", path).out.splitlines()[-1] == "1 ok, 0 failed"
@@ -152,12 +126,6 @@ def test_wrong_files_are_exit_code_2_and_stop_no_other(call, file, tmp_path):
     ]
     lines = said.err.splitlines()
     assert [line[: len(head)] for line, head in zip(lines, heads, strict=True)] == heads
-
-
-def test_no_path_is_a_wrong_call(call):
-    said = call()
-    assert said.code == 2
-    assert "PATH" in said.err
 
 
 def test_everything_is_there_as_data(call, file):

@@ -101,16 +101,16 @@ def test_several_drivers_stand_where_the_entry_says():
 # -- tolerances ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("rtol", "met"), [(0.11, True), (0.09, False)])
-def test_rtol_is_relative_to_the_expected_number(arm, rtol, met):
-    expecting(arm, {"crank": [0.0]}, {"crank.rate": [10 / 3]}, rtol=rtol)
-    assert only(check_expectations(arm)).tolerance == pytest.approx(rtol * 10 / 3)
-    assert only(check_expectations(arm)).ok is met
-
-
-def test_the_larger_of_two_tolerances_counts(arm):
-    expecting(arm, {"crank": [0.0]}, {"crank.rate": [3.0]}, rtol=1e-3, atol=0.5)
-    assert only(check_expectations(arm)).tolerance == 0.5
+@pytest.mark.parametrize(
+    ("rtol", "atol", "met"), [(0.11, 0.0, True), (0.09, 0.0, False), (0.0, 0.4, True)]
+)
+def test_rtol_is_relative_to_the_expected_number_and_the_larger_tolerance_counts(
+    arm, rtol, atol, met
+):
+    expecting(arm, {"crank": [0.0]}, {"crank.rate": [10 / 3]}, rtol=rtol, atol=atol)
+    outcome = only(check_expectations(arm))
+    assert outcome.tolerance == pytest.approx(max(rtol * 10 / 3, atol))
+    assert outcome.ok is met
 
 
 def test_a_vector_is_as_large_as_its_length(arm):
@@ -137,15 +137,11 @@ def test_zeros_alone_are_met_exactly_or_say_what_is_missing(arm):
     assert "atol" in off.reason
 
 
-def test_angles_are_compared_modulo_a_turn(arm):
-    at = [math.pi, 4.0]
-    expecting(arm, {"crank": at}, {"crank.crank.angle": [-math.pi, 4.0 + 2 * math.pi]}, rtol=1e-12)
-    assert all(o.ok for o in check_expectations(arm))
-
-
-def test_driver_coordinates_are_not_compared_modulo_a_turn(arm):
-    expecting(arm, {"crank": [0.0]}, {"crank.q": [2 * math.pi]}, rtol=1e-3)
-    assert not only(check_expectations(arm)).ok
+def test_angles_are_compared_modulo_a_turn_and_driver_coordinates_are_not(arm):
+    turned = [-math.pi, 4.0 + 2 * math.pi]
+    want = {"crank.crank.angle": turned, "crank.q": turned}
+    expecting(arm, {"crank": [math.pi, 4.0]}, want, rtol=1e-12)
+    assert [o.ok for o in check_expectations(arm)] == [True, True, False, False]
 
 
 # -- no answer -------------------------------------------------------------------------------
@@ -159,13 +155,6 @@ def test_a_sample_without_an_answer_is_not_met_and_says_why(short):
     assert (lost.got, lost.error) == (None, None)
     assert lost.reason == "no-assembly (dyad)"
     assert lost.margin < 0
-
-
-def test_outputs_that_exist_there_are_met_beside_one_that_does_not(short):
-    expecting(short, {"crank": [3.0]}, {"crank.q": [3.0], "dyad.C.p": [[0.0, 0.0]]}, atol=1.0)
-    driver, lost = check_expectations(short)
-    assert driver.ok
-    assert not lost.ok
 
 
 def swinging(times, want, **more):
@@ -256,9 +245,3 @@ def test_an_unfinished_graph_is_refused(arm):
     expecting(arm, {"crank": [0.0]}, {"crank.q": [0.0]}, atol=0.0)
     with pytest.raises(bm.GraphError):
         check_expectations(arm)
-
-
-def test_expectations_survive_a_file(arm, tmp_path):
-    expecting(arm, {"crank": [0.0]}, {"crank.B.p": [[2.0, 0.0]]}, atol=0.0)
-    arm.save(tmp_path / "arm.json")
-    assert only(check_expectations(bm.Graph.load(tmp_path / "arm.json"))).ok

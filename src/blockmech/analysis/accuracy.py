@@ -1,15 +1,17 @@
 """From a wanted accuracy to settings: friction method, iterations and precision.
 
 Nothing is timed. A probe of some samples says how strongly this mechanism amplifies
-rounding and what share of the outputs is friction; the contraction bound P of the
-friction equations says what an iteration gains. The run that follows brings its own
-residuals, contractions and margins: the estimate that is handed out is made from those,
-over all samples, and a finer setting is taken where it misses the target.
+rounding, and what each way of solving friction leaves there. The run that follows brings
+its own residuals, contraction bounds P and margins: the estimate that is handed out is made
+from those, over all samples, and a finer setting is taken where it misses the target.
 
-    friction left out       share
-    k approximations        share * P^k / (1 - P)           before the run
-                            share * residual / (1 - P)      after it
+    friction left out       what the probe lost
+    k approximations        the same, or share * residual / (1 - P)
     rounding                what the probe lost, times (its margin / the run's)^(3/2)
+
+Friction is judged against Newton's method in the same precision, at every sample whose pose
+is sure; rounding by precisions, where it cannot turn a friction round. Where nothing can be
+judged, the most exact setting is taken and the accuracy is not said to be reached.
 
 The power is that of accelerations, the most sensitive outputs: they hold the third
 power of one over the normalised determinant, of which the margin is the square.
@@ -20,7 +22,7 @@ Errors are relative to an output's largest magnitude over the run; of angles in 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -48,6 +50,12 @@ SAFETY = 4.0  # of a maximum over the probe against one over all samples
 ENOUGH = 2048  # samples below which single precision saves nothing
 CONTRACTS = 0.5  # P up to which iterations are worth counting on
 SINGLE = float(np.finfo(np.float32).eps)
+FRICTION = (
+    ("none", None),
+    ("single", None),
+    *(("successive", k) for k in range(2, MOST_ITERATIONS + 1)),
+)
+"""Cheaper methods than Newton's, the cheapest first."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +152,7 @@ def run_to(
         )
     request = _Request(mechanism, want, static)
     probe = look(request, some(taken, PROBE), accuracy)
-    for setting in _settings(probe, taken.n, accuracy, engine):
+    for setting in _settings(request, probe, taken.n, accuracy, engine):
         result = request.run(taken, setting, engine, chunk)
         found = _judged(request, result, setting, probe, accuracy)
         if found.reached:
@@ -269,8 +277,10 @@ def _rounding(
     return {"complex64": max(errors.error(single), SINGLE), **rows}, errors.left_out
 
 
-def _settings(probe: Probe, n: int, accuracy: float, engine: str) -> Iterable[Setting]:
-    """Settings to try, from the cheapest that should do to the most exact."""
+def _settings(
+    request: _Request, probe: Probe, n: int, accuracy: float, engine: str
+) -> Iterator[Setting]:
+    """Settings to try, from the cheapest that does at the probe to the most exact."""
     precisions = [
         p
         for p in probe.rounding
@@ -279,17 +289,13 @@ def _settings(probe: Probe, n: int, accuracy: float, engine: str) -> Iterable[Se
     ]
     half = accuracy / 2  # for friction, the rest for rounding
     fine = [p for p in precisions if SAFETY * probe.rounding[p] <= half] or precisions[-1:]
-    if probe.rubs:
-        P = probe.contraction
-        errors = (probe.share * P**k / (1 - P) for k in range(MOST_ITERATIONS + 1))
-        k = next((k for k, e in enumerate(errors) if SAFETY * e <= half and P < CONTRACTS), None)
-        for n in () if k is None else (k, k + 1)[: 1 + (k > 0)]:
-            yield Setting(*_method(n), fine[0])
+    if probe.rubs and probe.contraction < CONTRACTS and probe.errors.good.any():
+        for friction, count in FRICTION:
+            setting = Setting(friction, count, fine[0])
+            if SAFETY * probe.errors.error(request.run(probe.few, setting)) <= half:
+                yield setting
+                break
     yield from (Setting("newton", None, precision) for precision in fine)
-
-
-def _method(k: int) -> tuple[str, int | None]:
-    return (("none", None), ("single", None))[k] if k < 2 else ("successive", k)
 
 
 def _judged(
@@ -303,8 +309,9 @@ def _judged(
     if probe.rubs:
         rubbing = _friction_left(request, result, setting, probe, good)
         words += f", {rubbing:.1g} from friction"
-    if not good.all():
-        words += f"; not judged, as they are at or near a dead centre: {(~good).sum()} samples"
+    unsure = result.quality.status.count("ok") - int(good.sum())
+    if unsure:
+        words += f"; not judged, as they are at or near a dead centre: {unsure} samples"
     if probe.errors.left_out:
         names = listed(probe.errors.left_out, 3)
         words += f"; not judged, as they are rounding alone: {names}"
@@ -315,8 +322,6 @@ def _friction_left(
     request: _Request, result: Result, setting: Setting, probe: Probe, good: Any
 ) -> float:
     """Error that the solution of the friction equations leaves."""
-    if setting.friction == "none":
-        return SAFETY * probe.share
     left, quality = 0.0, result.quality
     for block, residual in quality.residual.items():
         P = float(np.max(quality.contraction[block][good], initial=probe.contraction))

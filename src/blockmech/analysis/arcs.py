@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.closure import SEAM, Closure
-from blockmech.analysis.scan import ROUNDED, TURN, Span, bisect, runs, scan
-from blockmech.series import DOUBLE_ROOT, Floats
+from blockmech.analysis.scan import TURN, Span, bisect, runs, scan
+from blockmech.series import DOUBLE_ROOT, EPS, Floats
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])
+ROUNDED = 16 * EPS  # of a margin, which comes of some ten operations
 BESIDE = 1e-5  # [rad], and of a slide's size: looked at on both sides of a touch
 
 
@@ -107,7 +108,7 @@ class _Margin:
             return
         found = scan(self._row, piece.span, piece.span.panels(samples))
         x, y = found.x, found.y
-        noise = np.where(found.rough, 0.0, found.noise) + ROUNDED  # a margin is a share
+        noise = np.full(len(x), ROUNDED)  # a margin is a share of one
         near = np.flatnonzero(~(np.abs(y) > DOUBLE_ROOT))
         around = self._row((x[near, None] + PROBES).ravel()).reshape(len(near), len(PROBES))
         # Undefined at one place, as where two pins meet: what is beside counts. Undefined all

@@ -7,7 +7,7 @@ the margin touches zero and grows again.
 
 What the scan can miss: margins are sampled (720 times a turn) until their Chebyshev series
 end, and every extremum of the series is looked at, so a gap or an arc far narrower than the
-samples is found, down to a width of about 1e-7 rad where rounding hides it. The margin of an
+samples is found, down to a width of some 1e-7 rad where rounding hides it. The margin of an
 RRR dyad on a crank and a fixed pivot is a trigonometric polynomial of degree 2: nothing is
 missed there.
 """

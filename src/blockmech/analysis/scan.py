@@ -22,8 +22,6 @@ TURN = 2 * math.pi
 NODES = 64  # of a panel
 HALVINGS = 200  # more than any bracket of doubles of like size has
 ASIDE = 0.2  # [rad] about 0.4 of a panel: extrema at round angles are in the middle of panels
-ROUNDED = 16 * EPS  # of a value that comes of some ten operations
-NOISY = 8.0  # rounding of a value over one of its NODES coefficients: the root of their number
 
 
 @dataclass(frozen=True)
@@ -71,13 +69,11 @@ class Scan(NamedTuple):
     ----------
     x : (m,) rising
     y : (m,) values there
-    noise : (m,) rounding of the values
     rough : (m,) whether there is no series here, so that extrema are known as samples only
     """
 
     x: Floats
     y: Floats
-    noise: Floats
     rough: NDArray[np.bool_]
 
 
@@ -101,8 +97,7 @@ def scan(
     x, first = np.unique(x, return_index=True)
     y = np.asarray((value or function)(x), dtype=float)
     panel = panel[first]
-    noise = NOISY * series.rounding + ROUNDED * np.abs(series.c).max(axis=1)
-    return Scan(x, y, noise[panel], ~series.resolved[panel])
+    return Scan(x, y, ~series.resolved[panel])
 
 
 def _shares(series: Series) -> tuple[Floats, NDArray[np.intp]]:

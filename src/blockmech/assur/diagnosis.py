@@ -7,13 +7,28 @@ still moves.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import networkx as nx
 
 from blockmech.assur.pairs import Pair, sorted_parts
 from blockmech.assur.rigidity import rigidity
+from blockmech.errors import listed
+
+TEXTS: Mapping[str, str] = {
+    "unconnected-links": "no {pair} leads from {links} to {rest}",
+    "over-constrained": "{links} are over-constrained: their {pair}s {pairs} hold them {times} "
+    "too often{so}",
+    "turning-held-twice": "{links} are joined in a loop by sliding {pair}s alone ({pairs}), which "
+    "hold their relative turning {times} too often{so}",
+    "too-many-drivers": "mobility {mobility}, drivers {held} ({drivers}): {number} too many",
+    "too-few-drivers": "mobility {mobility}, drivers {held}: {number} driver{s} too few",
+    "locked-driver": "{drivers} moves nothing: {pairs} cannot move, {links} lock it{state}",
+    "conflicting-drivers": "{drivers} prescribe the motion of {links} {times} too often{state}",
+    "loose-links": "{links} can still move with every driver held: {number} freedom{s}{state}",
+}
+"""Every reason why a structure cannot work, in a sentence."""
 
 
 @dataclass(frozen=True)
@@ -22,27 +37,43 @@ class Finding:
 
     Attributes
     ----------
-    code : "unconnected-links", "over-constrained", "turning-held-twice", "too-many-drivers",
-        "too-few-drivers", "locked-driver", "conflicting-drivers" or "loose-links"
-    links, pairs : what it is about, by name, sorted
+    code : one of `TEXTS`
+    links, pairs : what it is about, by name, sorted; of wrong numbers of drivers the driven pairs
     number : redundant conditions, drivers too many or too few, or freedoms left
-    text : the same as a sentence
     """
 
     code: str
     links: tuple[str, ...]
     pairs: tuple[str, ...]
     number: int
-    text: str
+
+    def text(self, drivers: Mapping[str, str] | None = None, **more: str) -> str:
+        """The reason in a sentence; ``drivers`` gives driven pairs other names.
+
+        ``more`` replaces words: "pair", "rest" (what carries the links), and what follows: "so",
+        "state".
+        """
+        names = [(drivers or {}).get(p, p) for p in self.pairs if drivers is None or p in drivers]
+        held, many = len(self.pairs), self.number > 1
+        fewer = self.code == "too-many-drivers"
+        words = {
+            "links": listed(self.links),
+            "pairs": listed(self.pairs),
+            "drivers": listed(names),
+            "number": self.number,
+            "held": held,
+            "mobility": held - self.number if fewer else held + self.number,
+            "times": f"{self.number} times" if many else "once",
+            "s": "s" * many,
+        }
+        usual = {"pair": "pair", "rest": "the rest", "so": "", "state": ""}
+        return TEXTS[self.code].format(**usual | words | more)
 
 
 def _finding(
-    code: str, text: str, number: int, links: Iterable[str] = (), pairs: Iterable[str] = ()
+    code: str, number: int, links: Iterable[str] = (), pairs: Iterable[str] = ()
 ) -> Finding:
-    names, joints = tuple(sorted(links)), tuple(sorted(pairs))
-    words = {"links": ", ".join(names), "pairs": ", ".join(joints), "number": number}
-    words |= {"times": "once" if number == 1 else f"{number} times", "s": "s" * (number > 1)}
-    return Finding(code, names, joints, number, text.format(**words))
+    return Finding(code, tuple(sorted(links)), tuple(sorted(pairs)), number)
 
 
 def diagnose(
@@ -66,37 +97,26 @@ def diagnose(
     held = rigidity(near, at_hand, earlier, driven)
     found: list[Finding] = []
     if away:
-        text = "no pair joins {links} to the rest"
-        found.append(_finding("unconnected-links", text, len(away), away))
+        found.append(_finding("unconnected-links", len(away), away))
     for o in undriven.overconstrained:
-        if o.turning_only:
-            code, text = "turning-held-twice", "{links} are joined in a loop by P pairs alone "
-            text += "({pairs}), which hold their relative turning {times} too often"
-        else:
-            code, text = "over-constrained", "{links} are over-constrained: their pairs {pairs} "
-            text += "hold them {times} too often"
-        found.append(_finding(code, text, o.excess, o.links, o.pairs))
+        code = "turning-held-twice" if o.turning_only else "over-constrained"
+        found.append(_finding(code, o.excess, o.links, o.pairs))
     missing = undriven.mobility - len(driven)
-    count = f"mobility {undriven.mobility}, drivers {len(driven)}: {{number}} driver{{s}} too "
-    if missing < 0:
-        found.append(_finding("too-many-drivers", count + "many", -missing, (), driven))
-    elif missing > 0:
-        found.append(_finding("too-few-drivers", count + "few", missing, (), driven))
+    if missing:
+        code = "too-few-drivers" if missing > 0 else "too-many-drivers"
+        found.append(_finding(code, abs(missing), (), driven))
     body = {a: part for part in undriven.clusters for a in part}
     for o in held.overconstrained:
         locked = {
             d for d in o.drivers if body.get(driven[d].first) == body.get(driven[d].second, ())
         }
-        text = "driver {pairs} moves nothing: {links} lock it"
-        found += [_finding("locked-driver", text, 1, o.links, [d]) for d in sorted(locked)]
+        found += [_finding("locked-driver", 1, o.links, [d]) for d in sorted(locked)]
         fighting = set(o.drivers) - locked
         if fighting:
             left = rigidity(near, at_hand, earlier, fighting).mobility
             excess = len(fighting) - (undriven.mobility - left)
-            text = "drivers {pairs} prescribe the motion of {links} {times} too often"
-            found.append(_finding("conflicting-drivers", text, excess, o.links, fighting))
-    text = "{links} can still move with every driver held: {number} freedom{s}"
-    found += [_finding("loose-links", text, part.freedom, part.links) for part in held.loose]
+            found.append(_finding("conflicting-drivers", excess, o.links, fighting))
+    found += [_finding("loose-links", part.freedom, part.links) for part in held.loose]
     return tuple(found)
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 import networkx as nx
@@ -255,5 +255,5 @@ def _seat(
         ends = {seat, a}
         p = min(left, key=lambda p: (ends != set(p.links), a not in p.links, p.name))
         left.remove(p)
-        seated.append(p if ends == set(p.links) else Pair(p.name, seat, a, "R", p.axis))
+        seated.append(p if ends == set(p.links) else replace(p, first=seat, second=a))
     return seated

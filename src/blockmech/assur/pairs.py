@@ -8,8 +8,8 @@ m - 1 pairs of one axis.
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -107,22 +107,3 @@ def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
         if len(names) > 1:
             found.update(dict.fromkeys(names, min(names)))
     return found
-
-
-def carriers(pairs: Sequence[Pair], earlier: Collection[str]) -> set[str]:
-    """Links that only carry a pin of others, which might as well sit on each other.
-
-    All their pairs, which are taken as undriven, are R pairs of one axis, of which there is
-    none too many. Earlier links are one body.
-    """
-    body = {a: "" if a in earlier else a for p in pairs for a in p.links}
-    axes_on: dict[str, set[str]] = defaultdict(set)
-    shared: dict[str, nx.MultiGraph[str]] = defaultdict(nx.MultiGraph)
-    for p in pairs:
-        axis = p.axis if p.kind == "R" else ""
-        ends = [body[a] for a in p.links]
-        for end in ends:
-            axes_on[end].add(axis)
-        shared[axis].add_edge(*ends)
-    trees = {axis for axis, graph in shared.items() if axis and nx.is_forest(graph)}
-    return {a for a, b in body.items() if len(axes_on[b]) == 1 and axes_on[b] <= trees}

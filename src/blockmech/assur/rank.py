@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple, TypeAlias
 
 PRIME = 2**61 - 1
@@ -25,29 +25,19 @@ class TooTangledError(ValueError):
     """So many links in loops with each other that the rank would take too long."""
 
 
-def few_neighbours_first(nodes: Sequence[str], joined: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Order of elimination that keeps rows short: least degree, ties by name."""
-    left = MOST_WORK
-    near: dict[str, set[str]] = {a: set() for a in nodes}
-    for a, b in joined:
-        if a in near and b in near and a != b:
-            near[a].add(b)
-            near[b].add(a)
-    heap = [(len(near[a]), a) for a in nodes]
-    heapq.heapify(heap)
-    while heap:
-        degree, a = heapq.heappop(heap)
-        if a not in near or degree != len(near[a]):
-            continue
-        yield a
-        neighbours = near.pop(a)
-        left -= len(neighbours) ** 2
-        if left < 0:
-            raise TooTangledError
-        for b in neighbours:
-            near[b] |= neighbours
-            near[b] -= {a, b}
-            heapq.heappush(heap, (len(near[b]), b))
+def in_bands(nodes: Sequence[str], joined: Iterable[tuple[str, str]]) -> list[str]:
+    """Order of elimination that keeps rows short: neighbours near each other (Cuthill-McKee)."""
+    import numpy as np
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    index = {a: k for k, a in enumerate(nodes)}
+    ends = [(index[a], index[b]) for a, b in joined if a in index and b in index]
+    if not ends:
+        return list(nodes)
+    rows, columns = np.array([*ends, *(e[::-1] for e in ends)]).T
+    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(nodes), len(nodes)))
+    return [nodes[k] for k in reverse_cuthill_mckee(graph.tocsr(), symmetric_mode=True)]
 
 
 class Pivot(NamedTuple):
@@ -62,7 +52,7 @@ class Pivot(NamedTuple):
 class Echelon:
     """Conditions in echelon form modulo the prime.
 
-    Columns are solved for in their order (`few_neighbours_first`). Raises `TooTangledError`
+    Columns are solved for in their order (`in_bands`). Raises `TooTangledError`
     after `MOST_WORK` steps.
     """
 

@@ -28,7 +28,7 @@ from typing import NamedTuple, TypeAlias
 import networkx as nx
 
 from blockmech.assur.pairs import Pair, sorted_parts
-from blockmech.assur.rank import PRIME, Echelon, Row, few_neighbours_first
+from blockmech.assur.rank import PRIME, Echelon, Row, in_bands
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def rigidity(
     where very many links stand in loops with each other.
     """
     moving, ordered = sorted_parts(links, pairs, earlier, drivers)
-    names = list(few_neighbours_first(moving, (pair.links for pair in ordered)))
+    names = in_bands(moving, (pair.links for pair in ordered))
     column = {a: 3 * k for k, a in enumerate(names)}
     held = [c for pair in ordered for c in _conditions(pair, column, pair.name in drivers)]
     system = Echelon(3 * len(names), [c.row for c in held])

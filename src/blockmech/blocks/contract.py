@@ -19,7 +19,8 @@ rules are numbered, and `blockmech.testing.conformance` tests them by number:
     origin). It returns, named like the joint, a force for a revolute pair and a
     `Slide` for a prismatic pair (outer: on the group; inner: of link i on link j),
     and ``tau`` for a driven joint. A slide's couple is about the origin of the later
-    link; the core moves it to the slider's point.
+    link, and of an inner slide also about that of link i, each from what that link's own
+    loads say best; the core moves the one of the slider's owner to the slider's point.
  7. Kernels are batch-transparent: any batch shape, no loop over samples.
  8. NaN in, NaN out.
  9. Impossible samples are NaN, never an exception.
@@ -33,146 +34,43 @@ import functools
 import inspect
 import math
 from collections import namedtuple
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, Literal, LiteralString, TypeAlias
 
-from pydantic import field_validator
-from pydantic_core import PydanticCustomError
+from pydantic import ValidationError, field_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from blockmech.blocks.mistakes import Mistake, refuse, unknown_name, wrong_links
+from blockmech.blocks.joints import (
+    BuiltIn,
+    Coordinate,
+    Joint,
+    Kernels,
+    Line,
+    inner_joint,
+    outer_joint,
+)
 from blockmech.blocks.registry import REGISTRY
+from blockmech.errors import close_match, listed
 from blockmech.friction.laws import Coulomb
-from blockmech.values import Link, Marker, Pair, Strictly
+from blockmech.values import NAME_RULE, Link, Marker, Pair, Strictly, is_name, mistake
 
-PairKind = Literal["R", "P"]
+__all__ = [
+    "AssurGroup",
+    "Block",
+    "BuiltIn",
+    "Coordinate",
+    "DrivingLink",
+    "Joint",
+    "Kernels",
+    "Line",
+    "Moving",
+    "inner_joint",
+    "outer_joint",
+]
 
-
-@dataclass(frozen=True)
-class Line:
-    """Where a guide line lies on a link, by names of parameters ("" is zero).
-
-    The line is parallel to the link's x axis, turned by ``turn`` [rad], at
-    ``offset`` [m] along its own normal; a slider's point on it is at ``along`` [m].
-    """
-
-    along: str = ""
-    offset: str = ""
-    turn: str = ""
-
-
-@dataclass(frozen=True)
-class Joint:
-    """One kinematic pair of a block, declared in the class body.
-
-    Attributes
-    ----------
-    kind : "R" or "P"
-    link : the block's own link at an outer joint (the later link)
-    links : the two own links of an inner joint, (i, j); the reaction is of i on j
-    reads : what an outer joint gives to the kernels: the "point" of the wired
-        marker, or its "guide" (place, direction and the rate of its link)
-    lines : of a prismatic pair, its guide line on own links: link name -> `Line`
-    name : filled in from the class body
-    driven : whether its coordinate is an input of the block: a driver
-    """
-
-    kind: PairKind
-    link: str = ""
-    links: tuple[str, str] = ("", "")
-    reads: Literal["point", "guide"] = "point"
-    lines: Mapping[str, Line] = field(default_factory=dict)
-    name: str = ""
-    driven: bool = False
-
-    @property
-    def rotary(self) -> bool:
-        """Whether its coordinate is an angle."""
-        return self.kind == "R"
-
-    @property
-    def coordinate_unit(self) -> str:
-        """Unit of its coordinate."""
-        return "rad" if self.rotary else "m"
-
-    @property
-    def effort_unit(self) -> str:
-        """Unit of what acts along its coordinate."""
-        return "N m" if self.rotary else "N"
-
-    @property
-    def outer(self) -> bool:
-        """Whether an earlier link feeds the joint."""
-        return bool(self.link)
-
-    @property
-    def later(self) -> str:
-        """The own link on which the reported reaction acts."""
-        return self.link or self.links[1]
-
-
-class Coordinate(NamedTuple):
-    """How a driven joint's coordinate follows its driver's: ``sign * q + offset``.
-
-    The joint's is that of the later link against the earlier one: an angle [rad] or a
-    way [m]; q is the driver's, which laws, stops, results and loads count in.
-    """
-
-    sign: int = 1
-    offset: float = 0.0
-
-    def of_joint(self, q: Any) -> Any:
-        """Coordinate of the joint where the driver's is q, a number or an array."""
-        return self.sign * q + self.offset
-
-
-def outer_joint(
-    kind: PairKind,
-    link: str,
-    reads: Literal["point", "guide"] | None = None,
-    line: Line | None = None,
-    driven: bool = False,
-) -> Joint:
-    """Declare a joint fed by a marker of an earlier link; ``link`` is the own one."""
-    what = reads or ("guide" if kind == "P" else "point")
-    return Joint(kind, link=link, reads=what, lines={link: line} if line else {}, driven=driven)
-
-
-def inner_joint(
-    kind: PairKind,
-    links: tuple[str, str],
-    lines: Mapping[str, Line] | None = None,
-    driven: bool = False,
-) -> Joint:
-    """Declare a joint between two own links; its reaction is of the first on the second."""
-    return Joint(kind, links=links, lines=lines or {}, driven=driven)
-
-
-@dataclass(frozen=True)
-class BuiltIn:
-    """A marker that a block brings: on ``link``, at parameter ``along`` of its x axis."""
-
-    link: str
-    along: str = ""  # "" is the link's origin
-
-
-@dataclass(frozen=True)
-class Kernels:
-    """The mechanics of a block as pure functions; see the numbered rules.
-
-    ``transmission(pose, p)`` gives two non-negative numbers in the ratio of sine to
-    cosine of the transmission angle. ``size(pose, p)`` is the block's largest length
-    [m] where no parameter says it. ``margin(pose, p)`` is the margin where the pose does
-    not hold it.
-    """
-
-    position: Callable[..., Any]
-    velocity: Callable[..., Any]
-    acceleration: Callable[..., Any]
-    reactions: Callable[..., Any]
-    transmission: Callable[..., Any] | None = None
-    size: Callable[..., Any] | None = None
-    margin: Callable[..., Any] | None = None
+Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
+"""Where in a model, and what is wrong there."""
 
 
 class Block(Strictly):
@@ -346,20 +244,6 @@ class AssurGroup(Moving):
     """A group that its drivers, if it has any, and its supports determine by themselves."""
 
 
-def wrong_friction(
-    friction: Mapping[str, Coulomb], joints: Mapping[str, Joint], what: str = "joint"
-) -> Iterator[Mistake]:
-    """Friction of joints that the block does not have, or that does not fit their kind."""
-    for joint, law in friction.items():
-        if joint not in joints:
-            yield (joint,), unknown_name("unknown-joint", what, joint, tuple(joints))
-            continue
-        try:
-            law.check_for(joints[joint].kind, joint)
-        except PydanticCustomError as error:
-            yield (joint,), error
-
-
 def _declare(cls: type[Block]) -> None:
     """Collect the joints of a class and hold its kernels against the contract."""
     cls.joints = {
@@ -390,3 +274,59 @@ def _declare(cls: type[Block]) -> None:
                 f"{cls.__name__}: kernel {name} must take ({', '.join(wanted)}), "
                 f"it takes ({', '.join(found)})"
             )
+
+
+# -- what a block refuses, all at once and each at its own place ---------------------
+
+
+def refuse(title: str, mistakes: Iterable[Mistake]) -> None:
+    """Refuse a model with all its mistakes, each at its own place."""
+    lines = [InitErrorDetails(type=error, loc=where, input=None) for where, error in mistakes]
+    if lines:
+        raise ValidationError.from_exception_data(title, lines)
+
+
+def wrong_links(
+    links: Mapping[str, Link], known: Iterable[str], built_in: Iterable[str]
+) -> Iterator[Mistake]:
+    """Links that the block does not have, and markers whose names cannot stand or are taken."""
+    names = tuple(known)
+    taken = {*built_in, *names}
+    for link, properties in links.items():
+        if link not in names:
+            yield (link,), unknown_name("unknown-link", "link", link, names)
+        for marker in properties.markers:
+            where = (link, "markers", marker)
+            if not is_name(marker):
+                yield where, bad_name("marker", marker)
+            elif marker in taken:
+                found = f'the marker name "{marker}" is taken in this block'
+                yield where, mistake("taken-name", found, f"taken: {listed(sorted(taken))}")
+            taken.add(marker)
+
+
+def unknown_name(
+    code: LiteralString, what: str, name: str, valid: tuple[str, ...]
+) -> PydanticCustomError:
+    """A name that the block does not declare, with the declared ones and the nearest of them."""
+    known = f"{what}s there: {listed(valid)}"
+    return mistake(code, f'no {what} "{name}"', known, close_match(name, valid))
+
+
+def bad_name(what: str, name: str) -> PydanticCustomError:
+    """A name that could not stand in an address."""
+    return mistake("bad-name", f'"{name}" is not a {what} name', NAME_RULE, "choose another name")
+
+
+def wrong_friction(
+    friction: Mapping[str, Coulomb], joints: Mapping[str, Joint], what: str = "joint"
+) -> Iterator[Mistake]:
+    """Friction of joints that the block does not have, or that does not fit their kind."""
+    for joint, law in friction.items():
+        if joint not in joints:
+            yield (joint,), unknown_name("unknown-joint", what, joint, tuple(joints))
+            continue
+        try:
+            law.check_for(joints[joint].kind, joint)
+        except PydanticCustomError as error:
+            yield (joint,), error

@@ -10,15 +10,13 @@ Sources: [R10] Ruiz, Durango & Calle 2010, Eqs. 14-16; [D14] Durango et al. 2014
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, outer_joint
 from blockmech.plane import expi
 from blockmech.typing import (
     Complex,
     Guide,
-    GuideAcceleration,
-    GuideVelocity,
     LinkAcceleration,
     LinkPosition,
     LinkVelocity,
@@ -58,13 +56,13 @@ def position(A: Guide, q: Real, p: Crank) -> CrankPose:
     return CrankPose(LinkPosition(A.p, A.u * expi(q)))
 
 
-def velocity(pose: CrankPose, A: GuideVelocity, qd: Real, p: Crank) -> CrankVelocity:
+def velocity(pose: CrankPose, A: LinkVelocity, qd: Real, p: Crank) -> CrankVelocity:
     """Add the driver's rate [rad/s] to the rate of the supporting link."""
     return CrankVelocity(LinkVelocity(A.v, A.om + qd))
 
 
 def acceleration(
-    pose: CrankPose, vel: CrankVelocity, A: GuideAcceleration, qdd: Real, p: Crank
+    pose: CrankPose, vel: CrankVelocity, A: LinkAcceleration, qdd: Real, p: Crank
 ) -> CrankAcceleration:
     """Add the driver's acceleration [rad/s2] to that of the supporting link."""
     return CrankAcceleration(LinkAcceleration(A.a, A.al + qdd))
@@ -97,7 +95,7 @@ class Crank(DrivingLink, type="driver.crank"):
     A = outer_joint("R", "crank", reads="guide", driven=True)
     built_in = {"A": BuiltIn("crank"), "B": BuiltIn("crank", "length")}
     lengths = ("length",)
-    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions)
+    kernels = Kernels(position, velocity, acceleration, reactions)
 
     length: Length | None = None
     offset: Angle = 0.0

@@ -15,18 +15,11 @@ Sources: [R10] Ruiz, Durango & Calle 2010, Eqs. 2-7, with a driven length.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-from blockmech.blocks.contract import (
-    AssurGroup,
-    BuiltIn,
-    Kernels,
-    Line,
-    inner_joint,
-    outer_joint,
-)
-from blockmech.blocks.points import Point, dead_centre, given_points
-from blockmech.blocks.rrr import pin_forces, rates, triangle
+from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.points import Point
+from blockmech.blocks.rrr import bent, pin_forces, rates, transmission, triangle
 from blockmech.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
 from blockmech.typing import (
     Complex,
@@ -135,12 +128,7 @@ def reactions(
     M_i = load_barrel.M + M_r + cross(pose.u, F_r)
     R_B, R_C, R_D = pin_forces(pose, Load(load_barrel.F + F_r, M_i), load_j)
     e, f = pose.barrel.e, R_C - F_r  # f is what the barrel does to the rod
-    return CylinderReactions(R_B, Slide(cross(e, f), -M_r), R_C, R_D, dot(e, f))
-
-
-def transmission(pose: CylinderPose, p: Cylinder) -> tuple[Real, Real]:
-    """Sine and cosine, up to one factor, of the angle at C."""
-    return abs(pose.det), abs(dot(pose.u, pose.w))
+    return CylinderReactions(R_B, Slide(cross(e, f), -M_r, load_barrel.M), R_C, R_D, dot(e, f))
 
 
 def size(pose: CylinderPose, p: Cylinder) -> Real:
@@ -187,9 +175,7 @@ class Cylinder(AssurGroup, type="driven.rrr"):
         "Cj": BuiltIn("j", "l_j"),
     }
     lengths = ("l_j", "x_S")
-    kernels: ClassVar[Kernels] = Kernels(
-        position, velocity, acceleration, reactions, transmission, size
-    )
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
     l_j: Length
     branch: Branch = 1
@@ -204,10 +190,5 @@ class Cylinder(AssurGroup, type="driven.rrr"):
 
         Raises `GraphError` where C lies on the line BD: the branch is not defined there.
         """
-        b, c, d = given_points("Cylinder.from_points", B=B, C=C, D=D)
-        side = cross(d - b, c - b)
-        if side == 0:
-            raise dead_centre(
-                "Cylinder.from_points", "B, C and D lie on one line, so the branch is not defined"
-            )
-        return cls(l_j=abs(d - c), branch=1 if side > 0 else -1, **more)  # type: ignore[arg-type]
+        found = bent("Cylinder.from_points", B, C, D)
+        return cls(l_j=found["l_j"], branch=found["branch"], **more)  # type: ignore[arg-type]

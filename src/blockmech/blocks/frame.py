@@ -9,8 +9,7 @@ from typing import ClassVar
 
 from pydantic import field_validator
 
-from blockmech.blocks.contract import Block, BuiltIn
-from blockmech.blocks.mistakes import bad_name, refuse
+from blockmech.blocks.contract import Block, BuiltIn, bad_name, refuse
 from blockmech.values import Marker, MarkersGiven, default, is_name
 
 

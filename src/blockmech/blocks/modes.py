@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from blockmech.blocks.contract import AssurGroup
+from blockmech.blocks.contract import AssurGroup, refuse
 from blockmech.errors import shown
 from blockmech.values import Branch, Number, Strictly, mistake
 
@@ -45,6 +45,19 @@ AnyBranch = Annotated[
     Field(description="assembly mode, or the one that the motion carries on"),
     BeforeValidator(_known),
 ]
+
+
+class OneMode(AssurGroup):
+    """A dyad with one assembly mode, because its guides fix the pose: it takes no branch."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_branch(cls, raw: Any) -> Any:
+        if isinstance(raw, dict) and "branch" in raw:
+            why = "it has one assembly mode, its guides fix the pose"
+            found = f'{cls.kind} takes no "branch": {why}'
+            refuse(cls.kind, [(("branch",), mistake("unknown-key", found, "", "remove it"))])
+        return raw
 
 
 class TwoModes(AssurGroup):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import cmath
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from pydantic_core import PydanticCustomError
 
-from blockmech.blocks.mistakes import refuse
 from blockmech.errors import GraphError, Problem
-from blockmech.values import Vector, mistake
+from blockmech.values import Vector
 
 Point: TypeAlias = complex | tuple[float, float]
 """A place [m] or a direction, as ``x + iy`` or ``(x, y)``."""
@@ -41,16 +40,15 @@ def angle_between(a: complex, b: complex) -> float:
     return cmath.phase(b * a.conjugate())
 
 
+def branch_of(where: str, determinant: float, why: str) -> int:
+    """The assembly mode, +1 or -1. Raises `GraphError` at a dead centre, which has none."""
+    if determinant == 0:
+        raise dead_centre(where, f"{why}, so the branch is not defined")
+    return 1 if determinant > 0 else -1
+
+
 def dead_centre(where: str, why: str) -> GraphError:
     """The pose is a dead centre, so it does not tell the parameters."""
     return GraphError(
         Problem("dead-centre", where, why, "", "give another pose, or the parameters themselves")
     )
-
-
-def no_branch(kind: str, raw: Any) -> Any:
-    """Refuse the key ``branch`` for a group with one assembly mode, and say why."""
-    if isinstance(raw, dict) and "branch" in raw:
-        found = f'{kind} takes no "branch": it has one assembly mode, its guides fix the pose'
-        refuse(kind, [(("branch",), mistake("unknown-key", found, "", "remove it"))])
-    return raw

@@ -15,18 +15,16 @@ al. 2014, section 2 (groups of the second class).
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-from pydantic import model_validator
-
-from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
-from blockmech.blocks.points import Point, dead_centre, given_points, no_branch, unit
+from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.modes import OneMode
+from blockmech.blocks.motion import DyadAcceleration, acceleration_at, velocity_at
+from blockmech.blocks.points import Point, dead_centre, given_points, unit
 from blockmech.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
 from blockmech.typing import (
     Complex,
     Guide,
-    GuideAcceleration,
-    GuideVelocity,
     LinkAcceleration,
     LinkPosition,
     LinkVelocity,
@@ -57,13 +55,6 @@ class PRPVelocity(NamedTuple):
     S2: Real  # (...) [m/s] of link j on guide 2
 
 
-class PRPAcceleration(NamedTuple):
-    """Accelerations of both links."""
-
-    i: LinkAcceleration
-    j: LinkAcceleration
-
-
 class PRPReactions(NamedTuple):
     """What the guides do to the sliders, and the force [N] of link i on link j at C."""
 
@@ -89,30 +80,27 @@ def slides(pose: PRPPose, rhs: Complex) -> tuple[Real, Real]:
     return cross(rhs, pose.j.e) * k, cross(pose.i.e, rhs) * k
 
 
-def velocity(pose: PRPPose, v_S1: GuideVelocity, v_S2: GuideVelocity, p: PRP) -> PRPVelocity:
+def velocity(pose: PRPPose, v_S1: LinkVelocity, v_S2: LinkVelocity, p: PRP) -> PRPVelocity:
     """Velocities [m/s] of the pin, rates [rad/s] of the guides, sliding rates [m/s]."""
-    carried_1 = v_S1.v + imul(pose.arm_1, v_S1.om)
-    carried_2 = v_S2.v + imul(pose.arm_2, v_S2.om)
+    carried_1, carried_2 = velocity_at(v_S1, pose.arm_1), velocity_at(v_S2, pose.arm_2)
     slide_1, back_2 = slides(pose, carried_2 - carried_1)
     v_C = carried_1 + mul(pose.i.e, slide_1)
     return PRPVelocity(LinkVelocity(v_C, v_S1.om), LinkVelocity(v_C, v_S2.om), slide_1, -back_2)
 
 
 def acceleration(
-    pose: PRPPose, vel: PRPVelocity, a_S1: GuideAcceleration, a_S2: GuideAcceleration, p: PRP
-) -> PRPAcceleration:
+    pose: PRPPose, vel: PRPVelocity, a_S1: LinkAcceleration, a_S2: LinkAcceleration, p: PRP
+) -> DyadAcceleration:
     """Accelerations [m/s2] of the pin, angular accelerations [rad/s2] of the guides.
 
     What a guide does to its slider by its own motion contains Coriolis' 2 i om s' u.
     """
     om_1, om_2 = vel.i.om, vel.j.om
-    carried_1 = a_S1.a + imul(pose.arm_1, a_S1.al) - mul(pose.arm_1, om_1 * om_1)
-    carried_2 = a_S2.a + imul(pose.arm_2, a_S2.al) - mul(pose.arm_2, om_2 * om_2)
-    carried_1 = carried_1 + imul(pose.i.e, 2 * om_1 * vel.S1)
-    carried_2 = carried_2 + imul(pose.j.e, 2 * om_2 * vel.S2)
+    carried_1 = acceleration_at(a_S1, om_1, pose.arm_1) + imul(pose.i.e, 2 * om_1 * vel.S1)
+    carried_2 = acceleration_at(a_S2, om_2, pose.arm_2) + imul(pose.j.e, 2 * om_2 * vel.S2)
     slide_1, _ = slides(pose, carried_2 - carried_1)
     a_C = carried_1 + mul(pose.i.e, slide_1)
-    return PRPAcceleration(LinkAcceleration(a_C, a_S1.al), LinkAcceleration(a_C, a_S2.al))
+    return DyadAcceleration(LinkAcceleration(a_C, a_S1.al), LinkAcceleration(a_C, a_S2.al))
 
 
 def reactions(pose: PRPPose, load_i: Load, load_j: Load, p: PRP) -> PRPReactions:
@@ -138,7 +126,7 @@ def size(pose: PRPPose, p: PRP) -> Real:
     return maximum(hyp(pose.arm_1), hyp(pose.arm_2))
 
 
-class PRP(AssurGroup, type="dyad.prp"):
+class PRP(OneMode, type="dyad.prp"):
     """Two sliders on two guides, pinned to each other at C.
 
     Parameters
@@ -163,20 +151,13 @@ class PRP(AssurGroup, type="dyad.prp"):
     S2 = outer_joint("P", "j", line=Line(along="x_S2", offset="h2"))
     built_in = {"C": BuiltIn("i"), "Cj": BuiltIn("j")}
     lengths = ("h1", "h2", "x_S1", "x_S2")
-    kernels: ClassVar[Kernels] = Kernels(
-        position, velocity, acceleration, reactions, transmission, size
-    )
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
     h1: Distance = 0.0
     h2: Distance = 0.0
     x_S1: Distance = 0.0
     x_S2: Distance = 0.0
     slider: dict[Literal["S1", "S2"], Literal["later", "earlier"]] = {}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_mode(cls, raw: Any) -> Any:
-        return no_branch("PRP", raw)
 
     @classmethod
     def from_points(

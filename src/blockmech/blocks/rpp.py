@@ -18,25 +18,24 @@ al. 2014, section 2 (groups of the second class).
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from pydantic import field_validator, model_validator
+from pydantic import field_validator
 
-from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
+from blockmech.blocks.modes import OneMode
+from blockmech.blocks.motion import DyadAcceleration, acceleration_at, velocity_at
 from blockmech.blocks.points import (
     Point,
     angle_between,
     dead_centre,
     given_points,
-    no_branch,
     unit,
 )
 from blockmech.plane import EPS, cross, dot, expi, hyp, imul, maximum, mul
 from blockmech.typing import (
     Complex,
     Guide,
-    GuideAcceleration,
-    GuideVelocity,
     LinkAcceleration,
     LinkPosition,
     LinkVelocity,
@@ -69,13 +68,6 @@ class RPPVelocity(NamedTuple):
     S: Real  # (...) [m/s] of link j on the outer guide
 
 
-class RPPAcceleration(NamedTuple):
-    """Accelerations of both links."""
-
-    i: LinkAcceleration
-    j: LinkAcceleration
-
-
 class RPPReactions(NamedTuple):
     """Force [N] on link i at B, what link i does to link j, and the outer guide to link j."""
 
@@ -103,42 +95,39 @@ def slides(pose: RPPPose, rhs: Complex) -> tuple[Real, Real]:
     return cross(rhs, pose.j.e) * k, cross(rhs, pose.i.e) * k
 
 
-def velocity(pose: RPPPose, v_B: Complex, v_S: GuideVelocity, p: RPP) -> RPPVelocity:
+def velocity(pose: RPPPose, v_B: Complex, v_S: LinkVelocity, p: RPP) -> RPPVelocity:
     """Velocities [m/s] of the links' origins, the guide's rate [rad/s], sliding rates [m/s]."""
-    v_G, om = v_S
-    slide_1, slide = slides(pose, v_B - v_G - imul(pose.arm_B, om))
-    v_O = v_G + imul(pose.arm_O, om) + mul(pose.j.e, slide)
+    om = v_S.om
+    slide_1, slide = slides(pose, v_B - velocity_at(v_S, pose.arm_B))
+    v_O = velocity_at(v_S, pose.arm_O) + mul(pose.j.e, slide)
     return RPPVelocity(LinkVelocity(v_B, om), LinkVelocity(v_O, om), slide_1, slide)
 
 
 def acceleration(
-    pose: RPPPose, vel: RPPVelocity, a_B: Complex, a_S: GuideAcceleration, p: RPP
-) -> RPPAcceleration:
+    pose: RPPPose, vel: RPPVelocity, a_B: Complex, a_S: LinkAcceleration, p: RPP
+) -> DyadAcceleration:
     """Accelerations [m/s2] of the links' origins, the guide's angular acceleration [rad/s2].
 
     What the guide does to the links by its own motion contains Coriolis' 2 i om s' u.
     """
-    a_G, al = a_S
     om, u1, u2 = vel.j.om, pose.i.e, pose.j.e
-    carried_B = a_G + imul(pose.arm_B, al) - mul(pose.arm_B, om * om)
-    carried_O = a_G + imul(pose.arm_O, al) - mul(pose.arm_O, om * om)
     coriolis = imul(mul(u2, vel.S) - mul(u1, vel.S1), 2 * om)
-    _, slide = slides(pose, a_B - carried_B - coriolis)
-    a_O = carried_O + imul(u2, 2 * om * vel.S) + mul(u2, slide)
-    return RPPAcceleration(LinkAcceleration(a_B, al), LinkAcceleration(a_O, al))
+    _, slide = slides(pose, a_B - acceleration_at(a_S, om, pose.arm_B) - coriolis)
+    a_O = acceleration_at(a_S, om, pose.arm_O) + imul(u2, 2 * om * vel.S) + mul(u2, slide)
+    return DyadAcceleration(LinkAcceleration(a_B, a_S.al), LinkAcceleration(a_O, a_S.al))
 
 
 def reactions(pose: RPPPose, load_i: Load, load_j: Load, p: RPP) -> RPPReactions:
     """Split the load of link j along the two normals, then balance link i.
 
     Loads are (force [N], moment about the link's origin [N m]); the guide couples are
-    about O.
+    about O, the inner one also about B.
     """
     (F_i, M_i), (F_j, M_j) = load_i, load_j
     k = 1 / pose.det
     N1, N = dot(F_j, pose.j.e) * k, -dot(F_j, pose.i.e) * k
     C1 = M_i - N1 * dot(pose.arm_O - pose.arm_B, pose.i.e)
-    return RPPReactions(imul(pose.i.e, N1) - F_i, Slide(N1, C1), Slide(N, -M_j - C1))
+    return RPPReactions(imul(pose.i.e, N1) - F_i, Slide(N1, C1, M_i), Slide(N, -M_j - C1))
 
 
 def transmission(pose: RPPPose, p: RPP) -> tuple[Real, Real]:
@@ -151,7 +140,7 @@ def size(pose: RPPPose, p: RPP) -> Real:
     return maximum(hyp(pose.arm_B), hyp(pose.arm_O))
 
 
-class RPP(AssurGroup, type="dyad.rpp"):
+class RPP(OneMode, type="dyad.rpp"):
     """A link on a pin at B, in a guide of a slider that moves on an outer guide.
 
     Parameters
@@ -185,9 +174,7 @@ class RPP(AssurGroup, type="dyad.rpp"):
     S = outer_joint("P", "j", line=Line(along="x_S"))
     built_in = {"B": BuiltIn("i"), "O": BuiltIn("j")}
     lengths = ("h_i", "h_j", "x_S1", "x_S")
-    kernels: ClassVar[Kernels] = Kernels(
-        position, velocity, acceleration, reactions, transmission, size
-    )
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
     beta: Angle
     h_i: Distance = 0.0
@@ -195,11 +182,6 @@ class RPP(AssurGroup, type="dyad.rpp"):
     x_S1: Distance = 0.0
     x_S: Distance = 0.0
     slider: dict[Literal["S1", "S"], Owner] = {}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_mode(cls, raw: Any) -> Any:
-        return no_branch("RPP", raw)
 
     @field_validator("beta")
     @classmethod

@@ -16,13 +16,14 @@ al. 2014, section 2 (groups of the second class).
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from pydantic import Field
 
 from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
 from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
-from blockmech.blocks.points import Point, dead_centre, given_points, unit
+from blockmech.blocks.motion import DyadAcceleration, SlidingVelocity
+from blockmech.blocks.points import Point, branch_of, given_points, unit
 from blockmech.plane import cross, dot, hyp, imul, mul, sqrt
 from blockmech.typing import (
     Complex,
@@ -45,21 +46,6 @@ class RPRPose(NamedTuple):
     r: Real  # (...) [m]  its length
     det: Real  # (...) [m]  dot(u, D - B), from the factored form
     margin: Real  # (...) [-]  cos^2 of the angle between the guide and BD
-
-
-class RPRVelocity(NamedTuple):
-    """Velocities of both links and the sliding rate."""
-
-    i: LinkVelocity
-    j: LinkVelocity
-    S: Real  # (...) [m/s] of link j on link i
-
-
-class RPRAcceleration(NamedTuple):
-    """Accelerations of both links."""
-
-    i: LinkAcceleration
-    j: LinkAcceleration
 
 
 class RPRReactions(NamedTuple):
@@ -93,32 +79,32 @@ def rates(pose: RPRPose, rhs: Complex) -> tuple[Real, Real]:
     return cross(pose.i.e, rhs) * k, dot(rhs, pose.d) * k
 
 
-def velocity(pose: RPRPose, v_B: Complex, v_D: Complex, p: RPR) -> RPRVelocity:
+def velocity(pose: RPRPose, v_B: Complex, v_D: Complex, p: RPR) -> SlidingVelocity:
     """Velocities [m/s] of the links' origins, their common rate [rad/s], sliding rate [m/s]."""
     om, slide = rates(pose, v_D - v_B)
-    return RPRVelocity(LinkVelocity(v_B, om), LinkVelocity(v_D, om), slide)
+    return SlidingVelocity(LinkVelocity(v_B, om), LinkVelocity(v_D, om), slide)
 
 
 def acceleration(
-    pose: RPRPose, vel: RPRVelocity, a_B: Complex, a_D: Complex, p: RPR
-) -> RPRAcceleration:
+    pose: RPRPose, vel: SlidingVelocity, a_B: Complex, a_D: Complex, p: RPR
+) -> DyadAcceleration:
     """Accelerations [m/s2] of the links' origins, their common angular acceleration [rad/s2]."""
     om = vel.i.om
     coriolis = imul(pose.i.e, 2 * om * vel.S)
     al, _ = rates(pose, a_D - a_B + mul(pose.d, om * om) - coriolis)
-    return RPRAcceleration(LinkAcceleration(a_B, al), LinkAcceleration(a_D, al))
+    return DyadAcceleration(LinkAcceleration(a_B, al), LinkAcceleration(a_D, al))
 
 
 def reactions(pose: RPRPose, load_i: Load, load_j: Load, p: RPR) -> RPRReactions:
     """Solve the moment equation of both links together, then of each alone.
 
     Loads are (force [N], moment about the link's origin [N m]); the guide couple is
-    about D.
+    about D, and about B.
     """
     (F_i, M_i), (F_j, M_j) = load_i, load_j
     N = (M_i + M_j) / pose.det
     f = imul(pose.i.e, N)
-    return RPRReactions(f - F_i, Slide(N, -M_j), -(F_j + f))
+    return RPRReactions(f - F_i, Slide(N, -M_j, M_i), -(F_j + f))
 
 
 def transmission(pose: RPRPose, p: RPR) -> tuple[Real, Real]:
@@ -162,9 +148,7 @@ class RPR(TwoModes, type="dyad.rpr"):
     D = outer_joint("R", "j")
     built_in = {"B": BuiltIn("i"), "D": BuiltIn("j")}
     lengths = ("h_i", "h_j", "x_S")
-    kernels: ClassVar[Kernels] = Kernels(
-        position, velocity, acceleration, reactions, transmission, size
-    )
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
     h_i: Distance = 0.0
     h_j: Distance = 0.0
@@ -180,13 +164,10 @@ class RPR(TwoModes, type="dyad.rpr"):
         S is the slider's point, anywhere on the guide line. Raises `GraphError` where
         the guide stands across BD: the branch is not defined there.
         """
-        b, d, s = given_points("RPR.from_points", B=B, D=D, S=S)
-        u = unit("RPR.from_points", along)
-        ahead = dot(u, d - b)
-        if ahead == 0:
-            raise dead_centre(
-                "RPR.from_points", "the guide stands across BD, so the branch is not defined"
-            )
+        where = "RPR.from_points"
+        b, d, s = given_points(where, B=B, D=D, S=S)
+        u = unit(where, along)
+        branch = branch_of(where, dot(u, d - b), "the guide stands across BD")
         owner = b if more.get("slider") in ("earlier", "i") else d
         lines = {"h_i": cross(u, s - b), "h_j": cross(u, s - d), "x_S": dot(u, s - owner)}
-        return cls(**lines, branch=1 if ahead > 0 else -1, **more)  # type: ignore[arg-type]
+        return cls(**lines, branch=branch, **more)  # type: ignore[arg-type]

@@ -16,19 +16,18 @@ al. 2014, section 2 (groups of the second class).
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from pydantic import Field
 
 from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
 from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
-from blockmech.blocks.points import Point, dead_centre, given_points, unit
+from blockmech.blocks.motion import DyadAcceleration, SlidingVelocity, acceleration_at, velocity_at
+from blockmech.blocks.points import Point, branch_of, given_points, unit
 from blockmech.plane import cross, dot, imul, mul, sqrt
 from blockmech.typing import (
     Complex,
     Guide,
-    GuideAcceleration,
-    GuideVelocity,
     LinkAcceleration,
     LinkPosition,
     LinkVelocity,
@@ -48,21 +47,6 @@ class RRPPose(NamedTuple):
     arm: Complex  # (...) [m]  C - G, from the guide's marker
     det: Real  # (...) [m]  dot(w, u), from the factored form
     margin: Real  # (...) [-]  cos^2 of the angle between link i and the guide
-
-
-class RRPVelocity(NamedTuple):
-    """Velocities of both links and the sliding rate."""
-
-    i: LinkVelocity
-    j: LinkVelocity
-    S: Real  # (...) [m/s] of the slider on the guide
-
-
-class RRPAcceleration(NamedTuple):
-    """Accelerations of both links."""
-
-    i: LinkAcceleration
-    j: LinkAcceleration
 
 
 class RRPReactions(NamedTuple):
@@ -96,28 +80,26 @@ def rates(pose: RRPPose, rhs: Complex) -> tuple[Real, Real]:
     return cross(pose.j.e, rhs) * k, -dot(rhs, pose.w) * k
 
 
-def velocity(pose: RRPPose, v_B: Complex, v_S: GuideVelocity, p: RRP) -> RRPVelocity:
+def velocity(pose: RRPPose, v_B: Complex, v_S: LinkVelocity, p: RRP) -> SlidingVelocity:
     """Velocities [m/s] of the links' origins, rates [rad/s], sliding rate [m/s]."""
-    v_G, om_g = v_S
-    om_i, slide = rates(pose, v_G + imul(pose.arm, om_g) - v_B)
+    om_i, slide = rates(pose, velocity_at(v_S, pose.arm) - v_B)
     v_C = v_B + imul(pose.w, om_i)
-    return RRPVelocity(LinkVelocity(v_B, om_i), LinkVelocity(v_C, om_g), slide)
+    return SlidingVelocity(LinkVelocity(v_B, om_i), LinkVelocity(v_C, v_S.om), slide)
 
 
 def acceleration(
-    pose: RRPPose, vel: RRPVelocity, a_B: Complex, a_S: GuideAcceleration, p: RRP
-) -> RRPAcceleration:
+    pose: RRPPose, vel: SlidingVelocity, a_B: Complex, a_S: LinkAcceleration, p: RRP
+) -> DyadAcceleration:
     """Accelerations [m/s2] of the links' origins, angular accelerations [rad/s2].
 
     The slider's acceleration on its guide contains Coriolis' 2 i om s' u.
     """
-    a_G, al_g = a_S
     om_i, om_g = vel.i.om, vel.j.om
-    carried = a_G + imul(pose.arm, al_g) - mul(pose.arm, om_g * om_g)
+    carried = acceleration_at(a_S, om_g, pose.arm) + imul(pose.j.e, 2 * om_g * vel.S)
     centripetal = mul(pose.w, om_i * om_i)
-    al_i, _ = rates(pose, carried + imul(pose.j.e, 2 * om_g * vel.S) + centripetal - a_B)
+    al_i, _ = rates(pose, carried + centripetal - a_B)
     a_C = a_B + imul(pose.w, al_i) - centripetal
-    return RRPAcceleration(LinkAcceleration(a_B, al_i), LinkAcceleration(a_C, al_g))
+    return DyadAcceleration(LinkAcceleration(a_B, al_i), LinkAcceleration(a_C, a_S.al))
 
 
 def reactions(pose: RRPPose, load_i: Load, load_j: Load, p: RRP) -> RRPReactions:
@@ -168,7 +150,7 @@ class RRP(TwoModes, type="dyad.rrp"):
     S = outer_joint("P", "j", line=Line(along="x_S", offset="h"))
     built_in = {"B": BuiltIn("i"), "C": BuiltIn("i", "l"), "Cj": BuiltIn("j")}
     lengths = ("l", "h", "x_S")
-    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions, transmission)
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission)
 
     l: Length
     h: Distance = 0.0
@@ -184,12 +166,9 @@ class RRP(TwoModes, type="dyad.rrp"):
         S is the slider's point, anywhere on the guide line. Raises `GraphError` where
         link i stands across the guide: the branch is not defined there.
         """
-        b, c, s = given_points("RRP.from_points", B=B, C=C, S=S)
-        u = unit("RRP.from_points", along)
-        ahead = dot(u, c - b)
-        if ahead == 0:
-            raise dead_centre(
-                "RRP.from_points", "link BC stands across the guide, so the branch is not defined"
-            )
+        where = "RRP.from_points"
+        b, c, s = given_points(where, B=B, C=C, S=S)
+        u = unit(where, along)
+        branch = branch_of(where, dot(u, c - b), "link BC stands across the guide")
         foot = {"l": abs(c - b), "h": cross(u, s - c), "x_S": dot(u, s - c)}
-        return cls(**foot, branch=1 if ahead > 0 else -1, **more)  # type: ignore[arg-type]
+        return cls(**foot, branch=branch, **more)  # type: ignore[arg-type]

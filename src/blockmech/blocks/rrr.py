@@ -13,23 +13,20 @@ Sources: [R10] Ruiz, Durango & Calle 2010; [D14] Durango et al. 2014.
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import Field
 
 from blockmech.blocks.contract import BuiltIn, Kernels, inner_joint, outer_joint
 from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
-from blockmech.errors import GraphError, Problem
+from blockmech.blocks.motion import DyadAcceleration, DyadVelocity
+from blockmech.blocks.points import Point, branch_of, given_points
 from blockmech.plane import cross, dot, hyp, imul, mul, sqrt
-from blockmech.typing import (
-    Complex,
-    LinkAcceleration,
-    LinkPosition,
-    LinkVelocity,
-    Load,
-    Real,
-)
+from blockmech.typing import Complex, LinkAcceleration, LinkPosition, LinkVelocity, Load, Real
 from blockmech.values import Length
+
+Bent: TypeAlias = Any
+"""A pose of two pinned links: u = C - B, w = C - D [m], det = cross(u, w) [m2]."""
 
 
 class RRRPose(NamedTuple):
@@ -41,36 +38,6 @@ class RRRPose(NamedTuple):
     w: Complex  # (...) [m]  C - D
     det: Real  # (...) [m2]  cross(u, w), from the factored form
     margin: Real  # (...) [-]  sin^2 of the angle at C
-
-
-class Bent(Protocol):
-    """What the rates and reactions of two pinned links need of their pose."""
-
-    @property
-    def u(self) -> Complex:
-        """C - B [m]."""
-
-    @property
-    def w(self) -> Complex:
-        """C - D [m]."""
-
-    @property
-    def det(self) -> Real:
-        """cross(u, w) [m2]."""
-
-
-class RRRVelocity(NamedTuple):
-    """Velocities of both links."""
-
-    i: LinkVelocity
-    j: LinkVelocity
-
-
-class RRRAcceleration(NamedTuple):
-    """Accelerations of both links."""
-
-    i: LinkAcceleration
-    j: LinkAcceleration
 
 
 class RRRReactions(NamedTuple):
@@ -112,19 +79,19 @@ def rates(pose: Bent, rhs: Complex) -> tuple[Real, Real]:
     return dot(rhs, pose.w) * k, dot(rhs, pose.u) * k
 
 
-def velocity(pose: RRRPose, v_B: Complex, v_D: Complex, p: RRR) -> RRRVelocity:
+def velocity(pose: RRRPose, v_B: Complex, v_D: Complex, p: RRR) -> DyadVelocity:
     """Velocities [m/s] of the links' origins and their rates [rad/s]."""
     om_i, om_j = rates(pose, v_D - v_B)
-    return RRRVelocity(LinkVelocity(v_B, om_i), LinkVelocity(v_D, om_j))
+    return DyadVelocity(LinkVelocity(v_B, om_i), LinkVelocity(v_D, om_j))
 
 
 def acceleration(
-    pose: RRRPose, vel: RRRVelocity, a_B: Complex, a_D: Complex, p: RRR
-) -> RRRAcceleration:
+    pose: RRRPose, vel: DyadVelocity, a_B: Complex, a_D: Complex, p: RRR
+) -> DyadAcceleration:
     """Accelerations [m/s2] of the links' origins, angular accelerations [rad/s2]."""
     om_i, om_j = vel.i.om, vel.j.om
     al_i, al_j = rates(pose, a_D - a_B + mul(pose.u, om_i * om_i) - mul(pose.w, om_j * om_j))
-    return RRRAcceleration(LinkAcceleration(a_B, al_i), LinkAcceleration(a_D, al_j))
+    return DyadAcceleration(LinkAcceleration(a_B, al_i), LinkAcceleration(a_D, al_j))
 
 
 def reactions(pose: RRRPose, load_i: Load, load_j: Load, p: RRR) -> RRRReactions:
@@ -176,7 +143,7 @@ class RRR(TwoModes, type="dyad.rrr"):
         "Cj": BuiltIn("j", "l_j"),
     }
     lengths = ("l_i", "l_j")
-    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions, transmission)
+    kernels = Kernels(position, velocity, acceleration, reactions, transmission)
 
     l_i: Length
     l_j: Length
@@ -184,27 +151,16 @@ class RRR(TwoModes, type="dyad.rrr"):
     home: BranchHome | None = Field(default=None, repr=False)
 
     @classmethod
-    def from_points(
-        cls,
-        B: complex | tuple[float, float],
-        C: complex | tuple[float, float],
-        D: complex | tuple[float, float],
-        **more: object,
-    ) -> RRR:
+    def from_points(cls, B: Point, C: Point, D: Point, **more: object) -> RRR:
         """Make the dyad from one pose of its joints [m]; lengths and branch follow.
 
         Raises `GraphError` where C lies on the line BD: the branch is not defined there.
         """
-        b, c, d = (z if isinstance(z, complex) else complex(*z) for z in (B, C, D))
-        side = cross(d - b, c - b)
-        if side == 0:
-            raise GraphError(
-                Problem(
-                    "dead-centre",
-                    "RRR.from_points",
-                    "B, C and D lie on one line, so the branch is not defined",
-                    "",
-                    "give a pose in which the dyad is bent, or l_i, l_j and branch",
-                )
-            )
-        return cls(l_i=abs(c - b), l_j=abs(d - c), branch=1 if side > 0 else -1, **more)  # type: ignore[arg-type]
+        return cls(**bent("RRR.from_points", B, C, D), **more)  # type: ignore[arg-type]
+
+
+def bent(where: str, B: Point, C: Point, D: Point) -> dict[str, Any]:
+    """Lengths and branch of two links from B and D to C."""
+    b, c, d = given_points(where, B=B, C=C, D=D)
+    branch = branch_of(where, cross(d - b, c - b), "B, C and D lie on one line")
+    return {"l_i": abs(c - b), "l_j": abs(d - c), "branch": branch}

@@ -10,15 +10,14 @@ Eqs. 14-16).
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, Line, outer_joint
+from blockmech.blocks.motion import acceleration_at, velocity_at
 from blockmech.plane import dot, imul, mul
 from blockmech.typing import (
     Complex,
     Guide,
-    GuideAcceleration,
-    GuideVelocity,
     LinkAcceleration,
     LinkPosition,
     LinkVelocity,
@@ -62,20 +61,19 @@ def position(S: Guide, q: Real, p: SlideDrive) -> SlidePose:
     return SlidePose(LinkPosition(S.p + arm, S.u), arm)
 
 
-def velocity(pose: SlidePose, S: GuideVelocity, qd: Real, p: SlideDrive) -> SlideVelocity:
+def velocity(pose: SlidePose, S: LinkVelocity, qd: Real, p: SlideDrive) -> SlideVelocity:
     """Velocity of the guide's link at the slider plus the sliding rate [m/s]."""
-    v = S.v + imul(pose.arm, S.om) + mul(pose.slider.e, qd)
+    v = velocity_at(S, pose.arm) + mul(pose.slider.e, qd)
     return SlideVelocity(LinkVelocity(v, S.om), qd)
 
 
 def acceleration(
-    pose: SlidePose, vel: SlideVelocity, S: GuideAcceleration, qdd: Real, p: SlideDrive
+    pose: SlidePose, vel: SlideVelocity, S: LinkAcceleration, qdd: Real, p: SlideDrive
 ) -> SlideAcceleration:
     """Guide's acceleration at the slider, Coriolis and relative acceleration [m/s2]."""
     om = vel.slider.om
-    carried = S.a + imul(pose.arm, S.al) - mul(pose.arm, om * om)
     relative = imul(pose.slider.e, 2 * om * vel.S) + mul(pose.slider.e, qdd)
-    return SlideAcceleration(LinkAcceleration(carried + relative, S.al))
+    return SlideAcceleration(LinkAcceleration(acceleration_at(S, om, pose.arm) + relative, S.al))
 
 
 def reactions(pose: SlidePose, load_slider: Load, p: SlideDrive) -> SlideReactions:
@@ -106,7 +104,7 @@ class SlideDrive(DrivingLink, type="driver.slide"):
     link_names = ("slider",)
     S = outer_joint("P", "slider", line=Line(), driven=True)
     built_in = {"S": BuiltIn("slider")}
-    kernels: ClassVar[Kernels] = Kernels(position, velocity, acceleration, reactions)
+    kernels = Kernels(position, velocity, acceleration, reactions)
 
     offset: Distance = 0.0
     sign: Sign = 1

@@ -22,12 +22,11 @@ from blockmech.cli.draw import draw
 from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.simulate import simulate
-from blockmech.cli.terminal import say
+from blockmech.cli.terminal import DONE, FAULT, INTERRUPTED, NO_ANSWER, WRONG, say
 from blockmech.cli.test import test
 from blockmech.cli.trade import trade
 from blockmech.errors import BlockmechError, SampleError
 
-DONE, NO_ANSWER, WRONG, FAULT, INTERRUPTED = 0, 1, 2, 3, 130
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade),
     *(test, new, blocks, schema),

@@ -10,7 +10,7 @@ from blockmech.builders import Graph, Opened, opened, problems_in
 from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import AsJson, At, DegreesOfText, option, refused, si_only, switch
-from blockmech.cli.terminal import answer, note, progress_bar
+from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:
@@ -27,7 +27,7 @@ def check(file: GraphFile, json: AsJson = False) -> None:
         rows = [p.to_dict() for p in problems]
         answer(file, json, {"ok": not problems, **facts, "problems": rows}, text)
     if problems:
-        raise typer.Exit(2)
+        raise typer.Exit(WRONG)
 
 
 def _facts(found: Opened) -> tuple[dict[str, Any], str]:
@@ -59,7 +59,7 @@ def verify(file: GraphFile, at: At = None, json: AsJson = False) -> None:
     rows = [{key: getattr(row, key) for key in keys} for row in found.rows]
     answer(file, json, {"ok": found.ok, "rows": rows}, str(found))
     if not found.ok:
-        raise typer.Exit(1)
+        raise typer.Exit(NO_ANSWER)
 
 
 def limits(

@@ -12,7 +12,7 @@ import typer
 from blockmech.blocks.contract import SHARED_FIELDS, Block, Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.cli.terminal import say
-from blockmech.loads.contract import Element
+from blockmech.loads.contract import Element, Following
 
 
 class Document(StrEnum):
@@ -65,6 +65,8 @@ def _described(name: str, block: type[Block]) -> Iterator[str]:
     if issubclass(block, Element):
         for terminal, what in block.terminals.items():
             yield f"  wire        {terminal}: a {what.kind}, takes {what.unit}"
+    if issubclass(block, Following):
+        yield f"  coordinate  of the law: {block.own_coordinate}; or the driver's"
     yield from _parameters(block)
     if issubclass(block, Moving):
         yield f"  friction    of joints {', '.join(block.joints)}"

@@ -21,10 +21,9 @@ def motion_lines(result: Result, degrees: bool = False) -> list[str]:
         return []
     names = list(result.drivers)
     units = [result.unit_of_driver(name) for name in names]
-    shown = list(motion.events[:LINES])
-    lines = [f"{e.kind} at {_state(e, names, units, degrees)}" for e in shown]
-    if len(motion.events) > LINES:
-        lines.append(f"... and {len(motion.events) - LINES} events more")
+    lines = [f"{e.kind} at {_state(e, names, units, degrees)}" for e in motion.events]
+    if len(lines) > LINES:
+        lines = [*lines[: LINES - 1], f"... {len(lines) - LINES} events more", lines[-1]]
     goal = "reached" if motion.status == "reached" else motion.status
     lines.append(f"{goal}: {motion.end}, after {_number(motion.t_end)} s")
     why = f" ({motion.why})" if motion.why else ""

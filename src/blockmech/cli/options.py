@@ -35,6 +35,9 @@ Times = Annotated[
 Want = Annotated[
     list[str] | None, option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")
 ]
+Friction = Annotated[str | None, option("none, single, successive or newton.", "METHOD")]
+Tolerance = Annotated[float | None, option("Stop of successive approximations [N].", "X")]
+Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
 Static = Annotated[bool, switch("static", "Leave inertia out.")]
 Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 AsJson = Annotated[bool, switch("json", "Print as JSON.")]

@@ -9,17 +9,26 @@ import typer
 
 from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.numbers import coordinates, times
-from blockmech.cli.options import At, Explain, Samples, Static, Times, Want, names_of, option
+from blockmech.cli.options import (
+    At,
+    Explain,
+    Friction,
+    Iterations,
+    Samples,
+    Static,
+    Times,
+    Tolerance,
+    Want,
+    names_of,
+    option,
+)
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
-from blockmech.cli.terminal import note, progress_bar, say
+from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines
 from blockmech.failures import without_gaps
 from blockmech.result import Result
 
-Friction = Annotated[str | None, option("none, single, successive or newton.", "METHOD")]
-Tolerance = Annotated[float | None, option("Stop of successive approximations (1e-3 N).", "X")]
-Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
 ]
@@ -75,7 +84,7 @@ def run(
     if on_gap == "stop" and not output.is_data:  # the table does not reach them
         note(*gaps)
     if gaps:
-        raise typer.Exit(1)
+        raise typer.Exit(NO_ANSWER)
 
 
 def _pictures(result: Result, folder: Path, degrees: bool) -> None:

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from blockmech.cli.given import GraphFile, compiled
 from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
-from blockmech.cli.options import Explain, Times, Want, names_of, option
+from blockmech.cli.options import (
+    Explain,
+    Friction,
+    Iterations,
+    Times,
+    Tolerance,
+    Want,
+    names_of,
+    option,
+)
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
-from blockmech.cli.terminal import progress_bar, say
+from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
 from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines
 from blockmech.result import Result
@@ -31,7 +40,6 @@ Start = Annotated[
         "[DRIVER=]Q[,RATE]",
     ),
 ]
-Friction = Annotated[str | None, option("none leaves joint friction out.", "none")]
 Method = Annotated[
     str,
     option("auto, energy, spectral, dop853, lsoda, radau, rk4 or euler_q.", "METHOD"),
@@ -39,7 +47,6 @@ Method = Annotated[
 Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]
 Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
 
-INTERRUPTED = 130
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 
 
@@ -50,6 +57,8 @@ def simulate(
     at_times: Times = None,
     want: Want = None,
     friction: Friction = None,
+    tolerance: Tolerance = None,
+    iterations: Iterations = None,
     method: Method = "auto",
     accuracy: Accuracy = None,
     step: Step = None,
@@ -71,8 +80,12 @@ def simulate(
     output = Output(file, json, out, csv, plot, deg, separator, decimal)
     mechanism = compiled(file)
     names = names_of(want) or (EVERYTHING if out is not None else DRIVERS)
+    settings = {"tolerance": tolerance, "iterations": iterations}
     if explain:
-        say(mechanism.explain(names, friction="none"))
+        from blockmech.dynamics.simulation import evaluation_cost
+
+        rubs: dict[str, Any] = {"friction": friction or "newton", **settings}
+        say(mechanism.explain(names, **rubs), "\n\n", evaluation_cost(mechanism, **rubs))
         return
     given, begun = times(at_times), starts(mechanism, start or [])
     with progress_bar("simulating", quiet=output.is_data) as told:
@@ -86,13 +99,14 @@ def simulate(
             want=names,
             friction=friction,
             progress=told,
+            **settings,
         )
         gaps = gap_lines(result, deg)
     output.show(result, _pictures, gaps, ["", *motion_lines(result, deg)])
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):
-        raise typer.Exit(1)
+        raise typer.Exit(NO_ANSWER)
 
 
 def _pictures(result: Result, folder: Path, degrees: bool) -> None:

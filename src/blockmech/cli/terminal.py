@@ -15,6 +15,7 @@ import typer
 
 from blockmech.files import cannot_write
 
+DONE, NO_ANSWER, WRONG, FAULT, INTERRUPTED = 0, 1, 2, 3, 130  # exit codes
 PATIENCE = 1.0  # [s] after which a reader wants to see that something happens
 
 

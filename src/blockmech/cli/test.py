@@ -13,7 +13,7 @@ import typer
 
 from blockmech.builders import opened
 from blockmech.cli.options import AsJson
-from blockmech.cli.terminal import note, progress_bar, say
+from blockmech.cli.terminal import NO_ANSWER, WRONG, note, progress_bar, say
 from blockmech.errors import BlockmechError, Problem, in_file
 from blockmech.model.expect import Expectation
 from blockmech.testing.expectations import (
@@ -97,7 +97,7 @@ def test(
             note(*map(str, t.problems))
         say(_summary(tested))
     if wrong or failed:
-        raise typer.Exit(2 if wrong else 1)
+        raise typer.Exit(WRONG if wrong else NO_ANSWER)
 
 
 def _runs(paths: list[str]) -> Iterator[Tested]:

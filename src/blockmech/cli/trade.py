@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.cli.given import GraphFile, compiled
-from blockmech.cli.numbers import SECONDS, coordinates, row, times
+from blockmech.cli.numbers import SECONDS, coordinates, row, starts, times
 from blockmech.cli.options import (
     At,
     Samples,
@@ -33,6 +33,11 @@ Budget = Annotated[str, option("Time for the whole.", "TIME")]
 Target = Annotated[float | None, option("Wanted error (1e-9).", "X")]
 Within = Annotated[str | None, option("Longest time of one run, e.g. 2ms.", "TIME")]
 Until = Annotated[str | None, option("Of simulate: standstill, time=2, turns=3 ...", "GOAL")]
+Start = Annotated[
+    list[str] | None,
+    option("Of simulate: where a driver starts, e.g. 60deg,-3deg/s.", "[DRIVER=]Q[,RATE]"),
+]
+Friction = Annotated[str | None, option("Of simulate: one method of joint friction.", "METHOD")]
 Json = Annotated[bool, switch("json", "Print the trade as JSON.")]
 Out = Annotated[str | None, option("Write trade.csv, trade.json and trade.png.", "DIR")]
 Plot = Annotated[str | None, option("Draw it (png, svg, pdf).", "FILE")]
@@ -49,6 +54,8 @@ def trade(
     samples: Samples = None,
     at_times: Times = None,
     until: Until = None,
+    start: Start = None,
+    friction: Friction = None,
     static: Static = False,
     json: Json = False,
     out: Out = None,
@@ -73,6 +80,8 @@ def trade(
         "samples": samples,
         "times": times(at_times),
         "until": until,
+        "start": starts(mechanism, start or []),
+        "friction": friction,
         "static": static or None,
         "target": target,
         "within": None if within is None else _seconds("--within", within),

@@ -41,7 +41,8 @@ __all__ = [
 class Document(Protocol):
     """A graph or linkage."""
 
-    def compile(self) -> Compiled: ...
+    def compile(self) -> Compiled:
+        """The mechanism that it describes."""
 
 
 Subject: TypeAlias = Document | Compiled

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
@@ -17,14 +16,13 @@ from blockmech.compiled import Compiled
 from blockmech.draw.layout import Box, Ends
 from blockmech.draw.palette import SIZES, SMALL, TEXT
 from blockmech.draw.paper import shown_name, text_width
-from blockmech.errors import listed
+from blockmech.errors import Problem, listed
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.model.structure import LinkRef, Structure
 
-Kind = Literal["frame", "driver", "group", "element", "unknown", "missing"]
 MOST = 40  # blocks in a diagram; a page holds no more
 
 
@@ -39,11 +37,14 @@ class Port:
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A block as the diagram shows it."""
+class DrawnBlock:
+    """A block as the diagram shows it.
+
+    ``kind`` is frame, driver, group, element, unknown or missing.
+    """
 
     name: str
-    kind: Kind
+    kind: str
     words: str  # under the name: class and kind, or the type
     ports: tuple[Port, ...]
     markers: tuple[str, ...]  # words beside the used ones, once per wire
@@ -69,7 +70,7 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Flow:
+class DrawnWire:
     """A wire: where it runs, and whether anything flows forward; effort always flows back."""
 
     ends: Ends
@@ -84,18 +85,8 @@ class Content:
     title: str
     subtitle: str
     complete: bool
-    blocks: tuple[Shown, ...]
-    flows: tuple[Flow, ...]
-
-
-def graph_of(mechanism: Compiled) -> Graph:
-    """The graph of a compiled mechanism."""
-    structure = mechanism.structure
-    graph = Graph(mechanism.name)
-    graph.blocks = {structure.frame: structure.fixed, **structure.blocks, **structure.elements}
-    ends = {**structure.feeds, **structure.holds}
-    graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
-    return graph
+    blocks: tuple[DrawnBlock, ...]
+    wires: tuple[DrawnWire, ...]
 
 
 @dataclass(frozen=True)
@@ -110,9 +101,9 @@ class Words:
         """The words of the document that a graph was made of."""
         if names is None:
             return cls({}, {})
-        said = {where.link: link for link, where in names.links.items()}
+        called = {where.link: link for link, where in names.links.items()}
         links = {
-            name: [said[ref] for x in b.link_names if (ref := LinkRef(name, x)) in said]
+            name: [called[ref] for x in b.link_names if (ref := LinkRef(name, x)) in called]
             for name, b in graph.blocks.items()
             if isinstance(b, Moving)
         }
@@ -137,38 +128,47 @@ class Words:
         return self.wires.get(f"{wire.target}.{wire.port}", marker)
 
 
+def graph_of(mechanism: Compiled) -> Graph:
+    """The graph of a compiled mechanism."""
+    structure = mechanism.structure
+    graph = Graph(mechanism.name)
+    graph.blocks = {structure.frame: structure.fixed, **structure.blocks, **structure.elements}
+    ends = {**structure.feeds, **structure.holds}
+    graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
+    return graph
+
+
 def content_of(graph: Graph, names: Names | None = None) -> Content:
     """What the diagram of a graph shows; ``names`` are those of links and joints."""
-    said = Words.of(names, graph)
-    wires = [ends for wire in graph.wires if all(ends := _ends(wire))]
+    words = Words.of(names, graph)
+    # An address that is none at all leaves a part empty.
+    parts = (wire.source.partition(".") + wire.target.partition(".") for wire in graph.wires)
+    wires = [Ends(*ends) for p in parts if all(ends := (p[0], p[2], p[3], p[5]))]
+    shown = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
     problems = graph.check()
-    named = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
     if problems:
-        codes = {p.code: [q.where for q in problems if q.code == p.code] for p in problems}
-        found = "; ".join(f"{code}: {listed(where, 4)}" for code, where in codes.items())
-        subtitle = f"not complete – {found}"
+        subtitle = _complaint(problems)
     else:
         s = graph.structure()
-        subtitle = said.formula(s).replace("->", "→")
-    if len(named) > MOST:  # of a valid graph in the order of formation
-        subtitle = f"first {MOST} of {len(named)} blocks – {subtitle}"
-        named = (named if problems else [s.frame, *s.blocks, *s.elements])[:MOST]
-    drawn = [w for w in wires if w.source in named and w.target in named]
+        subtitle = words.formula(s).replace("->", "→")
+    if len(shown) > MOST:  # of a valid graph in the order of formation
+        subtitle = f"first {MOST} of {len(shown)} blocks – {subtitle}"
+        shown = (shown if problems else [s.frame, *s.blocks, *s.elements])[:MOST]
+    drawn = [w for w in wires if w.source in shown and w.target in shown]
     fed = {(w.target, w.port) for w in wires}
     return Content(
         title=graph.title or graph.name,
         subtitle=subtitle,
         complete=not problems,
-        blocks=tuple(_shown(graph, name, drawn, fed, said) for name in named),
-        flows=tuple(Flow(w, _flows(graph, w), said.beside(w)) for w in drawn),
+        blocks=tuple(_block(graph, name, drawn, fed, words) for name in shown),
+        wires=tuple(DrawnWire(w, _flows(graph, w), words.beside(w)) for w in drawn),
     )
 
 
-def _ends(wire: Wire) -> Ends:
-    """The two addresses; some part is empty where one of them is none at all."""
-    source, _, marker = wire.source.partition(".")
-    target, _, port = wire.target.partition(".")
-    return Ends(source, marker, target, port)
+def _complaint(problems: Sequence[Problem]) -> str:
+    codes = {p.code: [q.where for q in problems if q.code == p.code] for p in problems}
+    found = "; ".join(f"{code}: {listed(where, 4)}" for code, where in codes.items())
+    return f"not complete – {found}"
 
 
 def _flows(graph: Graph, wire: Ends) -> bool:
@@ -177,48 +177,41 @@ def _flows(graph: Graph, wire: Ends) -> bool:
     return not isinstance(target, Element) or bool(target.reads().get(wire.port))
 
 
-def _shown(
-    graph: Graph, name: str, wires: list[Ends], fed: set[tuple[str, str]], said: Words
-) -> Shown:
+def _block(
+    graph: Graph, name: str, wires: list[Ends], fed: set[tuple[str, str]], words: Words
+) -> DrawnBlock:
+    """A block with the ports that it declares, and those that wires name."""
     block = graph.blocks.get(name)
-    pairs: dict[str, str] = {}  # of the ports that the block declares
-    if isinstance(block, Moving):
-        pairs = {j.name: j.kind for j in block.joints.values() if j.outer}
-    elif isinstance(block, Element):
-        pairs = dict.fromkeys(block.terminals, "")
-    named = [w.port for w in wires if w.target == name]
-    ports = []
-    for port in dict.fromkeys([*pairs, *named]):
-        pair = pairs.get(port, "")
-        word = shown_name(said.wires.get(f"{name}.{port}", port), 16)
-        label = f"{word} ({pair})" if pair else word
-        ports.append(Port(port, pair, (name, port) in fed, label))
-    kind, words = _kind(block)
-    if said.links.get(name):
-        words = f"{words}: {', '.join(said.links[name])}"
-    markers = tuple(said.beside(w) for w in wires if w.source == name)
-    drive = _drive(block) if isinstance(block, Moving) else ()
-    return Shown(name, kind, words, tuple(ports), markers, drive)
-
-
-def _kind(block: object) -> tuple[Kind, str]:
-    """What a block is, and the words under its name."""
+    declared: dict[str, str] = {}
+    drive: tuple[str, ...] = ()
     match block:
         case Frame():
-            return "frame", "fixed link"
+            kind, under = "frame", "fixed link"
         case Moving():
-            words = f"{block.group_class} {block.kind}".strip()
-            return "group" if block.closes else "driver", words
+            kind = "group" if block.closes else "driver"
+            under = f"{block.group_class} {block.kind}".strip()
+            declared = {j.name: j.kind for j in block.joints.values() if j.outer}
+            drive = _drive(block)
         case Element():
-            return "element", block.type_name.rsplit(".", 1)[-1].replace("_", " ")
+            kind, under = "element", block.type_name.rsplit(".", 1)[-1].replace("_", " ")
+            declared = dict.fromkeys(block.terminals, "")
         case UnknownBlock():
-            return "unknown", f"{block.type}?"
-    return "missing", "no such block"
+            kind, under = "unknown", f"{block.type}?"
+        case _:
+            kind, under = "missing", "no such block"
+    if words.links.get(name):
+        under = f"{under}: {', '.join(words.links[name])}"
+    ports = []
+    for port in dict.fromkeys([*declared, *(w.port for w in wires if w.target == name)]):
+        pair = declared.get(port, "")
+        word = shown_name(words.wires.get(f"{name}.{port}", port), 16)
+        ports.append(Port(port, pair, (name, port) in fed, f"{word} ({pair})" if pair else word))
+    markers = tuple(words.beside(w) for w in wires if w.source == name)
+    return DrawnBlock(name, kind, under, tuple(ports), markers, drive)
 
 
 def _drive(block: Moving) -> tuple[str, ...]:
     """Symbols of the coordinates and efforts of a block's drivers, with all their units."""
     units = {"q": [j.coordinate_unit for j in block.driven]}
     units["τ"] = [j.effort_unit for j in block.driven]
-    found = {symbol: " ".join(f"[{u}]" for u in dict.fromkeys(us)) for symbol, us in units.items()}
-    return tuple(f"{symbol} {said}" for symbol, said in found.items() if said)
+    return tuple(f"{x} [{'] ['.join(dict.fromkeys(us))}]" for x, us in units.items() if us)

@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 from blockmech.draw import palette as ink
-from blockmech.draw.boxes import Content, Flow, Port, Shown, content_of
+from blockmech.draw.boxes import Content, DrawnBlock, DrawnWire, Port, content_of
 from blockmech.draw.layout import arrange
 from blockmech.draw.palette import ROW, SIZES
 from blockmech.draw.paper import fitting_columns, new_page, shown_name, styled, wrapped
@@ -84,16 +84,16 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
     ``names`` of the links and joints that it was made of stand in the place of its own.
     """
     content = content_of(graph, names)
-    wires = [flow.ends for flow in content.flows]
-    placed = place(arrange([b.box() for b in content.blocks], wires), wires)
+    wires = [wire.ends for wire in content.wires]
+    placed = place(arrange([b.box() for b in content.blocks], wires))
     view = _view(graph)
     if view:
-        honour(placed, view, wires, driven=any(b.drive for b in content.blocks))
+        honour(placed, view)
     inside = max(placed.width, ink.COLUMN - 2 * SIZES.margin)
     width = inside + 2 * SIZES.margin
     title = wrapped(shown_name(content.title, 90), ink.TEXT, inside, bold=True)
     subtitle = wrapped(shown_name(content.subtitle, 1200), ink.SMALL, inside)
-    legend = _legend(content, bool(placed.backward))
+    legend = _legend(content, bool(placed.made.backward))
     columns = fitting_columns([*legend], inside)
     head = 2 * SIZES.margin + (ROW + 1) * len(title) + ROW * len(subtitle)
     foot = 2 * SIZES.margin + 1.1 * ROW * -(-len(legend) // columns)
@@ -110,8 +110,8 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
         colour = ink.INK if content.complete else ink.ALARM
         for k, line in enumerate(subtitle):
             drawn.write(x, y + (ROW + 1) * len(title) + ROW * k, line, color=colour)
-        for i, flow in enumerate(content.flows):
-            _draw_wire(drawn, i, flow)
+        for i, wire in enumerate(content.wires):
+            _draw_wire(drawn, i, wire)
         for block in content.blocks:
             _draw_block(drawn, block)
         handles = [Line2D([], [], label=words, **look) for words, look in legend.items()]
@@ -135,7 +135,7 @@ def _view(graph: Graph) -> dict[str, Point]:
 # -- blocks ------------------------------------------------------------------------------
 
 
-def _draw_block(drawn: Diagram, block: Shown) -> None:
+def _draw_block(drawn: Diagram, block: DrawnBlock) -> None:
     from matplotlib.patches import Rectangle as Patch
 
     r = drawn.placed.boxes[block.name]
@@ -143,8 +143,9 @@ def _draw_block(drawn: Diagram, block: Shown) -> None:
     look: dict[str, Any] = {"fc": FILLS[block.kind], "ec": ink.ALARM if wrong else ink.INK}
     look |= {"ls": "--" if wrong else "-", "lw": 0.6 if small else 0.9, "zorder": 2}
     backed = {}
-    if unknown:  # words on paper over hatching
-        look["hatch"] = "////"
+    if unknown:  # words on paper over pale hatching
+        drawn.axes.add_patch(Patch((r.x, r.y), r.width, r.height, **look))
+        look |= {"hatch": "////", "ec": ink.PALE, "zorder": 1.9}
         backed = {"bbox": {"facecolor": ink.PAPER, "edgecolor": "none", "pad": 0.5}}
     box = Patch((r.x, r.y), r.width, r.height, label=f"box:{block.name}", **look)
     drawn.axes.add_patch(box)
@@ -160,7 +161,7 @@ def _draw_block(drawn: Diagram, block: Shown) -> None:
         _draw_drive(drawn, r, block.drive)
 
 
-def _draw_port(drawn: Diagram, block: Shown, port: Port, backed: dict[str, Any]) -> None:
+def _draw_port(drawn: Diagram, block: DrawnBlock, port: Port, backed: dict[str, Any]) -> None:
     x, y = drawn.placed.port(block.name, port.name)
     colour = ink.INK if port.wired else ink.ALARM
     what = f"{'port' if port.wired else 'unwired'}:{block.name}.{port.name}"
@@ -183,19 +184,19 @@ def _draw_drive(drawn: Diagram, r: Rectangle, labels: tuple[str, ...]) -> None:
 # -- wires ---------------------------------------------------------------------------------
 
 
-def _draw_wire(drawn: Diagram, i: int, flow: Flow) -> None:
-    source, marker, target, port = flow.ends
+def _draw_wire(drawn: Diagram, i: int, wire: DrawnWire) -> None:
+    source, marker, target, port = wire.ends
     what, way = f"{source}.{marker} -> {target}.{port}", drawn.placed.ways[i]
-    if i in drawn.placed.backward:
+    if i in drawn.placed.made.backward:
         drawn.arrow(shortened(way, SIZES.port), "cycle", what)
     else:
-        aside = SIZES.aside if flow.forward else 0.0
-        if flow.forward:
+        aside = SIZES.aside if wire.forward else 0.0
+        if wire.forward:
             drawn.arrow(shortened(shifted(way, aside), SIZES.port), "forward", what)
         drawn.arrow(shortened(shifted(way, -aside)[::-1], SIZES.port), "back", what)
     x, y = way[0]
     drawn.pin(x, y, "marker", f"marker:{source}.{marker}")
-    drawn.write(x - SIZES.pad, y, shown_name(flow.word, 16), ha="right")
+    drawn.write(x - SIZES.pad, y, shown_name(wire.word, 16), ha="right")
 
 
 def shifted(way: Sequence[Point], distance: float) -> list[Point]:
@@ -242,7 +243,7 @@ def _legend(content: Content, cycle: bool) -> dict[str, dict[str, Any]]:
         ("revolute joint", _symbol("R"), any(p.pair == "R" for p in ports)),
         ("prismatic joint", _symbol("P"), any(p.pair == "P" for p in ports)),
         ("load", _symbol(""), any(b.kind == "element" for b in content.blocks)),
-        ("marker", _symbol("marker"), bool(content.flows)),
+        ("marker", _symbol("marker"), bool(content.wires)),
         ("not wired", cross, not all(p.wired for p in ports)),
         ("waits for a later block", wrong, cycle),
     )

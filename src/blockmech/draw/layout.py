@@ -57,35 +57,36 @@ class Layered:
     """Boxes in layers with rows, and the steps of the wires between the layers.
 
     ``steps`` has an edge for each wire between neighbouring layers, its key the number of
-    the wire; ``out`` and ``into`` are the numbers of the pins on the two boxes of a wire.
+    the wire. Pins count from the top of their edge of a box.
     """
 
     boxes: Mapping[str, Box]
+    wires: Sequence[Ends]
     layers: list[list[Node]]
     layer: Mapping[str, int]
     backward: list[int]  # wires of blocks that wait for each other
     steps: Any
-    out: dict[int, int] = field(default_factory=dict)
-    into: dict[int, int] = field(default_factory=dict)
-    leaving: dict[str, int] = field(default_factory=dict)  # wires that leave a box
+    ports: dict[tuple[str, str], int] = field(default_factory=dict)  # box, port -> pin
+    out: dict[int, int] = field(default_factory=dict)  # wire -> pin where it leaves
     row: dict[Node, int] = field(default_factory=dict)
 
     def height(self, node: Node) -> int:
         """Rows of a box with its wires, what is free above it included."""
         if not isinstance(node, str):
             return 1
-        box = self.boxes[node]
-        return box.above + box.head + max(len(box.ports), self.leaving[node])
-
-    def pin(self, node: Node, k: int) -> int:
-        """Row of the pin number k, counted from the node's first."""
-        return self.boxes[node].above + self.boxes[node].head + k if isinstance(node, str) else 0
+        box, leaving = self.boxes[node], [wire.source for wire in self.wires].count(node)
+        return box.above + box.head + max(len(box.ports), leaving)
 
     def ends(self, step: tuple[Node, Node, int]) -> tuple[int, int]:
         """Rows of the two ends of a step."""
         source, target, wire = step
-        out, into = self.pin(source, self.out[wire]), self.pin(target, self.into[wire])
-        return self.row[source] + out, self.row[target] + into
+        start, end = self.row[source], self.row[target]
+        if isinstance(source, str):
+            start += self.boxes[source].above + self.boxes[source].head + self.out[wire]
+        if isinstance(target, str):
+            end += self.boxes[target].above + self.boxes[target].head
+            end += self.ports[target, self.wires[wire].port]
+        return start, end
 
 
 def layers_of(boxes: Sequence[Box], wires: Sequence[Ends]) -> tuple[dict[str, int], list[int]]:
@@ -125,9 +126,9 @@ def arrange(boxes: Sequence[Box], wires: Sequence[Ends]) -> Layered:
                 steps.add_edge(a, b, key=i)
             for k in between:
                 layers[k].append((i, k))
-    made = Layered({b.name: b for b in boxes}, layers, layer, backward, steps)
+    made = Layered({b.name: b for b in boxes}, wires, layers, layer, backward, steps)
     _order(made)
-    _pins(made, wires)
+    _pins(made)
     made.row = dict.fromkeys((n for nodes in layers for n in nodes), 0)
     made.row = _rows(made)
     return made
@@ -166,22 +167,20 @@ def _crossings(made: Layered) -> int:
     return count
 
 
-def _pins(made: Layered, wires: Sequence[Ends]) -> None:
+def _pins(made: Layered) -> None:
     """Give the wires their pins: ports as declared where the order of wires allows it."""
-    place, steps = _places(made.layers), made.steps
+    place, steps, wires = _places(made.layers), made.steps, made.wires
     for name, box in made.boxes.items():
         came = {wires[w].port: place[a] for a, _, w in steps.in_edges(name, keys=True)}
         order = sorted(box.ports, key=lambda port: came.get(port, len(place)))
-        made.into |= {i: order.index(w.port) for i, w in enumerate(wires) if w.target == name}
+        made.ports |= {(name, port): k for k, port in enumerate(order)}
     for name in made.boxes:
         leaving = sorted(
-            (place[to], made.into[wire] if to in made.boxes else 0, wire)
-            for _, to, wire in steps.out_edges(name, keys=True)
+            (place[to], made.ports.get((to, wires[w].port), 0), w)
+            for _, to, w in steps.out_edges(name, keys=True)
         )
         back = [i for i in made.backward if wires[i].source == name]
-        out = [*(wire for *_, wire in leaving), *back]
-        made.out |= {wire: k for k, wire in enumerate(out)}
-        made.leaving[name] = len(out)
+        made.out |= {w: k for k, w in enumerate([*(w for *_, w in leaving), *back])}
 
 
 def _rows(made: Layered) -> dict[Node, int]:

@@ -213,8 +213,9 @@ def _labels(page: Page, stage: Stage) -> Iterator[Label]:
             if body.name:
                 z = page.points(stage.motion.at(*body.middle))
                 yield Label(shown_name(body.name), [z], ink.GREY, clearance=SIZES.beside)
-    for name, way in shapes.drive_ways(stage).items():
-        text = "q" if len(stage.sketch.drives) == 1 else f"{shown_name(name)}.q"
+    drives = shapes.drive_ways(stage)
+    for name, way in drives.items():
+        text = "q" if len(drives) == 1 else f"{shown_name(name)}.q"
         yield Label(text, page.points(way[:: max(1, len(way) // 2)]), ink.DRIVE)
     for load in stage.sketch.loads:
         yield from _load_label(page, stage, load)

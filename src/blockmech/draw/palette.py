@@ -10,8 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-POINTS_PER_CM = 72 / 2.54
-COLUMN = 8.5 * POINTS_PER_CM  # [pt] width of a paper's column
+COLUMN = 8.5 / 2.54 * 72  # [pt] width of a paper's column
 DPI = 300  # of pixel pictures
 
 TEXT = 8.0  # [pt]

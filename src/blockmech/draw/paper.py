@@ -24,8 +24,8 @@ from blockmech.files import AnyPath, writing
 
 STILL = (".png", ".svg", ".pdf")
 
-LEGEND = 30.0  # [pt] beside a word of a legend: its line, and what is between columns
-BESIDE = 36.0  # [pt] left of axes: their numbers and words
+# [pt] beside a word of a legend: its line, and what is between columns; left of axes: their words
+LEGEND, BESIDE = 30.0, 36.0
 PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import networkx as nx
 
-from blockmech.draw.layout import Ends, Layered
+from blockmech.draw.layout import Layered
 from blockmech.draw.palette import ROW, SIZES
 
 Point = tuple[float, float]
@@ -52,13 +52,11 @@ class Climb:
 
 @dataclass
 class Placed:
-    """The finished places [pt]: boxes, pins as depths below the tops of boxes, ways of wires."""
+    """The finished places [pt] of boxes and ways of wires."""
 
+    made: Layered
     boxes: dict[str, Rectangle] = field(default_factory=dict)
-    ports: dict[tuple[str, str], float] = field(default_factory=dict)
-    markers: dict[int, float] = field(default_factory=dict)  # wire -> where it starts
     ways: dict[int, list[Point]] = field(default_factory=dict)
-    backward: frozenset[int] = frozenset()  # wires of blocks that wait for each other
     corner: Point = (0.0, 0.0)  # upper left of all
     width: float = 0.0
     height: float = 0.0
@@ -66,20 +64,21 @@ class Placed:
     def port(self, box: str, port: str) -> Point:
         """A port on the left edge of its box."""
         r = self.boxes[box]
-        return r.x, r.y + self.ports[box, port]
+        return r.x, r.y + (self.made.boxes[box].head + self.made.ports[box, port] + 0.5) * ROW
 
-    def marker(self, wire: int, box: str) -> Point:
-        """Where a wire leaves the right edge of its box."""
-        r = self.boxes[box]
-        return r.x + r.width, r.y + self.markers[wire]
+    def ends(self, wire: int) -> tuple[Point, Point]:
+        """The marker on the right edge of a box where a wire leaves, and the port where it ends."""
+        source, _, target, port = self.made.wires[wire]
+        r = self.boxes[source]
+        depth = (self.made.boxes[source].head + self.made.out[wire] + 0.5) * ROW
+        return (r.x + r.width, r.y + depth), self.port(target, port)
 
 
-def place(made: Layered, wires: Sequence[Ends]) -> Placed:
+def place(made: Layered) -> Placed:
     """Rectangles [pt] of the boxes and ways of the wires, from rows to points."""
     bottom = max((made.row[n] + made.height(n) for layer in made.layers for n in layer), default=0)
-    placed = Placed(backward=frozenset(made.backward))
-    placed.height = (bottom + len(made.backward) + bool(made.backward)) * ROW
-    climbs: dict[int, list[Point]] = {i: [] for i in range(len(wires))}
+    placed = Placed(made, height=(bottom + len(made.backward) + bool(made.backward)) * ROW)
+    climbs: dict[int, list[Point]] = {i: [] for i in range(len(made.wires))}
     sides: list[Point] = []  # left and right of each layer
     for nodes in made.layers:
         boxes = [made.boxes[n] for n in nodes if isinstance(n, str)]
@@ -102,33 +101,18 @@ def place(made: Layered, wires: Sequence[Ends]) -> Placed:
                 x = placed.width + SIZES.stub + k * SIZES.track
                 climbs[climb.wire] += [(x, (row + 0.5) * ROW) for row in (climb.start, climb.end)]
             placed.width += 2 * SIZES.stub + max(len(tracks) - 1, 0) * SIZES.track
-    _place_pins(made, wires, placed)
     if made.backward:
         placed.corner, placed.width = (-SIZES.stub, 0.0), placed.width + 2 * SIZES.stub
     for lane, i in enumerate(made.backward):  # down beside its source, up beside its target
         beside, y = SIZES.stub / 2 - lane, (bottom + 1.5 + lane) * ROW
-        down = sides[made.layer[wires[i].source]][1] + beside
-        up = sides[made.layer[wires[i].target]][0] - beside
-        start, end = (placed.marker(i, wires[i].source), placed.port(*wires[i][2:]))
+        down = sides[made.layer[made.wires[i].source]][1] + beside
+        up = sides[made.layer[made.wires[i].target]][0] - beside
+        start, end = placed.ends(i)
         climbs[i] = [(down, start[1]), (down, y), (up, y), (up, end[1])]
-    for i, (source, _, target, port) in enumerate(wires):
-        placed.ways[i] = [placed.marker(i, source), *climbs[i], placed.port(target, port)]
+    for i, between in climbs.items():
+        start, end = placed.ends(i)
+        placed.ways[i] = [start, *between, end]
     return placed
-
-
-def _place_pins(made: Layered, wires: Sequence[Ends], placed: Placed) -> None:
-    def depth(box: str, k: int) -> float:
-        return (made.boxes[box].head + k + 0.5) * ROW
-
-    for i, wire in enumerate(wires):
-        placed.markers[i] = depth(wire.source, made.out[i])
-        placed.ports[wire.target, wire.port] = depth(wire.target, made.into[i])
-    for name, box in made.boxes.items():
-        taken = {made.into[i] for i, wire in enumerate(wires) if wire.target == name}
-        free = iter(k for k in range(len(box.ports)) if k not in taken)
-        for port in box.ports:
-            if (name, port) not in placed.ports:
-                placed.ports[name, port] = depth(name, next(free))
 
 
 def in_tracks(climbs: Iterable[Climb]) -> list[Climb]:
@@ -157,19 +141,18 @@ def in_tracks(climbs: Iterable[Climb]) -> list[Climb]:
 # -- boxes at the author's places --------------------------------------------------------
 
 
-def honour(placed: Placed, view: Mapping[str, Point], wires: Sequence[Ends], driven: bool) -> None:
+def honour(placed: Placed, view: Mapping[str, Point]) -> None:
     """Move boxes to the author's places, the others below them; wires follow plainly."""
     old = placed.boxes
     x0, y0 = (min(at[k] for at in view.values()) for k in (0, 1))
     below = max(y - y0 + old[n].height for n, (_, y) in view.items()) + 2 * ROW
     top = min((r.y for n, r in old.items() if n not in view), default=0.0)
-    room = 2 * ROW if driven else 0.0
+    room = max((box.above for box in placed.made.boxes.values()), default=0) * ROW
     for name, r in old.items():
         x, y = view.get(name, (r.x + x0, r.y - top + below + y0))
         placed.boxes[name] = r._replace(x=x - x0 + SIZES.stub, y=y - y0 + room)
-    for i, wire in enumerate(wires):
-        start, end = placed.marker(i, wire.source), placed.port(wire.target, wire.port)
-        placed.ways[i] = way_between(start, end, i, placed.boxes.values())
+    for i in placed.ways:
+        placed.ways[i] = way_between(*placed.ends(i), i, placed.boxes.values())
     corners = [p for way in placed.ways.values() for p in way]
     corners += [(r.x + r.width, r.y + r.height) for r in placed.boxes.values()]
     placed.corner = (min(0.0, *(x - SIZES.stub / 2 for x, _ in corners)), 0.0)

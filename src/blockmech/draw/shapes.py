@@ -18,7 +18,7 @@ import numpy as np
 from blockmech.draw import palette as ink
 from blockmech.draw.motion import Complex, Motion
 from blockmech.draw.palette import SIZES
-from blockmech.draw.sketch import LoadMark, Sketch, Slider
+from blockmech.draw.sketch import LoadMark, Sketch, Slider, pin_spot
 
 FAINT = ("#F1F1F1", "#BDBDBD")  # fill and edge of further poses
 
@@ -243,12 +243,16 @@ def _zigzag(a: Complex, b: Complex, unit: float) -> Complex:
 def drive_ways(stage: Stage) -> dict[str, Complex]:
     """The senses in which the drivers move: an arc (p, n), or a line beside the slider."""
     found = {}
-    for mark in stage.sketch.drives:
-        z, e = stage.motion.at(*mark.spot), stage.motion.axis[mark.link] * stage.unit
-        sense = np.where(stage.motion.q_rate[mark.name] * mark.sense < 0, -1, 1)
-        if mark.rotary:
-            found[mark.name] = z + e * _mirrored(_arc(SIZES.couple + 3, 0.45, 1.2), sense)
-        else:
+    motion, s = stage.motion, stage.motion.structure
+    for name, ref in s.driven.items():
+        link, spot = s.later_link(ref), pin_spot(s, ref)
+        e = motion.axis[link] * stage.unit
+        sense = np.where(motion.q_rate[name] * s.coordinate(name).sign < 0, -1, 1)
+        if not s.joint(ref).rotary:
+            z = motion.at(link, s.blocks[ref.block].slider_place(ref.name, link.link))
             beside, half = z + 1j * e * (SIZES.slider[1] + 4), (SIZES.couple - 1) * sense * e
-            found[mark.name] = np.array([beside - half, beside + half])
+            found[name] = np.array([beside - half, beside + half])
+        elif spot is not None:
+            arc = _mirrored(_arc(SIZES.couple + 3, 0.45, 1.2), sense)
+            found[name] = motion.at(*spot) + e * arc
     return found

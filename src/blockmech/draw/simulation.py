@@ -20,7 +20,7 @@ from blockmech.draw.curves import Panels, by_unit, friction_panels, reaction_pan
 from blockmech.draw.motion import moves_of_result
 from blockmech.draw.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
 from blockmech.draw.paper import legend_above, new_figure, shown_name, styled, write_figure
-from blockmech.dynamics.simulation import result_along
+from blockmech.dynamics.along import result_along
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.result import Result

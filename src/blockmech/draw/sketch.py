@@ -78,20 +78,6 @@ class LoadMark:
 
 
 @dataclass(frozen=True)
-class DriveMark:
-    """A driver's coordinate: about the pivot of a crank, or along the guide of a slide.
-
-    ``sense`` is -1 where the coordinate grows against the motion of its link.
-    """
-
-    name: str
-    rotary: bool
-    spot: Spot
-    link: LinkRef
-    sense: int = 1
-
-
-@dataclass(frozen=True)
 class Sketch:
     """All that is drawn of a mechanism."""
 
@@ -99,7 +85,6 @@ class Sketch:
     pins: tuple[Pin, ...]
     sliders: tuple[Slider, ...]
     loads: tuple[LoadMark, ...]
-    drives: tuple[DriveMark, ...]
 
     @property
     def words(self) -> int:
@@ -121,7 +106,7 @@ def sketch_of(motion: Motion) -> Sketch:
     motion = motion.only(motion.feasible)
     s = motion.structure
     refs = [JointRef(name, j) for name, block in s.blocks.items() for j in block.joints]
-    pins = [(r, spot) for r in refs if s.joint(r).kind == "R" and (spot := _pin_spot(s, r))]
+    pins = [(r, spot) for r in refs if s.joint(r).kind == "R" and (spot := pin_spot(s, r))]
     points: dict[LinkRef, list[complex]] = {link: [] for link in s.links}
     for ref, spot in pins:
         points[spot.link].append(spot.at)
@@ -147,8 +132,8 @@ def sketch_of(motion: Motion) -> Sketch:
         for link, places in points.items()
         if link != s.frame_link
     )
-    loads, drives = (_load(s, name) for name in s.elements), _drives(s)
-    return Sketch(bodies, _merged(motion, pins), tuple(sliders), tuple(loads), tuple(drives))
+    loads = (_load(s, name) for name in s.elements)
+    return Sketch(bodies, _merged(motion, pins), tuple(sliders), tuple(loads))
 
 
 # -- joints ------------------------------------------------------------------------------
@@ -162,7 +147,7 @@ def _name(motion: Motion, ref: JointRef, refs: Sequence[JointRef]) -> str:
     return ref.name if [r.name for r in refs].count(ref.name) == 1 else str(ref)
 
 
-def _pin_spot(s: Structure, ref: JointRef) -> Spot | None:
+def pin_spot(s: Structure, ref: JointRef) -> Spot | None:
     """Where a revolute pair is: its wired marker, or the own marker of its name."""
     own = (m for m in s.markers(ref.block) if m.name == ref.name)
     marker = s.feeds[ref] if ref in s.feeds else next(own, None)
@@ -246,7 +231,7 @@ def _cylinder(
     return {barrel: (tube, CYLINDER["barrel"]), rod: (piston, CYLINDER["rod"])}
 
 
-# -- links, loads, drives --------------------------------------------------------------------
+# -- links and loads --------------------------------------------------------------------
 
 
 def shown_markers(mechanism: Compiled) -> list[MarkerRef]:
@@ -314,13 +299,3 @@ def _load(s: Structure, name: str) -> LoadMark:
         return LoadMark(name, "couple", spots, first.unit)
     pull = "strut" if element.energy() is None else "spring"
     return LoadMark(name, "force" if len(spots) == 1 else pull, spots, first.unit)  # type: ignore[arg-type]
-
-
-def _drives(s: Structure) -> Iterable[DriveMark]:
-    for name, ref in s.driven.items():
-        joint, sign, own = s.joint(ref), s.coordinate(name).sign, s.later_link(ref)
-        if not joint.rotary:
-            at = s.blocks[ref.block].slider_place(ref.name, own.link)
-            yield DriveMark(name, False, Spot(own, at), own, sign)
-        elif (spot := _pin_spot(s, ref)) is not None:
-            yield DriveMark(name, True, spot, own, sign)

@@ -2,8 +2,8 @@
 
 A run at the target and a finer one: the finer is returned, the difference and 4 eps |q| is its
 stated error. It is refined until that meets the target or stops falling. Two runs that end
-differently, or differ by more than the way itself, did not reach what was asked: the motion is
-given as far as both agree, and says so.
+differently, or differ as two motions do, did not reach what was asked: the motion is given as
+far as both agree, and says so.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from blockmech.plane import EPS
 Setting = TypeVar("Setting")
 
 COMPARED = 129  # times spread over a run at which two runs are compared, beside those wanted
-ROUNDING = 4 * EPS  # of |q| or t: what rounding leaves of sums of either
-LAST_KNOWN = 1e-3  # [rad or m] up to which two runs that part count as one
+ROUNDING = 8 * EPS  # of |q| or t: what rounding leaves of a sum of some tens of either
+PARTED = math.radians(1)  # [rad or m], or of its duration: what parts two motions
 
 
 class Difference(NamedTuple):
@@ -30,12 +30,15 @@ class Difference(NamedTuple):
 
     q : [rad or m] largest difference at common times
     t : [s] difference of the ends
-    agree : whether both end by the same thing and differ by less than the way
+    agree : whether they are one motion: the same end, at a time known to a percent or two, and
+        no further apart than `PARTED` and than the way itself
+    same : whether both end by the same thing
     """
 
     q: float
     t: float
     agree: bool
+    same: bool = True
 
 
 def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
@@ -55,7 +58,9 @@ def difference(coarse: Motion, fine: Motion, wanted: Sequence[float] = ()) -> Di
     q = float(np.max(found))
     way = float(np.ptp(fine.at(times).q, axis=0).max())
     late = abs(coarse.t_end - fine.t_end)
-    return Difference(q, late, same and (q <= way or way == 0 or fine.t_end == fine.t_start))
+    span = fine.t_end - fine.t_start
+    close = q <= PARTED and late <= PARTED * span and (q <= way or way == 0)
+    return Difference(q, late, same and (close or span == 0), same)
 
 
 def stated(fine: Motion, apart: Difference) -> Motion:
@@ -102,16 +107,12 @@ def refined(
         apart = difference(coarse, fine, wanted)
         if best is not None and apart.agree and not apart.q < smallest:
             break  # rounding is all that is left
-        if apart.agree or best is None or not _agreed(best):
+        if apart.agree or best is None or best.end == UNDECIDED:
             best, smallest = judged(coarse, fine, apart, wanted), apart.q
         if apart.agree and best.error <= target:
             break
         coarse, setting = fine, following
     return replace(coarse, error=math.inf, time_error=math.inf) if best is None else best
-
-
-def _agreed(motion: Motion) -> bool:
-    return motion.end != UNDECIDED
 
 
 def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[float]) -> Motion:
@@ -121,16 +122,14 @@ def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[flo
     times = common_times(coarse, fine, wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
     off = off if off.ndim == 1 else off.max(axis=1)
-    parted = np.flatnonzero(~(off <= LAST_KNOWN))
+    parted = np.flatnonzero(~(off <= PARTED))
     last = int(parted[0]) - 1 if parted.size else times.size - 1
     t = float(times[max(last, 0)])
     state = fine.at(t)
     one = state.q.ndim == 0
-    words = (
-        f"one ends in {coarse.end}, the other in {fine.end}"
-        if coarse.end != fine.end
-        else f"they differ by {apart.q:.1e}"
-    )
+    words = f"they differ by {apart.q:.1e}, in the time of their ends by {apart.t:.1e} s"
+    if coarse.end != fine.end:
+        words = f"one ends in {coarse.end}, the other in {fine.end}"
     note = f"two runs that differ in accuracy alone part after t = {t:.9g} s: {words}"
     return replace(
         fine,

@@ -1,8 +1,8 @@
-"""What ends or interrupts an integration in time: one table of events, one way to find them.
+"""What ends or interrupts a motion: one table of events, one way to find them.
 
-An event is a function of time and state whose sign matters. Between the ends of a step it is
-looked at on the integrator's dense output, a change of sign is located by `brentq`. Margin and
-inertia (`closeness`) may also dip and come back within a step: their smallest value counts.
+An event is a function of time and state whose sign matters. It is looked at at some times, a
+change of sign is located by `brentq`. Margin and inertia may also dip and come back in between:
+their smallest value counts.
 """
 
 from __future__ import annotations
@@ -30,19 +30,17 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 TURN = 2 * math.pi
-Value: TypeAlias = Callable[[float, Floats], float]
-Dense: TypeAlias = Callable[[Any], Any]
+Value: TypeAlias = Callable[[float, Any], float]
 
 STANDSTILL, KINK, GOAL = "standstill", "kink", "goal"
 REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
 
-WITHIN = 8  # parts of a step at whose ends an event is looked at: steps take up to a swing
+PARTS = 8  # of a step, at whose ends an event is looked at: steps take up to a swing
 LEAST_MARGIN = 1e-6  # [-] at which a run is stopped: a dead centre is near (numerics 5, rule 6)
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
 NEAR = 0.1  # margin, a transmission angle of 18 degrees, below which a dip within a step counts
-ON = 1e-12  # relative distance within which a coordinate counts as on a kink
+ON = 1e-12  # relative distance within which a coordinate counts as on a kink or a stop
 PER_SWING = 64  # samples of a swing or period among which a user's event is looked for
-FEWEST, MOST = 257, 200_001  # such samples of a whole run
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class EventRule:
 
     direction : sign of the change that counts, 0 for both
     terminal : whether the integration stops there (to end, or to go on with another equation)
-    within : parts of a step that are looked at; 1: only its end, of values that cost kernels
+    parts : of a step that are looked at; 1: only its end, of values that cost kernels
     dips : whether it also happens where the value only dips below zero
     index : of the pair with friction that it is about
     """
@@ -60,7 +58,7 @@ class EventRule:
     value: Value
     direction: int = 0
     terminal: bool = True
-    within: int = WITHIN
+    parts: int = PARTS
     dips: bool = False
     index: int = -1
 
@@ -81,31 +79,33 @@ def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> Event
 
 
 def general_rules(
-    system: System, request: SimulationRequest, q0: float, closeness: Callable[[Any], Any]
+    system: System, request: SimulationRequest, closeness: Callable[[Any], Any]
 ) -> list[EventRule]:
     """The rules that hold all along a run; ``closeness``: y -> (margin, relative inertia)."""
     k = len(system.drivers)
-    found = [_watched(w, k) for w in request.watch]
-    margin = EventRule(
-        DEAD_CENTRE, lambda t, y: float(closeness(y)[0]) - LEAST_MARGIN, -1, within=1, dips=True
-    )
-    inertia = EventRule(
-        NO_INERTIA, lambda t, y: float(closeness(y)[1]) - LEAST_INERTIA, -1, within=1, dips=True
-    )
-    found += [margin, inertia] if k == 1 else [margin]
+    found = [user_rule(w, k) for w in request.watch]
+    limits = ((DEAD_CENTRE, LEAST_MARGIN), (NO_INERTIA, LEAST_INERTIA))
+    for i, (kind, least) in enumerate(limits[:1] if k > 1 else limits):
+
+        def above(t: float, y: Any, i: int = i, least: float = least) -> float:
+            return float(closeness(y)[i]) - least
+
+        found.append(EventRule(kind, above, -1, parts=1, dips=True))
     for i, (driver, ends) in enumerate(zip(system.compiled.drivers, system.stops, strict=True)):
         kind = END_STOP if k == 1 else f"{END_STOP} of {driver}"
         pairs = zip(ends, (-1, 1), strict=True)
         found += [driver_at(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
     if k > 1:
         return found
-    goal, value = request.until.goal, request.until.value
-    if goal == "angle":
-        found.append(driver_at(GOAL, value))
-    if goal == "turns":
-        found += [driver_at(GOAL, q0 + way * value * TURN) for way in (1, -1)]
-    ends_run = goal in ("standstill", "swings") or system.friction is not None
+    found += [driver_at(GOAL, q) for q in goal_places(request)]
+    ends_run = request.until.goal in ("standstill", "swings") or system.friction is not None
     return [*found, EventRule(STANDSTILL, lambda t, y: float(y[1]), terminal=ends_run)]
+
+
+def goal_places(request: SimulationRequest) -> list[float]:
+    """Coordinates [rad or m] of the only driver at which the goal is met."""
+    goal, value, q = request.until.goal, request.until.value, float(request.start.q)
+    return {"angle": [value], "turns": [q + value * TURN, q - value * TURN]}.get(goal, [])
 
 
 def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventRule]:
@@ -122,7 +122,7 @@ def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[E
 
 
 def friction_rules(
-    slips: Callable[[float], Floats], loads: Callable[[float, Floats], Any], guides: Sequence[bool]
+    slips: Callable[[float], Floats], loads: Callable[[float, Any], Any], guides: Sequence[bool]
 ) -> list[EventRule]:
     """Reversals of pairs with friction, and guides whose load goes over to the other side."""
     found = []
@@ -134,11 +134,10 @@ def friction_rules(
         return lambda t, y: part(complex(loads(t, y)[j]))
 
     for j, guide in enumerate(guides):
-        found.append(EventRule(REVERSAL, slip(j), within=WITHIN // 2, index=j))
+        found.append(EventRule(REVERSAL, slip(j), parts=PARTS // 2, index=j))
         if guide:  # of its load N + 2i C/L the larger part counts: kinks where either changes
-            found += [
-                EventRule(GUIDE_SIDE, load(j, part), within=1, index=j) for part in (_side, _larger)
-            ]
+            rules = (EventRule(GUIDE_SIDE, load(j, p), parts=1, index=j) for p in (_side, _larger))
+            found += rules
     return found
 
 
@@ -152,7 +151,9 @@ def _larger(load: complex) -> float:
     return abs(load.real) - abs(load.imag)
 
 
-def _watched(watch: Watch, k: int) -> EventRule:
+def user_rule(watch: Watch, k: int) -> EventRule:
+    """A user's event, of k drivers."""
+
     def value(t: float, y: Any) -> float:
         if k == 1:
             return watch.surface(t, float(y[0]), float(y[1]))
@@ -161,68 +162,92 @@ def _watched(watch: Watch, k: int) -> EventRule:
     return EventRule(watch.name, value, watch.direction, watch.terminal)
 
 
-# -- finding them in a step ----------------------------------------------------------------
+# -- finding them --------------------------------------------------------------------------
 
 
 @dataclass
-class Looking:
-    """Looks for the events of a table in one step after the other."""
+class Lookout:
+    """Looks for the events of a table in one step after the other.
+
+    parts : of a step that are looked at, at most
+    spans : (k,) coordinates over which things change [rad or m], a turn of angles
+    """
 
     rules: Sequence[EventRule]
-    values: list[float]  # at the end of the last step
+    parts: int
+    spans: Sequence[float]
+    y: Floats  # state at the end of the last step, and the rules' values there
+    values: list[float]
 
     @classmethod
     def at(
-        cls, rules: Sequence[EventRule], t: float, y: Floats, fired: EventRule | None = None
-    ) -> Looking:
+        cls,
+        rules: Sequence[EventRule],
+        parts: int,
+        spans: Sequence[float],
+        t: float,
+        y: Floats,
+        fired: EventRule | None,
+    ) -> Lookout:
         """Before the first step; what just happened counts as on its surface still."""
         values = [r.value(t, y) for r in rules]
-        if fired is not None:
-            near = ON * max(1.0, float(np.abs(y[0])))
-            for i, r in enumerate(rules):
-                again = r.kind == fired.kind and r.index == fired.index and r.kind != KINK
-                if again or (r.kind == fired.kind and abs(values[i]) <= near):
-                    values[i] = 0.0
-        return cls(rules, values)
+        near = ON * max(1.0, float(np.abs(y[0])))
+        for i, r in enumerate(rules):
+            if fired is not None and (r.kind, r.index) == (fired.kind, fired.index):
+                values[i] = 0.0 if r.kind != KINK or abs(values[i]) <= near else values[i]
+        return cls(rules, parts, spans, y, values)
 
-    def in_step(self, t0: float, t1: float, y1: Floats, dense: Dense) -> list[Hit]:
+    def in_step(self, t0: float, t1: float, y1: Floats, dense: Callable[[Any], Any]) -> list[Hit]:
         """Events of a step in order, up to the first that stops the integration."""
+        way = TURN * max(abs(a - b) / s for a, b, s in zip(y1, self.y, self.spans, strict=False))
+        near = min(NEAR, PARTS * way)  # no margin falls by more on so short a way
+        values, self.y = self.values, y1
+        self.values = [rule.value(t1, y1) for rule in self.rules]
+        quiet = (
+            not _turned(a, b, rule.direction) and not (rule.dips and min(a, b) < near)
+            for rule, a, b in zip(self.rules, values, self.values, strict=True)
+        )
+        if self.parts == 1 and all(quiet):
+            return []
         found: list[Hit] = []
-        t = np.linspace(t0, t1, WITHIN + 1)
-        inner = np.asarray(dense(t[1:-1])).T
-        for i, rule in enumerate(self.rules):
-            before, after = self.values[i], rule.value(t1, y1)
-            self.values[i] = after
-            parts = rule.within
-            if rule.dips and min(before, after) < NEAR:
-                parts = max(parts, WITHIN // 2)
-            each = WITHIN // parts
+        t = np.linspace(t0, t1, self.parts + 1)
+        inner = list(np.asarray(dense(t[1:-1])).T)
+        for rule, before, after in zip(self.rules, values, self.values, strict=True):
+            dips = rule.dips and min(before, after) < near
+            parts = min(max(rule.parts, PARTS // 2 if dips else 1), self.parts)
+            each = self.parts // parts
             between = zip(t[each:-1:each], inner[each - 1 :: each], strict=False)
-            values = [before, *(rule.value(float(s), y) for s, y in between), after]
-            found += _changes(rule, t[::each], values, dense)
-        found.sort(key=lambda hit: hit.t)
-        for i, hit in enumerate(found):
-            if hit.rule.terminal:
-                return found[: i + 1]
-        return found
+            row = [before, *(rule.value(float(s), y) for s, y in between), after]
+
+            def value(s: float, rule: EventRule = rule) -> float:
+                return rule.value(s, dense(s))
+
+            times = crossings(rule.direction, t[::each], row, value)
+            if dips and not times and min(row) < near:
+                times = _dip(t[::each], row, value)
+            found += [Hit(rule, s) for s in times]
+        return until_terminal(found)
 
 
-def _changes(rule: EventRule, t: Floats, values: Sequence[float], dense: Dense) -> list[Hit]:
-    """Changes of sign of one rule between times at which its values are known."""
+def until_terminal(hits: list[Hit]) -> list[Hit]:
+    """Events in order of time, up to the first terminal one."""
+    hits = sorted(hits, key=lambda hit: hit.t)
+    last = next((i for i, hit in enumerate(hits) if hit.rule.terminal), len(hits))
+    return hits[: last + 1]
 
-    def value(s: float) -> float:
-        return rule.value(s, dense(s))
 
-    if rule.dips and min(values) > 0:
-        return _dip(rule, t, values, value)
+def crossings(
+    direction: int, t: Floats, values: Sequence[float], value: Callable[[float], float]
+) -> list[float]:
+    """Times at which a value changes its sign, between times at which it is known."""
     return [
-        Hit(rule, float(b) if high == 0 else _root(value, float(a), float(b)))
+        float(b) if high == 0 else _root(value, float(a), float(b))
         for a, b, low, high in zip(t, t[1:], values, values[1:], strict=False)
-        if turned(low, high, rule.direction)
+        if _turned(low, high, direction)
     ]
 
 
-def turned(low: float, high: float, direction: int) -> bool:
+def _turned(low: float, high: float, direction: int) -> bool:
     """Whether a value changes its sign in a direction that counts; it may end on zero."""
     rises, falls = low < 0 <= high, low > 0 >= high
     return (rises and direction >= 0) or (falls and direction <= 0)
@@ -235,18 +260,12 @@ def _root(value: Callable[[float], float], low: float, high: float) -> float:
     return float(brentq(value, low, high, xtol=EPS, rtol=4 * EPS))
 
 
-def _dip(
-    rule: EventRule, t: Floats, values: Sequence[float], value: Callable[[float], float]
-) -> list[Hit]:
-    """A value that is positive at all samples and falls below zero between them."""
+def _dip(t: Floats, values: Sequence[float], value: Callable[[float], float]) -> list[float]:
+    """Where a value that is positive at all times given falls below zero between them."""
     i = int(np.argmin(values))
-    if values[i] >= NEAR:
-        return []
-    near = (float(t[max(i - 1, 0)]), float(t[min(i + 1, t.size - 1)]))
-    lowest = minimize_scalar(value, bounds=near, method="bounded")
-    if not lowest.fun < 0:
-        return []
-    return [Hit(rule, _root(value, near[0], float(lowest.x)))]
+    low, high = float(t[max(i - 1, 0)]), float(t[min(i + 1, t.size - 1)])
+    lowest = minimize_scalar(value, bounds=(low, high), method="bounded")
+    return [_root(value, low, float(lowest.x))] if lowest.fun < 0 else []
 
 
 # -- events of a user on a motion that is known --------------------------------------------
@@ -256,36 +275,33 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     """The motion of one driver with the watches' events, cut at the first terminal one."""
     if motion.t_end <= motion.t_start or not watches:
         return motion
-    swing = motion.facts.get("swing_time") or motion.facts.get("period") or 0.0
     span = motion.t_end - motion.t_start
-    many = PER_SWING * span / swing if swing else FEWEST
-    t = motion.times(int(min(max(many, FEWEST), MOST)))
-    states = motion.track.state(t)
-    found = []
-    for watch in watches:
-        rule = _watched(watch, 1)
+    swing = motion.facts.get("swing_time") or motion.facts.get("period") or span
+    t = motion.times(PER_SWING * max(4, math.ceil(span / swing)) + 1)
+    states = np.array(motion.track.state(t)).T
+
+    def state(s: float) -> Floats:
+        found: Floats = np.array(motion.track.state(np.array([s])))[:, 0]
+        return found
+
+    hits = []
+    for rule in (user_rule(w, 1) for w in watches):
+        values = [rule.value(s, y) for s, y in zip(t.tolist(), states, strict=True)]
 
         def value(s: float, rule: EventRule = rule) -> float:
-            state = motion.track.state(np.array([s]))
-            return rule.value(s, np.array([state.q[0], state.qd[0]]))
+            return rule.value(s, state(s))
 
-        rows = zip(t.tolist(), states.q.tolist(), states.qd.tolist(), strict=True)
-        values = [watch.surface(*row) for row in rows]
-        for a, b, low, high in zip(t, t[1:], values, values[1:], strict=False):
-            if turned(low, high, watch.direction):
-                found.append(Hit(rule, _root(value, float(a), float(b))))
-    found.sort(key=lambda hit: hit.t)
-    last = next((hit for hit in found if hit.rule.terminal), None)
-    t_end = motion.t_end if last is None else last.t
-    kept = [_event(motion, hit) for hit in found if hit.t <= t_end]
-    events = sorted([*(e for e in motion.events if e.t <= t_end), *kept], key=lambda e: e.t)
-    if last is None:
-        return replace(motion, events=tuple(events))
-    end = _event(motion, last)
+        hits += [Hit(rule, s) for s in crossings(rule.direction, t, values, value)]
+    hits = until_terminal(hits)
+    events = [Event(hit.rule.kind, hit.t, *map(float, state(hit.t))) for hit in hits]
+    if not (hits and hits[-1].rule.terminal):
+        return replace(motion, events=tuple(sorted((*motion.events, *events), key=_time)))
+    end = events[-1]
+    kept = [e for e in motion.events if e.t <= end.t]
     return replace(
         motion,
-        events=tuple(events),
-        t_end=t_end,
+        events=tuple(sorted([*kept, *events], key=_time)),
+        t_end=end.t,
         q_end=end.q,
         qd_end=end.qd,
         status="reached",
@@ -293,6 +309,5 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     )
 
 
-def _event(motion: Motion, hit: Hit) -> Event:
-    state = motion.track.state(np.array([hit.t]))
-    return Event(hit.rule.kind, hit.t, float(state.q[0]), float(state.qd[0]))
+def _time(event: Event) -> float:
+    return event.t

@@ -216,7 +216,7 @@ class JointFriction:
         self.program, self._count = program, count
         self.names = program.names
         self.guides = program.guides
-        solver, options = solvers.solver(method.method)
+        solver, options = solvers.SOLVERS[method.method]
         self._options = tuple(getattr(method, name) for name in options)
         self._single = solver
         self._batch = bind_functions({"solve": solver}, primitives(np.float64))["solve"]

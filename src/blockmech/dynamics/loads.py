@@ -28,9 +28,7 @@ from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import (
     NOTHING,
     cm_velocity,
-    element_parameters,
-    readings,
-    terminal_reading,
+    kernel_on,
     terminal_term,
     weight_on,
 )
@@ -43,7 +41,6 @@ RATE_READS = frozenset({*VELOCITY_READS, "qd"})
 SAME = 1e-12  # relative distance of two periods that fit: files may give them to 12 digits
 KINK_SAMPLES = 720  # of a turn, between which the passing of a kink is looked for
 REACH = 3.0  # lengths of a mechanism on either side in which kinks of a slide are looked for
-REPEATED = 4000  # repetitions of a table of the time at most
 
 
 def depends_on(structure: Structure) -> frozenset[str]:
@@ -148,15 +145,14 @@ def knots_of(structure: Structure, scene: Any, driver: str) -> tuple[float, ...]
     return tuple(sorted({x % period for x in found} if period else set(found)))
 
 
-def time_knots_of(structure: Structure, latest: float) -> tuple[float, ...]:
-    """Times [s] of kinks, up to the latest; infinite: as many as a run may meet."""
-    found: set[float] = set()
+def next_time_kink(structure: Structure, t: float) -> float:
+    """The first kink in time [s] after a time; infinite if there is none."""
+    found = []
     for element in structure.elements.values():
         law = _law(element)
         if isinstance(law, Table) and law.variables() == ("time",):
-            most = REPEATED * law.whole if law.whole else math.inf
-            found.update(_rows(law, 0.0, min(latest, most)))
-    return tuple(sorted(found))
+            found += _rows(law, t, t + 2 * law.whole if law.whole else math.inf)
+    return min((s for s in found if s > t), default=math.inf)
 
 
 def _rows(law: Table, low: float, high: float) -> list[float]:
@@ -190,14 +186,10 @@ def _kinks(element: Element) -> list[float]:
 def _measure(structure: Structure, scene: Any, name: str, element: Element) -> Any:
     """The program that gives an element's own measure."""
     s = schedule(structure, scene, FREE)
-    if isinstance(element, TorsionSpring):
-        args = [s.ask(terminal_reading, JointRef(name, terminal), "e") for terminal in ("a", "b")]
-        measure: Any = twist
-    else:
-        assert isinstance(element, Following)
-        measure, reads = element.own_measure(rate=False)
-        args = readings(s, name, reads)
-    value = s.emit(measure, *args, s.ask(element_parameters, name), name="measure")
+    measure: Any = twist
+    if isinstance(element, Following):
+        measure = element.own_measure(rate=False)
+    value = kernel_on(s, name, measure, value="measure")
     return s.program([value])
 
 

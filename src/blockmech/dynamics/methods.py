@@ -1,20 +1,24 @@
 """Which method computes a motion, and why; what is refused.
 
-| loads depend on          | ``auto`` takes                                                |
-|--------------------------|---------------------------------------------------------------|
-| q only                   | ``energy``                                                    |
-| q and q', joint friction | ``spectral``                                                  |
-| time, or several drivers | ``dop853``; ``radau`` where that needs too many steps (stiff) |
+| method             | loads may depend on | joint friction | ends at an event | ``auto`` takes it |
+|--------------------|---------------------|----------------|------------------|-------------------|
+| ``energy``         | q                   | no             | no               | where it can      |
+| ``spectral``       | q and q'            | yes            | no               | else, if it can   |
+| ``dop853``         | q, q' and time      | yes            | yes              | else              |
+| ``radau``          | the same            | yes            | yes              | where it is stiff |
+| ``lsoda``, ``rk4`` | the same            | yes            | yes              | never             |
+| ``euler_q``        | q                   | no             | yes              | never             |
 
-A user's event that ends the run takes an integrator. The steady state is a search of its own.
+Several drivers need one that takes all loads. The steady state is a search of its own.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -34,19 +38,41 @@ from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.steady import steady_motion
-from blockmech.dynamics.teaching import euler_q, rk4
-from blockmech.dynamics.time import SOLVERS, TARGET, in_time
+from blockmech.dynamics.time import SOLVERS, TARGET, in_fixed_steps, in_time
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-MethodName: TypeAlias = Literal[
-    "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
-]
 BALANCED = 8 * EPS  # of the loads' size: what rounding of a sum of some ten efforts leaves
 WITHOUT = 'leave it out with friction="none" (--friction none)'
+
+
+class Method(NamedTuple):
+    """A way to compute a motion, and what it is good for.
+
+    loads : what they may depend on; one that takes all takes several drivers as well
+    ends_at_events : whether it follows the motion in time, so that an event can end it
+    finds_steady : whether the search for a steady state takes it; schemes of the textbooks are
+        for comparison alone
+    """
+
+    run: Callable[[System, SimulationRequest], Motion]
+    loads: frozenset[str]
+    friction: bool
+    ends_at_events: bool
+    finds_steady: bool = True
+
+
+Q, Q_RATE, ALL = frozenset({"q"}), frozenset({"q", "rate"}), frozenset({"q", "rate", "time"})
+METHODS = {
+    "energy": Method(along_path, Q, False, False),
+    "spectral": Method(along_path, Q_RATE, True, False),
+    **{name: Method(partial(in_time, method=name), ALL, True, True) for name in SOLVERS},
+    "rk4": Method(partial(in_fixed_steps, method="rk4"), ALL, True, True, False),
+    "euler_q": Method(partial(in_fixed_steps, method="euler_q"), Q, False, True, False),
+}
 
 
 def move(system: System, request: SimulationRequest) -> Motion:
@@ -54,10 +80,10 @@ def move(system: System, request: SimulationRequest) -> Motion:
 
     Raises `RequestError` for a method or goal that does not exist or does not fit the loads.
     """
-    method = checked(system, request)
-    motion = unmoved(system, request, method)
+    check(system, request)
+    motion = unmoved(system, request)
     if motion is None:
-        motion = _automatic(system, request) if method == "auto" else _named(system, request)
+        motion = _moved(system, request)
     status: Status = "failed" if motion.end == TOO_MANY else motion.status
     return replace(motion, cost=system.cost, status=status)
 
@@ -65,50 +91,52 @@ def move(system: System, request: SimulationRequest) -> Motion:
 # -- refusals ------------------------------------------------------------------------------
 
 
-def checked(system: System, request: SimulationRequest) -> MethodName:
-    """The method, if it exists and fits what moves."""
-    method, goal, names = request.method, request.until.goal, get_args(MethodName)
-    if method not in names:
-        hint = close_match(str(method), names)
-        found = f'there is no method "{method}"'
-        raise RequestError(Problem("method", "method", found, f"valid: {listed(names)}", hint))
-    if len(system.drivers) > 1:
-        _check_several(system, method, goal)
-        return method  # type: ignore[return-value]
-    depends = system.depends_on
-    rubs = system.friction is not None
-    if method in ("energy", "euler_q") and not depends <= {"q"}:
-        also = listed(sorted(depends - {"q"}))
-        raise refused("method", method, f"the loads depend on {also} as well", ("auto",))
-    if method == "spectral" and "time" in depends:
-        raise refused("method", method, "the loads depend on time", tuple(SOLVERS))
-    if method in ("energy", "rk4", "euler_q") and rubs:
-        raise refused("method", method, "the joints have friction", ("auto", *SOLVERS))
+def check(system: System, request: SimulationRequest) -> None:
+    """Refuse a method that there is not, or that does not fit what moves."""
+    name, goal, several = request.method, request.until.goal, len(system.drivers) > 1
+    if several and goal not in ("time", "event", "steady"):
+        raise refused("until", goal, "it needs one driver", ("time", "event", "steady"))
     if goal == "event" and not any(w.terminal for w in request.watch):
         raise refused("until", "event", "no event is given that ends the run", ())
-    if method in ("rk4", "euler_q") and (goal in ("event", "steady") or request.watch):
-        raise refused("method", method, "it knows no events", ("auto", "dop853"))
-    if method in ("energy", "spectral") and goal == "event":
-        why = "it looks for events after the run, so it needs another end"
-        raise refused("method", method, why, ("auto", *SOLVERS))
-    return method  # type: ignore[return-value]
-
-
-def _check_several(system: System, method: str, goal: str) -> None:
-    if goal not in ("time", "event", "steady"):
-        raise refused("until", goal, "it needs one driver", ("time", "event", "steady"))
-    if method != "auto" and method not in SOLVERS:
-        raise refused("method", method, "it needs one driver", ("auto", *SOLVERS))
-    joints = system.compiled.frictional_joints
-    if joints and system.method is not None and system.method.method != "none":
+    if several and system.method is not None and system.method.method != "none":
+        joints = system.compiled.frictional_joints
         found = "joint friction in motion needs a mechanism with one driver"
-        raise RequestError(Problem("friction-in-motion", listed(joints), found, "", WITHOUT))
+        if joints:
+            raise RequestError(Problem("friction-in-motion", listed(joints), found, "", WITHOUT))
+    if name == "auto":
+        return
+    if name not in METHODS:
+        names = ("auto", *METHODS)
+        hint, found = close_match(str(name), names), f'there is no method "{name}"'
+        raise RequestError(Problem("method", "method", found, f"valid: {listed(names)}", hint))
+    why = _unfit(METHODS[name], system, request)
+    if why:
+        fit = (n for n, m in METHODS.items() if not _unfit(m, system, request))
+        raise refused("method", name, why, ("auto", *fit))
 
 
-def refused(where: str, what: str, why: str, valid: Sequence[str]) -> RequestError:
+def _unfit(method: Method, system: System, request: SimulationRequest) -> str:
+    """Why a method does not fit; empty where it does."""
+    goal, also = request.until.goal, sorted(system.depends_on - method.loads)
+    if len(system.drivers) > 1 and method.loads != ALL:
+        return "it needs one driver"
+    if also:
+        return f"the loads depend on {listed(also)} as well"
+    if system.friction is not None and not method.friction:
+        return "the joints have friction"
+    if goal == "steady" and not method.finds_steady:
+        return "it finds no steady state"
+    if goal == "event" and not method.ends_at_events:
+        return "it looks for events after the run, so it needs another end"
+    return ""
+
+
+def refused(where: str, what: str, why: str, valid: Iterable[str]) -> RequestError:
     """What does not fit, and what would."""
-    remedy = f"valid: {listed(valid)}" if valid else ""
-    return RequestError(Problem(where, where, f'"{what}": {why}', remedy))
+    names = listed(tuple(valid))
+    return RequestError(
+        Problem(where, where, f'"{what}": {why}', f"valid: {names}" if names else "")
+    )
 
 
 # -- starts from which nothing moves -------------------------------------------------------
@@ -141,27 +169,25 @@ def standing(
     )
 
 
-def unmoved(system: System, request: SimulationRequest, method: str) -> Motion | None:
+def unmoved(system: System, request: SimulationRequest) -> Motion | None:
     """The motion of a start that stays: no time, a stop, an equilibrium, no pose; else None."""
-    steady = request.until.goal == "steady"
-    name = "none" if method == "auto" else method
-    held = _held_by_stop(system, request)
-    if held is not None and not steady:
-        return held
+    if request.until.goal == "steady":
+        return None
+    method = "none" if request.method == "auto" else request.method
     alone = len(system.drivers) == 1
-    q, rate, t = request.start
-    failure = start_failure(system, q, rate, t) if alone else ""
-    if failure and not steady:
+    held = _held_by_stop(system, request)
+    if held is not None:
+        return held
+    failure = start_failure(system, *request.start) if alone else ""
+    if failure:
+        unknown = {"error": math.inf, "time_error": math.inf}
         notes = (f"{failure} at the start",)
-        return standing(
-            request, name, "failed", failure, notes=notes, error=math.inf, time_error=math.inf
-        )
+        return standing(request, method, "failed", failure, notes=notes, **unknown)
     if request.until.goal == "time" and request.until.value == 0:
         why = request.why or "no time is asked for"
-        return standing(request, name, "reached", "time", why=why)
-    if alone and not steady and method in (*SOLVERS, "rk4", "euler_q"):
-        return _at_equilibrium(system, request, method)
-    return None
+        return standing(request, method, "reached", "time", why=why)
+    along = method in ("none", "energy", "spectral")  # which see to equilibria themselves
+    return _at_equilibrium(system, request, method) if alone and not along else None
 
 
 def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
@@ -175,10 +201,8 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
                 driver = system.compiled.drivers[i]
                 end = END_STOP if at.size == 1 else f"{END_STOP} of {driver}"
                 event = Event(end, request.start.t, request.start.q, request.start.rate)
-                why = "it starts at an end stop that holds it"
-                return standing(
-                    request, "none", "ended", end, why=why, regime=END_STOP, events=(event,)
-                )
+                more = {"why": "it starts at an end stop that holds it", "regime": END_STOP}
+                return standing(request, "none", "ended", end, events=(event,), **more)
     return None
 
 
@@ -192,7 +216,7 @@ def _push(system: System, request: SimulationRequest, i: int) -> float:
 
 
 def _at_equilibrium(system: System, request: SimulationRequest, method: str) -> Motion | None:
-    """A start at rest at which the loads do not push; the path method sees to its own."""
+    """A start at rest at which the loads do not push."""
     q, rate, t = request.start
     if rate or "time" in system.depends_on or system.friction is not None:
         return None
@@ -216,14 +240,31 @@ def _at_equilibrium(system: System, request: SimulationRequest, method: str) -> 
 # -- running -------------------------------------------------------------------------------
 
 
-def _automatic(system: System, request: SimulationRequest) -> Motion:
-    depends, goal = system.depends_on, request.until.goal
-    several = len(system.drivers) > 1
-    if goal == "steady":
+def _moved(system: System, request: SimulationRequest) -> Motion:
+    named = request.method != "auto"
+    if named:
+        request = replace(request, why="asked for")
+    if request.until.goal == "steady":
         return steady_motion(system, request)
-    if several or "time" in depends or goal == "event":
-        why = "a user's event ends the run" if goal == "event" else "the loads depend on time"
-        return _in_time(system, replace(request, why="several drivers" if several else why))
+    if not named:
+        return _automatic(system, request)
+    method = METHODS[request.method]
+    motion = method.run(system, request)
+    return motion if method.ends_at_events else watched(motion, request.watch)
+
+
+def _automatic(system: System, request: SimulationRequest) -> Motion:
+    depends = system.depends_on
+    in_steps = {
+        "several drivers": len(system.drivers) > 1,
+        "a user's event ends the run": request.until.goal == "event",
+        "the loads depend on the time": "time" in depends,
+    }
+    for why in (why for why, so in in_steps.items() if so):
+        motion = in_time(system, replace(request, why=why), "dop853")
+        if motion.end == TOO_MANY and request.until.goal == "time":
+            return in_time(system, replace(request, why=f"{why}; it is stiff"), "radau")
+        return motion
     why = "all loads depend on the driver's coordinate alone"
     if system.friction is not None:
         why = "the joints have friction"
@@ -234,27 +275,7 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     unsure |= not motion.reached and motion.error > TARGET
     if unsure and motion.end != INTERRUPTED:
         why = f"along the path: {motion.end}, error {motion.error:.1e}"
-        other = _in_time(system, replace(request, why=why), once=True)
+        other = in_time(system, replace(request, why=why), "dop853")
         if other.error < motion.error or motion.status == "failed":
             return other
     return watched(motion, request.watch)
-
-
-def _in_time(system: System, request: SimulationRequest, once: bool = False) -> Motion:
-    motion = in_time(system, request, "dop853")
-    if motion.end == TOO_MANY and request.until.goal == "time" and not once:
-        return in_time(system, replace(request, why=f"{request.why}; it is stiff"), "radau")
-    return motion
-
-
-def _named(system: System, request: SimulationRequest) -> Motion:
-    request, method = replace(request, why="asked for"), request.method
-    if request.until.goal == "steady":
-        return steady_motion(system, request)
-    if method in SOLVERS:
-        return in_time(system, request, method)
-    if method == "rk4":
-        return rk4(system, request)
-    if method == "euler_q":
-        return euler_q(system, request)
-    return watched(along_path(system, request), request.watch)

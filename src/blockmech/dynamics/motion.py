@@ -27,6 +27,7 @@ SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulo
 AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 
+EVALUATIONS = 400_000  # of kernels, at most in a run of an integrator; some seconds
 SPEED_SAMPLES = 361  # one a degree of a turn: among them extremes of the speed are looked for
 FACT_UNITS: Mapping[str, str] = {
     "swing_time": "s",

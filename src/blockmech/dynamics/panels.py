@@ -17,71 +17,72 @@ which keeps its relative accuracy where K goes to zero.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
+from blockmech.plane import EPS
 from blockmech.series import tail
 
 Floats: TypeAlias = NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
 NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero
 SMALLEST = 5e-324  # the smallest number above zero
+
+
+def basis(v: Any, n: int) -> Any:
+    """Chebyshev polynomials (m, n) in 2 v - 1 at v (m,); exact beside v = 0.
+
+    By the angle: v = sin^2(a / 2), and T_k(2 v - 1) = (-1)^k cos k a.
+    """
+    found = np.cos(np.multiply.outer(2 * np.arcsin(np.sqrt(v)), np.arange(n)))
+    found[..., 1::2] *= -1
+    return found
+
+
+def node_places(n: int, kind: Any = np.float64) -> Any:
+    """n nodes v_i = sin^2((i + 1/2) pi / 2n), small ones to full relative accuracy."""
+    return np.sin((np.arange(n) + kind(0.5)) * (2 * np.arctan(kind(1)) / n)) ** 2
 
 
 class Rule(NamedTuple):
     """n nodes v on (0, 1), and what turns values there into integrals.
 
+    v : (n,) the nodes
     to_series : (n, n) values -> Chebyshev coefficients in 2 v - 1
-    average : p -> (n, n) averages over [0, v_i] with weight p s^(p-1)
-    whole : p -> (n,) the same over [0, 1]
-    integral : (n + 1, n) coefficients of a series -> those of its integral from v = 0
+    average : p -> (n + 1, n) averages over [0, v_i], and [0, 1], with weight p s^(p-1)
+    clock : (n + 1, n) coefficients of a series -> those of its integral from v = 0
     """
 
     v: Floats
     to_series: Floats
     average: dict[int, Floats]
-    whole: dict[int, Floats]
-    integral: Floats
-
-
-def basis(v: Floats, n: int) -> Floats:
-    """Chebyshev polynomials (m, n) in 2 v - 1 at v (m,); exact beside v = 0.
-
-    By the angle: v = sin^2(a / 2), and T_k(2 v - 1) = (-1)^k cos k a.
-    """
-    found: Floats = np.cos(np.multiply.outer(2 * np.arcsin(np.sqrt(v)), np.arange(n)))
-    found[..., 1::2] *= -1
-    return found
+    clock: Floats
 
 
 @cache
 def rule(n: int) -> Rule:
-    """The rule with n nodes; v_i = sin^2((i + 1/2) pi / 2n), small ones to full accuracy.
+    """The rule with n nodes.
 
-    Its matrices are made in extended precision, where the machine has it: the angles of the
-    polynomial k are rounded k times as much as those of the first.
+    Its matrices are made in extended precision, where the machine has it: the angle of the
+    polynomial k is rounded k times as much as that of the first.
     """
-    half = 2 * np.arctan(np.longdouble(1)) / n
-    v = np.sin((np.arange(n) + np.longdouble(0.5)) * half) ** 2
+    v = node_places(n, np.longdouble)
     to_series = basis(v, n).T * (2 / np.longdouble(n))
     to_series[0] /= 2
     x, weights = leggauss(n + 1)
     s = (x.astype(np.longdouble) + 1) / 2
     values = basis(np.append(v, 1)[:, None] * s, n)  # (n + 1, gauss, n)
     average: dict[int, Floats] = {}
-    whole: dict[int, Floats] = {}
     for p in (1, 2):
         rows = np.einsum("g,igk->ik", weights / 2 * p * s ** (p - 1), values) @ to_series
-        average[p], whole[p] = rows[:-1].astype(float), rows[-1].astype(float)
-    integral: Floats = np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2)
-    return Rule(v.astype(float), to_series.astype(float), average, whole, integral)
+        average[p] = rows.astype(np.float64)
+    clock = np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2)
+    return Rule(v.astype(np.float64), to_series.astype(np.float64), average, clock)
 
 
 def roots(series: Floats) -> Floats:
@@ -96,6 +97,17 @@ def roots(series: Floats) -> Floats:
     near = math.sqrt(EPS)  # a double root comes as a pair that is apart by that much
     real = found.real[(np.abs(found.imag) <= near) & (np.abs(found.real) <= 1 + near)]
     return np.sort((np.clip(real, -1.0, 1.0) + 1) / 2)
+
+
+# -- the place -----------------------------------------------------------------------------
+
+
+def place(low: float, high: float, limit: int, v: Floats) -> Floats:
+    """Driver coordinates of values v of a piece's variable; towards a limit in v^2."""
+    length = high - low
+    if limit > 0:
+        return np.asarray(high - length * v * v)
+    return np.asarray(low + length * (v * v if limit else v))
 
 
 @dataclass(frozen=True)
@@ -125,54 +137,40 @@ class PlaceData:
         return found
 
     @cached_property
-    def tail(self) -> float:
-        """What the series leave out, of the worst row."""
-        rows = np.delete(self.series, 2, axis=0)  # the smallest of several margins has kinks
-        left = tail(rows)
-        return float(np.max(np.where(left <= self.noise, 0.0, left)))
+    def tails(self) -> Floats:
+        """(r,) what the series leave out, relative; none below the rounding of rates and inertia.
+
+        A margin m is exact to rounding, they are to 1 / m of it.
+        """
+        left, least = tail(self.series), float(self.rows[2].min())
+        known = NOTHING / least if least > 0 else math.inf
+        found: Floats = np.where(left <= known, 0.0, left)
+        return found
 
     @property
-    def noise(self) -> float:
-        """Relative rounding of rates and inertia: a margin m is exact to rounding, they to 1/m."""
-        least = float(self.rows[2].min())
-        return NOTHING / least if least > 0 else math.inf
-
-    def places(self, n: int) -> Floats:
-        """Driver coordinates of n nodes."""
-        return nodes(self.low, self.high, self.limit, n)
-
-    def variable(self, q: Floats) -> Floats:
-        """v in [0, 1] at places q."""
-        if self.limit > 0:
-            return np.sqrt(np.maximum(self.high - q, 0.0) / self.length)
-        if self.limit < 0:
-            return np.sqrt(np.maximum(q - self.low, 0.0) / self.length)
-        return np.clip((q - self.low) / self.length, 0.0, 1.0)
+    def tail(self) -> float:
+        """The largest of them but for the margin: the smallest of several margins has kinks."""
+        return float(np.delete(self.tails, 2).max())
 
     def at(self, q: Floats) -> Floats:
         """All rows (r, m) at places (m,) inside."""
-        v = self.variable(q)
+        way = self.high - q if self.limit > 0 else q - self.low
+        v = np.clip(way / self.length, 0.0, 1.0)
+        v = np.sqrt(v) if self.limit else v
         found: Floats = self.series @ basis(v, self.series.shape[1]).T
         if self.limit:
-            v = np.maximum(v, math.sqrt(SMALLEST))
+            v = np.maximum(v, EPS)
             found[0] /= v * v
             found[1] /= v
         return found
 
-    def place(self, v: Floats) -> Floats:
-        """Driver coordinates of values v of the series' variable."""
-        if self.limit > 0:
-            return np.asarray(self.high - self.length * v * v)
-        if self.limit < 0:
-            return np.asarray(self.low + self.length * v * v)
-        return np.asarray(self.low + self.length * v)
-
-    def zeros(self, row: int) -> Floats:
+    def zeros(self, row: int) -> list[float]:
         """Places at which a row is zero, ascending."""
         values = self.rows[row]
-        if np.abs(np.sign(values).sum()) == values.size and np.ptp(values) < np.abs(values).min():
-            return np.empty(0)
-        return np.sort(self.place(roots(self.series[row])))
+        if np.ptp(values) < np.abs(values).min():  # all of one sign, and far from zero
+            return []
+        found = place(self.low, self.high, self.limit, roots(self.series[row]))
+        return sorted(found.tolist())
 
     def touches(self, row: int, level: float) -> list[float]:
         """Places at which a row that is not negative comes down to a level, or nearly.
@@ -185,26 +183,56 @@ class PlaceData:
         if values.min() > (math.pi / 8) ** 2 / 2 * np.abs(values).max():
             return []
         v = np.concatenate([[0.0], roots(chebyshev.chebder(series)), [1.0]])
-        found: list[float] = self.place(v[basis(v, series.size) @ series <= level]).tolist()
+        low = v[basis(v, series.size) @ series <= level]
+        found: list[float] = place(self.low, self.high, self.limit, low).tolist()
         return found
 
 
 @cache
 def _finer(n: int) -> Floats:
     """Values at 4 n nodes from n coefficients."""
-    v: Floats = np.sin((np.arange(4 * n) + 0.5) * math.pi / (8 * n)) ** 2
-    return basis(v, n)
+    return np.asarray(basis(node_places(4 * n), n))
 
 
-def nodes(low: float, high: float, limit: int, n: int) -> Floats:
-    """Nodes (n,) of a piece; towards a limit in v^2, see `PlaceData`."""
-    v = rule(n).v
-    length = high - low
-    if limit > 0:
-        return np.asarray(high - length * v * v)
-    if limit < 0:
-        return np.asarray(low + length * v * v)
-    return np.where(v < 0.5, low + length * v, high - length * v[::-1])
+# -- the motion ----------------------------------------------------------------------------
+
+
+class Span(NamedTuple):
+    """Where a panel lies: u = length v^p from its anchor.
+
+    sign : direction of the motion
+    energy : [J] at the anchor, or at v = 1 where the anchor is a limit
+    backward : whether v is measured from its end
+    limit : whether the anchor is a dead centre ahead; 2 v w is smooth then, not w
+    """
+
+    anchor: float
+    length: float
+    sign: int
+    energy: float
+    p: int = 1
+    backward: bool = False
+    limit: bool = False
+
+    def places(self, v: Floats) -> Floats:
+        """Driver coordinates of v."""
+        way = self.sign * self.length * v**self.p
+        return np.asarray(self.anchor - way if self.backward else self.anchor + way)
+
+    def slopes(self, n: int) -> Floats:
+        """dK/dw (n + 1, n) at the nodes, and at the end that is not known."""
+        return self.length * _slopes(n, self.p, self.backward, self.limit)
+
+
+@cache
+def _slopes(n: int, p: int, backward: bool, limit: bool) -> Floats:
+    r = rule(n)
+    ends = np.append(r.v, 1.0)[:, None]
+    if limit:  # from v = 1 down to v, of 2 v w
+        found: Floats = r.average[1] * (2 * r.v)
+        inner = np.vstack([ends[:-1] * found[:-1], np.zeros(n)])
+        return np.asarray(found[-1] - inner)
+    return np.asarray((-1.0 if backward else 1.0) * ends**p * r.average[p])
 
 
 @dataclass(frozen=True)
@@ -217,6 +245,7 @@ class Panel:
     p : exponent of the map
     backward : whether v is measured from its end
     w, K, J : (n,) dK/du along the motion, kinetic energy and inertia at the nodes
+    lost : [J] what friction takes
     """
 
     t0: float
@@ -229,25 +258,32 @@ class Panel:
     w: Floats
     K: Floats
     J: Floats
+    lost: float = 0.0
+
+    @property
+    def length(self) -> float:
+        """[rad or m]"""
+        return abs(self.q1 - self.q0)
 
     @cached_property
     def rate(self) -> Floats:
         """Chebyshev coefficients (n,) of dt/dv."""
         r = rule(self.w.size)
         with np.errstate(all="ignore"):
-            slope = self.p * r.v ** (self.p - 1) * np.sqrt(self.J / (2 * self.K))
-        found: Floats = r.to_series @ (abs(self.q1 - self.q0) * slope)
+            slope = np.sqrt(self.J / (2 * self.K)) * (self.p * self.length)
+        found: Floats = r.to_series @ (slope * r.v if self.p == 2 else slope)
         return found
 
-    def faster(self, energy: float, t: float) -> Panel:
-        """The same piece of the path at another time and with more kinetic energy [J]."""
-        K0, K1 = self.K0 + energy, self.K1 + energy
-        return replace(self, t0=t, K0=K0, K1=K1, K=self.K + energy)
+    @property
+    def work(self) -> Floats:
+        """Chebyshev coefficients (n,) of dK/du."""
+        found: Floats = rule(self.w.size).to_series @ self.w
+        return found
 
     @cached_property
     def clock(self) -> Floats:
-        """Coefficients of the time since v = 0."""
-        found: Floats = rule(self.w.size).integral @ self.rate
+        """Coefficients (n + 1,) of the time since v = 0."""
+        found: Floats = rule(self.w.size).clock @ self.rate
         return found
 
     @cached_property
@@ -260,96 +296,24 @@ class Panel:
         """[s] when it ends."""
         return self.t0 + self.duration
 
-    def state(self, t: Floats) -> tuple[Floats, Floats]:
-        """Driver coordinate and rate (m,) at times (m,) [s] within it."""
-        since = self.t1 - t if self.backward else t - self.t0
-        v, slope = self._moved(np.clip(since, 0.0, self.duration))
-        way = self.q1 - self.q0
-        u = way * v**self.p
-        q = self.q1 - u if self.backward else self.q0 + u
-        with np.errstate(all="ignore"):
-            qd = np.where(slope > 0, self.p * way * v ** (self.p - 1) / slope, 0.0)
-        return q, qd
-
-    @cached_property
-    def _timed(self) -> tuple[Floats, Floats, Floats]:
-        """Times since v = 0 and v at the nodes and ends; coefficients (n + 1, 2) of t and dt/dv."""
-        r = rule(self.w.size)
-        both = np.stack([self.clock, np.append(self.rate, 0.0)], axis=1)
-        v = np.concatenate([[0.0], r.v, [1.0]])
-        times = basis(v, self.w.size + 1) @ both[:, 0]
-        return np.maximum.accumulate(times), v, both
-
-    def _moved(self, since: Floats) -> tuple[Floats, Floats]:
-        """v and dt/dv at times since v = 0, by Newton's method kept within a bracket."""
-        times, at_nodes, both = self._timed
-        v = np.interp(since, times, at_nodes)
-        low, high = np.zeros(since.shape), np.ones(since.shape)
-        for _ in range(60):  # bisection alone would end then
-            found, slope = (basis(v, self.w.size + 1) @ both).T
-            miss = found - since
-            if (np.abs(miss) <= 2 * EPS * since).all():
-                break
-            low, high = np.where(miss <= 0, v, low), np.where(miss >= 0, v, high)
-            with np.errstate(all="ignore"):
-                new = v - miss / slope
-            new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
-            if (np.abs(new - v) <= 4 * EPS * v).all():
-                v = new
-                break
-            v = new
-        return v, basis(v, self.w.size + 1) @ both[:, 1]
-
     def at_place(self, q: float) -> float:
         """Time [s] at which it passes a place."""
-        way = self.q1 - self.q0
-        share = (self.q1 - q) / way if self.backward else (q - self.q0) / way
-        v = min(max(share, 0.0), 1.0) ** (1 / self.p)
-        since = float((basis(np.array([v]), self.w.size + 1) @ self.clock)[0])
+        share = abs(self.q1 - q if self.backward else q - self.q0) / self.length
+        v = np.array([min(share, 1.0) ** (1 / self.p)])
+        since = float((basis(v, self.w.size + 1) @ self.clock)[0])
         return self.t1 - since if self.backward else self.t0 + since
 
+    def faster(self, energy: float, t: float) -> Panel:
+        """The same piece of the path at another time and with more kinetic energy [J]."""
+        K0, K1 = self.K0 + energy, self.K1 + energy
+        return replace(self, t0=t, K0=K0, K1=K1, K=self.K + energy)
 
-Work: TypeAlias = Callable[[Floats, Floats], Floats]
-"""dK/du at nodes of which the inertia is known: (K, indices of nodes) -> w."""
-
-
-class Solved(NamedTuple):
-    """dK/du on a panel's nodes, and the energy there."""
-
-    w: Floats
-    K: Floats
-    G: Floats  # (n, n) dK/dw
-
-
-def energies(
-    n: int, p: int, length: float, backward: bool, limit: bool, K_known: float, w: Floats
-) -> Floats:
-    """Kinetic energy at the nodes from w = dK/du; K_known at the anchor, or before a limit."""
-    found: Floats = K_known + slopes(n, p, length, backward, limit) @ w
-    return found
-
-
-@cache
-def _slopes(n: int, p: int, backward: bool, limit: bool) -> Floats:
-    r = rule(n)
-    if limit:  # u from the limit, K known at v = 1; 2 v w is smooth
-        inner = r.v[:, None] * r.average[1] * (2 * r.v)
-        return np.asarray(r.whole[1] * (2 * r.v) - inner)
-    sign = -1.0 if backward else 1.0
-    return np.asarray(sign * (r.v**p)[:, None] * r.average[p])
-
-
-def slopes(n: int, p: int, length: float, backward: bool, limit: bool) -> Floats:
-    """dK/dw (n, n) of a panel."""
-    return length * _slopes(n, p, backward, limit)
-
-
-def final_energy(
-    n: int, p: int, length: float, backward: bool, limit: bool, K_known: float, w: Floats
-) -> float:
-    """Kinetic energy at the end of the panel that is not the anchor (at the limit: there)."""
-    r = rule(n)
-    if limit:
-        return K_known + length * float(r.whole[1] @ (2 * r.v * w))
-    sign = -1.0 if backward else 1.0
-    return K_known + sign * length * float(r.whole[p] @ w)
+    def begins_known(self, J: float, tolerance: float) -> bool:
+        """Whether dt/dv begins with the rate that is known: no layer hides between the nodes."""
+        if self.p != 1:
+            return True
+        known = self.length * math.sqrt(J / (2 * self.K0))
+        size = np.abs(self.rate)
+        found = float(self.rate[::2].sum() - self.rate[1::2].sum())
+        left = max(float(size[-(size.size // 4) :].max()), tolerance * float(size.max()))
+        return abs(found - known) <= size.size * left

@@ -33,7 +33,7 @@ QUOTIENT = 1e-3  # step of fourth-order differences: its fourth power is their e
 NEUTRAL = 1e-6  # distance of a multiplier from 1 that is none: what differences leave of it
 NONE = 1e-9  # relative: what roots and eigenvalues leave of nothing
 FLOWS = 1e-13  # accuracy of the flows whose fixed points are looked for
-SEARCH = 40  # values of a map in a search; from a settled motion some ten are enough
+SEARCH = 20  # values of a map in a search; from a settled motion some ten are enough
 
 
 def slope(of: Callable[[Floats], Floats], x: Floats, step: Floats) -> Floats:

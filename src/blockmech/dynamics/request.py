@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -24,22 +24,30 @@ Progress: TypeAlias = Callable[[str, float, float | None], None]
 It may raise `KeyboardInterrupt` to stop the run, which keeps what was done.
 """
 
-TAKES = {
-    "swings": "a whole number from 1 on",
-    "turns": "a number above 0",
-    "time": "a number from 0 on",
-    "angle": "a number",
+
+class GoalNumber(NamedTuple):
+    """What number a goal takes: how it is written, in words, and which ones fit."""
+
+    spelled: str
+    words: str = "no number"
+    fits: Callable[[float], bool] = math.isfinite
+
+
+GOALS = {
+    "standstill": GoalNumber("standstill"),
+    "swings": GoalNumber(
+        "swings=<count>", "a whole number from 1 on", lambda x: x >= 1 and x == round(x)
+    ),
+    "turns": GoalNumber("turns=<count>", "a number above 0", lambda x: x > 0),
+    "time": GoalNumber("time=<s>", "a number from 0 on", lambda x: x >= 0),
+    "angle": GoalNumber("angle=<rad or m>, or 60deg", "a number"),
+    "steady": GoalNumber(
+        "steady, steady=<s>, the period of the loads",
+        "the period of the loads [s] or nothing",
+        lambda x: x > 0,
+    ),
+    "event": GoalNumber("event"),
 }
-SPELLINGS = (
-    "standstill",
-    "swings=<count>",
-    "turns=<count>",
-    "time=<s>",
-    "angle=<rad or m>, or 60deg",
-    "steady",
-    "steady=<s>, the period of the loads",
-    "event",
-)
 PAIRS = "give them by driver, like {pairs}"
 WATCH = 'blockmech.dynamics.request.Watch("name", lambda t, q, rate: ...)'
 START, STOPS = '{"crank": (0.0, 1.0)}', '{"crank": (-1.0, 2.0)}'
@@ -98,33 +106,32 @@ class Until:
             value = float(number.rstrip().removesuffix("deg" if degrees else "")) if number else 1.0
         except ValueError:
             value = math.nan
-        forced = name == "steady" and bool(number)
-        valued = name in TAKES or forced
-        wrong = not math.isfinite(value) or (forced and value <= 0)
-        if name not in get_args(Goal):
-            raise _no_end(text, close_match(name, get_args(Goal)))
-        if valued is not bool(number) or wrong:
-            takes = TAKES.get(name, "the period of the loads [s] or nothing" if forced else "")
-            raise _no_end(text, f'"{name}" takes {takes or "no number"}')
-        if forced:
-            return cls("steady", forcing=value)
-        return cls(name, math.radians(value) if degrees else value).checked()  # type: ignore[arg-type]
+        if name not in GOALS:
+            raise _no_end(text, close_match(name, tuple(GOALS)))
+        takes = "=" in GOALS[name].spelled
+        if (takes is not bool(number) and name != "steady") or not _fits(name, value):
+            raise _no_end(text, _takes(name))
+        if name == "steady":
+            return cls("steady", forcing=value if number else 0.0)
+        return cls(name, math.radians(value) if degrees else value)  # type: ignore[arg-type]
 
     def checked(self) -> Until:
         """Itself, if there can be such an end.
 
         Raises `RequestError` for a time before the start, or a count that is none.
         """
-        goal, value = self.goal, self.value
-        takes = TAKES.get(goal, "")
-        fits = math.isfinite(value) and {
-            "time": value >= 0,
-            "turns": value > 0,
-            "swings": value >= 1 and value == round(value),
-        }.get(goal, True)
-        if goal not in get_args(Goal) or not fits:
-            raise _no_end(f"{goal}={value:g}", f'"{goal}" takes {takes}' if takes else "")
+        if not _fits(self.goal, self.value):
+            raise _no_end(f"{self.goal}={self.value:g}", _takes(self.goal))
         return self
+
+
+def _fits(goal: str, value: float) -> bool:
+    """Whether there is such a goal, with such a number."""
+    return goal in GOALS and math.isfinite(value) and GOALS[goal].fits(value)
+
+
+def _takes(goal: str) -> str:
+    return f'"{goal}" takes {GOALS[goal].words}' if goal in GOALS else ""
 
 
 @dataclass(frozen=True)
@@ -245,13 +252,18 @@ def size_of(where: str, given: Any) -> float | None:
     """An accuracy or a step: a number above zero, or None."""
     if given is None:
         return None
-    try:
-        size = float(given)
-    except (TypeError, ValueError):
-        size = math.nan
+    size = _number(given)
     if not (math.isfinite(size) and size > 0):
         raise bad(where, f"{given!r} is not a number above zero", "leave it out, or give one")
     return size
+
+
+def _number(given: Any) -> float:
+    """A number; NaN where it is none."""
+    try:
+        return float(given)
+    except (TypeError, ValueError):
+        return math.nan
 
 
 def times_of(times: Any) -> Floats | None:
@@ -276,39 +288,31 @@ def watches_of(given: Any, goal: Until) -> tuple[Watch, ...]:
     if goal.goal == "event" and not any(x.terminal for x in row):
         remedy = f"give one in Python: watch=[{WATCH}]"
         raise bad("until", '"event": no event is given that ends the run', remedy)
-    return tuple(replace(x, surface=_CheckedSurface(x.name, x.surface)) for x in row)
+    return tuple(map(_checked, row))
 
 
-@dataclass(frozen=True)
-class _CheckedSurface:
-    """A user's surface, whose mistakes are told as such."""
+def _checked(watch: Watch) -> Watch:
+    """The same, with mistakes of its surface told as such; NaN where there is no state."""
 
-    name: str
-    surface: Surface
-
-    def __call__(self, t: float, q: Any, qd: Any) -> float:
-        """The surface at a state; NaN where there is no state."""
+    def surface(t: float, q: Any, qd: Any) -> float:
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
             return math.nan
         try:
-            value = self.surface(t, q, qd)
+            value = watch.surface(t, q, qd)
         except Exception as error:
-            raise self.refused(f"{type(error).__name__}: {error}", t, q, qd) from error
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            number = math.nan
+            raise refused(f"{type(error).__name__}: {error}", t, q, qd) from error
+        number = _number(value)
         if math.isnan(number):
-            raise self.refused(f"it gave {value!r}", t, q, qd) from None
+            raise refused(f"it gave {value!r}", t, q, qd)
         return number
 
-    def refused(self, found: str, t: float, q: Any, qd: Any) -> RequestError:
-        """The message about a surface that fails."""
+    def refused(found: str, t: float, q: Any, qd: Any) -> RequestError:
         at = f"at t = {t:.9g} s, q = {q}, rate = {qd}"
         remedy = "give a number that changes its sign where the event is"
-        return RequestError(
-            Problem("user-function", f"watch.{self.name}", f"{found}, {at}", "", remedy)
-        )
+        where = f"watch.{watch.name}"
+        return RequestError(Problem("user-function", where, f"{found}, {at}", "", remedy))
+
+    return replace(watch, surface=surface)
 
 
 def progress_of(progress: Any) -> Progress | None:
@@ -338,4 +342,8 @@ def bad(where: str, found: str, remedy: str) -> RequestError:
 
 def _no_end(text: str, remedy: str) -> RequestError:
     found = f'"{text}" says nothing about when to stop'
-    return RequestError(Problem("until", "until", found, f"valid: {listed(SPELLINGS)}", remedy))
+    return RequestError(
+        Problem(
+            "until", "until", found, f"valid: {listed(g.spelled for g in GOALS.values())}", remedy
+        )
+    )

@@ -2,27 +2,29 @@
 
 A piece ends where its series would not be smooth: at kinks of loads, end stops, dead centres,
 places without inertia. It is halved until its series are resolved, so pieces crowd only where
-the mechanism asks for it. In a periodic scene the pieces of one period serve all turns.
+the mechanism asks for it. In a periodic scene the pieces of one period serve all turns, and the
+first samples of all of them are taken in one batch.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from blockmech.dynamics.motion import DEAD_CENTRE, END_STOP, IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
-from blockmech.dynamics.panels import EPS, NOTHING, Floats, PlaceData, nodes, rule
-from blockmech.series import tail
+from blockmech.dynamics.panels import NOTHING, Floats, PlaceData, place, rule
+from blockmech.dynamics.track import HALVINGS
+from blockmech.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
 PARTS = 16  # a search for the last possible pose asks at that many places at a time
-HALVINGS = 60  # of a piece: a double has no more digits
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
 J, TAU, MARGIN, SLIPS = 0, 1, 2, 3  # rows of place data; slips and what follows with friction
 
@@ -31,9 +33,9 @@ J, TAU, MARGIN, SLIPS = 0, 1, 2, 3  # rows of place data; slips and what follows
 class Piece:
     """Place data in the coordinate of the motion.
 
-    shift : [rad] whole periods between the two
     ends : what ends the road at the low and the high end, "" where it goes on
-    cuts : places inside at which a pair with friction reverses, ascending
+    cuts : places inside at which a pair with friction reverses, or an end stop is
+    shift : [rad] whole periods between the two coordinates
     """
 
     data: PlaceData
@@ -49,21 +51,23 @@ class Piece:
         """What ends the road there, or nothing."""
         return self.ends[sign > 0]
 
-    def holds(self, q: float, sign: int, near: float) -> bool:
-        """Whether there is a way ahead of q in it, q a place of the data; no nearer than that."""
-        low, high = self.data.low, self.data.high
-        if sign > 0:
-            return low - near <= q < high - near
-        return low + near < q <= high + near
+    def rows(self, q: Floats) -> Floats:
+        """Place data (r, m) at places of the motion."""
+        return self.data.at(q - self.shift)
 
 
 @dataclass
 class Road:
-    """The pieces of a system's path with n nodes each, resolved to a relative tolerance."""
+    """The pieces of a system's path about a start: n nodes each, resolved to a tolerance.
+
+    ``beside``: ulps by which the ends that the mechanism has are off
+    """
 
     system: System
+    start: float
     n: int
     tolerance: float
+    beside: int = 0
     pieces: list[Piece] = field(default_factory=list)
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
 
@@ -72,40 +76,40 @@ class Road:
         low, high = self.system.stops[0]
         if (q >= high and sign > 0) or (q <= low and sign < 0):
             return END_STOP
-        shift = self._shift(q)
-        near = CLOSE * max(abs(q), abs(shift))
-        for k in (0.0, 1.0, -1.0):  # a place at an edge of a period may be its neighbour's
-            move = shift + k * (self.system.period or 0.0)
-            for piece in self.pieces:
-                if piece.holds(q - move, sign, near):
-                    return self._cut_at_stops(Piece(piece.data, piece.ends, piece.cuts, move))
-            if self.system.period is None:
-                break
-        made = self._made(q - shift, sign, length)
+        period = self.system.period
+        near = CLOSE * max(abs(q), abs(self.start))
+        shift = 0.0
+        if period is not None:
+            shift = period * math.floor((q + sign * near - self.start) / period + 0.5)
+        near += CLOSE * abs(shift)
+        there = q - shift
+        for piece in self.pieces:
+            ahead = (piece.end(sign) - there) * sign
+            if near < ahead <= piece.data.length + near:
+                return self._placed(piece, shift)
+        there = next((x for x in self._edges if abs(x - there) <= near), there)
+        made = self._made(there, sign, length)
         if isinstance(made, str):
             return made
         self.pieces.append(made)
-        return self._cut_at_stops(Piece(made.data, made.ends, made.cuts, shift))
+        return self._placed(made, shift)
 
-    def replace(self, old: Piece, q: float, sign: int, length: float) -> Piece | str:
-        """A shorter piece in place of one that was too long for what happens in it."""
-        self.pieces = [p for p in self.pieces if p.data is not old.data]
-        return self.ahead(q, sign, length)
+    def shorten(self, piece: Piece, q: float, sign: int, length: float) -> None:
+        """A shorter piece from a place on instead of one that is too long for what happens."""
+        self.pieces = [p for p in self.pieces if p.data is not piece.data]
+        self.ahead(q, sign, length)
 
-    def _shift(self, q: float) -> float:
-        period = self.system.period
-        return 0.0 if period is None else period * math.floor(q / period)
-
-    def _cut_at_stops(self, piece: Piece) -> Piece:
-        """End stops are in the motion's coordinate, so they end a turn and not all turns."""
-        cuts = [x + piece.shift for x in piece.cuts]
+    def _placed(self, piece: Piece, shift: float) -> Piece:
+        """A piece in the motion's coordinate: end stops end one turn and not all turns."""
+        cuts = [x + shift for x in piece.cuts]
         ends = list(piece.ends)
+        placed = replace(piece, shift=shift)
         for i, stop in enumerate(self.system.stops[0]):
-            if piece.data.low + piece.shift < stop < piece.data.high + piece.shift:
+            if placed.end(-1) < stop < placed.end(1):
                 cuts.append(stop)
-            elif stop == piece.end(1 if i else -1):
+            elif stop == placed.end(1 if i else -1):
                 ends[i] = END_STOP
-        return Piece(piece.data, (ends[0], ends[1]), tuple(sorted(cuts)), piece.shift)
+        return replace(placed, ends=(ends[0], ends[1]), cuts=tuple(cuts))
 
     # -- making a piece ------------------------------------------------------------
 
@@ -116,13 +120,16 @@ class Road:
         for _ in range(HALVINGS):
             if far == q:
                 return what or IMPOSSIBLE
-            rows = self._rows(*_ordered(q, far), limit)
-            if not limit and not _possible(rows).all():
+            low, high = (q, far) if sign > 0 else (far, q)
+            data = PlaceData(low, high, limit, self._rows(low, high, limit))
+            rows = data.rows
+            possible = (rows[MARGIN] > 0) & (rows[J] > 0) & np.isfinite(rows[:MARGIN]).all(axis=0)
+            if not limit and not possible.all():
                 far, what = self._last_possible(q, far)
+                far -= sign * self.beside * math.ulp(far) if far != q else 0.0
                 self.limits.append((far, sign, what))
                 limit = self._limit(sign, what)
                 continue
-            data = PlaceData(*_ordered(q, far), limit, rows)
             touched = self._touched(data, sign)
             if touched is not None and abs(touched[0] - far) > math.sqrt(EPS) * data.length:
                 far, what, limit = *touched, 0
@@ -132,41 +139,65 @@ class Road:
                 far, what, limit = (q + far) / 2, "", 0
         return IMPOSSIBLE
 
-    def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:
-        """The farthest place that a new piece may reach, and what ends the road there."""
-        system = self.system
-        covered = [x for p in self.pieces for x in (p.data.low, p.data.high)]
-        usual = (system.period or system.span) / PIECES
-        if system.period is None and covered:  # along a guide they double
-            usual = max(usual, max(covered) - min(covered))
-        far = q + sign * min(length, usual)
-        stops = [p.data.low if sign > 0 else p.data.high for p in self.pieces]
-        stops += list(system.knots)
-        if system.period is not None:
-            stops += [x + k * system.period for x in stops for k in (-1, 1)]
-        between = [x for x in stops if sign * (x - q) > 0 and sign * (far - x) > 0]
-        found = [(x, what) for x, way, what in self.limits if way == sign and sign * (x - q) > 0]
-        found += [(x, "") for x in [*between, far]]
-        return min(found, key=lambda x: sign * x[0])
-
-    def _rows(self, low: float, high: float, limit: int) -> Floats:
-        """Values of a piece at its nodes."""
-        q = nodes(low, high, limit, self.n)
-        if self.system.friction is not None:
-            return self.system.friction.rows(q)
-        rows = np.array(self.system.sample(q))
-        if limit:  # J and tau grow without bound there
-            v = rule(self.n).v
-            rows[J] *= v * v
-            rows[TAU] *= v
-        return rows
-
     def _limit(self, sign: int, what: str) -> int:
         """Direction in which a piece runs into a dead centre in its own variable.
 
         With friction it does not: before a dead centre the friction has no solution.
         """
         return sign if what == DEAD_CENTRE and self.system.friction is None else 0
+
+    @cached_property
+    def _edges(self) -> list[float]:
+        """Ends of the first pieces: of a period about the start, or of all that kinks bound."""
+        period, knots = self.system.period, self.system.knots
+        if period is None:
+            return list(knots)
+        ways = {k / PIECES * period for k in range(PIECES + 1)}
+        ways |= {(x - self.start + period / 2) % period for x in knots}
+        apart = sorted(ways)
+        apart = [
+            x for x, y in zip(apart, [*apart[1:], math.inf], strict=True) if y - x > CLOSE * period
+        ]
+        return [self.start + (x - period / 2) for x in apart]
+
+    def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:
+        """The farthest place that a new piece may reach, and what ends the road there."""
+        ends = [p.end(-sign) for p in self.pieces] + self._edges
+        usual = (self.system.period or self.system.span) / PIECES
+        known = [x for p in self.pieces for x in (p.data.low, p.data.high)]
+        if self.system.period is None and known:  # along a guide they double
+            usual = max(usual, max(known) - min(known))
+        found = [(x, what) for x, way, what in self.limits if way == sign]
+        found += [(x, "") for x in ends]
+        if self.system.period is None or length < usual:
+            found.append((q + sign * min(length, usual), ""))
+        near = CLOSE * max(abs(q), abs(self.start))
+        ahead = [x for x in found if sign * (x[0] - q) > near]
+        return min(ahead, key=lambda x: sign * x[0], default=(q + sign * usual, ""))
+
+    @cached_property
+    def _sampled(self) -> dict[tuple[float, float], Floats]:
+        """Values of the first pieces of a period, taken in one batch."""
+        if self.system.period is None:
+            return {}
+        pairs = list(zip(self._edges, self._edges[1:], strict=False))
+        values = self._values(np.concatenate([place(*x, 0, rule(self.n).v) for x in pairs]))
+        return dict(zip(pairs, np.split(values, len(pairs), axis=1), strict=True))
+
+    def _rows(self, low: float, high: float, limit: int) -> Floats:
+        """Values of a piece at its nodes."""
+        if not limit and (low, high) in self._sampled:
+            return self._sampled[low, high]
+        v = rule(self.n).v
+        rows = self._values(place(low, high, limit, v))
+        if limit:  # J and tau grow without bound there
+            rows[J] *= v * v
+            rows[TAU] *= v
+        return rows
+
+    def _values(self, q: Floats) -> Floats:
+        friction = self.system.friction
+        return np.array(self.system.sample(q)) if friction is None else friction.rows(q)
 
     def _last_possible(self, q: float, far: float) -> tuple[float, str]:
         """The last place from q on at which there is a pose and a load, and what ends there."""
@@ -175,7 +206,7 @@ class Road:
             return q, self._why(q, q)
         for _ in range(HALVINGS):
             x = np.linspace(good, bad, PARTS + 1)[1:]
-            x = x[(x != good) & (x != bad)] if abs(bad - good) > 4 * EPS * abs(good) else x[:0]
+            x = x[(x != good) & (x != bad)]
             if not x.size:
                 break
             there = self._possible_at(x)
@@ -192,12 +223,10 @@ class Road:
 
     def _why(self, good: float, bad: float) -> str:
         """What ends the road between a possible place and the next that is not."""
-        before, beyond = (self.system.sample(np.array([x])) for x in (good, bad))
-        closes = beyond.margin[0] > 0 and np.isfinite(beyond.J[0])
-        if closes:
-            return UNDEFINED_LOAD if not np.isfinite(beyond.tau[0]) else NO_INERTIA
-        near = before.margin[0] <= math.sqrt(EPS)
-        return DEAD_CENTRE if near else IMPOSSIBLE
+        sample = self.system.sample(np.array([good, bad]))
+        if sample.margin[1] > 0 and np.isfinite(sample.J[1]):
+            return NO_INERTIA if np.isfinite(sample.tau[1]) else UNDEFINED_LOAD
+        return DEAD_CENTRE if sample.margin[0] <= math.sqrt(EPS) else IMPOSSIBLE
 
     def _touched(self, data: PlaceData, sign: int) -> tuple[float, str] | None:
         """Where a margin or the inertia touches zero inside a piece; None if neither does."""
@@ -205,24 +234,13 @@ class Road:
             return None
         found = []
         for row, what in ((MARGIN, DEAD_CENTRE), (J, NO_INERTIA)):
-            if tail(data.series[row]) > self.tolerance:
-                continue
-            nothing = NOTHING * float(np.abs(data.rows[row]).max())
-            found += [(q, what) for q in data.touches(row, nothing)]
+            if data.tails[row] <= self.tolerance:
+                nothing = NOTHING * float(np.abs(data.rows[row]).max())
+                found += [(q, what) for q in data.touches(row, nothing)]
         return min(found, key=lambda x: sign * x[0]) if found else None
 
     def _finished(self, data: PlaceData, sign: int, what: str) -> Piece:
         ends = ("", what) if sign > 0 else (what, "")
-        if self.system.friction is None:
-            return Piece(data, ends)
-        m = len(self.system.friction.names)
-        cuts = [x for k in range(m) for x in data.zeros(SLIPS + k).tolist()]
-        return Piece(data, ends, tuple(sorted(x for x in cuts if data.low < x < data.high)))
-
-
-def _ordered(a: float, b: float) -> tuple[float, float]:
-    return (a, b) if a < b else (b, a)
-
-
-def _possible(rows: Floats) -> Any:
-    return (rows[MARGIN] > 0) & np.isfinite(rows[:MARGIN]).all(axis=0) & (rows[J] > 0)
+        slips = () if self.system.friction is None else self.system.friction.names
+        cuts = [x for k in range(len(slips)) for x in data.zeros(SLIPS + k)]
+        return Piece(data, ends, tuple(x for x in cuts if data.low < x < data.high))

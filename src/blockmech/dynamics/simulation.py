@@ -9,17 +9,16 @@ Sources: [D14] Durango et al. 2014, Fig. 1 and section 2.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from blockmech.dynamics.along import frictionless, result_along
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.methods import move, standing
 from blockmech.dynamics.motion import (
-    DEAD_CENTRE,
     IMPOSSIBLE,
     INTERRUPTED,
     TOO_MANY,
@@ -42,22 +41,17 @@ from blockmech.dynamics.request import (
     times_of,
     watches_of,
 )
-from blockmech.engines.numpy import Planar
+from blockmech.dynamics.system import System
 from blockmech.errors import Problem, RequestError, listed
-from blockmech.plan import Friction
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-    from blockmech.dynamics.system import System
 
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
 OUTPUTS = 201  # output times where none are named
-SINGULAR = 1e-10  # margin of a dead centre itself, but for rounding
-PART = 1 << 16  # outputs computed between two places where an interruption keeps what is done
-FRICTIONLESS = {"friction": "none", "tolerance": None, "iterations": None, "static": False}
 ACTIONS = (".couple", ".force")  # outputs of a load
 NEARBY = 1e-6  # of the run: how long before its end it is looked at which way rates go
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
@@ -166,7 +160,21 @@ def refuse_no_inertia(mechanism: Compiled) -> None:
         raise RequestError(Problem("no-inertia", mechanism.name, found, "", remedy))
 
 
-# -- outputs along a motion ----------------------------------------------------------------
+def evaluation_cost(
+    mechanism: Compiled, friction: str, tolerance: float | None, iterations: int | None
+) -> str:
+    """Kernel calls that one evaluation of the motion takes, as a line of text."""
+    system = System(mechanism, method=friction_asked(friction, tolerance, iterations))
+    passes = {"equation of motion": (system.equation_program, 1)}
+    if len(system.drivers) == 1 and system.friction is not None:
+        resisting = system.friction.program
+        many = len(resisting.names) + 2  # the loads, q'', and each pair
+        passes["pairs with friction"] = (resisting.program, many)
+    parts = []
+    for what, (program, times) in passes.items():
+        calls = sum("(" in line for line in program.source.splitlines()[1:-1])
+        parts.append(f"{what} {calls}" + (f", {times} times" if times > 1 else ""))
+    return "kernel calls of an evaluation of the motion: " + "; ".join(parts)
 
 
 def _at_times(
@@ -186,153 +194,6 @@ def _at_times(
         motion = replace(motion, notes=(*motion.notes, note))
         wanted = wanted[inside] if inside.any() else np.array([motion.t_end])
     return result_along(mechanism, motion, wanted, want, **settings)
-
-
-class Along(Mapping[str, Any]):
-    """Inputs of a program along a motion; accelerations are found when they are asked for.
-
-    ``unknown``: samples at which the rates of the drivers say nothing about other links.
-    """
-
-    def __init__(
-        self,
-        mechanism: Compiled,
-        how: Friction,
-        motion: Motion,
-        t: Floats,
-        unknown: Any = slice(0),
-    ) -> None:
-        q, qd = motion.at(t)
-        qd[unknown] = np.nan
-        self._mechanism, self._how, self._t, self._q, self._qd = mechanism, how, t, q, qd
-        k = len(mechanism.drivers)
-        self._given: dict[str, Any] = {}
-        for name, x in (("q", q), ("qd", qd)):
-            columns = [x] if k == 1 else [np.ascontiguousarray(column) for column in x.T]
-            self._given |= {f"{name}_{i}": column for i, column in enumerate(columns)}
-        self._names = (*self._given, *(f"qdd_{i}" for i in range(k)))
-
-    def __getitem__(self, name: str) -> Any:
-        if name in self._given:
-            return self._given[name]
-        if name not in self._names:
-            raise KeyError(name)
-        return self._accelerations[int(name.removeprefix("qdd_"))]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    @cached_property
-    def _accelerations(self) -> list[Floats]:
-        """q'' (n,) of each driver, the drives idle."""
-        system = system_of(self._mechanism, method=self._how)  # not kept: programs do not pickle
-        if len(system.drivers) > 1 or system.friction is None:
-            return self._without_friction()
-        rows = zip(self._q, self._qd, self._t.tolist(), strict=True)
-        found = [_with_friction(system, float(q), float(qd), t) for q, qd, t in rows]
-        return [np.array(found)]
-
-    def _without_friction(self) -> list[Floats]:
-        """From M q'' = Q - c."""
-        mechanism, n = self._mechanism, len(self._t)
-        drivers = mechanism.drivers
-        idle = [mechanism.of_driver(d, "drive_by_reduction") for d in drivers]  # c - Q, q'' = 0
-        alone = len(drivers) == 1
-        mass = mechanism.of_driver(drivers[0], "J_red") if alone else "mechanism.M"
-        plan = mechanism.plan((*idle, mass), friction="none")
-        rest = {f"qdd_{i}": np.zeros(n) for i in range(len(drivers))}
-        samples = Samples(n, {**self._given, **rest}, self._t)
-        values, engine = mechanism.evaluate(plan, samples)
-        found = Result(mechanism, plan, samples, values, engine, FRICTIONLESS)
-        if alone:
-            return [-found[idle[0]] / found[mass]]
-        right = -np.stack([found[name] for name in idle], axis=-1)
-        M = found[mass]
-        good = np.isfinite(M).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
-        qdd = np.full(right.shape, np.nan)
-        qdd[good] = np.linalg.solve(M[good], right[good][:, :, None])[:, :, 0]
-        return [np.ascontiguousarray(column) for column in qdd.T]
-
-
-def _with_friction(system: System, q: float, qd: float, t: float) -> float:
-    """q'' of the only driver; none at a standstill that friction holds."""
-    friction = system.friction
-    assert friction is not None
-    way = int(np.sign(qd)) or friction.rest(q, t, system.load_size(q)).moves
-    return friction.at(q, qd, t, friction.sides(q, way)).qdd if way else 0.0
-
-
-def result_along(
-    mechanism: Compiled,
-    motion: Motion,
-    t: Floats,
-    want: Iterable[str] | str,
-    friction: str | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
-) -> Result:
-    """The wanted outputs at times (n,) [s] of a motion.
-
-    Joint friction is that of the motion, if nothing else is said. Interrupted, it gives the
-    outputs at the times until then, and says so.
-    """
-    friction = friction or ("newton" if "friction_work" in motion.facts else "none")
-    given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-    plan = mechanism.plan(want, **given)  # type: ignore[arg-type]
-    how = friction_asked(friction, tolerance, iterations)
-    parts: list[tuple[Any, ...]] = []
-    engine, done = "numpy", 0
-    try:
-        for first in range(0, len(t), PART):
-            part = t[first : first + PART]
-            samples = Samples(len(part), Along(mechanism, how, motion, part), part)
-            values, engine = mechanism.evaluate(plan, samples)
-            parts.append(values)
-            done += len(part)
-    except KeyboardInterrupt:
-        if not done:
-            raise
-        note = f"interrupted: outputs at the first {done} of {len(t)} times"
-        motion = replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
-    samples = Samples(done, Along(mechanism, how, motion, t[:done]), t[:done])
-    whole = parts[0] if len(parts) == 1 else tuple(map(_joined, zip(*parts, strict=True)))
-    settings = {**given, "static": False}
-    result = Result(mechanism, plan, samples, whole, engine, settings, motion)
-    return _without_limits(how, result, whole) if motion.end == DEAD_CENTRE else result
-
-
-def _without_limits(how: Friction, result: Result, whole: tuple[Any, ...]) -> Result:
-    """The same without rates and forces in a dead centre itself, where the motion ends.
-
-    There the rate of the driver, mostly zero, does not say how fast the others go.
-    """
-    mechanism, motion, t = result.mechanism, result.motion, result.time
-    assert motion is not None
-    assert t is not None
-    margins = [np.broadcast_to(m, t.shape) for m in result.quality.margin.values()]
-    if not margins:
-        return result
-    there = (t == motion.t_end) & (np.min(margins, axis=0) < SINGULAR)
-    if not there.any():
-        return result
-    samples = Samples(result.n, Along(mechanism, how, motion, t, there), t)
-    values, engine = mechanism.evaluate(result.plan, samples)
-    rates = [mechanism.of_driver(d, "rate") for d in mechanism.drivers]
-    known = {i for name in rates for i in result.plan.layout.get(name, ())}
-    kept = tuple(whole[i] if i in known else x for i, x in enumerate(values))
-    given = Samples(result.n, Along(mechanism, how, motion, t), t)
-    return Result(mechanism, result.plan, given, kept, engine, result.settings, motion)
-
-
-def _joined(pieces: tuple[Any, ...]) -> Any:
-    """One value of a program from its values at parts of the samples."""
-    if isinstance(pieces[0], Planar):
-        real, imag = ([getattr(z, part) for z in pieces] for part in ("real", "imag"))
-        return Planar(np.concatenate(real), np.concatenate(imag))
-    return np.concatenate([np.atleast_1d(x) for x in pieces])
 
 
 # -- loads without a value -----------------------------------------------------------------
@@ -363,17 +224,14 @@ def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
         return []
     q, rate, t = _ahead(motion)
     given: dict[str, Floats] = {}
-    for i in range(q.shape[1]):
-        given |= {f"q_{i}": q[:, i], f"qd_{i}": rate[:, i], f"qdd_{i}": np.zeros(len(t))}
+    for name, x in (("q", q), ("qd", rate), ("qdd", 0 * q)):
+        given |= {f"{name}_{i}": column for i, column in enumerate(x.T)}
     wanted = {
         name: [o for o in mechanism.outputs if o.startswith(f"{name}.") and o.endswith(ACTIONS)]
         for name in names
     }
     every = [output for outputs in wanted.values() for output in outputs]
-    plan = mechanism.plan(every, friction="none")
-    samples = Samples(len(t), given, t)
-    values, engine = mechanism.evaluate(plan, samples)
-    found = Result(mechanism, plan, samples, values, engine, {"friction": "none"})
+    found = frictionless(mechanism, every, Samples(len(t), given, t))
     good = np.ones(len(t), bool)
     for margin in found.quality.margin.values():
         good &= np.broadcast_to(margin, t.shape) > 0

@@ -28,6 +28,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from blockmech.dynamics import loads
+from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.events import STANDSTILL, watched
 from blockmech.dynamics.motion import IMPOSSIBLE, INTERRUPTED, REST, Floats, Motion
 from blockmech.dynamics.path import along_path
@@ -37,14 +38,13 @@ from blockmech.dynamics.periodic import (
     QUOTIENT,
     Equilibrium,
     FixedPoint,
-    PeriodicMotion,
     equilibrium_near,
     fixed_point,
     repeated,
     resting,
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
-from blockmech.dynamics.time import SOLVERS, TARGET, Equation, Run, in_time, scales
+from blockmech.dynamics.time import SOLVERS, TARGET, Run, in_time
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
@@ -125,24 +125,16 @@ def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
         return replace(motion, status="reached", end="steady")
     period = motion.facts.get("period")
     if period is not None:
-        t0 = motion.t_start
-        shift = float(np.diff(motion.track.state(np.array([t0, t0 + period])).q)[0])
-        whole = shift if motion.regime == "rotation" else 0.0
-        track = PeriodicMotion(motion.track, period, whole, t0)
-        t_end = max([t0 + period, *request.times])
-        (q,), (qd,) = track.state(np.array([t_end]))
-        return replace(
-            motion,
-            status="reached",
-            end="steady",
-            t_end=t_end,
-            q_end=float(q),
-            qd_end=float(qd),
-            track=track,
-            events=tuple(e for e in motion.events if e.t <= t0 + period),
-            facts={**motion.facts, "multiplier": 1.0},
-            notes=(*motion.notes, FAMILY),
-        )
+        last = motion.t_start + period
+        q, qd = (float(x[0]) for x in motion.track.state(np.array([last])))
+        turned = q - request.start.q if motion.regime == "rotation" else 0.0
+        once = replace(motion, t_end=last, q_end=q, qd_end=qd)
+        point = FixedPoint(np.array([q, qd]), np.ones(1), 1.0)
+        notes, facts = (*motion.notes, FAMILY), motion.facts
+        shift = np.array([turned])
+        found = repeated(point, once, shift, request, motion.method, notes, **facts)
+        events = tuple(e for e in motion.events if e.t <= last)
+        return replace(found, why=motion.why, regime=motion.regime, events=events)
     work = motion.facts.get("work_per_period")
     if work is not None:
         raise no_steady(

@@ -206,6 +206,11 @@ class System:
         return 0.0
 
     @property
+    def equation_program(self) -> Program:
+        """The program of the equation of motion at one state."""
+        return self._programs.equation[0]
+
+    @property
     def load_size(self) -> Callable[[float], float]:
         """q -> sum of the magnitudes of the contributions to tau at rest."""
         return self._programs.load_size

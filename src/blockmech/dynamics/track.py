@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from blockmech.dynamics.motion import State, Still
-from blockmech.dynamics.panels import Floats, Panel, rule
+from blockmech.dynamics.motion import State
+from blockmech.dynamics.panels import SMALLEST, Floats, Panel, basis, rule
+from blockmech.plane import EPS
 
-TURNS_AT_ONCE = 4096  # of which the times are summed together: some megabytes
+AT_ONCE = 4096  # turns or times that are worked on together: some megabytes
+HALVINGS = 60  # of an interval: a double has no more digits
 
 
 class Leg(Protocol):
@@ -31,16 +33,69 @@ class Leg(Protocol):
 
 
 @dataclass(frozen=True)
-class Standing:
-    """A driver that stays where it is from t0 on."""
+class Row:
+    """Panels that follow each other, evaluated together."""
 
-    t0: float
-    q: float
+    panels: tuple[Panel, ...]
+
+    @property
+    def t0(self) -> float:
+        """When it begins [s]."""
+        return self.panels[0].t0
+
+    @cached_property
+    def _columns(self) -> Floats:
+        """(6, panels): t0, place at v = 0, way from there, p, whether backward, duration."""
+        rows = []
+        for x in self.panels:
+            way = x.q1 - x.q0
+            begin, way = (x.q1, -way) if x.backward else (x.q0, way)
+            rows.append((x.t0, begin, way, x.p, x.backward, x.duration))
+        return np.array(rows, dtype=np.float64).T
+
+    @cached_property
+    def _terms(self) -> Floats:
+        """Coefficients (panels, 2, n + 1) of the time since v = 0 and of dt/dv."""
+        return np.array([[x.clock, np.append(x.rate, 0.0)] for x in self.panels])
+
+    @cached_property
+    def _known(self) -> tuple[Floats, Floats]:
+        """Rising arguments 2 i + (share of the time of panel i), and v there."""
+        n = self._terms.shape[2] - 1
+        v = np.concatenate([[0.0], rule(n).v, [1.0]])
+        times = self._terms[:, 0] @ basis(v, n + 1).T
+        share = np.maximum.accumulate(times, axis=1) / np.maximum(times[:, -1:], SMALLEST)
+        before = 2.0 * np.arange(len(self.panels))[:, None]
+        return (before + np.clip(share, 0.0, 1.0)).ravel(), np.tile(v, len(self.panels))
 
     def state(self, t: Floats) -> tuple[Floats, Floats]:
-        """The same state at all times."""
-        found = Still(self.q).state(t)
-        return found.q, found.qd
+        """Driver coordinate and rate (m,) at times (m,) [s]; after its end those of the end."""
+        i = np.clip(np.searchsorted(self._columns[0], t, "right") - 1, 0, None)
+        t0, begin, way, p, backward, duration = self._columns[:, i]
+        since = np.clip(np.where(backward, t0 + duration - t, t - t0), 0.0, duration)
+        v, slope = self._moved(i, since, duration)
+        lead = np.where(p == 2, v, 1.0)
+        with np.errstate(all="ignore"):
+            speed = np.where(slope > 0, p * way * lead / slope, 0.0)
+        return begin + way * v * lead, np.where(backward, -speed, speed)
+
+    def _moved(self, i: NDArray[np.intp], since: Floats, duration: Floats) -> tuple[Floats, Floats]:
+        """v and dt/dv at times since v = 0, by Newton's method kept within a bracket."""
+        terms = self._terms[i]
+        v = np.interp(2.0 * i + since / np.maximum(duration, SMALLEST), *self._known)
+        low, high = np.zeros(since.shape), np.ones(since.shape)
+        for _ in range(HALVINGS):
+            found, slope = np.einsum("mk,mck->cm", basis(v, terms.shape[2]), terms)
+            miss = found - since
+            low, high = np.where(miss <= 0, v, low), np.where(miss >= 0, v, high)
+            with np.errstate(all="ignore"):
+                new = v - miss / slope
+            new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
+            near = np.abs(new - v) <= math.sqrt(EPS) * v + EPS  # the next step is below rounding
+            v = new
+            if near.all():
+                break
+        return v, np.einsum("mk,mk->m", basis(v, terms.shape[2]), terms[:, 1])
 
 
 @dataclass(frozen=True)
@@ -93,44 +148,34 @@ class Pattern:
             rest = since - self.starts[k.astype(int)]
         back = (k % 2 == 1) & self.mirrored
         rest = np.where(back, self.duration - rest, rest)
-        q, qd = np.empty_like(t), np.empty_like(t)
-        for index in np.unique(k) if self.gain else [0.0]:
-            here = k == index if self.gain else np.ones(k.shape, dtype=bool)
-            q[here], qd[here] = along(self.repetition(int(index)), rest[here])
+        if self.gain:
+            q, qd = np.empty_like(t), np.empty_like(t)
+            for index in np.unique(k):
+                here = k == index
+                q[here], qd[here] = Row(self.repetition(int(index))).state(rest[here])
+        else:
+            q, qd = Row(self.panels).state(rest)
         return q + k * self.step, np.where(back, -qd, qd)
 
     def at_way(self, way: float) -> float:
         """Time [s] at which the driver has advanced by so much since t0."""
         k = math.floor(way / self.step)
         panels = self.repetition(k)
-        place = self.panels[0].q0 + (way - k * self.step)
+        q = self.panels[0].q0 + (way - k * self.step)
         ends = [abs(p.q1 - self.panels[0].q0) for p in panels]
         panel = panels[min(bisect.bisect_left(ends, abs(way - k * self.step)), len(panels) - 1)]
-        return self.begins(k) + panel.at_place(place)
+        return self.begins(k) + panel.at_place(q)
 
-
-def durations(panels: Sequence[Panel], energies: Floats) -> Floats:
-    """Time [s] that panels take together with so much more kinetic energy (m,)."""
-    total = np.zeros(energies.shape)
-    for panel in panels:
-        r = rule(panel.w.size)
-        weights = panel.p * r.v ** (panel.p - 1) * np.sqrt(panel.J / 2) * abs(panel.q1 - panel.q0)
-        rows = r.whole[1] * weights
-        for first in range(0, energies.size, TURNS_AT_ONCE):
-            part = slice(first, first + TURNS_AT_ONCE)
-            total[part] += (1 / np.sqrt(panel.K + energies[part, None])) @ rows
-    return total
-
-
-def along(legs: Sequence[Leg], t: Floats) -> tuple[Floats, Floats]:
-    """The state at times (m,) [s] of parts that follow each other."""
-    starts = np.array([leg.t0 for leg in legs])
-    which = np.clip(np.searchsorted(starts, t, "right") - 1, 0, None)
-    q, qd = np.empty_like(t), np.empty_like(t)
-    for i in np.unique(which).tolist():
-        here = which == i
-        q[here], qd[here] = legs[i].state(t[here])
-    return q, qd
+    def durations(self, energies: Floats) -> Floats:
+        """Time [s] of a repetition with so much more kinetic energy (m,)."""
+        total = np.zeros(energies.shape)
+        for x in self.panels:
+            r = rule(x.w.size)
+            weights = r.average[1][-1] * x.p * r.v ** (x.p - 1) * np.sqrt(x.J / 2) * x.length
+            for first in range(0, energies.size, AT_ONCE):
+                part = slice(first, first + AT_ONCE)
+                total[part] += (1 / np.sqrt(x.K + energies[part, None])) @ weights
+        return total
 
 
 @dataclass(frozen=True)
@@ -142,4 +187,11 @@ class PathTrack:
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
-        return State(*along(self.legs, t - self.t_start))
+        since = t - self.t_start
+        starts = np.array([leg.t0 for leg in self.legs])
+        which = np.clip(np.searchsorted(starts, since, "right") - 1, 0, None)
+        q, qd = np.empty_like(since), np.empty_like(since)
+        for i in np.unique(which).tolist():
+            for here in np.split(np.flatnonzero(which == i), range(AT_ONCE, since.size, AT_ONCE)):
+                q[here], qd[here] = self.legs[i].state(since[here])
+        return State(q, qd)

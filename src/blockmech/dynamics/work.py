@@ -7,12 +7,13 @@ joint friction is solved with the reactions that follow.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from blockmech.dynamics.friction import JointFriction, Loads, Placed, Responses, Sides
-from blockmech.dynamics.panels import EPS, Floats, slopes
+from blockmech.dynamics.panels import SMALLEST, Floats, Span
+from blockmech.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -25,33 +26,16 @@ SLOWEST = 1e-40  # [rad/s or m/s] a rate that only says in which direction loads
 class Work(Protocol):
     """dK/du along the motion at the nodes of a panel, with the energy K (n,) there."""
 
-    follows_energy: bool
-
     def __call__(self, K: Floats) -> Floats:
         """dK/du (n,)."""
         ...
 
 
-class OfPlace:
-    """Loads of the place alone."""
-
-    follows_energy = False
-
-    def __init__(self, rows: Floats, sign: int) -> None:
-        self._w: Floats = sign * rows[1]
-
-    def __call__(self, K: Floats) -> Floats:
-        """The effort, in the direction of the motion."""
-        return self._w
-
-
 class OfRate:
     """Loads that follow the rate as well."""
 
-    follows_energy = True
-
-    def __init__(self, system: System, q: Floats, rows: Floats, sign: int) -> None:
-        self._system, self._q, self._J, self._sign = system, q, rows[0], sign
+    def __init__(self, system: System, q: Floats, J: Floats, sign: int) -> None:
+        self._system, self._q, self._J, self._sign = system, q, J, sign
 
     def __call__(self, K: Floats) -> Floats:
         """The effort at the rates that K means."""
@@ -64,11 +48,9 @@ class OfFriction:
     """Joint friction, with loads of the place and perhaps of the rate.
 
     lost : (n,) what friction takes, dW/du, at the energy that was asked for last
-    settled : whether there was a solution at all nodes
     loads : (n, m) on the pairs
+    limit : (n,) share of the friction up to which there is a solution
     """
-
-    follows_energy = True
 
     def __init__(
         self, friction: JointFriction, q: Floats, rows: Floats, sign: int, sides: Sides
@@ -78,6 +60,7 @@ class OfFriction:
         self.lost = np.zeros(q.size)
         self.loads = np.zeros((q.size, len(sides)), dtype=complex)
         self.limit = np.ones(q.size)
+        self.guides = friction.guides
 
     def _acting(self, qd2: Floats) -> Loads:
         if not self._friction.program.rate_loads:
@@ -95,63 +78,33 @@ class OfFriction:
         return np.asarray(self._sign * (found.effort - self._placed.square.push * qd2))
 
 
-class Span(NamedTuple):
-    """Where a panel lies: from its anchor over a length, see `panels.Panel`.
+def settled(work: Work | None, w: Floats | None, span: Span, n: int) -> tuple[Floats, Floats]:
+    """w (n,) and K (n + 1,) of a panel that fit each other; NaN where there is no work.
 
-    energy : [J] at the anchor, or before a limit
+    ``w`` is what the place does alone, or a first guess. Newton's method on  w = work(K),
+    K = energy + G w; its matrix serves while steps fall fast.
     """
-
-    anchor: float
-    length: float
-    p: int
-    backward: bool
-    limit: bool
-    energy: float
-
-    def places(self, v: Floats, sign: int) -> Floats:
-        """Driver coordinates of v."""
-        way = sign * self.length * v**self.p
-        return np.asarray(self.anchor - way if self.backward else self.anchor + way)
-
-
-def settled(work: Work, span: Span, n: int, guess: Floats | None = None) -> tuple[Floats, Floats]:
-    """w and K at the n nodes of a panel that fit each other; NaN where there is no work.
-
-    Newton's method on  w = work(K),  K = energy + G w; its matrix serves while steps fall fast.
-    """
-    G = slopes(n, span.p, span.length, span.backward, span.limit)
-    w: Floats
-    if not work.follows_energy:
-        w = work(np.full(n, span.energy))
+    G = span.slopes(n)
+    if work is None:
+        assert w is not None
         return w, span.energy + G @ w
-    w = work(np.full(n, span.energy)) if guess is None else guess
+    w = work(np.full(n, span.energy)) if w is None else w
     inverse, last = None, math.inf
     for _ in range(STEPS):
-        K = span.energy + G @ w
-        beyond = None if inverse is not None else work(K + _step(K))
+        K = span.energy + G[:-1] @ w
         there = work(K)
-        if beyond is not None:
-            inverse = _inverse((beyond - there) / _step(K), G)
-        assert inverse is not None
-        change: Any = inverse @ (there - w)
+        if inverse is None:
+            step = math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + SMALLEST
+            matrix = np.eye(n) - ((work(K + step) - there) / step)[:, None] * G[:-1]
+            finite = np.isfinite(matrix).all()
+            inverse = np.linalg.inv(matrix) if finite else np.full((n, n), math.nan)
+            there = work(K)
+        change = inverse @ (there - w)
         size = float(np.abs(change).max())
         if not math.isfinite(size):
-            return np.full(n, math.nan), K
+            return np.full(n, math.nan), span.energy + G @ w
         w = w + change
         if size <= 4 * EPS * float(np.abs(w).max()) or size >= last:
             break
         inverse, last = (inverse if size <= FAST * last else None), size
     return w, span.energy + G @ w
-
-
-def _step(K: Floats) -> Floats:
-    """Steps of a difference quotient in the energy."""
-    return np.asarray(math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + 5e-324)
-
-
-def _inverse(slope: Floats, G: Floats) -> Floats:
-    """Inverse of the matrix of Newton's method."""
-    matrix = np.eye(slope.size) - slope[:, None] * G
-    if not np.isfinite(matrix).all():
-        return np.full(matrix.shape, math.nan)
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 LAPACK = (np.float32, np.float64)
-TOGETHER = 128  # samples that stay in cache while their matrices are eliminated
 
 
 def matrix(rows: Any, dtype: Any) -> Array:
@@ -68,35 +67,25 @@ def _one_by_one(a: Array, b: Array) -> Array:
 
 
 def _eliminated(a: Array, b: Array) -> Array:
-    """Gaussian elimination with partial pivoting, samples side by side, some at a time."""
-    n = b.shape[-1]
-    matrices, right = a.reshape((-1, n, n)), b.reshape((-1, n))
-    found = np.empty_like(right)
-    for first in range(0, len(right), TOGETHER):
-        part = slice(first, first + TOGETHER)
-        whole = np.concatenate([matrices[part], right[part, :, None]], axis=-1)
-        found[part] = _reduced(np.ascontiguousarray(np.moveaxis(whole, 0, -1))).T
-    return found.reshape(b.shape)
+    """Gaussian elimination with partial pivoting, samples side by side."""
+    whole = np.concatenate([a, b[..., None]], axis=-1)
+    return np.moveaxis(_reduced(np.array(np.moveaxis(whole, (-2, -1), (0, 1)))), 0, -1)
 
 
 def _reduced(whole: Array) -> Array:
-    """Solutions (N, n) of matrices with their right sides (N, N + 1, n), which are lost."""
+    """Solutions (N, ...) of matrices with their right sides (N, N + 1, ...), which are lost."""
     n = len(whole)
     for k in range(n):
         pivot = np.argmax(np.abs(whole[k:, k]), axis=0) + k
-        swapped = np.flatnonzero(pivot != k)
-        if len(swapped):
-            rows = pivot[swapped]
-            upper = whole[k][:, swapped]
-            whole[k][:, swapped] = whole[rows, :, swapped].T
-            whole[rows, :, swapped] = upper.T
+        swapped = np.take_along_axis(whole, pivot[None, None], axis=0)
+        np.put_along_axis(whole, pivot[None, None], whole[k], axis=0)
+        whole[k] = swapped[0]
         factor = whole[k + 1 :, k] / whole[k, k]
         whole[k + 1 :, k + 1 :] -= factor[:, None] * whole[k, k + 1 :]
-    x = np.empty_like(whole[:, n])
     for k in reversed(range(n)):
-        known = np.sum(whole[k, k + 1 : n] * x[k + 1 :], axis=0)
-        x[k] = (whole[k, n] - known) / whole[k, k]
-    return x
+        whole[k, n] /= whole[k, k]
+        whole[:k, n] -= whole[:k, k] * whole[k, n]
+    return whole[:, n]
 
 
 def spread(a: Array) -> Array:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
 from blockmech.plan import Program
-from blockmech.plane import REST_SHARE
+from blockmech.plane import REST_SHARE, cross, dot
 
 PRECISIONS: dict[str, Any] = {
     "complex64": np.float32,
@@ -27,7 +27,6 @@ PRECISIONS: dict[str, Any] = {
     "clongdouble": np.longdouble,
 }
 ROUNDING_AT_REST = 100.0  # ulps of the largest speed that a rate of zero may come out as
-HEAP = 31 * 2**20  # [bytes] just below the largest threshold of glibc, see mallopt(3)
 CHUNK = 8192  # samples that stay in cache together
 
 
@@ -54,16 +53,6 @@ class Planar:
 
     def __neg__(self) -> Planar:
         return Planar(-self.real, -self.imag)
-
-
-def cross(a: Planar, b: Planar) -> Any:
-    """Component of ``a x b`` out of the plane."""
-    return a.real * b.imag - a.imag * b.real
-
-
-def dot(a: Planar, b: Planar) -> Any:
-    """Scalar product."""
-    return a.real * b.real + a.imag * b.imag
 
 
 def mul(z: Planar, x: Any) -> Planar:
@@ -110,13 +99,15 @@ def some(condition: Any) -> bool:
 
 def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
     """Run ``one`` on each sample where the condition holds; see `blockmech.plane.repair`."""
-    mask = np.atleast_1d(condition)
-    if not mask.any():
+    if not np.any(condition):
         return given
-    whole = _whole(given, np.broadcast_shapes(mask.shape, *_shapes((given, data))))
-    for index in zip(*np.nonzero(np.broadcast_to(mask, whole[0][0].shape)), strict=True):
-        answer = one(_sample(whole, index), *(_sample(d, index) for d in data))
-        _store(whole, index, answer)
+    shape = np.broadcast_shapes((1,), *(np.shape(x) for x in _leaves((condition, given, data))))
+    whole = _mapped(lambda x: np.array(np.broadcast_to(x, shape)), given)
+    for index in zip(*np.nonzero(np.broadcast_to(condition, shape)), strict=True):
+        sample = _mapped(lambda x, i=index: float(np.broadcast_to(x, shape)[i]), (given, *data))
+        answer = one(*sample)
+        for room, x in zip(_leaves(whole), _leaves(answer), strict=True):
+            room[index] = x
     return whole
 
 
@@ -128,44 +119,20 @@ def each(function: Any, *x: Any) -> Any:
     return np.array(found, columns[0].dtype).reshape(columns[0].shape)
 
 
-def _shapes(value: Any) -> list[tuple[int, ...]]:
+def _mapped(function: Any, value: Any) -> Any:
+    """A nested tuple of batches with a function of each real batch in it; vectors as pairs."""
     if isinstance(value, tuple):
-        return [shape for x in value for shape in _shapes(x)]
-    if isinstance(value, Planar):
-        return [np.shape(value.real), np.shape(value.imag)]
-    return [np.shape(value)]
-
-
-def _whole(value: Any, shape: tuple[int, ...]) -> Any:
-    """A writable copy of a nested tuple of real batches, broadcast to one shape."""
-    if isinstance(value, tuple):
-        parts = [_whole(x, shape) for x in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return np.array(np.broadcast_to(value, shape))
-
-
-def _sample(value: Any, index: tuple[int, ...]) -> Any:
-    if isinstance(value, tuple):
-        parts = [_sample(x, index) for x in value]
+        parts = [_mapped(function, x) for x in value]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     if isinstance(value, Planar):
-        return complex(_sample(value.real, index), _sample(value.imag, index))
-    if isinstance(value, bool):
-        return value
-    if np.ndim(value) == 0:
-        return float(value)
-    trimmed = tuple(
-        i if d > 1 else 0 for i, d in zip(index[-np.ndim(value) :], value.shape, strict=True)
-    )
-    return float(value[trimmed])
+        return Planar(function(value.real), function(value.imag))
+    return value if isinstance(value, bool) else function(value)
 
 
-def _store(whole: Any, index: tuple[int, ...], answer: Any) -> None:
-    if isinstance(whole, tuple):
-        for x, y in zip(whole, answer, strict=True):
-            _store(x, index, y)
-    else:
-        whole[index] = answer
+def _leaves(value: Any) -> list[Any]:
+    if isinstance(value, tuple):
+        return [leaf for x in value for leaf in _leaves(x)]
+    return [value.real, value.imag] if isinstance(value, Planar) else [value]
 
 
 @cache
@@ -185,41 +152,11 @@ def primitives(dtype: Any) -> dict[str, Any]:
     def matrix(rows: Any) -> NDArray[Any]:
         return linear.matrix(rows, dtype)
 
-    return {
-        "cross": cross,
-        "dot": dot,
-        "mul": mul,
-        "imul": imul,
-        "hyp": hyp,
-        "expi": expi,
-        "sqrt": np.sqrt,
-        "sign": np.sign,
-        "where": np.where,
-        "minimum": np.minimum,
-        "maximum": np.maximum,
-        "angle": angle,
-        "modulo": modulo,
-        "piecewise": piecewise,
-        "some": some,
-        "EPS": float(np.finfo(dtype).eps),
-        "repair": repair,
-        "each": each,
-        "planar": planar,
-        "matrix": matrix,
-        "solve": linear.solve,
-        "solve_transposed": linear.solve_transposed,
-        "spread": linear.spread,
-    }
-
-
-@cache
-def keep_freed_memory() -> None:
-    """Have the C library use freed memory again: new pages cost half as much as computing.
-
-    glibc gives back what is larger than the largest block that was freed so far, up to 32 MB.
-    This one is never written to; other libraries take no notice.
-    """
-    np.empty(HEAP, np.uint8)
+    own = (mul, imul, hyp, angle, modulo, piecewise, some, repair, each, expi, planar, matrix)
+    ufuncs = (np.sqrt, np.sign, np.where, np.minimum, np.maximum)
+    systems = (linear.solve, linear.solve_transposed, linear.spread)
+    found = {f.__name__: f for f in (cross, dot, *own, *ufuncs, *systems)}
+    return found | {"EPS": float(np.finfo(dtype).eps)}
 
 
 class NumpyEngine:
@@ -228,7 +165,6 @@ class NumpyEngine:
     name = "numpy"
 
     def __init__(self, program: Program, precision: str = "complex128") -> None:
-        keep_freed_memory()
         self.program = program
         self.precision = precision
         self.dtype = PRECISIONS[precision]
@@ -255,18 +191,27 @@ class NumpyEngine:
     ) -> tuple[Any, ...]:
         """Values of n samples: real arrays (n,) or `Planar` pairs of them."""
         columns = [self._rounded(name, inputs[name]) for name in self.program.inputs]
+        found: tuple[Any, ...] = ()
         with np.errstate(all="ignore"):
-            if n <= chunk:
-                return tuple(_full(v, n) for v in self._program(*columns, self.parameters))
-            filled: tuple[Any, ...] = ()
-            for start in range(0, n, chunk):
-                part = slice(start, min(start + chunk, n))
+            for k in range(0, max(n, 1), chunk):
+                part = slice(k, min(k + chunk, n))
                 values = self._program(*(c[part] for c in columns), self.parameters)
-                if not filled:
-                    filled = _rooms(values, n)
-                for room, value in zip(filled, values, strict=True):
-                    _fill(room, part, value)
-            return filled
+                if n <= chunk:
+                    return tuple(_mapped(lambda x: _column(x, n), values))
+                found = found or self._rooms(values, n)
+                for room, value in zip(_leaves(found), _leaves(values), strict=True):
+                    if room.flags.writeable:
+                        room[part] = value
+        return found
+
+    def _rooms(self, values: tuple[Any, ...], n: int) -> tuple[Any, ...]:
+        """Room for n samples of each value; columns of one block, whose memory is used again."""
+
+        def plain(x: Any) -> bool:
+            return np.ndim(x) == 1 and x.dtype == self.dtype
+
+        block = iter(np.empty((sum(map(plain, _leaves(values))), n), self.dtype))
+        return tuple(_mapped(lambda x: next(block) if plain(x) else _column(x, n, True), values))
 
     def _rounded(self, name: str, column: Any) -> NDArray[Any]:
         given: NDArray[Any] = np.asarray(column)  # one pose comes as a list
@@ -274,31 +219,8 @@ class NumpyEngine:
         return given if name in self.program.angles else given.astype(self.dtype, copy=False)
 
 
-def _rooms(values: tuple[Any, ...], n: int) -> tuple[Any, ...]:
-    """Room for n samples of each value; all columns lie in one block."""
-    parts = [x for v in values for x in ((v.real, v.imag) if isinstance(v, Planar) else (v,))]
-    kinds = [x.dtype for x in parts if np.ndim(x)]
-    free = {kind: iter(np.empty((kinds.count(kind), n), kind)) for kind in set(kinds)}
-
-    def column(x: Any) -> Any:
-        return next(free[x.dtype]) if np.ndim(x) else np.broadcast_to(x, (n,))
-
-    return tuple(
-        Planar(column(v.real), column(v.imag)) if isinstance(v, Planar) else column(v)
-        for v in values
-    )
-
-
-def _fill(room: Any, part: slice, value: Any) -> None:
-    if isinstance(room, Planar):
-        _fill(room.real, part, value.real)
-        _fill(room.imag, part, value.imag)
-    elif room.flags.writeable:
-        room[part] = value
-
-
-def _full(value: Any, n: int) -> Any:
-    if isinstance(value, Planar):
-        return Planar(_full(value.real, n), _full(value.imag, n))
-    # A matrix a sample is whole already.
-    return value if np.shape(value)[:1] == (n,) else np.broadcast_to(value, (n,))
+def _column(x: Any, n: int, room: bool = False) -> Any:
+    """A batch (n, ...) of a value, or room for one; a constant needs none."""
+    if np.ndim(x) == 0:
+        return np.broadcast_to(x, (n,))
+    return np.empty((n, *x.shape[1:]), x.dtype) if room else x

@@ -8,6 +8,9 @@ solution beyond). The last two are self-locking, and lambda there is the limit.
 
 The path is followed to each kink of a guide's load with the contacts held, and goes on with
 the new one.
+
+Source: Allgower & Georg, Introduction to Numerical Continuation Methods, SIAM 2003
+(`blockmech.continuation`); the equations are blockmech's own.
 """
 
 from __future__ import annotations
@@ -35,12 +38,11 @@ class Outcome(enum.IntEnum):
     NOT_CONVERGED = 2
     FOLD = 3
     ASYMPTOTE = 4
-    UNCERTIFIED = 5  # a fixed count of iterations where nothing bounds what it left
 
     @property
     def solved(self) -> bool:
-        """Whether there is an answer, be it one that only its residual describes."""
-        return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION, Outcome.UNCERTIFIED)
+        """Whether there is an answer."""
+        return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION)
 
 
 class Path(NamedTuple):
@@ -113,33 +115,30 @@ def _spare(eq: Equations, contacts: Array, v: Array) -> float:
 def _end(
     eq: Equations, curve: Curve, at: Point, ahead: Point, step: float, count: int
 ) -> Path | None:
-    """How the path ends between two points, or None if it goes on."""
+    """How the path ends between two points, or None if it goes on.
 
-    def place(rest: Callable[[Array], float]) -> Array:
+    The answer lies before the fold, if there is one between them: beyond it the path comes
+    back through lambda = 1 with another solution.
+    """
+
+    def place(rest: Callable[[Array], float], step: float) -> tuple[Array, float]:
         h = crossing(curve, at, step, rest)
         found = correct(curve, at.v + h * at.tangent, at.tangent)
-        return at.v if found is None else found
+        return (at.v if found is None else found), h
 
-    def solved(v: Array) -> Path | None:
-        """The answer on the way to v, where lambda is 1 before eta is 0."""
-        if v[-1] < 1.0:
-            return None
-        share = (1.0 - at.v[-1]) / (v[-1] - at.v[-1])
-        full = correct(curve, at.v + share * (v - at.v), np.eye(eq.m + 2)[-1])
-        return None if full is None or full[-2] <= 0.0 else _polish(eq, full, count)
-
-    found = solved(ahead.v)
-    if found is not None:
-        return found
-    if ahead.v[-2] <= 0.0:
-        return _ended(eq, Outcome.ASYMPTOTE, place(lambda v: float(v[-2]))[-1], count)
-    if ahead.tangent[-1] <= 0.0:
+    top = ahead.v
+    folds = ahead.tangent[-1] <= 0.0
+    if folds:
         way = side(curve, at)
-        top = place(lambda v: float(point(curve, v, way).tangent[-1]))
-        return solved(top) or _ended(eq, Outcome.FOLD, top[-1], count)
-    if ahead.v[-1] >= 1.0:
-        return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
-    return None
+        top, step = place(lambda v: float(point(curve, v, way).tangent[-1]), step)
+    if top[-1] >= 1.0:
+        full, _ = place(lambda v: 1.0 - float(v[-1]), step)
+        if full[-2] > 0.0:
+            return _polish(eq, full, count)
+    if top[-2] <= 0.0:
+        pole, _ = place(lambda v: float(v[-2]), step)
+        return _ended(eq, Outcome.ASYMPTOTE, pole[-1], count)
+    return _ended(eq, Outcome.FOLD, top[-1], count) if folds else None
 
 
 def _polish(eq: Equations, x: Array, count: int) -> Path:
@@ -155,11 +154,11 @@ def _polish(eq: Equations, x: Array, count: int) -> Path:
         n = n - dn
         if np.abs(dn).max() <= 4e-16 * max(1.0, np.abs(n).max()):
             break
-    near = x[:-2] / x[-2]
+    moved = np.append(n, 1.0) / np.hypot(np.linalg.norm(n), 1.0) - x[:-1]
     g, _ = eq.norm(n, 1.0, eq.contacts(eq.loads(n, 1.0)))
     scale = float(np.abs(eq.k * g).max()) or 1.0
     residual = float(np.abs(n - eq.k * g).max()) / scale
-    if residual > 1e-12 or np.abs(n - near).max() > 0.5 * max(1.0, np.abs(near).max()):
+    if residual > 1e-12 or np.abs(moved).max() > 1e-6:  # another solution
         return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
     t = n * eq.factor * eq.load
     return Path(
@@ -175,48 +174,3 @@ def _polish(eq: Equations, x: Array, count: int) -> Path:
 def _ended(eq: Equations, outcome: Outcome, limit: Any, count: int) -> Path:
     nothing = (float("nan"),) * eq.m
     return Path(nothing, nothing, outcome, float(limit), float("nan"), count)
-
-
-def replaced(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
-    """One uncertified sample of Newton's method: continuation's answer in its place."""
-    found = continue_from_zero(k, edges, base, rows)
-    return given._replace(
-        t=found.t,
-        g=found.g,
-        iterations=float(found.steps),
-        residual=found.residual,
-        outcome=float(found.outcome),
-        limit=found.limit,
-    )
-
-
-def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, tolerance: float) -> Any:
-    """One uncertified sample of successive approximations: it stands if continuation agrees.
-
-    Near a contraction rho of 1 the remaining error is rho / (1 - rho) times the last
-    change, and beyond it the iteration may settle on another solution.
-    """
-    found = continue_from_zero(k, edges, base, rows)
-    outcome = found.outcome
-    if outcome == Outcome.BY_CONTINUATION:
-        rho = min(max(given.contraction, 0.0), 1.0 - 1e-12)
-        reach = max(tolerance, 1e-12 * max(found.g)) * max(1.0, rho / (1.0 - rho))
-        off = max(abs(a - b) for a, b in zip(found.g, given.g, strict=True))
-        if given.outcome or not off <= 10.0 * reach:
-            outcome = Outcome.NOT_CONVERGED
-    spoilt = outcome != Outcome.BY_CONTINUATION
-    t = (float("nan"),) * len(given.t) if spoilt else given.t
-    return given._replace(t=t, outcome=float(outcome), limit=found.limit)
-
-
-def bounded(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
-    """One uncertified sample of a fixed count of iterations.
-
-    It stays what the user asked for and is flagged; where Coulomb's equations have no
-    solution at all there is nothing that it approximates, and it is no answer.
-    """
-    found = continue_from_zero(k, edges, base, rows)
-    if found.outcome == Outcome.BY_CONTINUATION:
-        return given._replace(outcome=float(Outcome.UNCERTIFIED), limit=found.limit)
-    nothing = (float("nan"),) * len(given.t)
-    return given._replace(t=nothing, outcome=float(found.outcome), limit=found.limit)

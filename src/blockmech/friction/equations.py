@@ -74,9 +74,8 @@ class Equations:
         j = int(np.argmin(self.spare(v, contacts)))
         x, y = contacts[j]
         found = contacts.copy()
-        found[j] = (
-            (-x, -y) if -along[j] > abs(across[j]) else np.sign(across[j]) * np.array((-y, x))
-        )
+        opposite = across[j] == 0.0 or -along[j] > abs(across[j])  # N changes its sign
+        found[j] = (-x, -y) if opposite else np.sign(across[j]) * np.array((-y, x))
         return found
 
     def _pressed(self, v: Array, contacts: Array) -> tuple[Array, Array]:

@@ -23,11 +23,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from blockmech.friction.continuation import Outcome, bounded, confirmed, replaced
+from blockmech.friction.continuation import Outcome, continue_from_zero
 from blockmech.plane import EPS, NAN, hyp, maximum, mul, repair, some, sqrt, where
 from blockmech.typing import Complex, Real
 
 CAP = 100  # iterations of `successive` before it counts as not converged
+SMALL_CHANGE = 1e-7  # of the largest load: the paper's 1e-3 N at its reactions of 1e4 N
 NEWTON_CAP = 12
 SETTLED = 4500.0  # [ulps] residual above which Newton was caught between contacts of guides
 
@@ -76,18 +77,12 @@ def contraction_bound(k: Any, edges: Any, rows: Any) -> Real:
     if len(A) == 1:
         return A[0][0]
     for _ in range(2):
-        A = [[_inner(row, col) for col in zip(*A, strict=True)] for row in A]
-    top = sum(A[0])
-    for row in A[1:]:
-        top = maximum(top, sum(row))
-    return sqrt(sqrt(top))
-
-
-def _inner(row: Any, col: Any) -> Real:
-    total = row[0] * col[0]
-    for a, b in zip(row[1:], col[1:], strict=True):
-        total = total + a * b
-    return total
+        columns = list(zip(*A, strict=True))
+        A = [
+            [sum(a * b for a, b in zip(row, column, strict=True)) for column in columns]
+            for row in A
+        ]
+    return sqrt(sqrt(_top([sum(row) for row in A])))
 
 
 def _known(base: Any, edges: Any) -> Real:
@@ -102,41 +97,43 @@ def _top(values: Any) -> Real:
     return top
 
 
+def _friction(k: Any, g: Any) -> tuple[Real, ...]:
+    """Coulomb's law: the friction that loads on the pairs stand for."""
+    return tuple(kj * gj for kj, gj in zip(k, g, strict=True))
+
+
 def direct(k: Any, edges: Any, base: Any) -> Solution:
     """Friction of a driven pair: the load on the pair does not depend on it."""
     g = norms(base, edges)
-    t = tuple(kj * gj for kj, gj in zip(k, g, strict=True))
+    t = _friction(k, g)
     zero = 0.0 * t[0]
     return Solution(t, g, zero, zero, zero, zero, zero + 1.0)
 
 
 def single(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     """One correction: friction from the frictionless loads ([R10], rough calculation)."""
-    return _successive(k, edges, base, rows, 0.0, 1)
+    return successive(k, edges, base, rows, None, 1)
 
 
 def successive(
-    k: Any, edges: Any, base: Any, rows: Any, tolerance: float, iterations: int | None
+    k: Any, edges: Any, base: Any, rows: Any, tolerance: float | None, iterations: int | None
 ) -> Solution:
-    """Successive approximations ([R10] steps 1-5), stopped by change or by count."""
-    return _successive(k, edges, base, rows, tolerance, iterations)
+    """Successive approximations ([R10] steps 1-5), stopped by change or by count.
 
-
-def _successive(
-    k: Any, edges: Any, base: Any, rows: Any, tolerance: float, iterations: int | None
-) -> Solution:
+    The change is that of the loads [N], by default relative to the largest of them. What a
+    count left undone is bounded by residual / (1 - P); a bound above the friction itself is
+    none, and the sample has no answer.
+    """
     g = norms(base, edges)
     t = tuple(0.0 * x for x in g)
     count = 0.0 * g[0]
-    before, ratio, residual = count, count, count
+    before, ratio, residual, enough = count, count, count, count
     going = count <= 1.0  # false for NaN: an impossible sample is left alone
-    for n in range(iterations if iterations is not None else CAP):
-        next_t = tuple(kj * gj for kj, gj in zip(k, g, strict=True))
+    for n in range(iterations or CAP):
+        next_t = _friction(k, g)
         next_g = norms(loads(next_t, base, rows), edges)
         steps = tuple(b - a for a, b in zip(g, next_g, strict=True))
-        change = _top(steps)
-        misfit = _top([kj * s for kj, s in zip(k, steps, strict=True)])
-        scale = _top([kj * gj for kj, gj in zip(k, next_g, strict=True)])
+        change, misfit, scale = _top(steps), _top(_friction(k, steps)), _top(_friction(k, next_g))
         t = tuple(where(going, new, old) for new, old in zip(next_t, t, strict=True))
         g = tuple(where(going, new, old) for new, old in zip(next_g, g, strict=True))
         residual = where(going, misfit / where(scale > 0.0, scale, 1.0), residual)
@@ -145,28 +142,46 @@ def _successive(
             ratio = where(going, change / where(before > 0.0, before, 1.0), ratio)
         before = where(going, change, before)
         if iterations is None:
-            going = going & (change > tolerance)
+            relative = max(SMALL_CHANGE, 4.0 * EPS) * _top(g)
+            enough = relative if tolerance is None else tolerance
+            going = going & (change > enough)
             if not some(going):
                 break
     P = contraction_bound(k, edges, rows)
-    late = going if iterations is None else (P < 0.0)
+    late = going if iterations is None else residual >= 1.0 - P
     outcome = where(late, float(Outcome.NOT_CONVERGED), count * 0.0)
     t = tuple(where(late, NAN, x) for x in t)
     solution = Solution(t, g, count, residual, where(count > 1.0, ratio, P), outcome, P * 0.0 + 1.0)
     unproved = (P >= 1.0) & _known(base, edges)
-    if iterations is not None:
-        counted: Solution = repair(unproved, bounded, solution, k, edges, base, rows)
-        return counted
-    judged: Solution = repair(unproved, confirmed, solution, k, edges, base, rows, tolerance)
-    return judged
+    found: Solution = repair(unproved, confirmed, solution, k, edges, base, rows, enough)
+    return found
+
+
+def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, change: float) -> Any:
+    """One uncertified sample of successive approximations: it stands if continuation agrees.
+
+    ``change`` [N] is the one at which it stopped.
+
+    Near a contraction rho of 1 the remaining error is rho / (1 - rho) times the last
+    change, and beyond it the iteration may settle on another solution.
+    """
+    found = continue_from_zero(k, edges, base, rows)
+    outcome = found.outcome
+    if outcome == Outcome.BY_CONTINUATION:
+        rho = min(max(given.contraction, 0.0), 1.0 - 1e-12)
+        reach = max(change, 1e-12 * max(found.g)) * max(1.0, rho / (1.0 - rho))
+        off = max(abs(a - b) for a, b in zip(found.g, given.g, strict=True))
+        if given.outcome or not off <= 10.0 * reach:
+            outcome = Outcome.NOT_CONVERGED
+    t = given.t if outcome == Outcome.BY_CONTINUATION else (NAN,) * len(given.t)
+    return given._replace(t=t, outcome=float(outcome), limit=found.limit)
 
 
 def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     """Newton from the second successive iterate, certified sample by sample."""
     n = len(k)
-    g = norms(base, edges)
-    t = tuple(kj * gj for kj, gj in zip(k, g, strict=True))
-    t = tuple(kj * gj for kj, gj in zip(k, norms(loads(t, base, rows), edges), strict=True))
+    t = _friction(k, norms(base, edges))
+    t = _friction(k, norms(loads(t, base, rows), edges))
     P = contraction_bound(k, edges, rows)
     count = 0.0 * P
     going = P < 1.0
@@ -174,7 +189,7 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     for _ in range(NEWTON_CAP):
         F = loads(t, base, rows)
         g = norms(F, edges)
-        r = [tj - kj * gj for tj, kj, gj in zip(t, k, g, strict=True)]
+        r = [tj - x for tj, x in zip(t, _friction(k, g), strict=True)]
         slope = [[_slope(F[j], g[j], rows[j][m], edges[j]) for m in range(n)] for j in range(n)]
         step = eliminate(
             [[(1.0 if j == m else 0.0) - k[j] * slope[j][m] for m in range(n)] for j in range(n)],
@@ -182,12 +197,12 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
         )
         t = tuple(where(going, tj - dj, tj) for tj, dj in zip(t, step, strict=True))
         count = where(going, count + 1.0, count)
-        best = _top([kj * gj for kj, gj in zip(k, g, strict=True)])
+        best = _top(_friction(k, g))
         going = going & _moved(step, k, g)
         if not some(going):
             break
     g = norms(loads(t, base, rows), edges)
-    misfit = _top([tj - kj * gj for tj, kj, gj in zip(t, k, g, strict=True)])
+    misfit = _top([tj - x for tj, x in zip(t, _friction(k, g), strict=True)])
     residual = misfit / where(best > 0.0, best, 1.0)
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
     unproved = ((P >= 1.0) & _known(base, edges)) | (residual > SETTLED * EPS)
@@ -195,13 +210,27 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     return settled
 
 
+def replaced(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
+    """One uncertified sample of Newton's method: continuation's answer in its place."""
+    found = continue_from_zero(k, edges, base, rows)
+    return given._replace(
+        t=found.t,
+        g=found.g,
+        iterations=float(found.steps),
+        residual=found.residual,
+        outcome=float(found.outcome),
+        limit=found.limit,
+    )
+
+
 def _moved(step: Any, k: Any, g: Any) -> Real:
     """Whether a step changes any pair's friction by more than rounding of the largest load."""
-    top = 4.0 * EPS * _top(g)
-    excess = abs(step[0]) - top * abs(k[0])
-    for d, kj in zip(step[1:], k[1:], strict=True):
-        excess = maximum(excess, abs(d) - top * abs(kj))
-    return excess > 0.0
+    allowed = 4.0 * EPS * _top(g)
+    excess = [abs(d) - allowed * abs(kj) for d, kj in zip(step, k, strict=True)]
+    top = excess[0]
+    for x in excess[1:]:
+        top = maximum(top, x)
+    return top > 0.0
 
 
 def _slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:
@@ -240,8 +269,3 @@ SOLVERS: dict[str, tuple[Callable[..., Solution], tuple[str, ...]]] = {
 """Method -> its solver and the options of the request that it takes."""
 
 METHODS = ("none", *SOLVERS)
-
-
-def solver(method: str) -> tuple[Callable[..., Solution], tuple[str, ...]]:
-    """The solver of a method and the names of its options."""
-    return SOLVERS[method]

@@ -6,19 +6,20 @@ pictures and files all read that one declaration.
 
  1. A "point" terminal takes a force [N] at the wired marker, a "link" terminal a
     couple [N m] on the link of the wired marker.
- 2. ``reads`` names per terminal what the kernel gets: ``p`` place [m], ``v``
-    velocity [m/s], ``e`` unit x axis of the link [-], ``om`` rate [rad/s]; of the
-    element's driver the coordinate ``q`` and the rate ``qd``; the time ``t`` [s].
- 3. The kernel takes those, terminal after terminal, then the parameters, and
-    returns one force or couple per terminal. It obeys the rules of kernels.
- 4. ``energy``, if there is one, is the stored energy [J]; it may read ``p`` and
-    ``e`` only, the position quantities that the kernel reads.
- 5. A `Following` element has a law: what it ``measures`` are the law's arguments, the
-    law's value is one more argument of its kernel, before the parameters.
+ 2. The kernel's parameters are named after what they read and at which terminal: ``p_a``
+    is the place [m] of terminal a, ``v_a`` its velocity [m/s], ``e_a`` the unit x axis of
+    its link [-], ``om_a`` the link's rate [rad/s]; the last one are the element's numbers.
+ 3. The kernel returns one force or couple per terminal. It obeys the rules of kernels.
+ 4. ``energy``, if there is one, is the stored energy [J]; it may read ``p`` and ``e`` only.
+ 5. A `Following` element has a law. Its arguments are the time, the coordinate and rate of a
+    driver, or what kernels of the element measure; the law's value is one more argument of
+    the element's kernel, before the numbers.
 """
 
 from __future__ import annotations
 
+import functools
+import inspect
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
@@ -30,8 +31,7 @@ from pydantic import (
     model_validator,
 )
 
-from blockmech.blocks.contract import Block
-from blockmech.blocks.mistakes import Mistake, refuse
+from blockmech.blocks.contract import Block, Mistake, refuse
 from blockmech.errors import listed
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
@@ -49,6 +49,17 @@ else:
 
 POSITION_READS = ("p", "e")
 VELOCITY_READS = ("v", "om")
+
+
+@functools.cache
+def read_by(kernel: Callable[..., Any]) -> Reads:
+    """What a kernel of an element reads, by the names of its parameters; see rule 2."""
+    found: dict[str, tuple[str, ...]] = {}
+    for name in inspect.signature(kernel).parameters:
+        what, _, terminal = name.partition("_")
+        if terminal:
+            found[terminal] = (*found.get(terminal, ()), what)
+    return found
 
 
 @dataclass(frozen=True)
@@ -71,8 +82,8 @@ class Element(Block):
     useful: StrictBool = False
 
     def reads(self) -> Reads:
-        """What the kernel gets at each terminal; see rule 2."""
-        return dict.fromkeys(self.terminals, ())
+        """What it depends on, at each terminal."""
+        return read_by(self.kernel())
 
     def kernel(self) -> Callable[..., Any]:
         """The function that gives the force or couple at each terminal; see rule 3."""
@@ -88,8 +99,11 @@ class Following(Element):
 
     ``law`` is typed data, in Python also a function of ``coordinate``, ``rate`` or ``time``,
     by the names of its parameters. ``driver`` names the driving link whose coordinate or
-    rate is the law's argument; without it that is the element's own, see `own_measure`.
+    rate is the law's argument; without it that is the element's own, see `own_measure`;
+    ``own_coordinate`` says in words which, from where, and which way it grows.
     """
+
+    own_coordinate: ClassVar[str] = ""
 
     law: LawGiven
     driver: str | None = None
@@ -112,18 +126,14 @@ class Following(Element):
 
     def reads(self) -> Reads:
         """All that it depends on: what its kernel reads and what its law measures."""
-        found = dict(self.acts_by())
+        found = dict(read_by(self.kernel()))
         for _, reads in self.measures():
             for key, what in reads.items():
                 found[key] = tuple(dict.fromkeys((*found.get(key, ()), *what)))
         return found
 
-    def acts_by(self) -> Reads:
-        """What the kernel gets at each terminal, before the law's value."""
-        return {}
-
-    def own_measure(self, rate: bool) -> tuple[Callable[..., Any], Reads]:
-        """The element's own coordinate or rate: a kernel of what it reads and the parameters."""
+    def own_measure(self, rate: bool) -> Callable[..., Any]:
+        """The element's own coordinate or rate: a kernel of what it reads and the numbers."""
         raise TypeError(f"{type(self).__name__} declares no measure of its own")
 
     def measures(self) -> Iterator[tuple[Callable[..., Any] | None, Reads]]:
@@ -134,4 +144,5 @@ class Following(Element):
             elif self.driver is not None:
                 yield None, {"driver": ("qd" if argument == "rate" else "q",)}
             else:
-                yield self.own_measure(argument == "rate")
+                measure = self.own_measure(argument == "rate")
+                yield measure, read_by(measure)

@@ -5,7 +5,7 @@ Sources: [R10] Ruiz, Durango & Calle 2010, Fig. 5 (external forces F_i, F_j).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, Literal
 
 from blockmech.loads.contract import Element, Terminal
@@ -18,9 +18,9 @@ def ground_force(p: Force) -> tuple[Complex]:
     return (p.force,)
 
 
-def link_force(e: Complex, p: Force) -> tuple[Complex]:
-    """The force [N] turned with the link, e its unit x axis."""
-    return (e * p.force,)
+def link_force(e_at: Complex, p: Force) -> tuple[Complex]:
+    """The force [N] turned with the link, e_at its unit x axis."""
+    return (e_at * p.force,)
 
 
 class Force(Element, type="load.force"):
@@ -34,10 +34,6 @@ class Force(Element, type="load.force"):
 
     force: VectorGiven
     axes: Literal["ground", "link"] = "ground"
-
-    def reads(self) -> Mapping[str, tuple[str, ...]]:
-        """The link's direction where the force turns with the link."""
-        return {"at": ("e",) if self.axes == "link" else ()}
 
     def kernel(self) -> Callable[..., Any]:
         """The force in the axes that the user chose."""

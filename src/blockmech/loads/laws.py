@@ -30,15 +30,8 @@ from blockmech.values import (
     mistake,
 )
 
-TURN = 2 * math.pi
 Argument: TypeAlias = Literal["coordinate", "rate", "time"]
 Turns = Annotated[int, Field(strict=True, gt=0)]
-
-
-class ConstantNumbers(NamedTuple):
-    """Numbers of a constant law."""
-
-    value: Real  # [N or N m]
 
 
 class PolynomialNumbers(NamedTuple):
@@ -67,16 +60,9 @@ class FourierNumbers(NamedTuple):
     sines: tuple[float, ...]
 
 
-class DCNumbers(NamedTuple):
-    """Numbers of a direct-current motor."""
-
-    stall_moment: Real  # [N m]
-    no_load_speed: Real  # [rad/s]
-
-
-def constant(law: ConstantNumbers) -> Real:
+def constant(law: PolynomialNumbers) -> Real:
     """The same at all times."""
-    return law.value
+    return law.coefficients[0]
 
 
 def polynomial(x: Real, law: PolynomialNumbers) -> Real:
@@ -100,13 +86,13 @@ def table_over_period(x: Real, law: TableNumbers) -> Real:
 def table_over_turns(x: Real, law: TableNumbers) -> Real:
     """The same after whole turns, whose angle is told by sine and cosine: exact at any size."""
     part = angle(expi(law.start / law.turns), expi(x / law.turns))
-    ahead = where(part < 0.0, part + TURN, part)
+    ahead = where(part < 0.0, part + math.tau, part)
     return piecewise(ahead * law.turns, law.knots, law.rows)
 
 
 def fourier_over_period(x: Real, law: FourierNumbers) -> Real:
     """The series of a quantity that repeats after a period."""
-    return harmonics(modulo(x, law.period) * (TURN / law.period), law)
+    return harmonics(modulo(x, law.period) * (math.tau / law.period), law)
 
 
 def fourier_over_turns(x: Real, law: FourierNumbers) -> Real:
@@ -123,11 +109,6 @@ def harmonics(phase: Real, law: FourierNumbers) -> Real:
     return law.mean + total.real
 
 
-def dc(x: Real, law: DCNumbers) -> Real:
-    """The straight line from the stall moment to zero at the no-load speed."""
-    return law.stall_moment * (1 - x / law.no_load_speed)
-
-
 class Law(Strictly):
     """Size of a force [N] or moment [N m]. ``of`` is what it is a function of."""
 
@@ -141,8 +122,8 @@ class Law(Strictly):
         raise TypeError(f"{type(self).__name__} declares no numbers")
 
     def kernel(self) -> Callable[..., Real]:
-        """The function of the law's argument and numbers."""
-        raise TypeError(f"{type(self).__name__} declares no kernel")
+        """The function of the law's argument and numbers; a polynomial unless said."""
+        return polynomial
 
 
 class Constant(Law):
@@ -155,9 +136,9 @@ class Constant(Law):
     kind: Literal["constant"] = "constant"
     value: Number
 
-    def numbers(self) -> ConstantNumbers:
+    def numbers(self) -> PolynomialNumbers:
         """The value."""
-        return ConstantNumbers(self.value)
+        return PolynomialNumbers((self.value,))
 
     def kernel(self) -> Callable[..., Real]:
         """`constant`."""
@@ -180,10 +161,6 @@ class Polynomial(Law):
         """The coefficients, highest power first."""
         return PolynomialNumbers(tuple(reversed(self.coefficients)))
 
-    def kernel(self) -> Callable[..., Real]:
-        """`polynomial`."""
-        return polynomial
-
 
 class _Repeating(Law):
     of: Argument = "coordinate"
@@ -203,7 +180,7 @@ class _Repeating(Law):
     @property
     def whole(self) -> float:
         """Length of the period [unit of the argument]; 0 where nothing repeats."""
-        return TURN * self.turns if self.turns else self.period or 0.0
+        return math.tau * self.turns if self.turns else self.period or 0.0
 
 
 class Table(_Repeating):
@@ -319,13 +296,9 @@ class DC(Law):
             raise mistake("wrong-value", "must not be 0")
         return speed
 
-    def numbers(self) -> DCNumbers:
-        """Both ends of the line."""
-        return DCNumbers(self.stall_moment, self.no_load_speed)
-
-    def kernel(self) -> Callable[..., Real]:
-        """`dc`."""
-        return dc
+    def numbers(self) -> PolynomialNumbers:
+        """The straight line from the stall moment to zero at the no-load speed."""
+        return PolynomialNumbers((-self.stall_moment / self.no_load_speed, self.stall_moment))
 
 
 AnyLaw = Annotated[Constant | Polynomial | Table | Fourier | DC, Field(discriminator="kind")]

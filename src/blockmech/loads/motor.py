@@ -1,8 +1,6 @@
 """A motor between two links: a moment that follows a law of angle, rate or time.
 
-The moment is on b, the opposite on a. What the law is of: the angle of b relative to
-a, in (-pi, pi], or its rate; with ``driver`` the coordinate or the rate of that
-driving link, which counts turns; or the time.
+The moment is on b, the opposite on a, counter-clockwise positive.
 
 Sources: [D14] Durango et al. 2014, section 2 (driving moment as a function of
 position and velocity).
@@ -13,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from blockmech.loads.contract import Following, Reads, Terminal
+from blockmech.loads.contract import Following, Terminal
 from blockmech.plane import angle
 from blockmech.typing import Complex, Real
 
@@ -36,17 +34,20 @@ def relative_rate(om_a: Real, om_b: Real, p: Motor) -> Real:
 class Motor(Following, type="load.motor"):
     """A moment [N m] on link b, the opposite on link a, by a law.
 
+    The law's coordinate is the angle [rad] of link b from link a, counter-clockwise, in
+    (-pi, pi], and its rate [rad/s] that of b less that of a. With ``driver`` they are that
+    driver's, which count turns.
+
     >>> Motor(law={"kind": "dc", "stall_moment": 2.0, "no_load_speed": 100.0}).reads()
     {'a': ('om',), 'b': ('om',)}
     """
 
+    own_coordinate = "angle of b from a, counter-clockwise, in (-pi, pi] [rad]"
     terminals = {"a": Terminal("link"), "b": Terminal("link")}
 
-    def own_measure(self, rate: bool) -> tuple[Callable[..., Any], Reads]:
+    def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The angle of b relative to a, or its rate."""
-        if rate:
-            return relative_rate, {"a": ("om",), "b": ("om",)}
-        return relative_angle, {"a": ("e",), "b": ("e",)}
+        return relative_rate if rate else relative_angle
 
     def kernel(self) -> Callable[..., Any]:
         """The moments."""

@@ -9,7 +9,7 @@ velocity).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from blockmech.loads.contract import Element, Terminal
@@ -19,41 +19,31 @@ from blockmech.values import NotNegative, Number
 
 
 def pull(p_a: Complex, p_b: Complex, p: Spring) -> tuple[Complex, Complex]:
-    """Forces [N] on a and on b; NaN where the ends meet and L0 > 0."""
+    """Forces [N] on a and on b; NaN where the ends meet and k L0 > 0."""
     d = p_b - p_a
-    F = mul(d, p.stiffness * (1 - p.free_length / hyp(d)))
+    F = mul(d, p.stiffness - pressed(d, p))
     return F, -F
 
 
-def pull_without_free_length(p_a: Complex, p_b: Complex, p: Spring) -> tuple[Complex, Complex]:
-    """The same with L0 = 0, defined also where the ends meet."""
-    F = mul(p_b - p_a, p.stiffness)
-    return F, -F
+def pressed(d: Complex, p: Spring) -> Real:
+    """k L0 / L [N/m]; nothing, wherever the ends are, of a spring without free length."""
+    force = p.stiffness * p.free_length
+    return force / where(force == 0.0, 1.0, hyp(d))
 
 
 def pull_and_damp(
     p_a: Complex, v_a: Complex, p_b: Complex, v_b: Complex, p: Spring
 ) -> tuple[Complex, Complex]:
-    """Forces [N] on a and on b, with damping c L' along the line; NaN where the ends meet."""
-    d = p_b - p_a
-    k = 1 / hyp(d)
-    rate = dot(v_b - v_a, d) * k
-    F = mul(d, p.stiffness * (1 - p.free_length * k) + p.damping * rate * k)
-    return F, -F
+    """The same with damping c L' along the line.
 
-
-def pull_and_damp_without_free_length(
-    p_a: Complex, v_a: Complex, p_b: Complex, v_b: Complex, p: Spring
-) -> tuple[Complex, Complex]:
-    """The same with L0 = 0 or stiffness 0, defined also where the ends meet.
-
-    There they pass each other along their relative velocity, which is the line's limit.
+    Ends that meet pass each other along their relative velocity, which is the line's limit.
     """
     d, v = p_b - p_a, v_b - v_a
     square = dot(d, d)
     meet = square == 0.0
     along = dot(v, d) / where(meet, 1.0, square)
-    F = mul(d, p.stiffness + p.damping * along) + mul(v, where(meet, p.damping, 0.0))
+    stretch = p.stiffness - pressed(d, p) + p.damping * along
+    F = mul(d, stretch) + mul(v, where(meet, p.damping, 0.0))
     return F, -F
 
 
@@ -78,17 +68,9 @@ class Spring(Element, type="load.spring"):
     free_length: NotNegative = 0.0
     damping: NotNegative = 0.0
 
-    def reads(self) -> Mapping[str, tuple[str, ...]]:
-        """Places, and velocities only where there is damping."""
-        what = ("p", "v") if self.damping else ("p",)
-        return {"a": what, "b": what}
-
     def kernel(self) -> Callable[..., Any]:
-        """The cheapest form that says the same."""
-        rigid_end = self.free_length and self.stiffness
-        if self.damping:
-            return pull_and_damp if rigid_end else pull_and_damp_without_free_length
-        return pull if rigid_end else pull_without_free_length
+        """With damping where there is any: only that asks for velocities."""
+        return pull_and_damp if self.damping else pull
 
     def energy(self) -> Callable[..., Any] | None:
         """The stored energy, if it is elastic."""

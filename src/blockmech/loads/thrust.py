@@ -1,9 +1,7 @@
 """A thrust between two markers: a force that follows a law of stroke, rate or time.
 
 The force on b points from a to b, or along a direction that turns with the link of a;
-the opposite acts at a. A positive value pushes the markers apart. What the law is of:
-the distance from a to b, measured along the force, or its rate; with ``driver`` the
-coordinate or the rate of that driving link (gas force over the crank angle); or time.
+the opposite acts at a. A positive value pushes the markers apart.
 
 Sources: [D14] Durango et al. 2014, section 2 (loads as functions of position and
 velocity).
@@ -16,7 +14,7 @@ from typing import Any
 
 from pydantic import field_validator
 
-from blockmech.loads.contract import Following, Reads, Terminal
+from blockmech.loads.contract import Following, Terminal
 from blockmech.plane import dot, hyp, imul, mul
 from blockmech.typing import Complex, Real
 from blockmech.values import Vector, VectorOrNoneGiven, default, mistake
@@ -65,10 +63,16 @@ class Thrust(Following, type="load.thrust"):
     ``direction`` [dx, dy] is in the axes of the link of a. Put a on the line of action,
     for the two forces make a couple of their own otherwise.
 
+    The law's coordinate [m] is the way from a to b along ``direction`` (negative where b is
+    behind a), without one the distance of a and b; its rate [m/s] is positive where b moves
+    along ``direction``, or away from a. Turning ``direction`` round changes the sign of both
+    and of the force. With ``driver`` they are that driver's (gas force over the crank angle).
+
     >>> Thrust(law={"kind": "constant", "value": 500.0}).reads()
     {'a': ('p',), 'b': ('p',)}
     """
 
+    own_coordinate = "way from a to b along the direction; without one their distance [m]"
     terminals = {"a": Terminal("point"), "b": Terminal("point")}
 
     direction: VectorOrNoneGiven = default(None)
@@ -80,18 +84,11 @@ class Thrust(Following, type="load.thrust"):
             raise mistake("bad-direction", '"direction" must not be [0, 0]')
         return direction
 
-    def acts_by(self) -> Reads:
-        """Both places, or the direction of the link of a."""
-        return {"a": ("p",), "b": ("p",)} if self.direction is None else {"a": ("e",)}
-
-    def own_measure(self, rate: bool) -> tuple[Callable[..., Any], Reads]:
+    def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The distance from a to b along the force, or its rate."""
         if self.direction is None:
-            what = ("p", "v") if rate else ("p",)
-            return distance_rate if rate else distance, {"a": what, "b": what}
-        if rate:
-            return stroke_rate, {"a": ("p", "v", "e", "om"), "b": ("p", "v")}
-        return stroke, {"a": ("p", "e"), "b": ("p",)}
+            return distance_rate if rate else distance
+        return stroke_rate if rate else stroke
 
     def kernel(self) -> Callable[..., Any]:
         """The forces."""

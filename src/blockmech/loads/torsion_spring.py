@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from blockmech.loads.contract import Element, Reads, Terminal
+from blockmech.loads.contract import Element, Terminal
 from blockmech.plane import angle, expi
 from blockmech.typing import Complex, Real
 from blockmech.values import Angle, NotNegative, Number
@@ -64,13 +64,6 @@ class TorsionSpring(Element, type="load.torsion_spring"):
     stiffness: Number
     rest_angle: Angle = 0.0
     damping: NotNegative = 0.0
-
-    def reads(self) -> Reads:
-        """Directions where there is stiffness, rates where there is damping."""
-        direction = ("e",) if self.stiffness or not self.damping else ()
-        rate = ("om",) if self.damping else ()
-        what = (*direction, *rate)
-        return {"a": what, "b": what}
 
     def kernel(self) -> Callable[..., Any]:
         """The cheapest form that says the same."""

@@ -85,11 +85,8 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
     frames = [n for n, b in blocks.items() if isinstance(b, Frame)]
     one = "a mechanism has one fixed link"
     if not frames:
-        found, remedy = (
-            "no block of type frame",
-            "add a frame with a marker for each pivot and guide",
-        )
-        yield Problem("no-frame", "blocks", found, one, remedy)
+        remedy = "add a frame with a marker for each pivot and guide"
+        yield Problem("no-frame", "blocks", "no block of type frame", one, remedy)
     for name in frames[1:]:
         found = f"a second frame beside {frames[0]}"
         yield Problem("two-frames", name, found, one, f"move its markers to {frames[0]}")
@@ -243,11 +240,18 @@ def _group_problems(blocks: Blocks) -> Iterator[Problem]:
     for name, block in blocks.items():
         if isinstance(block, GeneralGroup):
             from blockmech.assur.diagnosis import diagnose  # few graphs have such a group
+            from blockmech.assur.rank import TooTangledError
 
-            driven = [joint.name for joint in block.driven]
-            for finding in diagnose(block.link_names, block.structural, {SUPPORTS}, driven):
+            driven, where = [joint.name for joint in block.driven], f"{name}.pairs"
+            try:
+                findings = diagnose(block.link_names, block.structural, {SUPPORTS}, driven)
+            except TooTangledError:
+                found = f"{len(block.link_names)} links stand in too many loops to be judged"
+                yield Problem("too-tangled", where, found, "", "take the group apart")
+                continue
+            for finding in findings:
                 remedy = "move a pair from an over-constrained link to a loose one"
-                yield Problem(finding.code, f"{name}.pairs", finding.text, "", remedy)
+                yield Problem(finding.code, where, finding.text(), "", remedy)
 
 
 def _cycles(blocks: Blocks, wires: Iterable[Wire]) -> Iterator[Problem]:

@@ -1,22 +1,24 @@
 """Cycles: blocks that wait for each other, diagnosed in the trade's words.
 
 Such blocks are no formation sequence, but their links may well be one Assur group of a
-higher class, or separate groups whose pins are wired to the wrong one of their links; if
-they are neither, the over-constrained and the loose links say why. Markers tell which pairs
-share a pin or a direction (`axes`): two links between the same two pins are one too many.
+higher class, or separate groups in another order; if they are neither, the over-constrained
+and the loose links say why. Markers tell which pairs share a pin or a direction (`axes`): two
+links between the same two pins are one too many.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-from blockmech.assur.formation import Formation, formation, reseat
+import networkx as nx
+
+from blockmech.assur.formation import Formation, formation
 from blockmech.assur.groups import roman
-from blockmech.assur.pairs import Pair, Side, axes, carriers
+from blockmech.assur.pairs import Pair, Side, axes
 from blockmech.assur.rank import TooTangledError
-from blockmech.assur.rigidity import rigidity
-from blockmech.blocks.contract import Block, BuiltIn, Joint, Moving
+from blockmech.assur.rigidity import Overconstraint, rigidity
+from blockmech.blocks.contract import Block, Joint, Moving
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, listed
 from blockmech.model.diagram import AnyBlock, Wire
@@ -29,7 +31,7 @@ RULE = "a formation sequence feeds every joint from an earlier block"
 
 
 def cycle_problem(
-    all_blocks: Mapping[str, AnyBlock], wires: Iterable[Wire], names: Sequence[str], told: bool
+    blocks: Mapping[str, AnyBlock], wires: Iterable[Wire], names: Sequence[str], told: bool
 ) -> Problem:
     """The problem that names blocks in a cycle and, if it is to be ``told``, what they are."""
     found = "the blocks wait for each other"
@@ -42,27 +44,23 @@ def cycle_problem(
             if source.split(".")[0] in names and target.split(".")[0] in names
         ]
         found += f": {listed(inside)}"
-        ring = _ring(all_blocks, sources, names)
+        ring = {name: b for name in names if isinstance(b := blocks[name], Moving)}
+        links = {f"{name}.{link}" for name, block in ring.items() for link in block.link_names}
+        pairs = _pairs(blocks, ring, sources)
+        drivers = [f"{n}.{j.name}" for n, block in ring.items() for j in block.driven]
         try:
-            said = _seated_elsewhere(ring) or _as_they_are(ring, names)
+            what, text = waiting(links, pairs, {p.first for p in pairs} - links, drivers)
         except TooTangledError:
-            said = ("", remedy)
-        found, remedy = "; ".join(filter(None, (found, said[0]))), said[1]
-    return Problem("cycle", listed(names), found, RULE, remedy)
-
-
-def _as_they_are(ring: _Ring, blocks: Iterable[str]) -> tuple[str, str]:
-    """What the links that wait for each other are, and what to do about it."""
-    found, text = waiting(ring.links, ring.pairs, ring.earlier, ring.drivers)
-    if not found.complete:
-        remedy = "re-wire a joint of an over-constrained link to a loose or an earlier link"
-    elif len(found.units) == 1:
-        group = f"group.general block of class {roman(found.units[0].number)}"
-        remedy = f"replace {listed(blocks)} by one {group}, "
-        remedy += "or re-wire a joint to a link that already moves"
-    else:
+            return Problem("cycle", listed(names), found, RULE, remedy)
+        found += f"; {text}"
         remedy = "wire the links as separate groups in that order"
-    return text, remedy
+        if not what.complete:
+            remedy = "re-wire a joint of an over-constrained link to a loose or an earlier link"
+        elif len(what.units) == 1:
+            group = f"group.general block of class {roman(what.units[0].number)}"
+            remedy = f"replace {listed(names)} by one {group}, "
+            remedy += "or re-wire a joint to a link that already moves"
+    return Problem("cycle", listed(names), found, RULE, remedy)
 
 
 def waiting(
@@ -85,78 +83,59 @@ def waiting(
     if found.complete:
         return found, f"the links can be placed in the order {found}"
     state = rigidity(moving, pairs, earlier, drivers)
-    reasons = []
-    for o in state.overconstrained:
-        aside = set() if o.drivers else carriers([p for p in pairs if p.name in o.pairs], earlier)
-        reasons.append(f"over-constrained: {', '.join(a for a in o.links if a not in aside)}")
+    reasons = [f"over-constrained: {', '.join(_held(o, pairs))}" for o in state.overconstrained]
     reasons += [f"loose: {', '.join(part.links)}" for part in state.loose]
     return found, f"{names} are no Assur group; {'; '.join(reasons)}"
 
 
-@dataclass
-class _Ring:
-    """The links of blocks in a cycle, their pairs, and the earlier links that carry them."""
-
-    links: set[str] = field(default_factory=set)
-    pairs: list[Pair] = field(default_factory=list)
-    drivers: list[str] = field(default_factory=list)
-    rubbing: set[str] = field(default_factory=set)  # pairs with friction
-
-    @property
-    def earlier(self) -> set[str]:
-        """The links outside that carry them."""
-        return {pair.first for pair in self.pairs} - self.links
+def _held(o: Overconstraint, pairs: Iterable[Pair]) -> Sequence[str]:
+    """Over-constrained links but for those that only carry a pin of others, held once."""
+    own = [p for p in pairs if p.name in o.pairs]
+    pins = {p.axis: nx.MultiGraph(q.links for q in own if q.axis == p.axis) for p in own if p.axis}
+    once = [{axis} for axis, pin in pins.items() if nx.is_forest(pin)]
+    return [a for a in o.links if {p.axis for p in own if a in p.links} not in once]
 
 
-def _ring(
-    all_blocks: Mapping[str, AnyBlock], sources: Mapping[str, str], names: Iterable[str]
-) -> _Ring:
-    ring, sides, size = _Ring(), list[Side](), 0.0
-    for name in names:
-        block = all_blocks[name]
-        if not isinstance(block, Moving):
-            continue
-        size = max(size, block.largest_length())
-        ring.links |= {f"{name}.{link}" for link in block.link_names}
+def _pairs(
+    blocks: Mapping[str, AnyBlock], ring: Mapping[str, Moving], sources: Mapping[str, str]
+) -> list[Pair]:
+    """The pairs of blocks in a cycle, with the axes that they share."""
+    pairs, sides = [], list[Side]()
+    for name, block in ring.items():
         for joint in block.joints.values():
-            where = f"{name}.{joint.name}"
+            where, later = f"{name}.{joint.name}", f"{name}.{joint.later}"
             if joint.outer and where not in sources:
                 continue
-            first, second = f"{name}.{joint.links[0]}", f"{name}.{joint.later}"
+            first = f"{name}.{joint.links[0]}"
             if joint.outer:
-                support = _support(all_blocks, where, joint, sources[where])
+                support = _support(blocks, where, joint, sources[where])
                 sides.append(support)
                 first = support.link
-            ring.pairs.append(Pair(where, first, second, joint.kind))
+            pairs.append(Pair(where, first, later, joint.kind))
             sides += _own_sides(name, block, joint)
-            if joint.driven:
-                ring.drivers.append(where)
-            if joint.name in block.friction:
-                ring.rubbing.add(where)
+    size = max((block.largest_length() for block in ring.values()), default=0.0)
     axis = axes(sides, size or 1.0)
-    ring.pairs = [replace(pair, axis=axis.get(pair.name, "")) for pair in ring.pairs]
-    return ring
+    return [replace(pair, axis=axis.get(pair.name, "")) for pair in pairs]
 
 
 def _own_sides(name: str, block: Moving, joint: Joint) -> Iterator[Side]:
-    """What the block's own links have of a joint, as far as its markers tell."""
+    """What the block's own links have of a joint, as far as its markers tell.
+
+    A revolute joint's marker is named after it; the one on the second link of an inner joint
+    has the link's name added: C and Cj.
+    """
     for link in (joint.link,) if joint.outer else joint.links:
-        at = _pin(block, joint.name, link)
         if joint.kind == "P":
             at = block.guide_line(joint.name, link)[1]
-        if at is not None:
-            yield Side(f"{name}.{joint.name}", f"{name}.{link}", joint.kind, at)
-
-
-def _pin(block: Moving, joint: str, link: str) -> complex | None:
-    """Place [m] of a revolute joint on an own link: its marker is named after the joint.
-
-    The one on the second link of an inner joint has the link's name added: C and Cj.
-    """
-    if isinstance(block, GeneralGroup):
-        return block.pairs[joint].sides[link].at.z
-    markers = (block.built_in.get(name) for name in (joint, joint + link))
-    return next((block.place_of(m) for m in markers if m is not None and m.link == link), None)
+        elif isinstance(block, GeneralGroup):
+            at = block.pairs[joint.name].sides[link].at.z
+        else:
+            known = (block.built_in.get(marker) for marker in (joint.name, joint.name + link))
+            marker = next((m for m in known if m is not None and m.link == link), None)
+            if marker is None:
+                continue
+            at = block.place_of(marker)
+        yield Side(f"{name}.{joint.name}", f"{name}.{link}", joint.kind, at)
 
 
 def _support(blocks: Mapping[str, AnyBlock], where: str, joint: Joint, source: str) -> Side:
@@ -167,36 +146,8 @@ def _support(blocks: Mapping[str, AnyBlock], where: str, joint: Joint, source: s
     if not isinstance(block, Block) or marker not in markers:
         return Side(where, source, joint.kind, 0j if joint.kind == "R" else 1 + 0j)
     link, place = markers[marker]
-    at = block.place_of(place) if joint.kind == "R" else _direction(place)
+    if joint.kind == "R":
+        at = block.place_of(place)
+    else:
+        at = place.direction if isinstance(place, Marker) else 1 + 0j
     return Side(where, f"{name}.{link}", joint.kind, at)
-
-
-def _direction(marker: Marker | BuiltIn) -> complex:
-    return marker.direction if isinstance(marker, Marker) else 1 + 0j
-
-
-def _seated_elsewhere(ring: _Ring) -> tuple[str, str] | None:
-    """The order in which the links can be placed if pins are wired to other links of theirs.
-
-    Told with the wires that have to change; only pins without friction are moved, because
-    friction says which links rub.
-    """
-    loose = [replace(p, axis="") if p.name in ring.rubbing else p for p in ring.pairs]
-    before = {pair.name: pair for pair in loose}
-    after = reseat(ring.links, loose, ring.earlier, ring.drivers)
-    moved = [p for p in after if p.links != before[p.name].links]
-    if not moved:
-        return None
-    axis = {pair.name: pair.axis for pair in ring.pairs}
-    seated = [replace(p, axis=axis[p.name]) for p in after]
-    found = formation(ring.links, seated, ring.earlier, ring.drivers)
-    if not found.complete or len(found.units) < 2:
-        return None
-    order = f"the links can be placed in the order {found}"
-    wires = []
-    for pair in moved:
-        own = before[pair.name].second
-        if own not in pair.links:
-            return order, "wire the pins to the links that are placed first"
-        wires.append(f"{pair.name} to the same pin on {pair.other(own)}")
-    return order, f"wire {listed(wires)}"

@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import os
 from abc import abstractmethod
-from typing import Any, ClassVar, Self
+from collections.abc import Callable, Iterable
+from typing import Any, ClassVar, Self, TypeVar
 
 from blockmech.errors import FormatError, GraphError, Problem, close_match, in_file, listed
 from blockmech.model.form import Draft, Form
@@ -52,15 +53,18 @@ class Document:
     @classmethod
     def from_json(cls, text: str, file: str = "") -> Self:
         """Read the text of a file; ``file`` is its name in messages. Raises like `load`."""
-        try:
-            return cls._read(*data_of(text), file)
-        except (FormatError, GraphError) as error:
-            raise type(error)(in_file(error.problems, file)) from error.__cause__
+        return read(text, file, lambda raw: cls)
 
     @classmethod
-    def from_data(cls, data: dict[str, Any]) -> Self:
-        """Read what a file holds. Raises like `load`."""
-        return cls._read(data, [], "")
+    def from_data(cls, data: dict[str, Any], odd: Iterable[Problem] = (), file: str = "") -> Self:
+        """Read what a file holds, with the problems that its text has. Raises like `load`."""
+        draft = Draft(cls.form, data, list(odd))
+        made, given = cls(draft.said.name, title=draft.said.title), draft.said.model_fields_set
+        made.extras.update({key: getattr(draft.said, key) for key in EXTRAS if key in given})
+        made._fill(draft)
+        draft.finish()
+        made.file = file
+        return made
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the canonical file, whole or not at all.
@@ -86,16 +90,6 @@ class Document:
         extras = {key: plain(self.extras.get(key)) for key in EXTRAS}
         return self.form.written(self.name, self.title, self._sections() | extras)
 
-    @classmethod
-    def _read(cls, raw: dict[str, Any], odd: list[Problem], file: str) -> Self:
-        draft = Draft(cls.form, raw, odd)
-        made, given = cls(draft.said.name, title=draft.said.title), draft.said.model_fields_set
-        made.extras.update({key: getattr(draft.said, key) for key in EXTRAS if key in given})
-        made._fill(draft)
-        draft.finish()
-        made.file = file
-        return made
-
     @abstractmethod
     def _fill(self, draft: Draft) -> None:
         """Take what a file says; what is wrong is noted in the draft."""
@@ -114,6 +108,18 @@ class Document:
         if name not in known:
             raise GraphError(_unknown_attribute(cls, name, known))
         super().__setattr__(name, value)
+
+
+D = TypeVar("D", bound=Document)
+
+
+def read(text: str, file: str, kind: Callable[[dict[str, Any]], type[D]]) -> D:
+    """The document in a text, whose data tell its kind. Raises like `Document.load`."""
+    try:
+        raw, odd = data_of(text)
+        return kind(raw).from_data(raw, odd, file)
+    except (FormatError, GraphError) as error:
+        raise type(error)(in_file(error.problems, file)) from error.__cause__
 
 
 def _unknown_attribute(cls: type, name: str, known: list[str]) -> Problem:

@@ -5,51 +5,28 @@ The numbers never come from blockmech; ``source`` says where they come from.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
+from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from blockmech.errors import shown
-from blockmech.values import NotNegative, Number, Positive, Strictly, is_number, mistake
+from blockmech.values import NotNegative, Number, Positive, Strictly, mistake
 
-NUMBERS = {"type": "array", "items": {"type": "number"}, "minItems": 1}
-PAIRS = {
-    "type": "array",
-    "items": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
-    "minItems": 1,
-}
-
-
-def _numbers_or_pairs(values: list[Any]) -> list[Any]:
-    """The values as floats: numbers throughout, or [x, y] pairs throughout."""
-    if values and all(map(is_number, values)):
-        return [float(x) for x in values]
-    if values and all(
-        isinstance(v, list | tuple) and len(v) == 2 and all(map(is_number, v)) for v in values
-    ):
-        return [[float(x) for x in v] for v in values]
-    raise PydanticCustomError(
-        "bad-expectation",
-        "must be a list of finite numbers or of [x, y] pairs, got {got}",
-        {"got": shown(values)},
-    )
-
-
-Series = Annotated[
-    list[Any],
-    AfterValidator(_numbers_or_pairs),
-    WithJsonSchema({"anyOf": [NUMBERS, PAIRS]}),
-]
+Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Series = Annotated[list[Number] | list[Pair], Field(min_length=1)]
 """One number or one [x, y] pair a sample."""
 
 Samples = Annotated[list[Number], Field(min_length=1)]
 
 
 class Simulation(Strictly):
-    """A free motion from the scene's start: sampled at ``times`` [s], ended by ``until``."""
+    """A free motion from the scene's start: sampled at ``times`` [s], ended by ``until``.
+
+    ``method`` is one of `Mechanism.simulate`, the one that fits best if it is left out.
+    """
 
     until: str | None = None
+    method: str = "auto"
     times: Samples
 
 

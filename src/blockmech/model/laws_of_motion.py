@@ -176,17 +176,14 @@ class Table(LawOfMotion):
 
     def at_times(self, t: Array) -> Motion:
         """The interpolant and its derivatives; NaN outside the table."""
+        from scipy.interpolate import CubicSpline, PPoly
+
         x, y = np.asarray(self.times), np.asarray(self.values)
         if self.interpolation == "cubic":
-            from scipy.interpolate import CubicSpline
-
-            spline = CubicSpline(x, y, extrapolate=False)
-            return spline(t), spline(t, 1), spline(t, 2)
-        k = np.clip(np.searchsorted(x, t, side="right") - 1, 0, len(x) - 2)
-        slope = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
-        outside = (t < x[0]) | (t > x[-1])
-        q = np.where(outside, np.nan, y[k] + slope * (t - x[k]))
-        return q, np.where(outside, np.nan, slope), np.where(outside, np.nan, 0.0)
+            curve = CubicSpline(x, y, extrapolate=False)
+        else:
+            curve = PPoly(np.array([np.diff(y) / np.diff(x), y[:-1]]), x, extrapolate=False)
+        return curve(t), curve(t, 1), curve(t, 2)
 
     def duration(self) -> float:
         """Time [s] that the table covers."""

@@ -1,7 +1,7 @@
 """From a file to plain data: bytes, text, JSON, with line and column of what is wrong.
 
-The fast parser of the standard library reads; only where it meets something odd does a
-slower scan of the same text find the places.
+The parser of the standard library reads; a scan of the same text finds what it takes as it
+comes.
 """
 
 from __future__ import annotations
@@ -21,13 +21,6 @@ from blockmech.errors import MOST, FormatError, Problem, in_file, path_text
 
 LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
 DEEPEST = 64  # nested objects and lists; a graph needs nine
-
-MARKS = (  # the longer ones first
-    (codecs.BOM_UTF32_LE, "UTF-32"),
-    (codecs.BOM_UTF32_BE, "UTF-32"),
-    (codecs.BOM_UTF16_LE, "UTF-16"),
-    (codecs.BOM_UTF16_BE, "UTF-16"),
-)
 
 
 def text_of(path: str | os.PathLike[str]) -> str:
@@ -49,14 +42,11 @@ def _bytes_of(path: Path) -> bytes:
         found, remedy = "it is a directory", "name a graph file in it"
         raise FormatError(Problem("not-a-file", "", found, "", remedy))
     with path.open("rb") as stream:
-        size = os.fstat(stream.fileno()).st_size
-        most = size or LARGEST  # what is no file on a disk tells no size
-        raw = b"" if size > LARGEST else stream.read(most + 1)
-    if size > LARGEST or len(raw) > LARGEST:
-        found = f"{size / 1e6:.0f} MB" if size > LARGEST else "endless"
-        valid = f"a graph file has at most {LARGEST / 1e6:.0f} MB"
-        remedy = "check that it is a graph file"
-        raise FormatError(Problem("too-large", "", f"too large: {found}", valid, remedy))
+        raw = stream.read(LARGEST + 1)
+    if len(raw) > LARGEST:
+        found = f"too large: more than {LARGEST / 1e6:.0f} MB"
+        valid, remedy = "a graph file is shorter", "check that it is a graph file"
+        raise FormatError(Problem("too-large", "", found, valid, remedy))
     return raw
 
 
@@ -70,21 +60,17 @@ def _not_opened(error: OSError | ValueError) -> Problem:
 
 
 def _decoded(raw: bytes) -> str:
-    found, where = "", "line 1, column 1"
-    if b"\x00" in raw[:4]:
-        found = "not text, or UTF-16"
-    found = next((f"the text is {name}" for mark, name in MARKS if raw.startswith(mark)), found)
+    encoding = json.detect_encoding(raw)
+    found, where = f"the text is {encoding[:6].upper()}", "line 1, column 1"
     try:
-        text = raw.removeprefix(codecs.BOM_UTF8).decode()
+        if encoding.startswith("utf-8"):
+            return raw.removeprefix(codecs.BOM_UTF8).decode()
     except UnicodeDecodeError as error:
-        text, before = "", raw[: error.start].decode(errors="replace")
-        if not found:
-            found = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
-            where = place(before, len(before))
-    if found:
-        valid, remedy = "a graph file is UTF-8", "save it as UTF-8"
-        raise FormatError(Problem("wrong-encoding", where, found, valid, remedy))
-    return text
+        before = raw[: error.start].decode(errors="replace")
+        found = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
+        where = place(before, len(before))
+    valid, remedy = "a graph file is UTF-8", "save it as UTF-8"
+    raise FormatError(Problem("wrong-encoding", where, found, valid, remedy))
 
 
 def place(text: str, offset: int) -> str:
@@ -101,67 +87,23 @@ def data_of(text: str) -> tuple[dict[str, Any], list[Problem]]:
     if not text.strip():
         remedy = "start from a gallery graph"
         raise FormatError(Problem("empty-file", "", "it is empty", "", remedy))
-    too_deep = f"objects and lists are nested more than {DEEPEST} deep"
     try:
-        data, odd = _parsed(text)
-        if _deeper(data, DEEPEST):
-            raise RecursionError
+        data = json.loads(
+            text, parse_int=lambda token: int(token) if len(token) < 300 else float(token)
+        )
+        misfits = list(islice(_misfits(text), MOST + 1))
     except json.JSONDecodeError as error:
         raise FormatError(_syntax(text, error)) from error
     except RecursionError as error:
-        raise FormatError(Problem("too-deep", "", too_deep, "a graph needs nine")) from error
+        found = f"objects and lists are nested more than {DEEPEST} deep"
+        raise FormatError(Problem("too-deep", "", found, "a graph needs nine")) from error
     if not isinstance(data, dict):
         found = "the file does not hold an object"
         valid = 'a graph file is {"format": "blockmech/graph", ...}'
         raise FormatError(Problem("not-an-object", "line 1, column 1", found, valid))
-    misfits = list(islice(_misfits(text), MOST + 1)) if odd else []
     if any(problem.code == "wrong-encoding" for problem in misfits):
         raise FormatError(misfits)  # half characters break what they are handed to
     return data, misfits
-
-
-def _parsed(text: str) -> tuple[Any, bool]:
-    """The data of a text, and whether a scan of the text will find something odd in it."""
-    odd = _half_characters(text) or "\\ud" in text or "\\uD" in text
-
-    def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
-        nonlocal odd
-        found = dict(items)
-        odd = odd or len(found) != len(items)
-        return found
-
-    def number(token: str) -> float:
-        nonlocal odd
-        x = float(token)
-        odd = odd or not math.isfinite(x)
-        return x
-
-    def whole(token: str) -> int | float:
-        return int(token) if len(token) < 300 else number(token)
-
-    data = json.loads(
-        text, object_pairs_hook=pairs, parse_constant=number, parse_float=number, parse_int=whole
-    )
-    return data, odd
-
-
-def _deeper(data: Any, most: int) -> bool:
-    level = [data]
-    for _ in range(most + 1):
-        boxes = [box for box in level if isinstance(box, dict | list)]
-        level = [x for b in boxes for x in (b.values() if isinstance(b, dict) else b)]
-        if not level:
-            return False
-    return True
-
-
-def _half_characters(text: str) -> bool:
-    """Whether a text has a lone half of a pair, which no file can hold."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return True
-    return False
 
 
 # Syntax, in words of our own, so that they are the same in every Python.
@@ -210,7 +152,8 @@ def _slip(text: str, at: int, before: str, message: str) -> tuple[str, str]:
     return f"{sign} is not a value", 'a value is a number, "text", true, false, null, [..] or {..}'
 
 
-# The slower scan: duplicate keys, numbers out of range, half characters.
+# What the parser of the standard library takes as it comes: duplicate keys, numbers out of
+# range, half characters, any depth.
 
 TOKEN = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+', re.DOTALL)
 
@@ -235,6 +178,8 @@ def _misfits(text: str) -> Iterator[Problem]:
         sign, at = token.group(), token.start()
         if sign in ("{", "["):
             inside.append(_Open("" if sign == "{" else 0, {}, sign == "{"))
+            if len(inside) > DEEPEST:
+                raise RecursionError
         elif sign in ("}", "]"):
             inside.pop()
         elif sign == "," and isinstance(number := inside[-1].key, int):
@@ -242,14 +187,14 @@ def _misfits(text: str) -> Iterator[Problem]:
         elif sign in (",", ":"):
             inside[-1].expects_key = sign == ","
         elif sign[0] == '"':
-            said, here = json.loads(sign), inside[-1]
+            said, here = json.loads(sign) if "\\" in sign else sign[1:-1], inside[-1]
             if here.expects_key:
                 here.key = said
                 first = here.keys.setdefault(said, at)
                 if first != at:
                     found = f"the key is given twice: {place(text, first)} and {place(text, at)}"
                     yield problem("duplicate-key", found, "keep one of them")
-            if _half_characters(said):
+            if not said.isascii() and any("\ud800" <= c <= "\udfff" for c in said):
                 found = f"half of a character ({place(text, at)})"
                 yield problem("wrong-encoding", found, "write the whole character")
         elif sign[0] not in "tfn" and not math.isfinite(float(sign)):

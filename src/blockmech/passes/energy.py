@@ -54,16 +54,8 @@ def potential(s: Schedule) -> str:
             terms.append(s.line(f"-{m} * dot({loads.gravity(s)}, {p})", f"{link}_V"))
     for name, element in s.structure.elements.items():
         stored = element.energy()
-        if stored is None:
-            continue
-        args = [
-            s.ask(loads.terminal_reading, JointRef(name, terminal), what)
-            for terminal, reads in element.reads().items()
-            for what in reads
-            if what in ("p", "e")
-        ]
-        args.append(s.ask(loads.element_parameters, name))
-        terms.append(s.emit(stored, *args, name=f"{name}_V"))
+        if stored is not None:
+            terms.append(loads.kernel_on(s, name, stored, value=f"{name}_V"))
     return s.sum(terms, "potential")
 
 

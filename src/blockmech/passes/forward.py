@@ -17,7 +17,7 @@ from blockmech.blocks.contract import BuiltIn
 from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef
 from blockmech.plan import NOUGHT, ONE, ZERO, Entry, Schedule
 from blockmech.plane import EPS, cross, expi, sign, sqrt
-from blockmech.typing import Complex, Guide, GuideAcceleration, GuideVelocity, Real
+from blockmech.typing import Complex, Guide, LinkAcceleration, LinkVelocity, Real
 
 ACTUAL = ""
 BIAS = "bias"
@@ -210,7 +210,7 @@ def joint_velocity(s: Schedule, ref: JointRef, mode: str) -> str:
     if joint.reads == "point":
         return v
     om = s.ask(link_velocity, marker.on, mode).scalar
-    return s.emit(GuideVelocity, v, om, name=f"{_name(marker)}_guide_v")
+    return s.emit(LinkVelocity, v, om, name=f"{_name(marker)}_guide_v")
 
 
 def joint_acceleration(s: Schedule, ref: JointRef, mode: str) -> str:
@@ -220,7 +220,7 @@ def joint_acceleration(s: Schedule, ref: JointRef, mode: str) -> str:
     if joint.reads == "point":
         return a
     al = s.ask(link_acceleration, marker.on, mode).scalar
-    return s.emit(GuideAcceleration, a, al, name=f"{_name(marker)}_guide_a")
+    return s.emit(LinkAcceleration, a, al, name=f"{_name(marker)}_guide_a")
 
 
 def link_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Moved:

@@ -234,9 +234,8 @@ def room_left(path: Path, here: Stand, found: Stand, first: Array) -> Array:
     """How much longer each step (n,) might have been; below 1 it was too long, 0 if lost."""
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.sqrt(CORRECTION * extent(path, found) / first)
-        for g, (a, b) in enumerate(zip(here.J, found.J, strict=True)):
-            change = np.sqrt(np.square(b - a).sum(axis=(1, 2)))
-            room = np.minimum(room, CHANGE * (here.nearest[:, g] + found.nearest[:, g]) / change)
+        change = np.sqrt(np.square(found.J - here.J).sum(axis=(2, 3)))
+        room = np.minimum(room, (CHANGE * (here.nearest + found.nearest) / change).min(axis=1))
         room = np.where(found.reach <= FAR * path.at_home.reach, room, 0.0)
     return np.asarray(np.nan_to_num(room, nan=0.0, posinf=np.inf))
 
@@ -394,11 +393,5 @@ class _Side:
 
     def _arrays(self) -> tuple[Array, Stand]:
         if self._laid is None:
-            columns = zip(*(s.J for s in self.stands), strict=True)
-            J = tuple(np.concatenate(x) for x in columns)
-            place, rate, nearest, reach = (
-                np.concatenate([getattr(s, x) for s in self.stands])
-                for x in ("place", "rate", "nearest", "reach")
-            )
-            self._laid = np.array(self.q), Stand(place, rate, J, nearest, reach)
+            self._laid = np.array(self.q), Stand.joined(self.stands)
         return self._laid

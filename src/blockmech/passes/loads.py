@@ -8,10 +8,10 @@ Sources: [R10] Figs. 5 and 8, [D14] section 3.1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from blockmech.loads.contract import Following, Reads
+from blockmech.loads.contract import Following, Reads, read_by
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes.forward import (
     ACTUAL,
@@ -115,38 +115,32 @@ def inertial(s: Schedule, link: LinkRef) -> Resultant:
 def element_terms(s: Schedule, name: str) -> str:
     """The call of an element's kernel: one force or couple per terminal."""
     element = s.structure.elements[name]
-    if isinstance(element, Following):
-        args = [*readings(s, name, element.acts_by()), s.ask(law_value, name)]
-    else:
-        args = readings(s, name, element.reads())
-    args.append(s.ask(element_parameters, name))
-    return s.emit(element.kernel(), *args, name=f"{name}_load")
+    law = [s.ask(law_value, name)] if isinstance(element, Following) else []
+    return kernel_on(s, name, element.kernel(), *law, value=f"{name}_load")
+
+
+def kernel_on(s: Schedule, name: str, kernel: Callable[..., Any], *more: str, value: str) -> str:
+    """The call of one of an element's kernels on what it reads."""
+    args = _readings(s, name, read_by(kernel))
+    numbers = s.parameter(("numbers", name), s.structure.elements[name].parameters(), f"P_{name}")
+    return s.emit(kernel, *args, *more, numbers, name=value)
 
 
 def law_value(s: Schedule, name: str) -> str:
     """What an element's law says [N or N m]."""
     element = s.structure.elements[name]
     assert isinstance(element, Following)
-    return law_at(s, name, [measured(s, name, *each) for each in element.measures()])
-
-
-def measured(s: Schedule, name: str, measure: Callable[..., Any] | None, reads: Reads) -> str:
-    """One argument of an element's law."""
-    args = readings(s, name, reads)
-    if measure is None:
-        return args[0]
-    return s.emit(measure, *args, s.ask(element_parameters, name), name=f"{name}_argument")
-
-
-def law_at(s: Schedule, name: str, arguments: Sequence[str]) -> str:
-    """The value [N or N m] of an element's law at given arguments."""
-    element = s.structure.elements[name]
-    assert isinstance(element, Following)
+    arguments = [
+        _readings(s, name, reads)[0]
+        if measure is None
+        else kernel_on(s, name, measure, value=f"{name}_argument")
+        for measure, reads in element.measures()
+    ]
     numbers = s.parameter(("law", name), element.law.numbers(), f"law_{name}")
     return s.emit(element.law.kernel(), *arguments, numbers, name=f"{name}_law")
 
 
-def readings(s: Schedule, name: str, reads: Reads) -> list[str]:
+def _readings(s: Schedule, name: str, reads: Reads) -> list[str]:
     """What an element reads, terminal after terminal."""
     return [
         s.ask(terminal_reading, JointRef(name, terminal), what)
@@ -170,11 +164,6 @@ def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> str:
         return s.ask(marker_velocity, marker, ACTUAL)
     rule = link_position if what == "e" else link_velocity
     return s.ask(rule, marker.on).scalar
-
-
-def element_parameters(s: Schedule, name: str) -> str:
-    """The slot of an element's numbers."""
-    return s.parameter(("numbers", name), s.structure.elements[name].parameters(), f"P_{name}")
 
 
 def terminal_term(s: Schedule, terminal: JointRef) -> str:

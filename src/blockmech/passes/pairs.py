@@ -2,8 +2,9 @@
 
 One planar value a pair: the force R of a revolute one, ``N + i C`` of a prismatic one with
 its normal force and its couple about the slider's point S. Both are linear in the loads, and
-so are their sums. A kernel gives a guide's couple about the later link's origin; here it is
-moved to S, which the block or the user puts on either link.
+so are their sums. A kernel gives a guide's couple about the origins of its own links; here it is
+moved to S, which the block or the user puts on either link; from the origin of the link that
+owns S where that is the block's own, for there S is a fixed way along the guide.
 
 Sources: `blockmech.blocks.contract`, rules 6 and 10.
 """
@@ -20,10 +21,22 @@ def transmitted(s: Schedule, ref: JointRef, reactions: str) -> str:
     own = f"{reactions}.{s.structure.blocks[ref.block].joint_field(ref.name)}"
     if s.structure.joint(ref).kind == "R":
         return own
-    couple, arm = f"{own}.C", s.ask(slider_arm, ref, s.structure.later_link(ref))
-    if arm is not None:
-        couple += f" - {own}.N * dot({arm}, {s.ask(guide_direction, ref)})"
+    owner = _owner(s, ref)
+    couple = f"{own}.C" if owner == s.structure.later_link(ref) else f"{own}.C_i"
+    if owner.block != ref.block:
+        arm = s.ask(slider_arm, ref, s.structure.later_link(ref))
+        couple = f"{own}.C - {own}.N * dot({arm}, {s.ask(guide_direction, ref)})"
+    elif along := _along(s, ref, owner):
+        slot = s.parameter(("along", ref), along, f"along_{ref}_S")
+        couple += f" - {own}.N * {slot}"
     return s.line(f"planar({own}.N, {couple})", f"{ref}_slide")
+
+
+def _along(s: Schedule, ref: JointRef, owner: LinkRef) -> float:
+    """Way [m] of the slider's point along the guide, from the origin of the link that owns it."""
+    block = s.structure.blocks[ref.block]
+    _, direction = block.guide_line(ref.name, owner.link)
+    return (block.slider_place(ref.name, owner.link) * direction.conjugate()).real
 
 
 def slider_arm(s: Schedule, ref: JointRef, link: LinkRef) -> str | None:

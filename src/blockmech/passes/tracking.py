@@ -28,33 +28,34 @@ Array = NDArray[Any]
 
 
 class Stand(NamedTuple):
-    """Poses of all followed links at n samples, with their rates along the line.
+    """Poses of all m links of the g followed groups at n samples, with their rates.
 
     place : (n, m, 4) [m, -] origin and direction of each link
     rate : (n, m, 3) [m, rad] of origin and angle by the share of the line
-    J : of each followed group the Jacobian (n, N, N) [-], its rows of unit length
-    nearest : (n, g) [-] its smallest singular value: how near a singular one is
-    reach : (n,) [-] the longest of its rows: at least 1, more where slides are far out
+    J : (n, g, N, N) [-] Jacobians, their rows of unit length; zeros fill up smaller ones
+    nearest : (n, g) [-] their smallest singular values: how near a singular one is
+    reach : (n,) [-] the longest of their rows: at least 1, more where slides are far out
     """
 
     place: Array
     rate: Array
-    J: tuple[Array, ...]
+    J: Array
     nearest: Array
     reach: Array
 
     def at(self, samples: Any) -> Stand:
         """Some of the samples."""
-        J = tuple(x[samples] for x in self.J)
-        place, rate, _, nearest, reach = self
-        return Stand(place[samples], rate[samples], J, nearest[samples], reach[samples])
+        return Stand(*(x[samples] for x in self))
 
     def put(self, samples: Array, other: Stand) -> None:
         """Overwrite some of the samples."""
-        for mine, theirs in zip(self.J, other.J, strict=True):
+        for mine, theirs in zip(self, other, strict=True):
             mine[samples] = theirs
-        for name in ("place", "rate", "nearest", "reach"):
-            getattr(self, name)[samples] = getattr(other, name)
+
+    @staticmethod
+    def joined(stands: Sequence[Stand]) -> Stand:
+        """All their samples, one after the other."""
+        return Stand(*map(np.concatenate, zip(*stands, strict=True)))
 
 
 class Tracker:
@@ -106,21 +107,23 @@ class Tracker:
         data = {"q": q, "line": line, "place": place}
         given = [data[what][(slice(None), *np.atleast_1d(k))] for what, k in self._columns]
         values = self._values(given, n, one)
-        found = np.empty((n, m, 4)), np.empty((n, m, 3))
+        place, rate = np.empty((n, m, 4)), np.empty((n, m, 3))
         for j in range(m):
             o, e, v, om = values[4 * j : 4 * j + 4]
-            found[0][:, j, 0], found[0][:, j, 1] = o.real, o.imag
-            found[0][:, j, 2], found[0][:, j, 3] = e.real, e.imag
-            found[1][:, j, 0], found[1][:, j, 1] = v.real, v.imag
-            found[1][:, j, 2] = om
+            place[:, j] = np.stack(np.broadcast_arrays(o.real, o.imag, e.real, e.imag), axis=-1)
+            rate[:, j] = np.stack(np.broadcast_arrays(v.real, v.imag, om), axis=-1)
         rest = values[4 * m :]
         first = np.max([np.broadcast_to(x, (n,)) for x in rest[0::2]], axis=0)
-        whole = [np.asarray(x).reshape((n, *np.shape(x)[-2:])) for x in rest[1::2]]
-        long = [np.sqrt(np.square(x).sum(axis=-1)) for x in whole]
-        J = tuple(x / rows[..., None] for x, rows in zip(whole, long, strict=True))
-        nearest = np.stack([_smallest(x) for x in J], axis=1)
-        reach = np.max([rows.max(axis=-1) for rows in long], axis=0)
-        return Stand(*found, J, nearest, reach), first
+        size = max(np.shape(x)[-1] for x in rest[1::2])
+        J, nearest, reach = np.zeros((n, len(self.groups), size, size)), [], []
+        for g, x in enumerate(rest[1::2]):
+            whole = np.asarray(x).reshape((n, *np.shape(x)[-2:]))
+            rows = np.sqrt(np.square(whole).sum(axis=-1))
+            own = whole / rows[..., None]
+            J[:, g, : own.shape[1], : own.shape[2]] = own
+            nearest.append(_smallest(own))
+            reach.append(rows.max(axis=-1))
+        return Stand(place, rate, J, np.stack(nearest, axis=1), np.max(reach, axis=0)), first
 
     def _values(self, given: list[Array], n: int, one: bool) -> tuple[Any, ...]:
         if one:

@@ -14,11 +14,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.builders import Opened, opened, problems_in
 from blockmech.errors import Problem, RequestError
-from blockmech.testing.expectations import compared, failure_table
+from blockmech.testing.expectations import as_numbers, compared, failure_table, misfits
 
 if TYPE_CHECKING:
     from blockmech.analysis.limits import Limits
@@ -184,11 +183,16 @@ class GraphAssertion:
         if rtol is None and atol is None:
             raise _wrong("no tolerance is given", "give rtol=, atol= or both")
         result = self._mechanism.run(want=[name], **{**request, "on_gap": "mark"})
-        if tuple(result) != (name,):
+        if name not in result:
             raise _wrong(f"{name} is a pattern", "name one output")
-        kind = result.output(name).kind
-        expected = _expected(value, kind, 1 if kind == "number" else result.n)
-        outcomes = list(compared(result, name, expected, rtol or 0.0, atol or 0.0))
+        values = _listed(value, self._mechanism.outputs[name].kind)
+        problems = [
+            Problem(code, "has_output", *told)
+            for code, *told in misfits(self._mechanism, name, values, result.n)
+        ]
+        if problems:
+            raise RequestError(problems)
+        outcomes = list(compared(result, name, as_numbers(values), rtol or 0.0, atol or 0.0))
         if not all(o.ok for o in outcomes):
             failed = sum(not o.ok for o in outcomes)
             count = f"{failed} of {len(outcomes)} not met:" if len(outcomes) > 1 else "it not met:"
@@ -199,35 +203,32 @@ class GraphAssertion:
         return f"<assertions about {self._name}>"
 
 
-def _expected(value: Any, kind: str, count: int) -> NDArray[Any]:
-    """What the caller expects as one number a sample, complex for vectors."""
-    if kind == "matrix":
-        raise _wrong("a matrix over the drivers cannot be expected", "name another output")
-    numbers = np.asarray(value)
-    if kind == "vector" and not np.iscomplexobj(numbers) and numbers.shape[-1:] == (2,):
-        numbers = numbers[..., 0] + 1j * numbers[..., 1]
-    numbers = np.atleast_1d(numbers)
-    fits = np.iscomplexobj(numbers) == (kind == "vector") and numbers.dtype.kind in "iufc"
-    if not fits or numbers.shape != (count,) or not np.isfinite(numbers).all():
-        form = "complex or [x, y]" if kind == "vector" else "a real number"
-        many = f"{count} values" if count > 1 else "one value"
-        raise _wrong(f"value is {value!r}", f"give {many}, each {form} and finite")
-    return numbers.astype(np.complex128 if kind == "vector" else np.float64)
+def _listed(value: Any, kind: str) -> list[Any]:
+    """One value or several as a list of numbers, or of [x, y]."""
+    numbers = np.atleast_1d(np.asarray(value))
+    if np.iscomplexobj(numbers):
+        numbers = np.stack([numbers.real, numbers.imag], axis=-1)
+    elif kind == "vector" and numbers.shape == (2,):
+        numbers = numbers[None]
+    known = numbers.dtype.kind in "iuf" and bool(np.isfinite(numbers).all())
+    if not known or numbers.shape[1:] not in ((), (2,)):
+        raise _wrong(f"value is {value!r}", "give finite numbers, of a vector complex or [x, y]")
+    found: list[Any] = numbers.tolist()
+    return found
 
 
 def _holds(limits: Limits, start: float, end: float) -> bool:
-    """Whether one feasible arc holds all from start to end."""
+    """Whether one feasible arc holds all from start to end, of an angle on whatever turn."""
     if limits.whole_turn:
         return True
     slack = ROUNDING * max(1.0 if limits.unit == "rad" else 0.0, abs(start), abs(end))
     for arc in limits.arcs:
-        first = start
+        turns = 0.0
         if limits.unit == "rad" and math.isfinite(arc.length):
-            middle = (arc.start.q + arc.end.q) / 2
-            low = middle + math.remainder((start + end) / 2 - middle, 2 * math.pi)
-            first = low - (end - start) / 2
-        last = first + (end - start)
-        if arc.start.q - slack <= min(first, last) and max(first, last) <= arc.end.q + slack:
+            apart = (start + end - arc.start.q - arc.end.q) / 2
+            turns = apart - math.remainder(apart, 2 * math.pi)
+        low, high = sorted((start - turns, end - turns))
+        if arc.start.q - slack <= low and high <= arc.end.q + slack:
             return True
     return False
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from blockmech.blocks.frame import Frame
-from blockmech.builders import Graph
 from blockmech.loads.contract import POSITION_READS, Element, Following
 from blockmech.mechanism import Mechanism
+from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
 from blockmech.testing.rig import add_turntable
 from blockmech.testing.rules import DERIVATIVE, Array, Checks, derivative, same_bits
@@ -67,8 +67,7 @@ class ElementRules(Checks):
         reads = {x for what in self.element.reads().values() for x in what}
         if self.element.energy() is None:
             return
-        power = self._power()
-        stored = "mechanism.potential_energy"
+        stored, power = "mechanism.potential_energy", self._run(TIMES, "load.power")["load.power"]
         rate = derivative(lambda t: {"V": self._run(TIMES + t, stored)[stored]})["V"]
         scale = float(np.max(abs(rate)) + np.max(abs(power))) or 1.0
         if reads <= set(POSITION_READS):
@@ -76,24 +75,7 @@ class ElementRules(Checks):
         elif np.any(power + rate > DERIVATIVE * scale):
             yield "it gives more than it stores"
 
-    def _power(self) -> Array:
-        """Power [W] that the load gives to the links."""
-        total = np.zeros(len(TIMES))
-        for name, (terminal, declared) in zip(
-            self.loads, self.element.terminals.items(), strict=True
-        ):
-            moved = "hand.v" if declared.kind == "point" else "crank.omega"
-            v = f"turn_{terminal}.{moved}"
-            found = self._run(TIMES, (name, v))
-            total = total + (found[name] * np.conj(found[v])).real
-        return total
-
-    rules = {
-        "rule 1 (terminals)": terminals,
-        "rule 2 (readings are declared)": readings,
-        "rule 3 (kernel)": kernel,
-        "rule 4 (energy)": energy,
-    }
+    rules = (terminals, readings, kernel, energy)
 
 
 def _rig(element: Element) -> Mechanism:
@@ -114,4 +96,4 @@ def _rig(element: Element) -> Mechanism:
     for terminal, declared in element.terminals.items():
         source = "hand" if declared.kind == "point" else "crank"
         graph.connect(f"turn_{terminal}.{source}", f"load.{terminal}")
-    return graph.compile()
+    return Mechanism.of(graph)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,23 +75,14 @@ class Outcome:
 
     def to_dict(self) -> dict[str, Any]:
         """The outcome as a JSON object; vectors are [x, y]."""
-        return {
-            "output": self.output,
-            "unit": self.unit,
-            "sample": self.sample,
-            "drivers": {f"{d}.q": q for d, q in self.drivers.items()},
-            "expected": _pair(self.expected),
-            "got": _pair(self.got),
-            "tolerance": self.tolerance,
-            "error": self.error,
-            "margin": self.margin,
-            "ok": self.ok,
-            **({"reason": self.reason} if self.reason else {}),
+        pairs = {
+            name: [x.real, x.imag] if isinstance(x, complex) else x
+            for name, x in (("expected", self.expected), ("got", self.got))
         }
-
-
-def _pair(x: complex | float | None) -> Any:
-    return [x.real, x.imag] if isinstance(x, complex) else x
+        drivers = {f"{d}.q": q for d, q in self.drivers.items()}
+        data = asdict(self) | pairs | {"drivers": drivers, "ok": self.ok}
+        left_out = {"entry"} if self.reason else {"entry", "reason"}
+        return {name: x for name, x in data.items() if name not in left_out}
 
 
 # -- running ---------------------------------------------------------------------------------
@@ -146,7 +137,7 @@ def check_expectation(
     problems = [
         Problem(code, path_text(("expect", entry, "want", name)), found, valid, remedy)
         for name, values in expectation.want.items()
-        for code, found, valid, remedy in _misfit(mechanism, name, values, expectation.samples)
+        for code, found, valid, remedy in misfits(mechanism, name, values, expectation.samples)
     ]
     if problems:
         raise RequestError(problems)
@@ -171,7 +162,10 @@ def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
         how = {k: getattr(expectation, k) for k in ("at", "friction", "tolerance", "iterations")}
         return mechanism.run(want=want, on_gap="mark", **how)
     friction = "none" if expectation.friction == "none" else None
-    found = mechanism.simulate(moving.until, times=moving.times, want=want, friction=friction)
+    until, method = moving.until, moving.method
+    found = mechanism.simulate(
+        until, times=moving.times, want=want, friction=friction, method=method
+    )
     if found.motion.end == "interrupted":
         raise KeyboardInterrupt
     return found
@@ -199,7 +193,7 @@ def as_numbers(values: Sequence[Any]) -> NDArray[Any]:
     return table if table.ndim == 1 else table[:, 0] + 1j * table[:, 1]
 
 
-def _misfit(
+def misfits(
     mechanism: Mechanism, name: str, values: Sequence[Any], samples: int
 ) -> Iterator[tuple[str, str, str, str]]:
     """Why these values cannot be those of that output: code, found, valid, remedy."""

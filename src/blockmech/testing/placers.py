@@ -19,7 +19,7 @@ from blockmech.assur.rigidity import rigidity
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.equations import ends
 from blockmech.blocks.general.kernels import jacobian
-from blockmech.plane import spread
+from blockmech.plane import cross, dot, spread
 from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link
 
@@ -35,6 +35,24 @@ class Placed(NamedTuple):
 
 
 OWNERS = ("later", "later", "earlier")  # of a slider's point
+
+
+def _sliders(chance: Random, *joints: str) -> dict[str, Any]:
+    """Where the points of sliders lie on their guides, and which link has them."""
+    numbers: dict[str, Any] = {f"x_{joint}": chance.uniform(-0.3, 0.3) for joint in joints}
+    owners = {joint: chance.choice(OWNERS) for joint in joints}
+    return numbers | {"slider": owners if len(joints) > 1 else owners[joints[0]]}
+
+
+def _crank(chance: Random, least: float, A: Spot) -> Placed:
+    (p, u), q = A, chance.uniform(-math.pi, math.pi)
+    place = (p, u * cmath.rect(1.0, q))
+    return Placed({"length": chance.uniform(0.3, 1.5)}, {"crank": place}, {"A": q})
+
+
+def _slide(chance: Random, least: float, S: Spot) -> Placed:
+    (p, u), q = S, chance.uniform(0.2, 1.5) * chance.choice((-1, 1))
+    return Placed({}, {"slider": (p + q * u, u)}, {"S": q})
 
 
 def _rrr(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
@@ -53,24 +71,22 @@ def _rrp(chance: Random, least: float, B: Spot, S: Spot) -> Placed | None:
     h, x = chance.uniform(-0.4, 0.4), chance.uniform(-1.5, 1.5)
     c = g + x * u - 1j * u * h
     w = c - b
-    along = (w * u.conjugate()).real
+    along = dot(w, u)
     if abs(w) < 0.1 or (along / abs(w)) ** 2 < least:
         return None
-    numbers: dict[str, Any] = {"l": abs(w), "h": h, "branch": 1 if along > 0 else -1}
-    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.choice(OWNERS)}
+    numbers = {"l": abs(w), "h": h, "branch": 1 if along > 0 else -1} | _sliders(chance, "S")
     return Placed(numbers, {"i": (b, w / abs(w)), "j": (c, u)})
 
 
 def _rpr(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
     b, d = B[0], D[0]
     u = cmath.rect(1.0, chance.uniform(-math.pi, math.pi))
-    s, h = ((d - b) * u.conjugate()).real, ((d - b) * u.conjugate()).imag
+    s, h = dot(d - b, u), cross(u, d - b)
     if abs(d - b) < 0.1 or (s / abs(d - b)) ** 2 < least:
         return None
     h_j = chance.uniform(-0.4, 0.4)
-    numbers: dict[str, Any] = {"h_i": h + h_j, "h_j": h_j, "branch": 1 if s > 0 else -1}
-    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.choice(OWNERS)}
-    return Placed(numbers, {"i": (b, u), "j": (d, u)})
+    numbers = {"h_i": h + h_j, "h_j": h_j, "branch": 1 if s > 0 else -1}
+    return Placed(numbers | _sliders(chance, "S"), {"i": (b, u), "j": (d, u)})
 
 
 def _prp(chance: Random, least: float, S1: Spot, S2: Spot) -> Placed | None:
@@ -79,13 +95,11 @@ def _prp(chance: Random, least: float, S1: Spot, S2: Spot) -> Placed | None:
         return None
     h1, h2 = chance.uniform(-0.4, 0.4), chance.uniform(-0.4, 0.4)
     base1, base2 = g1 - 1j * u1 * h1, g2 - 1j * u2 * h2
-    x = _cross(base2 - base1, u2) / _cross(u1, u2)
+    x = cross(base2 - base1, u2) / cross(u1, u2)
     c = base1 + x * u1
     if abs(c) > 20:
         return None
-    numbers: dict[str, Any] = {"h1": h1, "h2": h2}
-    numbers |= {n: chance.uniform(-0.3, 0.3) for n in ("x_S1", "x_S2")}
-    numbers["slider"] = {n: chance.choice(OWNERS) for n in ("S1", "S2")}
+    numbers = {"h1": h1, "h2": h2} | _sliders(chance, "S1", "S2")
     return Placed(numbers, {"i": (c, u1), "j": (c, u2)})
 
 
@@ -97,10 +111,8 @@ def _rpp(chance: Random, least: float, B: Spot, S: Spot) -> Placed | None:
     u1 = u2 * cmath.rect(1.0, beta)
     h_i, h_j = chance.uniform(-0.4, 0.4), chance.uniform(-0.4, 0.4)
     n1 = 1j * u1
-    x = (((b - g) * n1.conjugate()).real + h_i - h_j) / _cross(u1, u2)
-    numbers: dict[str, Any] = {"beta": beta, "h_i": h_i, "h_j": h_j}
-    numbers |= {n: chance.uniform(-0.3, 0.3) for n in ("x_S1", "x_S")}
-    numbers["slider"] = {n: chance.choice(OWNERS) for n in ("S1", "S")}
+    x = (dot(b - g, n1) + h_i - h_j) / cross(u1, u2)
+    numbers = {"beta": beta, "h_i": h_i, "h_j": h_j} | _sliders(chance, "S1", "S")
     return Placed(numbers, {"i": (b, u1), "j": (g + x * u2, u2)})
 
 
@@ -110,17 +122,13 @@ def _cylinder(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
         return None
     numbers, places, _ = made
     q = numbers.pop("l_i")
-    numbers |= {"x_S": chance.uniform(-0.3, 0.3), "slider": chance.choice(OWNERS)}
+    numbers |= _sliders(chance, "S")
     (b, e), j = places.values()
     return Placed(numbers, {"barrel": (b, e), "rod": (b + q * e, e), "j": j}, {"S": q})
 
 
-def _cross(a: complex, b: complex) -> float:
-    return (a.conjugate() * b).imag
-
-
 def _sine2(a: complex, b: complex) -> float:
-    return (_cross(a, b) / (abs(a) * abs(b))) ** 2
+    return float(cross(a, b) / (abs(a) * abs(b))) ** 2
 
 
 class Tie(NamedTuple):
@@ -144,19 +152,19 @@ SIZES = ((2, 0), (4, 0), (4, 0), (6, 0), (1, 1), (3, 1), (5, 1), (2, 2), (4, 2))
 SOFT = 0.05  # margins of general groups are ratios of singular values: smaller than a sine
 
 
-def random_shape(
-    chance: Random, sizes: Sequence[tuple[int, int]] = SIZES, kinds: Sequence[str] = "RRRP"
-) -> Shape:
+def random_shape(chance: Random, sizes: Sequence[tuple[int, int]] = SIZES) -> Shape:
     """Random links and pairs that are determinate together for generic lengths."""
     n, k = chance.choice(sizes)
-    links = [f"k{i}" for i in range(n)]
+    links, count = [f"k{i}" for i in range(n)], (3 * n - k) // 2
     while True:
         shape = {}
-        for i in range((3 * n - k) // 2):
+        for i in range(count):
             second = links[i] if i < n else chance.choice(links)
             first = chance.choice([*("" for _ in range(max(2, n // 2))), *links])
             if first != second:
-                shape[f"J{i}"] = Tie(first, second, chance.choice(kinds), i >= (3 * n - k) // 2 - k)
+                shape[f"J{i}"] = Tie(
+                    first, second, chance.choice("RRRP"), i >= (3 * n - k) // 2 - k
+                )
         if len(shape) == (3 * n - k) // 2 and is_determinate(links, shape):
             return shape
 
@@ -209,21 +217,18 @@ def _pair(
     at, angle = [], []
     for link, place, direction in sides:
         o, e = places[link]
-        at.append((place - o) / e)
+        z = (place - o) / e
+        at.append((z.real, z.imag))
         angle.append(cmath.phase(direction / e))
     made: dict[str, Any] = {"type": tie.kind, "driven": tie.driven}
     if support:
-        made |= {"link": tie.second, "at": _two(at[0]), "slider": chance.choice(OWNERS)}
+        made |= {"link": tie.second, "at": at[0], "slider": chance.choice(OWNERS)}
     else:
-        made |= {"links": (tie.first, tie.second), "at": tuple(map(_two, at))}
+        made |= {"links": (tie.first, tie.second), "at": tuple(at)}
         made["slider"] = chance.choice(("i", "j"))
     if tie.guided:
         made["angle"] = angle[0] if support else tuple(angle)
     return made, turned if tie.kind == "R" else slid
-
-
-def _two(z: complex) -> tuple[float, float]:
-    return z.real, z.imag
 
 
 def _general_margin(
@@ -242,6 +247,8 @@ def _general_margin(
 
 
 PLACERS: dict[str, Callable[..., Placed | None]] = {
+    "driver.crank": _crank,
+    "driver.slide": _slide,
     "dyad.rrr": _rrr,
     "dyad.rrp": _rrp,
     "dyad.rpr": _rpr,

@@ -1,14 +1,14 @@
 """A block on trial: random motions of its joints, its kernels, and a mechanism around it.
 
 A *motion* is a place, an angle or a driver's coordinate with its two derivatives by time,
-(3, n) for n samples, and quadratic in time. The block's kernels are called with them as
-they are. In the rig, each outer joint is wired to a marker of a turntable on two crossed
-slides, so that three drivers give it any motion.
+quadratic in time. The block's kernels are called with them as they are. In the rig, each
+outer joint is wired to a marker of a turntable on two crossed slides, so that three drivers
+give it any motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,74 +17,48 @@ from blockmech.blocks.contract import Joint, Line, Moving
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.slide_drive import SlideDrive
-from blockmech.builders import Graph
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.couple import Couple
 from blockmech.loads.force import Force
 from blockmech.mechanism import Mechanism
+from blockmech.model.graph import Graph
 from blockmech.testing.rules import Array, planar, vectors
-from blockmech.typing import Guide, GuideAcceleration, GuideVelocity, Load
+from blockmech.typing import Guide, LinkAcceleration, LinkVelocity, Load
 from blockmech.values import Link, Marker, Place, Vector
 
-Motions = Mapping[str, Array]
-"""Joint -> place [m], ``angle of`` it -> angle [rad] of the guide, `DRIVE` -> coordinate."""
-
-DRIVE = ""
 STAGES = {"position": 0, "velocity": 1, "acceleration": 2, "reactions": 1}
 """Each kernel, and how many of its arguments come from earlier kernels."""
 
 ARM, TURN = 0.3 + 0.2j, 0.4  # where a turntable carries the marker, and how it is turned there
 
 
-def angle_of(joint: str) -> str:
-    """Name of the motion of a guide's angle."""
-    return f"{joint}.angle"
+def random_motions(block: Moving, n: int, size: float, seed: int) -> Array:
+    """Motions (rows, 3, n) at random, speeds about ``size`` a second.
 
-
-def after(motions: Motions, t: float) -> Motions:
-    """All motions a time t [s] later."""
-    ahead = np.array([[1.0, t, t * t / 2], [0.0, 1.0, t], [0.0, 0.0, 1.0]])
-    return {name: ahead @ x for name, x in motions.items()}
-
-
-def mixed(function: Callable[..., Array], *parts: Motions) -> Motions:
-    """Motions made from the same ones of several."""
-    return {name: function(*(part[name] for part in parts)) for name in parts[0]}
-
-
-def only(motions: Motions, samples: Any) -> Motions:
-    """Some samples of all motions."""
-    return mixed(lambda x: x[:, samples], motions)
-
-
-def chosen(condition: Array, one: Motions, two: Motions) -> Motions:
-    """Samples of the first where the condition holds, else of the second."""
-    return mixed(lambda a, b: np.asarray(np.where(condition, a, b)), one, two)
-
-
-def count(motions: Motions) -> int:
-    """Number of samples."""
-    return int(next(iter(motions.values())).shape[1])
-
-
-def random_motions(block: Moving, n: int, size: float, seed: int) -> Motions:
-    """Motions of all outer joints at random, speeds about ``size`` a second."""
+    Two rows an outer joint, its place [m] and the angle [rad] of its guide, and one of a
+    driven joint's coordinate; of each the value and its derivatives by time.
+    """
     chance = np.random.default_rng(seed)
 
     def numbers(*scales: float) -> Array:
         return np.array(scales)[:, None] * chance.uniform(-1, 1, (3, n))
 
-    found: dict[str, Array] = {}
+    rows = []
     for joint in block.joints.values():
         if joint.outer:
-            found[joint.name] = numbers(size, size, size) + 1j * numbers(size, size, size)
-            found[angle_of(joint.name)] = numbers(np.pi, 1.0, 1.0)
+            rows.append(numbers(size, size, size) + 1j * numbers(size, size, size))
+            rows.append(numbers(np.pi, 1.0, 1.0) + 0j)
     for joint in block.driven:
         scale = 1.0 if joint.rotary else size
-        found[DRIVE] = numbers(3 * scale, scale, scale)
-    return found
+        rows.append(numbers(3 * scale, scale, scale) + 0j)
+    return np.array(rows)
+
+
+def after(motions: Array, t: float) -> Array:
+    """All motions a time t [s] later."""
+    return np.array([[1.0, t, t * t / 2], [0.0, 1.0, t], [0.0, 0.0, 1.0]]) @ motions
 
 
 class Subject:
@@ -98,57 +72,60 @@ class Subject:
         kernels = {name: getattr(block.kernels, name) for name in STAGES}
         self._kernels = bind_functions(kernels, primitives(np.float64))
 
+    def read(self, motions: Array, joint: Joint) -> tuple[Array, Array]:
+        """Motion (3, n) of the place that an outer joint reads, and of its guide's angle."""
+        row = 2 * self.outer.index(joint)
+        return motions[row], motions[row + 1].real
+
     # -- kernels ---------------------------------------------------------------------------
 
-    def arguments(self, stage: str, motions: Motions) -> list[Any]:
+    def arguments(self, stage: str, motions: Array) -> list[Any]:
         """What the kernel of a stage gets of the motions, in the contract's order."""
         k, found = STAGES[stage], []
         for joint in self.outer:
-            z, angle = planar(motions[joint.name][k]), motions[angle_of(joint.name)][k].real
+            place, turn = self.read(motions, joint)
+            z, angle = planar(place[k]), turn[k]
             turned: Any = planar(np.exp(1j * angle)) if k == 0 else angle
-            guide = (Guide, GuideVelocity, GuideAcceleration)[k](z, turned)
+            guide = (Guide, LinkVelocity, LinkAcceleration)[k](z, turned)
             found.append(guide if joint.reads == "guide" else z)
-        return [*found, *([motions[DRIVE][k]] if DRIVE in motions else [])]
+        return [*found, *([motions[-1][k].real] if self.block.driven else [])]
 
     def call(self, stage: str, *arguments: Any, p: Any = None) -> Any:
         """Call a kernel on batches; divisions by zero give infinity or NaN."""
         with np.errstate(all="ignore"):
             return self._kernels[stage](*arguments, _cast(self.p if p is None else p))
 
-    def position(self, motions: Motions) -> Any:
+    def position(self, motions: Array) -> Any:
         """The pose at the motions' samples."""
         return self.call("position", *self.arguments("position", motions))
 
-    def velocity(self, motions: Motions, pose: Any = None) -> Any:
+    def velocity(self, motions: Array, pose: Any = None) -> Any:
         """The velocities, by default at the motions' own pose."""
         pose = self.position(motions) if pose is None else pose
         return self.call("velocity", pose, *self.arguments("velocity", motions))
 
-    def acceleration(self, motions: Motions, pose: Any = None, vel: Any = None) -> Any:
-        """The accelerations, by default at the motions' own pose and velocities."""
-        pose = self.position(motions) if pose is None else pose
-        vel = self.velocity(motions, pose) if vel is None else vel
+    def acceleration(self, motions: Array, pose: Any, vel: Any) -> Any:
+        """The accelerations at a pose with its velocities."""
         return self.call("acceleration", pose, vel, *self.arguments("acceleration", motions))
 
     # -- where the parts of its joints are, by declarations and link places alone ----------
 
-    def gaps(self, pose: Any, motions: Motions) -> Iterator[tuple[str, Array, str]]:
+    def gaps(self, pose: Any, motions: Array) -> Iterator[tuple[str, Array, str]]:
         """How far the parts of each joint are from each other: what, how far, its unit."""
         for joint in self.block.joints.values():
             if joint.kind == "P":
                 point, u = self._line(pose, joint, joint.later)
                 base, along = self._base(pose, joint, motions)
-                gap = abs(((point - base) * np.conj(along)).imag)
-                yield f"gap at joint {joint.name}", gap, "m"
+                yield f"gap at joint {joint.name}", abs(((point - base) * np.conj(along)).imag), "m"
                 yield f"angle at joint {joint.name}", abs(u - along), ""
                 continue
             pins = self._pins(pose, joint)
             if not pins:
                 raise LookupError(f"no built-in marker {joint.name} on a link of the joint")
-            for pin in [*pins, *([motions[joint.name][0]] if joint.outer else [])][1:]:
+            for pin in [*pins, *([self.read(motions, joint)[0][0]] if joint.outer else [])][1:]:
                 yield f"gap at joint {joint.name}", abs(pin - pins[0]), "m"
 
-    def stroke(self, pose: Any, joint: Joint, motions: Motions) -> Array:
+    def stroke(self, pose: Any, joint: Joint, motions: Array) -> Array:
         """How far [m] the later link's point has slid on the earlier link's guide."""
         point, _ = self._line(pose, joint, joint.later)
         base, u = self._base(pose, joint, motions)
@@ -162,11 +139,12 @@ class Subject:
         at = self.block.slider_place(joint.name, link)
         return vectors(place.o) + e * at, e * np.exp(1j * turn)
 
-    def _base(self, pose: Any, joint: Joint, motions: Motions) -> tuple[Array, Array]:
+    def _base(self, pose: Any, joint: Joint, motions: Array) -> tuple[Array, Array]:
         """A point of the guide line on the earlier link, and its direction."""
         if not joint.outer:
             return self._line(pose, joint, joint.links[0])
-        return motions[joint.name][0], np.exp(1j * motions[angle_of(joint.name)][0])
+        place, angle = self.read(motions, joint)
+        return place[0], np.exp(1j * angle[0])
 
     def _pins(self, pose: Any, joint: Joint) -> list[Array]:
         """Places of the built-in markers that stand for a revolute joint."""
@@ -229,7 +207,7 @@ def rig(block: Moving, size: float, friction: bool) -> Mechanism:
         graph.add(f"couple{k}", Couple(moment=(2.0 - 3 * k) * size))
         graph.connect(f"block.load{k}", f"force{k}.at")
         graph.connect(f"block.{name}", f"couple{k}.on")
-    return graph.compile()
+    return Mechanism.of(graph)
 
 
 def add_turntable(
@@ -246,17 +224,17 @@ def add_turntable(
     graph.connect(f"y_{name}.S", f"turn_{name}.A")
 
 
-def request(block: Moving, motions: Motions, size: float) -> dict[str, Any]:
+def request(subject: Subject, motions: Array, size: float) -> dict[str, Any]:
     """Driver coordinates, rates and accelerations that make the motions in the rig."""
-    rows = {"block": motions[DRIVE]} if DRIVE in motions else {}
-    for joint in (j.name for j in block.joints.values() if j.outer):
-        turn = motions[angle_of(joint)].real
+    rows = {"block": motions[-1].real} if subject.block.driven else {}
+    for joint in subject.outer:
+        place, turn = subject.read(motions, joint)
         phi, om, al = turn
         arm = size * ARM * np.exp(1j * (phi - TURN))
-        z = motions[joint] - np.array([arm, 1j * om * arm, (1j * al - om**2) * arm])
-        rows |= {f"x_{joint}": z.real, f"y_{joint}": z.imag}
+        z = place - np.array([arm, 1j * om * arm, (1j * al - om**2) * arm])
+        rows |= {f"x_{joint.name}": z.real, f"y_{joint.name}": z.imag}
         # The y slide has turned the table by a quarter.
-        rows[f"turn_{joint}"] = turn - np.array([[TURN + np.pi / 2], [0.0], [0.0]])
+        rows[f"turn_{joint.name}"] = turn - np.array([[TURN + np.pi / 2], [0.0], [0.0]])
     return {
         key: {name: np.asarray(row[k], float) for name, row in rows.items()}
         for k, key in enumerate(("at", "rates", "accelerations"))

@@ -38,9 +38,9 @@ class Report:
 
 
 class Checks:
-    """Runs numbered rules, collects what fails and what was measured."""
+    """Runs rules, each numbered and named by its docstring; collects what was measured."""
 
-    rules: ClassVar[Mapping[str, Callable[..., Iterator[str]]]] = {}
+    rules: ClassVar[tuple[Callable[..., Iterator[str]], ...]] = ()
 
     def __init__(self) -> None:
         self.measured: dict[str, float] = {}
@@ -48,7 +48,8 @@ class Checks:
     def report(self, name: str) -> Report:
         """Run every rule. Raises `ConformanceError` with all that fails."""
         failed = []
-        for title, rule in self.rules.items():
+        for number, rule in enumerate(self.rules, start=1):
+            title = f"rule {number} ({(rule.__doc__ or '').rstrip('.')})"
             try:
                 failed += [f"{title}: {what}" for what in rule(self)]
             except Exception as error:  # a broken kernel may fail in any way
@@ -130,11 +131,6 @@ def same_bits(one: Any, other: Any) -> bool:
     """Whether two batches are the same to the last bit, after broadcasting."""
     a, b = np.broadcast_arrays(one, other)
     return bool(np.array_equal(a, b, equal_nan=True))
-
-
-def identical(one: Leaves, other: Leaves) -> bool:
-    """Whether all numbers are the same to the last bit."""
-    return one.keys() == other.keys() and all(same_bits(one[k], other[k]) for k in one)
 
 
 def as_number(value: Any) -> Any:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from random import Random
 from typing import TYPE_CHECKING, Any, Literal
@@ -59,9 +60,6 @@ class Options:
     kinds : block types of the groups: ``KINDS`` are the dyads, ``EVERY`` adds the cylinder
         and the general group
     sizes : numbers of links and of driven pairs that a general group may have
-    pairs : "R" and "P", drawn for each of its pairs
-    slides : whether slide drives occur
-    moving_drives : whether drivers may sit on moving links
     masses, loads, springs, friction, gravity : whether they occur
     twists : whether torsion springs occur
     least_margin : smallest margin [-] of a dyad in the pose
@@ -71,9 +69,6 @@ class Options:
     drivers: tuple[int, int] = (1, 2)
     kinds: tuple[str, ...] = KINDS
     sizes: tuple[tuple[int, int], ...] = SIZES
-    pairs: str = "RRRP"
-    slides: bool = True
-    moving_drives: bool = True
     masses: bool = True
     loads: bool = True
     springs: bool = True
@@ -134,8 +129,7 @@ class _Maker:
     def __init__(self, chance: Random, options: Options) -> None:
         self.chance = chance
         self.options = options
-        self.frame: dict[str, Marker] = {}
-        self.drafts: dict[str, _Draft] = {}
+        self.drafts = {"frame": _Draft("frame", {}, {"frame": (0j, 1 + 0j)}, {})}
         self.at: dict[str, float] = {}
         self.count = 0
 
@@ -146,7 +140,6 @@ class _Maker:
             self._group()
         graph = Graph("random", gravity=(0.0, -9.81) if self.options.gravity else (0.0, 0.0))
         elements = self._elements()
-        graph.add("frame", Frame(markers=self.frame))
         for name, draft in self.drafts.items():
             graph.add(name, self._block(name, draft))
         for name, (element, wires) in elements.items():
@@ -166,11 +159,12 @@ class _Maker:
     # -- places and markers -------------------------------------------------------
 
     def _links(self) -> list[LinkRef]:
-        moving = [LinkRef(n, link) for n, d in self.drafts.items() for link in d.places]
-        return [LinkRef("frame", "frame"), *moving]
+        return [LinkRef(name, link) for name, d in self.drafts.items() for link in d.places]
 
-    def _place(self, link: LinkRef) -> tuple[complex, complex]:
-        return (0j, 1 + 0j) if link.block == "frame" else self.drafts[link.block].places[link.link]
+    def _two_links(self) -> tuple[LinkRef, LinkRef]:
+        links = self._links()
+        first = self.chance.choice(links)
+        return first, self.chance.choice([link for link in links if link != first])
 
     def _marker(self, link: LinkRef, guide: bool) -> tuple[str, complex, complex]:
         """A marker on a link: its address, place and direction in the pose.
@@ -189,11 +183,9 @@ class _Maker:
         at = cmath.rect(self.chance.uniform(0.2, 1.5), self.chance.uniform(-math.pi, math.pi))
         angle = self.chance.uniform(-math.pi, math.pi) if guide else None
         marker = Marker(at=Place(at), angle=angle)
-        if link.block == "frame":
-            self.frame[name] = marker
-        else:
-            self.drafts[link.block].markers.setdefault(link.link, {})[name] = marker
-        o, e = self._place(link)
+        draft = self.drafts[link.block]
+        draft.markers.setdefault(link.link, {})[name] = marker
+        o, e = draft.places[link.link]
         return f"{link.block}.{name}", o + e * at, e * marker.direction
 
     def _points(self, link: LinkRef) -> list[tuple[str, complex, complex]]:
@@ -202,20 +194,15 @@ class _Maker:
         Not the outer joints of its own block: what hangs on one of them and on the link
         that carries it would be a rigid part of that link.
         """
-        o, e = self._place(link)
-        if link.block == "frame":
-            own: dict[str, complex] = {}
-            given = self.frame
-        else:
-            draft = self.drafts[link.block]
-            cls = REGISTRY[draft.type]
-            own = {
-                name: complex(draft.numbers[m.along] if m.along else 0.0)
-                for name, m in cls.built_in.items()
-                if m.link == link.link and not (name in cls.joints and cls.joints[name].outer)
-            }
-            given = draft.markers.get(link.link, {})
-        places = own | {n: m.at.z for n, m in given.items() if m.angle is None and m.dir is None}
+        draft = self.drafts[link.block]
+        cls, (o, e) = REGISTRY[draft.type], draft.places[link.link]
+        places = {
+            name: complex(draft.numbers[m.along] if m.along else 0.0)
+            for name, m in cls.built_in.items()
+            if m.link == link.link and not (name in cls.joints and cls.joints[name].outer)
+        }
+        given = draft.markers.get(link.link, {})
+        places |= {n: m.at.z for n, m in given.items() if m.angle is None and m.dir is None}
         return [(f"{link.block}.{name}", o + e * at, e) for name, at in places.items()]
 
     def _signed(self, low: float, high: float) -> float:
@@ -224,56 +211,46 @@ class _Maker:
     # -- blocks ---------------------------------------------------------------------
 
     def _driver(self) -> None:
-        moving = self.options.moving_drives and self.drafts and self.chance.randint(0, 2) == 0
+        moving = len(self.drafts) > 1 and self.chance.randint(0, 2) == 0
         link = self.chance.choice(self._links()) if moving else LinkRef("frame", "frame")
-        slide = self.options.slides and self.chance.randint(0, 2) == 0
-        name = f"drive{len(self.at) + 1}"
-        source, p, u = self._marker(link, guide=slide or bool(self.chance.randint(0, 1)))
-        if slide:
-            q = self._signed(0.2, 1.5)
-            place = {"slider": (p + q * u, u)}
-            self.drafts[name] = _Draft("driver.slide", {}, place, {"S": source}, {name: q})
-        else:
-            q = self.chance.uniform(-math.pi, math.pi)
-            numbers = {"length": self.chance.uniform(0.3, 1.5)}
-            place = {"crank": (p, u * cmath.rect(1.0, q))}
-            self.drafts[name] = _Draft("driver.crank", numbers, place, {"A": source}, {name: q})
-        self.at[name] = q
+        slide = self.chance.randint(0, 2) == 0
+        kind, joint = ("driver.slide", "S") if slide else ("driver.crank", "A")
+        source, *spot = self._marker(link, guide=slide or bool(self.chance.randint(0, 1)))
+        made = PLACERS[kind](self.chance, 0.0, spot)
+        assert made is not None
+        self._add(f"drive{len(self.at) + 1}", kind, made, {joint: source})
 
     def _group(self) -> None:
         kind = self.chance.choice([k for k in self.options.kinds if k in REGISTRY])
         make = self._general if kind == "group.general" else self._dyad
         for _ in range(20):  # places that cannot close well enough are drawn again
             made, feeds = make(kind)
-            if made is None:
-                self._forget(feeds.values())
-                continue
-            name = f"group{len(self.drafts) + 1}"
-            cls = REGISTRY[kind]
-            assert issubclass(cls, Moving)
-            drives = {
-                f"{name}.{joint}" if cls.own_form else name: q for joint, q in made.drives.items()
-            }
-            self.drafts[name] = _Draft(kind, made.numbers, made.places, feeds, drives)
-            self.at |= drives
-            if kind == "group.general":
-                made.numbers["home"]["drivers"] = self._upstream(name)
-            return
+            if made is not None:
+                name = f"group{len(self.drafts)}"
+                self._add(name, kind, made, feeds)
+                if kind == "group.general":
+                    made.numbers["home"]["drivers"] = self._upstream(name)
+                return
+            self._forget(feeds.values())
+
+    def _add(self, name: str, kind: str, made: Placed, feeds: dict[str, str]) -> None:
+        cls = REGISTRY[kind]
+        assert issubclass(cls, Moving)
+        drives = {f"{name}.{j}" if cls.own_form else name: q for j, q in made.drives.items()}
+        self.drafts[name] = _Draft(kind, made.numbers, made.places, feeds, drives)
+        self.at |= drives
 
     def _dyad(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
         joints = [j for j in REGISTRY[kind].joints.values() if j.outer]
-        links = self._links()
-        first = self.chance.choice(links)
-        second = self.chance.choice([k for k in links if k != first])
         ends = [
             (j.name, *self._marker(link, j.kind == "P"))
-            for j, link in zip(joints, (first, second), strict=True)
+            for j, link in zip(joints, self._two_links(), strict=True)
         ]
         made = PLACERS[kind](self.chance, self.options.least_margin, *(e[2:] for e in ends))
         return made, {e[0]: e[1] for e in ends}
 
     def _general(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
-        shape = random_shape(self.chance, self.options.sizes, self.options.pairs)
+        shape = random_shape(self.chance, self.options.sizes)
         links = self._links()
         found = {
             name: self._marker(self.chance.choice(links), tie.guided)
@@ -289,22 +266,21 @@ class _Maker:
         draft = self.drafts[name]
         found = dict(draft.drives)
         for address in draft.feeds.values():
-            block = address.split(".")[0]
-            if block != "frame":
-                found |= self._upstream(block)
+            found |= self._upstream(address.split(".")[0])
         return found
 
-    def _forget(self, addresses: Any) -> None:
-        for address in addresses:
-            block, marker = address.split(".")
-            if any(address in d.feeds.values() for d in self.drafts.values()):
-                continue  # a place that was there before
-            groups = [self.frame] if block == "frame" else self.drafts[block].markers.values()
-            for markers in groups:
-                markers.pop(marker, None)
+    def _forget(self, addresses: Iterable[str]) -> None:
+        """Take back markers that nothing else is wired to."""
+        used = {address for d in self.drafts.values() for address in d.feeds.values()}
+        for address in set(addresses) - used:
+            block, name = address.split(".")
+            for markers in self.drafts[block].markers.values():
+                markers.pop(name, None)
 
     def _block(self, name: str, draft: _Draft) -> Block:
         cls = REGISTRY[draft.type]
+        if not issubclass(cls, Moving):
+            return Frame(markers=draft.markers.get(name, {}))
         links = {}
         for link in draft.places:
             properties: dict[str, Any] = {"markers": draft.markers.get(link, {})}
@@ -313,21 +289,16 @@ class _Maker:
                 properties["inertia"] = self.chance.uniform(0.01, 1.0)
                 properties["cm"] = complex(self._signed(0.0, 0.8), self._signed(0.0, 0.5))
             links[link] = Link(**properties)
-        friction = {}
-        assert issubclass(cls, Moving)
-        if cls.own_form:
-            kinds = {name: pair["type"] for name, pair in draft.numbers["pairs"].items()}
-        else:
-            kinds = {name: joint.kind for name, joint in cls.joints.items()}
-        for joint, kind in kinds.items():
+        block, friction = cls(**draft.numbers, links=links), {}
+        for joint in block.joints.values():
             if self.options.friction and self.chance.randint(0, 1):
                 law: dict[str, Any] = {"coefficient": self.chance.uniform(0.05, 0.3)}
-                if kind == "R":
+                if joint.kind == "R":
                     law["radius"] = self.chance.uniform(0.005, 0.05)
                 elif self.chance.randint(0, 1):
                     law["guide_length"] = self.chance.uniform(0.5, 1.5)
-                friction[joint] = Coulomb(**law)
-        return cls(**draft.numbers, links=links, friction=friction)
+                friction[joint.name] = Coulomb(**law)
+        return block.model_copy(update={"friction": friction})
 
     def _elements(self) -> dict[str, tuple[Block, dict[str, str]]]:
         found: dict[str, tuple[Block, dict[str, str]]] = {}
@@ -341,8 +312,7 @@ class _Maker:
             where = self._marker(self.chance.choice(links[1:]), guide=False)[0]
             found["couple"] = (Couple(moment=self._signed(1.0, 200.0)), {"on": where})
         if self.options.springs and self.chance.randint(0, 1):
-            a = self.chance.choice(links)
-            b = self.chance.choice([k for k in links if k != a])
+            a, b = self._two_links()
             spring = Spring(
                 stiffness=self.chance.uniform(10.0, 1000.0),
                 free_length=self.chance.uniform(0.0, 1.0),
@@ -352,16 +322,12 @@ class _Maker:
             ends = {"a": self._new_marker(a)[0], "b": self._new_marker(b)[0]}
             found["spring"] = (spring, ends)
         if self.options.twists and self.chance.randint(0, 1):
-            a = self.chance.choice(links)
-            b = self.chance.choice([k for k in links if k != a])
+            a, b = self._two_links()
             twist = TorsionSpring(
                 stiffness=self.chance.uniform(1.0, 100.0),
                 rest_angle=self.chance.uniform(-1.0, 1.0),
                 damping=self.chance.choice((0.0, 2.0)),
             )
-            found["twist"] = (twist, {"a": _address(a), "b": _address(b)})
+            ends = {name: f"{link.block}.{link.link}" for name, link in (("a", a), ("b", b))}
+            found["twist"] = (twist, ends)
         return found
-
-
-def _address(link: LinkRef) -> str:
-    return f"{link.block}.{link.link}"

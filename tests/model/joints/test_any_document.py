@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import blockmech as bm
-from blockmech.model.joints.diagnosis import CODES
 from blockmech.model.reading import LARGEST
 from tests.codes import FILE_CODES
+from tests.codes import LINKAGE_CODES as CODES
 from tests.doors import linkage_of
 from tests.model.joints.machines import joints_file, pin, slider_crank
 from tests.soon import answered

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import copy
 import json
-import os
-import random
-import re
 
 import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.model.joints.diagnosis import CODES
 from tests.doors import linkage_of as loads
 from tests.model.joints import machines
-from tests.model.joints.chance import document as random_document
 from tests.model.joints.machines import fourbar, guide, joints_file, parallelogram, pin
 from tests.soon import answered
-
-BROKEN = int(os.environ.get("BLOCKMECH_DOCUMENTS", "10")) * 6  # documents
 
 
 def problems_of(data):
@@ -212,116 +204,6 @@ def test_every_problem_names_the_file():
     with pytest.raises(bm.GraphError) as caught:
         loads(text, "bar.json").decompose()
     assert [p.file for p in caught.value.problems] == ["bar.json"]
-
-
-# ---- many broken documents, against the rank of the velocity conditions ---------------------
-
-
-BEFORE = (
-    ("dyad", "driver", "triad", "dyad"),
-    ("cylinder", "dyad", "loop"),
-    ("driver", "bent_cylinder", "triad"),
-)
-"""Units of the documents before they are broken."""
-
-
-def broken(seed):
-    """A good document with joints deleted, doubled or merged, and which joints share a place."""
-    chance = random.Random(seed)
-    data = random_document(seed, BEFORE[seed % len(BEFORE)], loads=0, slack=0.0)
-    together = {}
-    for _ in range(chance.randint(1, 3)):
-        joints = data["joints"]
-        name = chance.choice(list(joints))
-        what = chance.choice(["delete", "double", "merge", "repeat"])
-        if what == "delete":
-            del joints[name]
-            for section in ("drivers",):
-                data[section] = {d: s for d, s in data[section].items() if s["joint"] != name}
-        elif what == "double":
-            twin = copy.deepcopy(joints[name])
-            twin["at"] = [[x + chance.uniform(-1, 1) for x in at] for at in twin["at"]]
-            if twin["type"] == "P":
-                twin["angle"] = [a + chance.uniform(-1, 1) for a in twin["angle"]]
-            joints[f"{name}x"] = twin
-        elif what == "repeat":
-            joints[f"{name}y"] = copy.deepcopy(joints[name])
-            together[f"{name}y"] = name
-        else:
-            link = chance.choice(joints[name]["links"])
-            others = [n for n, j in joints.items() if n != name and link in j["links"]]
-            others = [n for n in others if joints[n]["type"] == joints[name]["type"] == "R"]
-            merged = {*together, *together.values()}  # to move one of these would part it again
-            others = [n for n in others if n not in merged]
-            if others and name not in together:
-                other = joints[others[0]]
-                k, m = joints[name]["links"].index(link), other["links"].index(link)
-                other["at"][m] = list(joints[name]["at"][k])
-                together[others[0]] = name
-    return data, together
-
-
-def ranks(data, together, seed):
-    """Unknowns, and rows and rank without and with drivers, for places at random."""
-    chance = np.random.default_rng(seed)
-    column = {link: 3 * k for k, link in enumerate(data["links"])}
-    place, rows, drives = {}, [], []
-
-    def root(name):
-        while name in together:
-            name = together[name]
-        return name
-
-    def difference(joint, row):
-        found = np.zeros(3 * len(column))
-        for link, sign in zip(joint["links"], (1, -1), strict=True):
-            if link in column:
-                found[column[link] : column[link] + 3] += sign * np.array(row)
-        return found
-
-    for name, joint in data["joints"].items():
-        x, y = place.setdefault(root(name), chance.normal(size=2))
-        two = ((1, 0, -y), (0, 1, x)) if joint["type"] == "R" else ((0, 0, 1), (x, y, 0))
-        rows += [difference(joint, row) for row in two]
-    for driver in data["drivers"].values():
-        joint = data["joints"][driver["joint"]]
-        x, y = place[root(driver["joint"])]
-        drives.append(difference(joint, (0, 0, 1) if joint["type"] == "R" else (-y, x, 0)))
-    rank = [np.linalg.matrix_rank(np.array(m), tol=1e-8) for m in (rows, [*rows, *drives])]
-    return 3 * len(column), (len(rows), int(rank[0])), (len(rows) + len(drives), int(rank[1]))
-
-
-HELD = {"over-constrained", "turning-held-twice", "coincident-joints"}
-FREE = {"missing-driver", "loose-links", "unconnected-links", "coincident-joints"}
-DRIVERS = {"conflicting-drivers", "locked-driver", "coincident-joints"}
-GEOMETRY = {"does-not-close", "dead-centre", "pose-far-off"}
-
-
-def test_broken_documents_are_told_what_the_rank_says():
-    kinds = set()
-    for seed in range(BROKEN):
-        data, together = broken(seed)
-        n, (rows, rank), (all_rows, all_rank) = ranks(data, together, seed)
-        with answered():
-            problems = problems_of(data)
-        codes = {p.code for p in problems}
-        kinds |= codes
-        assert codes <= set(CODES), (seed, codes)
-        sound = n == all_rows == all_rank
-        assert sound == (codes <= GEOMETRY), (seed, codes)
-        if sound:
-            continue
-        if rows > rank:
-            assert codes & HELD, (seed, codes)
-        if all_rank < n:
-            assert codes & FREE, (seed, codes)
-        if rows == rank:
-            assert not codes & (HELD - FREE), (seed, codes)
-            if all_rows > all_rank:
-                assert codes & DRIVERS, (seed, codes)
-        said = {m for p in problems for m in re.findall(r"mobility (\d+), drivers", p.found)}
-        assert said <= {str(n - rank)}, (seed, said)
-    assert len(kinds) >= 5
 
 
 def test_a_large_broken_chain_is_answered_soon():

@@ -11,9 +11,10 @@ import pytest
 
 import blockmech as bm
 from blockmech.model.joints import diagnosis
-from blockmech.model.joints.diagnosis import CODES, TEXTS
+from blockmech.model.joints.diagnosis import REMEDIES
 from blockmech.model.schema import joints_schema
 from tests.codes import FILE_CODES
+from tests.codes import LINKAGE_CODES as CODES
 from tests.doors import linkage_of
 from tests.model.joints import machines
 from tests.model.joints.chance import document as random_document
@@ -239,4 +240,4 @@ def test_every_code_in_the_source_is_declared():
         and isinstance(call.args[0], ast.Constant)
     }
     assert found <= set(FILE_CODES) | set(CODES)
-    assert set(CODES) <= found | set(TEXTS)
+    assert set(CODES) <= found | set(REMEDIES)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from blockmech.analysis.trade.measure import (
     USELESS,
@@ -18,10 +18,7 @@ from blockmech.analysis.trade.measure import (
 )
 from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.sweep import Sweep
-from blockmech.errors import Problem, RequestError, close_match
-
-if TYPE_CHECKING:
-    from blockmech.compiled import Compiled
+from blockmech.errors import Problem, RequestError, close_match, listed
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "trade"]
 
@@ -33,7 +30,7 @@ BUDGET = 30.0  # [s]
 
 
 def trade(
-    mechanism: Compiled,
+    mechanism: Any,
     question: Literal["run", "simulate"] = "run",
     want: Iterable[str] | str | None = None,
     budget: float = BUDGET,
@@ -49,6 +46,7 @@ def trade(
 
     Parameters
     ----------
+    mechanism : a `Mechanism`, which stands above the analyses
     question : "run" for a sweep (with friction, where the mechanism has it), "simulate"
     want : outputs that matter; by default all of them for a sweep but what friction alone
         makes, and the motion of the drivers for a simulation
@@ -112,18 +110,10 @@ def _refuse_mistakes(
         if value is not None and not 0 < value < math.inf
     ]
     known = REQUESTS[question]
-    for name in given:
-        if name not in known:
-            elsewhere = [f"leave it out, or ask the question {q}" for q in REQUESTS
-                         if name in REQUESTS[q]]  # fmt: skip
-            problems.append(
-                Problem(
-                    "useless-setting",
-                    name,
-                    f"the question {question} does not take it",
-                    f"it takes: {', '.join(known)}",
-                    elsewhere[0] if elsewhere else close_match(name, known) or "leave it out",
-                )
-            )
+    for name in (name for name in given if name not in known):
+        others = [f"leave it out, or ask the question {q}" for q in REQUESTS if name in REQUESTS[q]]
+        remedy = others[0] if others else close_match(name, known) or "leave it out"
+        found, valid = f"the question {question} does not take it", f"it takes: {listed(known)}"
+        problems.append(Problem("useless-setting", name, found, valid, remedy))
     if problems:
         raise RequestError(problems)

@@ -16,9 +16,7 @@ import numpy as np
 
 from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
 from blockmech.analysis.trade.reference_errors import DOUBLE, ReferenceErrors, reference_errors
-from blockmech.compiled import Compiled
 from blockmech.dynamics.motion import INTERRUPTED, Motion
-from blockmech.dynamics.simulation import simulate
 from blockmech.errors import Problem, RequestError
 from blockmech.result import Result
 
@@ -63,10 +61,11 @@ class FreeMotion(Question):
 
     errors: ReferenceErrors
     best: Result
+    mechanism: Any  # a `Mechanism`, which stands above the analyses
 
     def __init__(
         self,
-        mechanism: Compiled,
+        mechanism: Any,
         want: tuple[str, ...] | None,
         request: Mapping[str, Any],
         clock: Clock,
@@ -159,7 +158,8 @@ class FreeMotion(Question):
             if time.perf_counter() > end:
                 raise KeyboardInterrupt  # by which a simulation is stopped
 
-        result = simulate(self.mechanism, progress=stop_late, **self.request, **options)
+        given = {**self.request, **options, "progress": stop_late}
+        result: Result = self.mechanism.simulate(**given)
         if result.motion.end != INTERRUPTED:
             return result
         if time.perf_counter() <= end:

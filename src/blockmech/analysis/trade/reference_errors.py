@@ -102,12 +102,18 @@ def compared(result: Result) -> list[str]:
 
 
 def comparable(result: Result, friction: bool) -> NDArray[np.bool_]:
-    """(n,) samples with a sure answer: not at a dead centre, no friction between two signs."""
-    good = np.array([word == "ok" for word in result.quality.status], dtype=bool)
-    unsure = ["dead-centre", "near-dead-centre", "change-point", "near-change-point"]
-    unsure += ["zero-relative-speed"] * friction
-    good[[f.sample for f in result.quality.flags if f.code in unsure]] = False
+    """(n,) samples with a sure answer, see `unsure_samples`."""
+    good = np.ones(result.n, dtype=bool)
+    good[list(unsure_samples(result, friction))] = False
     return good
+
+
+def unsure_samples(result: Result, friction: bool) -> dict[int, str]:
+    """Sample without an answer, at a dead centre, or with friction between two signs -> why."""
+    codes = ["dead-centre", "near-dead-centre", "change-point", "near-change-point"]
+    codes += ["zero-relative-speed"] * friction
+    flagged = {f.sample: f.code for f in result.quality.flags if f.code in codes}
+    return flagged | {i: word for i, word in enumerate(result.quality.status) if word != "ok"}
 
 
 def _scales(

@@ -9,18 +9,18 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from blockmech.blocks.frame import Frame
+from blockmech.blocks.contract import Moving
 from blockmech.blocks.general.block import GeneralGroup
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.loads import Force, Thrust
-from blockmech.model.diagram import Wire
-from blockmech.model.graph import Graph
-from blockmech.model.structure import JointRef
+from blockmech.loads.contract import Element
+from blockmech.model.structure import JointRef, Structure
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.values import Marker, Place, Vector
@@ -58,49 +58,46 @@ def rotated_run(
 
 def rotated(mechanism: Compiled) -> Compiled:
     """The mechanism rotated about the frame's origin, ground and gravity with it."""
-    structure, scene = mechanism.structure, mechanism.scene
-    graph = Graph(mechanism.name)
-    graph.scene = scene.model_copy(update={"gravity": _turned(scene.gravity)})
-    graph.blocks = {structure.frame: _frame(structure.fixed)}
-    graph.blocks |= {
-        name: _home(block) if isinstance(block, GeneralGroup) else block
-        for name, block in structure.blocks.items()
+    whole = mechanism.structure
+    markers = {
+        name: Marker(at=Place(E * m.at.z), dir=Vector(E * m.direction))
+        for name, m in getattr(whole.fixed, "markers", {}).items()
     }
-    for name, element in structure.elements.items():
-        turned: Mapping[str, Any] = {}
-        if isinstance(element, Force) and element.axes == "ground":
-            turned = {"force": _turned(element.force)}
-        if isinstance(element, Thrust) and element.direction is not None:
-            on_ground = structure.holds[JointRef(name, "a")].on == structure.frame_link
-            turned = {"direction": _turned(element.direction)} if on_ground else {}
-        graph.blocks[name] = element.model_copy(update=turned)
-    ends = {**structure.feeds, **structure.holds}
-    graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
-    compiled = Compiled.of(graph)
-    return Compiled(compiled.structure, compiled.scene, compiled.name, mechanism.names)
+    structure = replace(
+        whole,
+        fixed=whole.fixed.model_copy(update={"markers": markers}),
+        blocks={name: _home(block) for name, block in whole.blocks.items()},
+        elements={name: _load(whole, name) for name in whole.elements},
+    )
+    scene = mechanism.scene.model_copy(update={"gravity": _turned(mechanism.scene.gravity)})
+    return Compiled(structure, scene, mechanism.name, mechanism.names)
 
 
 def _turned(vector: Vector) -> Vector:
     return Vector(E * vector.z)
 
 
-def _frame(frame: Any) -> Frame:
-    markers = {
-        name: Marker(at=Place(E * m.at.z), dir=Vector(E * m.direction))
-        for name, m in frame.markers.items()
-    }
-    found: Frame = frame.model_copy(update={"markers": markers})
-    return found
+def _load(structure: Structure, name: str) -> Element:
+    """A load; what it is given in ground axes is rotated."""
+    load = structure.elements[name]
+    if isinstance(load, Force) and load.axes == "ground":
+        return load.model_copy(update={"force": _turned(load.force)})
+    if isinstance(load, Thrust) and load.direction is not None:
+        on_ground = structure.holds[JointRef(name, "a")].on == structure.frame_link
+        return load.model_copy(update={"direction": _turned(load.direction)} if on_ground else {})
+    return load
 
 
-def _home(group: GeneralGroup) -> GeneralGroup:
-    """The group with the pose that tells its assembly mode rotated."""
+def _home(block: Moving) -> Moving:
+    """A block; the pose that tells the assembly mode of a general group is rotated."""
+    if not isinstance(block, GeneralGroup):
+        return block
     poses = {}
-    for name, (x, y, angle) in group.home.poses.items():
+    for name, (x, y, angle) in block.home.poses.items():
         z = E * complex(x, y)
         poses[name] = (z.real, z.imag, angle + ANGLE)
-    home = group.home.model_copy(update={"poses": poses})
-    return group.model_copy(update={"home": home})
+    home = block.home.model_copy(update={"poses": poses})
+    return block.model_copy(update={"home": home})
 
 
 def _in_precision(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any:

@@ -6,6 +6,7 @@ and the precisions are blockmech's own.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -20,6 +21,7 @@ from blockmech.analysis.trade.reference_errors import (
     comparable,
     compared,
     reference_errors,
+    unsure_samples,
 )
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import EVERYTHING, Compiled
@@ -47,7 +49,7 @@ FRICTIONS = (
         for how in [NUMPY | {"friction": "successive"}]
         for k in range(2, MOST_ITERATIONS + 1)
     ),
-    Setting("successive", "as set", NUMPY | {"friction": "successive"}),
+    Setting("successive as set", "", NUMPY | {"friction": "successive"}),
 )
 
 
@@ -74,8 +76,10 @@ class Sweep(Question):
         self.rubs = any(name.startswith("friction/") for name in best.plan.layout)
         self.errors, self.reference = self._referred(best)
         self.notes = tuple(self._left_out(best))
-        if want is None and self.rubs:
-            self._leave_out_of_friction()
+        if want is None and self.rubs and (own := self._of_friction()):
+            self.errors = self.errors.without((*self.errors.left_out, *own))
+            why = "compared only where asked for, as friction alone makes them"
+            self.notes += (f"{why}: {listed(own, 3)}",)
         self.notes += tuple(self._single_precision())
 
     def settings(self) -> Iterator[Setting]:
@@ -136,17 +140,9 @@ class Sweep(Question):
 
     def _left_out(self, best: Result) -> Iterator[str]:
         """What is not compared, and why."""
-        flags, judged = best.quality.flags, set(compared(best))
-        near = {f.sample for f in flags if f.code.endswith(("dead-centre", "change-point"))}
-        resting = {f.sample for f in flags if f.code == "zero-relative-speed" and self.rubs}
-        gaps = set(np.flatnonzero(~self.errors.good).tolist()) - resting - near
-        for samples, why in (
-            (gaps, "without an answer"),
-            (near, "within a margin of 1e-6 of a dead centre"),
-            (resting, "where a joint is at zero relative speed, so that friction is undetermined"),
-        ):
-            if samples:
-                yield f"not compared: {len(samples)} samples {why}"
+        for why, count in Counter(unsure_samples(best, self.rubs).values()).items():
+            yield f"not compared: {count} samples, {why}"
+        judged = set(compared(best))
         for names, why in (
             ([n for n in best if n not in judged], "they divide by what may vanish"),
             (self.errors.left_out, "rounding alone decides them"),
@@ -154,17 +150,11 @@ class Sweep(Question):
             if names:
                 yield f"not compared, as {why}: {listed(names, 3)}"
 
-    def _leave_out_of_friction(self) -> None:
-        """Judge what friction alone makes only where it is asked for by name.
-
-        Without friction it is wrong by all of itself, whatever that means for the rest.
-        """
+    def _of_friction(self) -> tuple[str, ...]:
+        """What friction alone makes: without friction it is wrong by all of itself."""
         without = self.run(NUMPY | {"friction": "none"})
-        own = [n for n, x in self.errors.values.items() if np.any(x) and not np.any(without[n])]
-        self.errors = self.errors.without((*self.errors.left_out, *own))
-        if own:
-            names = listed(own, 3)
-            self.notes += (f"compared only where asked for, as friction alone makes them: {names}",)
+        values = self.errors.values
+        return tuple(n for n, x in values.items() if np.any(x) and not np.any(without[n]))
 
     def _single_precision(self) -> Iterator[str]:
         """The margin down to which single precision is of use, in a sentence."""
@@ -174,12 +164,10 @@ class Sweep(Question):
         if not margins or not errors:
             return
         margin, error = np.min(margins, axis=0)[good], np.max(errors, axis=0)[good]
-        text = f"single precision, worst error {error.max():.1g}:"
         bad = margin[error > USABLE]
-        if bad.size:
-            yield (
-                f"{text} it stops being usable (error above {USABLE:g}) below a margin of "
-                f"{bad.max():.1g}"
-            )
-        else:
-            yield f"{text} it is usable down to the smallest margin met, {margin.min():.2g}"
+        said = (
+            f"stops being usable (error above {USABLE:g}) below a margin of {bad.max():.1g}"
+            if bad.size
+            else f"is usable down to the smallest margin met, {margin.min():.2g}"
+        )
+        yield f"single precision, worst error {error.max():.1g}: it {said}"

@@ -15,7 +15,7 @@ from collections import namedtuple
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import Discriminator, Tag, field_validator, model_validator
 
@@ -25,19 +25,17 @@ from blockmech.blocks.contract import (
     Coordinate,
     Joint,
     Kernels,
+    Mistake,
+    bad_name,
     inner_joint,
     outer_joint,
+    refuse,
+    unknown_name,
     wrong_friction,
+    wrong_links,
 )
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
-from blockmech.blocks.mistakes import (
-    Mistake,
-    bad_name,
-    refuse,
-    unknown_name,
-    wrong_links,
-)
 from blockmech.friction.laws import Coulomb
 from blockmech.values import (
     Angle,
@@ -75,6 +73,16 @@ class MayBeDriven(Strictly):
     sign: Sign = 1
     offset: Number = 0.0
 
+    @property
+    def sides(self) -> Mapping[str, Marker]:
+        """Place and direction by own link, earlier side first."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _directed(self) -> Self:
+        assert self.sides  # a marker refuses two directions
+        return self
+
 
 class OuterPair(MayBeDriven):
     """A pair between an earlier link, which a wire brings, and a link of the group.
@@ -89,19 +97,10 @@ class OuterPair(MayBeDriven):
     dir: VectorOrNoneGiven = default(None)
     slider: Literal["later", "earlier"] = "later"
 
-    @model_validator(mode="after")
-    def _directed(self) -> OuterPair:
-        self.marker()
-        return self
-
-    def marker(self) -> Marker:
-        """The place and direction on the link."""
-        return Marker(at=self.at, angle=self.angle, dir=self.dir)
-
     @property
     def sides(self) -> Mapping[str, Marker]:
         """Place and direction by own link."""
-        return {self.link: self.marker()}
+        return {self.link: Marker(at=self.at, angle=self.angle, dir=self.dir)}
 
 
 class InnerPair(MayBeDriven):
@@ -117,27 +116,14 @@ class InnerPair(MayBeDriven):
     dir: tuple[Vector, Vector] | None = None
     slider: Literal["i", "j"] = "j"
 
-    @model_validator(mode="after")
-    def _directed(self) -> InnerPair:
-        if self.links[0] == self.links[1]:
-            raise mistake("same-link", f'joins link "{self.links[0]}" to itself')
-        self.markers()
-        return self
-
-    def markers(self) -> tuple[Marker, Marker]:
-        """Place and direction on the first and on the second link."""
-        angles = self.angle or (None, None)
-        dirs = self.dir or (None, None)
-        first, second = (
-            Marker(at=at, angle=angle, dir=direction)
-            for at, angle, direction in zip(self.at, angles, dirs, strict=True)
-        )
-        return first, second
-
     @property
     def sides(self) -> Mapping[str, Marker]:
-        """Place and direction by own link."""
-        return dict(zip(self.links, self.markers(), strict=True))
+        """Place and direction by own link, the first one first."""
+        if self.links[0] == self.links[1]:
+            raise mistake("same-link", f'joins link "{self.links[0]}" to itself')
+        none = (None, None)
+        data = zip(self.links, self.at, self.angle or none, self.dir or none, strict=True)
+        return {link: Marker(at=at, angle=angle, dir=u) for link, at, angle, u in data}
 
 
 def _kind(raw: Any) -> str:
@@ -234,8 +220,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
             if isinstance(pair, InnerPair):
                 joint = inner_joint(pair.type, pair.links, driven=pair.driven)
             else:
-                guided = pair.type == "P" or pair.driven
-                reads: Any = "guide" if guided else "point"
+                reads: Any = "guide" if pair.type == "P" or pair.driven else "point"
                 joint = outer_joint(pair.type, pair.link, reads, driven=pair.driven)
             found[name] = replace(joint, name=name)
         return found
@@ -249,26 +234,24 @@ class GeneralGroup(AssurGroup, type="group.general"):
     @cached_property
     def plans(self) -> tuple[PairPlan, ...]:
         """The pairs by numbers of links, inputs and parameters."""
-        found, outer, drive = [], 0, 0
+        outer = [j.name for j in self.joints.values() if j.outer]
+        drives = [j.name for j in self.driven]
+        found = []
         for k, (name, pair) in enumerate(self.pairs.items()):
-            joint = self.joints[name]
-            inner = isinstance(pair, InnerPair)
-            directions = [m.direction != 1 for m in pair.sides.values()]
-            along = tuple(f"u{k}_{s}" if d else "" for s, d in enumerate(directions))
-            found.append(
-                PairPlan(
-                    prismatic=pair.type == "P",
-                    earlier=self.link_names.index(joint.links[0]) if inner else -1,
-                    later=self.link_names.index(joint.later),
-                    outer=-1 if inner else outer,
-                    drive=drive if pair.driven else -1,
-                    at=(f"at{k}_0", f"at{k}_1") if inner else ("", f"at{k}_0"),
-                    along=(along[0], along[1]) if inner else ("", along[0]),
-                    guided=joint.reads == "guide",
-                )
+            joint, sides = self.joints[name], pair.sides.values()
+            at = [f"at{k}_{s}" for s in range(len(sides))]
+            along = [f"u{k}_{s}" if m.direction != 1 else "" for s, m in enumerate(sides)]
+            plan = PairPlan(
+                prismatic=pair.type == "P",
+                earlier=-1 if joint.outer else self.link_names.index(joint.links[0]),
+                later=self.link_names.index(joint.later),
+                outer=outer.index(name) if joint.outer else -1,
+                drive=drives.index(name) if pair.driven else -1,
+                at=("", at[-1]) if joint.outer else (at[0], at[1]),
+                along=("", along[-1]) if joint.outer else (along[0], along[1]),
+                guided=joint.reads == "guide",
             )
-            outer += not inner
-            drive += pair.driven
+            found.append(plan)
         return tuple(found)
 
     def parameters(self) -> Any:

@@ -3,16 +3,17 @@ r"""What the pairs of a general group demand: residuals, Jacobian rows, right si
 A pair joins a place A on its earlier side (an own link, or a support) to a place B on
 its later link. With d = B - A, u the direction of the earlier side and n = i u:
 
-    R            d = 0                              two conditions
-    P            n . d = 0,  directions equal       two conditions
+    R            d = 0                              along x and along y
+    P            n . d = 0,  directions equal
     R driven     besides: angle of B's link = angle of u + q
     P driven     besides: u . d = q
 
+So a pair prescribes t . d along some directions t, and then perhaps a relative angle.
 Lengths are divided by the group's size, so all conditions and unknowns (place / size
 and angle of each link) are of order one. Differentiated once and twice, with the
 relative velocity w = d' - i om_a d seen from the earlier side:
 
-    n . w = 0,   n . (d'' - i al_a d - 2 i om_a w + om_a^2 d) = 0     (along u alike)
+    t . w = 0,   t . (d'' - i al_a d - 2 i om_a w + om_a^2 d) = 0
 
 Sources: [D14] section 2 (groups of higher class as future work); Nikravesh,
 Computer-aided analysis of mechanical systems, 1988, ch. 4 (Cartesian coordinates).
@@ -22,8 +23,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from blockmech.plane import angle, cross, dot, expi, imul, mul
-from blockmech.typing import Complex, LinkPosition, LinkVelocity, Real
+from blockmech.blocks.motion import acceleration_at, velocity_at
+from blockmech.plane import angle, cross, dot, expi, imul, mul, planar
+from blockmech.typing import Complex, LinkAcceleration, LinkPosition, LinkVelocity, Real
 
 Entries = dict[int, Real]
 """Entries of one row of the Jacobian: column -> number."""
@@ -46,9 +48,19 @@ class PairPlan(NamedTuple):
     guided: bool  # whether a support gives direction and rate, not only a point
 
     @property
+    def driven(self) -> bool:
+        """Whether its coordinate is an input."""
+        return self.drive >= 0
+
+    @property
+    def turns(self) -> bool:
+        """Whether it prescribes the relative angle; the last of its conditions."""
+        return self.prismatic or self.driven
+
+    @property
     def rows(self) -> int:
         """Number of conditions."""
-        return 2 + (self.drive >= 0)
+        return 2 + self.driven
 
 
 class Side(NamedTuple):
@@ -60,19 +72,12 @@ class Side(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Both sides of a pair at a pose, and B - A."""
+    """Both sides of a pair at a pose, B - A, and the directions along which that is prescribed."""
 
     a: Side
     b: Side
     d: Complex  # (...) [m]
-
-
-class Rates(NamedTuple):
-    """Motion of a pair: rates of both links, velocity of B - A, as seen from A's link."""
-
-    om_a: Real  # (...) [rad/s]
-    om_b: Real  # (...) [rad/s]
-    w: Complex  # (...) [m/s]
+    t: tuple[Complex, ...]  # (...) [-] n and, where driven, u of a guide; x and y of a pin
 
 
 def side(link: LinkPosition, p: Any, at: str, along: str) -> Side:
@@ -91,71 +96,59 @@ def ends(pair: PairPlan, links: tuple[LinkPosition, ...], outer: tuple[Any, ...]
         a = Side(reading.p, reading.p, reading.u)
     else:
         a = Side(outer[pair.outer], outer[pair.outer], b.u)
-    return Ends(a, b, b.P - a.P)
+    t = (planar(1.0, 0.0), planar(0.0, 1.0))
+    if pair.prismatic:
+        t = (imul(a.u, 1.0), a.u)[: 1 + pair.driven]
+    return Ends(a, b, b.P - a.P, t)
 
 
 def residuals(pair: PairPlan, at: Ends, q: tuple[Real, ...], k: Real) -> list[Real]:
     """How far a pair's conditions are from zero; ``k`` is 1 / size."""
-    a, b, d = at
-    if pair.prismatic:
-        found = [dot(imul(a.u, 1.0), d) * k, angle(a.u, b.u)]
-        if pair.drive >= 0:
-            found.append((dot(a.u, d) - q[pair.drive]) * k)
-        return found
-    found = [d.real * k, d.imag * k]
-    if pair.drive >= 0:
-        found.append(angle(a.u * expi(q[pair.drive]), b.u))
-    return found
+    found = [dot(t, at.d) for t in at.t]
+    u = at.a.u
+    if pair.driven and pair.prismatic:
+        found[1] = found[1] - q[pair.drive]
+    elif pair.driven:
+        u = u * expi(q[pair.drive])
+    return [x * k for x in found] + [angle(u, at.b.u)] * pair.turns
 
 
 def rows(pair: PairPlan, at: Ends, k: Real) -> list[Entries]:
     """Rows of the Jacobian; the columns of link j are 3j (x), 3j + 1 (y), 3j + 2 (angle)."""
-    a, b, _ = at
     i, j = 3 * pair.earlier, 3 * pair.later
-    turned: Entries = {j + 2: 1.0}
-    if pair.earlier >= 0:
-        turned[i + 2] = -1.0
-    if not pair.prismatic:
-        across: Entries = {j: 1.0, j + 2: -b.r.imag * k}
-        upright: Entries = {j + 1: 1.0, j + 2: b.r.real * k}
+    reach = at.a.r + at.d if pair.prismatic else at.a.r  # a guide turns with its link
+    found: list[Entries] = []
+    for t in at.t:
+        row = {j: t.real, j + 1: t.imag, j + 2: cross(at.b.r, t) * k}
         if pair.earlier >= 0:
-            across |= {i: -1.0, i + 2: a.r.imag * k}
-            upright |= {i + 1: -1.0, i + 2: -a.r.real * k}
-        return [across, upright, turned] if pair.drive >= 0 else [across, upright]
-    found = [_row(pair, at, imul(a.u, 1.0), k), turned]
-    if pair.drive >= 0:
-        found.append(_row(pair, at, a.u, k))
-    return found
+            row |= {i: -t.real, i + 1: -t.imag, i + 2: -cross(reach, t) * k}
+        found.append(row)
+    turned: Entries = {j + 2: 1.0} | ({i + 2: -1.0} if pair.earlier >= 0 else {})
+    return found + [turned] * pair.turns
 
 
-def _row(pair: PairPlan, at: Ends, t: Complex, k: Real) -> Entries:
-    """Row of t . d = constant, t turning with the earlier side."""
-    i, j = 3 * pair.earlier, 3 * pair.later
-    found: Entries = {j: t.real, j + 1: t.imag, j + 2: cross(at.b.r, t) * k}
-    if pair.earlier >= 0:
-        reach = at.a.r + at.d
-        found |= {i: -t.real, i + 1: -t.imag, i + 2: -cross(reach, t) * k}
-    return found
+def _right(
+    pair: PairPlan, at: Ends, known: Complex, turn: Real, drive: tuple[Real, ...], k: Real
+) -> list[Real]:
+    """Right sides for a known motion of A against B, the support's turning and the drivers'."""
+    found = [dot(t, known) for t in at.t]
+    if pair.driven and pair.prismatic:
+        found[1] = found[1] + drive[pair.drive]
+    elif pair.driven:
+        turn = turn + drive[pair.drive]
+    return [x * k for x in found] + [turn] * pair.turns
 
 
 def rates_wanted(
     pair: PairPlan, at: Ends, outer: tuple[Any, ...], qd: tuple[Real, ...], k: Real
 ) -> list[Real]:
     """Right sides of J x' = ...: what supports and drivers do to the conditions."""
-    driven = qd[pair.drive] if pair.drive >= 0 else None
     if pair.earlier >= 0:
-        zero = [0.0, 0.0]
-        if driven is None:
-            return zero
-        return [*zero, driven * k if pair.prismatic else driven]
-    reading = outer[pair.outer]
-    v, om = (reading.v, reading.om) if pair.guided else (reading, 0.0)
-    if not pair.prismatic:
-        found = [v.real * k, v.imag * k]
-        return found if driven is None else [*found, driven + om]
-    carried = v + imul(at.d, om)
-    found = [dot(imul(at.a.u, 1.0), carried) * k, om]
-    return found if driven is None else [*found, (driven + dot(at.a.u, carried)) * k]
+        return _right(pair, at, planar(0.0, 0.0), 0.0, qd, k)
+    if not pair.guided:
+        return _right(pair, at, outer[pair.outer], 0.0, qd, k)
+    support: LinkVelocity = outer[pair.outer]
+    return _right(pair, at, velocity_at(support, at.d), support.om, qd, k)
 
 
 def slide(
@@ -164,48 +157,35 @@ def slide(
     """Sliding rate [m/s] of a prismatic pair, later on earlier side; 0 of a revolute one."""
     if not pair.prismatic:
         return 0.0
-    b = links[pair.later]
-    v_b = b.v + imul(at.b.r, b.om)
     if pair.earlier >= 0:
-        a = links[pair.earlier]
-        v_a, om_a = a.v + imul(at.a.r, a.om), a.om
+        v_a = velocity_at(links[pair.earlier], at.a.r + at.d)
     else:
-        v_a, om_a = outer[pair.outer].v, outer[pair.outer].om
-    return dot(at.a.u, v_b - v_a - imul(at.d, om_a))
-
-
-def rates_of(pair: PairPlan, at: Ends, links: tuple[LinkVelocity, ...], sliding: Real) -> Rates:
-    """How a pair moves: a prismatic pair turns as one and slides along its guide."""
-    om_b = links[pair.later].om
-    om_a = links[pair.earlier].om if pair.earlier >= 0 else om_b
-    return Rates(om_a, om_b, mul(at.a.u, sliding))
+        v_a = velocity_at(outer[pair.outer], at.d)
+    return dot(at.a.u, velocity_at(links[pair.later], at.b.r) - v_a)
 
 
 def accelerations_wanted(
     pair: PairPlan,
     at: Ends,
-    moving: Rates,
+    links: tuple[LinkVelocity, ...],
+    sliding: Real,
     outer: tuple[Any, ...],
     qdd: tuple[Real, ...],
     k: Real,
 ) -> list[Real]:
     """Right sides of J x'' = ...: quadratic terms, supports and drivers."""
-    driven = qdd[pair.drive] if pair.drive >= 0 else None
-    centripetal = mul(at.b.r, moving.om_b * moving.om_b)
+    om = links[pair.later].om
+    known = mul(at.b.r, om * om)
     al: Real = 0.0
     if pair.earlier >= 0:
-        known = centripetal - mul(at.a.r, moving.om_a * moving.om_a)
+        om_a = links[pair.earlier].om
+        known = known - mul(at.a.r, om_a * om_a)
     elif pair.guided:
-        al = outer[pair.outer].al
-        known = centripetal + outer[pair.outer].a
+        support: LinkAcceleration = outer[pair.outer]
+        known, al = known + support.a, support.al
     else:
-        known = centripetal + outer[pair.outer]
-    if not pair.prismatic:
-        found = [known.real * k, known.imag * k]
-        return found if driven is None else [*found, driven + al]
-    om = moving.om_a
-    if pair.earlier < 0:
-        known = known + imul(at.d, al)
-    known = known + imul(moving.w, 2 * om) - mul(at.d, om * om)
-    found = [dot(imul(at.a.u, 1.0), known) * k, al]
-    return found if driven is None else [*found, (driven + dot(at.a.u, known)) * k]
+        known = known + outer[pair.outer]
+    if pair.prismatic:  # both sides turn as one
+        seen = LinkAcceleration(known, al)
+        known = acceleration_at(seen, om, at.d) + imul(at.a.u, 2 * om * sliding)
+    return _right(pair, at, known, al, qdd, k)

@@ -23,7 +23,6 @@ from blockmech.blocks.general.equations import (
     PairPlan,
     accelerations_wanted,
     ends,
-    rates_of,
     rates_wanted,
     residuals,
     rows,
@@ -51,7 +50,6 @@ from blockmech.typing import (
     LinkAcceleration,
     LinkPosition,
     LinkVelocity,
-    Load,
     Real,
     Slide,
 )
@@ -91,11 +89,11 @@ class Reactions(NamedTuple):
     efforts: tuple[Real, ...]
 
 
-Guess = tuple[tuple[Real, Real, Real, Real], ...]
-"""Place x, y [m] and direction x, y [-] of each link."""
+Links = tuple[LinkPosition, ...]
+Plans = tuple[PairPlan, ...]
 
 
-def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int) -> Kernels:
+def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
     """The kernels of a group with these pairs; see `PairPlan` for the numbers."""
 
     def position(*given: Any) -> Pose:
@@ -115,10 +113,14 @@ def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int)
             step = newton_step(plans, pose, supports, q, p)
             further, size = stepped(pose, tuple(where(more, x, 0.0) for x in step), p.size)
             pose, last = further, where(more, size, last)
-        open_by, rounding = gap(plans, pose, supports, q, p)
-        good = where(open_by <= CLOSED * rounding, 1.0 + 0.0 * open_by, NAN)
+        at, open_by = conditions(plans, pose, supports, q, p)
+        reach: Real = 1.0
+        for sides in at:
+            reach = maximum(reach, hyp(sides.b.P) * (1 / p.size))
+        rounding = EPS * reach  # of the places
+        good = where(largest(open_by) <= CLOSED * rounding, 1.0 + 0.0 * rounding, NAN)
         pose = tuple(LinkPosition(mul(o, good), mul(unit(e), good)) for o, e in pose)
-        at = tuple(ends(pair, pose, supports, p) for pair in plans)
+        at, _ = conditions(plans, pose, supports, q, p)
         return Pose(pose, at, jacobian(plans, at, links, p), first, guess[1])
 
     def velocity(pose: Pose, *given: Any) -> Velocity:
@@ -137,8 +139,7 @@ def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int)
         supports, qdd = tuple(inputs[:outer]), tuple(inputs[outer:])
         right: list[Real] = []
         for pair, at, sliding in zip(plans, pose.ends, vel.pairs, strict=True):
-            moving = rates_of(pair, at, vel.links, sliding)
-            right += accelerations_wanted(pair, at, moving, supports, qdd, 1 / p.size)
+            right += accelerations_wanted(pair, at, vel.links, sliding, supports, qdd, 1 / p.size)
         found = vectors(solve(pose.J, right), p.size)
         return Acceleration(tuple(LinkAcceleration(a, al) for a, al in found))
 
@@ -146,7 +147,7 @@ def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int)
         *loads, p = given
         right: list[Real] = []
         for load in loads:
-            right += against(load, p.size)
+            right += [-load.F.real * p.size, -load.F.imag * p.size, -load.M]
         found = solve_transposed(pose.J, right)
         transmitted, efforts = [], [0.0] * driven
         row = 0
@@ -154,8 +155,8 @@ def kernels_of(plans: tuple[PairPlan, ...], links: int, outer: int, driven: int)
             own = found[row : row + pair.rows]
             row += pair.rows
             transmitted.append(carried(pair, at, own, p.size))
-            if pair.drive >= 0:
-                efforts[pair.drive] = own[2] * (1 / p.size if pair.prismatic else 1.0)
+            if pair.driven:
+                efforts[pair.drive] = own[1] * (1 / p.size) if pair.prismatic else own[2]
         return Reactions(tuple(transmitted), tuple(efforts))
 
     return Kernels(position, velocity, acceleration, reactions, margin=margin)
@@ -167,11 +168,7 @@ def unit(e: Complex) -> Complex:
 
 
 def newton_step(
-    plans: tuple[PairPlan, ...],
-    pose: tuple[LinkPosition, ...],
-    supports: tuple[Any, ...],
-    q: tuple[Real, ...],
-    p: Any,
+    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Any
 ) -> tuple[Real, ...]:
     """Solution of J step = -residual."""
     at, open_by = conditions(plans, pose, supports, q, p)
@@ -179,11 +176,7 @@ def newton_step(
 
 
 def conditions(
-    plans: tuple[PairPlan, ...],
-    pose: tuple[LinkPosition, ...],
-    supports: tuple[Any, ...],
-    q: tuple[Real, ...],
-    p: Any,
+    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Any
 ) -> tuple[tuple[Ends, ...], list[Real]]:
     """Both sides of each pair at a pose, and how far all conditions are from zero."""
     at = tuple(ends(pair, pose, supports, p) for pair in plans)
@@ -191,21 +184,6 @@ def conditions(
     for pair, sides in zip(plans, at, strict=True):
         found += residuals(pair, sides, q, 1 / p.size)
     return at, found
-
-
-def gap(
-    plans: tuple[PairPlan, ...],
-    pose: tuple[LinkPosition, ...],
-    supports: tuple[Any, ...],
-    q: tuple[Real, ...],
-    p: Any,
-) -> tuple[Real, Real]:
-    """Largest residual of a pose, and the rounding of the places it is made of."""
-    at, open_by = conditions(plans, pose, supports, q, p)
-    reach: Real = 1.0
-    for sides in at:
-        reach = maximum(reach, hyp(sides.b.P) * (1 / p.size))
-    return largest(open_by), EPS * reach
 
 
 def largest(values: Iterable[Real]) -> Real:
@@ -216,9 +194,7 @@ def largest(values: Iterable[Real]) -> Real:
     return top
 
 
-def stepped(
-    pose: tuple[LinkPosition, ...], step: tuple[Real, ...], size: Real
-) -> tuple[tuple[LinkPosition, ...], Real]:
+def stepped(pose: Links, step: tuple[Real, ...], size: Real) -> tuple[Links, Real]:
     """The pose after a step, and the step's largest part, by size or in radians."""
     moved = []
     for k, link in enumerate(pose):
@@ -227,7 +203,7 @@ def stepped(
     return tuple(moved), largest(step)
 
 
-def jacobian(plans: tuple[PairPlan, ...], at: tuple[Ends, ...], links: int, p: Any) -> Any:
+def jacobian(plans: Plans, at: tuple[Ends, ...], links: int, p: Any) -> Any:
     """The matrix of all conditions."""
     filled = []
     for pair, sides in zip(plans, at, strict=True):
@@ -247,17 +223,13 @@ def vectors(solution: tuple[Real, ...], size: Real) -> list[tuple[Complex, Real]
     ]
 
 
-def against(load: Load, size: Real) -> list[Real]:
-    """The opposite of a load, lengths by the group's size."""
-    return [-load.F.real * size, -load.F.imag * size, -load.M]
-
-
 def carried(pair: PairPlan, at: Ends, own: tuple[Real, ...], size: Real) -> Any:
     """What a pair transmits from its part of the multipliers."""
     if not pair.prismatic:
         return planar(own[0] * (1 / size), own[1] * (1 / size))
     N = own[0] * (1 / size)
-    return Slide(N, own[1] + N * dot(at.b.r, at.a.u))
+    b, a = dot(at.b.r, at.a.u), dot(at.a.r + at.d, at.a.u)
+    return Slide(N, own[-1] + N * b, own[-1] + N * a)
 
 
 def margin(pose: Pose, p: Any) -> Real:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from blockmech.blocks.mistakes import refuse
+from blockmech.blocks.contract import refuse
 from blockmech.blocks.registry import REGISTRY
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.contract import Element
@@ -60,6 +60,9 @@ class LinkGiven(Link):
         return complex(x, y), angle
 
 
+TWO = Field(min_length=2, max_length=2)
+
+
 class _Joint(Strictly):
     links: Annotated[list[str], Field(min_length=2)]
     at: Annotated[list[Place], Field(min_length=2)]
@@ -68,21 +71,16 @@ class _Joint(Strictly):
     @model_validator(mode="after")
     def _fits(self) -> Any:
         if len(self.at) != len(self.links):
-            raise mistake("wrong-value", f'"at" has {_places(len(self.at))} for {self._count}')
+            found = f'"at" has {len(self.at)} places for {len(self.links)} links'
+            raise mistake("wrong-value", found)
+        if len(set(self.links)) < len(self.links):
+            raise mistake("wrong-value", "a joint is between different links")
         if self.friction is not None:
             try:
                 self.friction.check_for(getattr(self, "type"), "the joint")  # noqa: B009
             except PydanticCustomError as error:
                 refuse(type(self).__name__, [(("friction",), error)])
         return self
-
-    @property
-    def _count(self) -> str:
-        return f"{len(self.links)} links"
-
-
-def _places(number: int) -> str:
-    return f"{number} place{'s' * (number != 1)}"
 
 
 class PinGiven(_Joint):
@@ -99,8 +97,9 @@ class GuideGiven(_Joint):
     """
 
     type: Literal["P"]
-    angle: Annotated[list[Angle], Field(min_length=2)] | None = None
-    dir: Annotated[list[Vector], Field(min_length=2)] | None = None
+    links: Annotated[list[str], TWO]
+    angle: Annotated[list[Angle], TWO] | None = None
+    dir: Annotated[list[Vector], TWO] | None = None
     slider: Literal[0, 1] = 1
 
     @model_validator(mode="before")
@@ -113,16 +112,10 @@ class GuideGiven(_Joint):
 
     @model_validator(mode="after")
     def _two_lines(self) -> Any:
-        if len(self.links) != 2:
-            raise mistake("wrong-value", f"a P joint has two links, not {len(self.links)}")
         if self.angle is not None and self.dir is not None:
             raise mistake(
                 "bad-direction", "the directions are given twice", "", 'keep "angle" or "dir"'
             )
-        for name in ("angle", "dir"):
-            said = getattr(self, name)
-            if said is not None and len(said) != 2:
-                raise mistake("wrong-value", f'"{name}" has {len(said)} values for 2 links')
         if any(d.z == 0 for d in self.dir or ()):
             raise mistake("bad-direction", '"dir" must not be [0, 0]')
         return self

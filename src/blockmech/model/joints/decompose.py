@@ -13,7 +13,6 @@ Names: the block of a driver or a cylinder is named like the driver, a group's a
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -24,15 +23,8 @@ from blockmech.assur.formation import Formation, formation
 from blockmech.assur.groups import Unit
 from blockmech.errors import GraphError, Problem, in_file
 from blockmech.model.graph import Graph
-from blockmech.model.joints.closing import Closing, Poses, given_poses
-from blockmech.model.joints.connections import (
-    Connections,
-    axes,
-    connections,
-    seated,
-    size_of,
-    structural,
-)
+from blockmech.model.joints.closing import Closing, Layout, Poses, coordinate
+from blockmech.model.joints.connections import Seated, seated
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.diagnosis import (
     dead_centre,
@@ -52,7 +44,6 @@ from blockmech.model.joints.frames import (
 )
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import reference_problems
-from blockmech.model.joints.special import Layout
 from blockmech.model.naming import Names
 
 General = Literal["", "groups", "one"]
@@ -102,51 +93,48 @@ def decompose(linkage: Linkage, general: General = "") -> Decomposition:
 
 def sequence(linkage: Linkage) -> Sequence:
     """The formation sequence of a document and its pose, refined. Raises like `decompose`."""
-    wrong = list(reference_problems(linkage))
+    wrong = list(reference_problems(linkage, vars(linkage)))
     if wrong:
         raise GraphError(wrong)
-    pairs, size = connections(linkage), size_of(linkage)
+    layout = Layout.of(linkage)
     with np.errstate(over="ignore", under="ignore"):
-        measured = np.float64(size) ** 3  # products of lengths are to be numbers
+        measured = np.float64(layout.size) ** 3  # products of lengths are to be numbers
     if not np.finfo(float).tiny < measured < np.inf:
-        large = f"the mechanism is {size:.3g} m large"
+        large = f"the mechanism is {layout.size:.3g} m large"
         problem = Problem("wrong-value", "joints", large, "lengths are in m", "check the places")
         raise GraphError(problem)
-    axis = axes(pairs, size)
-    layout = Layout(given_poses(linkage.links), pairs, axis, linkage.driven, size)
-    given, driven = layout.given, layout.driven
-    seats = seated(pairs, axis, driven)
-    links = [link for link in linkage.links if link != FRAME]
-    found = formation(links, structural(seats.pairs, axis), (FRAME,), driven)
-    if not found.complete or not links:
-        raise GraphError(why_not(layout))
-    closing = Closing(given.links, pairs, driven, size)
-    poses = closing.refine(given)
-    if not closing.closed(poses):
-        raise GraphError(does_not_close(closing, given))
-    away = list(far_off(given, poses, size))
-    if away:
-        raise GraphError(away)
-    stuck = [unit for unit in found.units if _stands_still(unit, seats.pairs, driven, poses, size)]
-    if stuck:
-        raise GraphError(why_stuck(layout, stuck))
-    return Sequence(pairs, seats, found, poses)
+    seats = seated(layout.pairs, layout.drivers)
+    found = formation(layout.links, seats.pairs.values(), (FRAME,), layout.drivers)
+    if not found.complete or not layout.links:
+        raise GraphError(why_not(layout, found.rest))
+    return Sequence(layout.pairs, seats, found, _closed(layout, found, seats))
 
 
-def _stands_still(
-    unit: Unit, pairs: Connections, driven: Collection[str], poses: Poses, size: float
-) -> bool:
-    """Whether a group without closed form is at a dead centre, where Newton finds no way."""
-    if unit.kind not in ("group", "triad", "cylinder"):
-        return False
-    own = {p.name: pairs[p.name] for p in unit.pairs}
-    closing = Closing(poses.links, own, [name for name in own if name in driven], size)
-    return closing.singular(poses, unit.links)
+def _closed(layout: Layout, found: Formation, seats: Seated) -> Poses:
+    """The pose in which all joints close, group after group, drivers held where they are.
+
+    Raises `GraphError` where it is not found, too far off, or holds a group at a dead centre.
+    """
+    held = {c: coordinate(layout.given, layout.pairs[c], layout.size) for c in layout.drivers}
+    poses, stuck = layout.given, []
+    for unit in found.units:
+        own = tuple(seats.pairs[p.name] for p in unit.pairs)
+        values = {name: held[name] for name in unit.driven}
+        closing = Closing(unit.links, own, layout.size, values)
+        poses = closing.refine(poses)
+        if not closing.closed(poses):
+            raise GraphError(does_not_close(layout))
+        if unit.kind in ("group", "triad", "cylinder") and closing.singular(poses):
+            stuck.append(unit)
+    away = list(far_off(layout, poses))
+    if away or stuck:
+        raise GraphError(away or why_stuck(layout, stuck))
+    return poses
 
 
 def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposition:
     plain = links_read_as_they_are(linkage.loads, found.pairs)
-    diagram = Diagram(linkage, linkage.driven)
+    diagram = Diagram(linkage, found)
     problems = []
     units = _merged(found.formation.units) if general == "one" else found.formation.units
     for unit in units:
@@ -155,12 +143,12 @@ def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposi
         except DeadCentre as error:
             problems.append(dead_centre(unit.links, str(error)))
             made = general_group(unit, found.seats.pairs)
-        diagram.add(unit, made, found)
+        diagram.add(unit, made)
     if problems:
         raise GraphError(problems)
-    diagram.add_loads(found.pairs)
+    diagram.add_loads()
     shown = Formation(tuple(units), (), ())
-    return Decomposition(diagram.data(), diagram.names(found), shown, found.poses)
+    return Decomposition(diagram.data(), diagram.names(), shown, found.poses)
 
 
 def _made(unit: Unit, found: Sequence, general: General, plain: set[str]) -> Made:

@@ -7,29 +7,19 @@ sliding joint become thrusts along its guide.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TypeAlias
 
 from blockmech.model.joints.connections import Connection, Connections
 from blockmech.model.joints.contents import FRAME, HOLDS
 from blockmech.model.joints.frames import Seat, xy
 from blockmech.model.writing import plain
 
+Hold: TypeAlias = tuple[str, str, complex | None]
+"""A terminal of an element, and the link and place that it takes hold of; None: the link."""
 
-class Hold(NamedTuple):
-    """Where a terminal of an element takes hold: a place on a link, or the link itself."""
-
-    terminal: str
-    link: str
-    at: complex | None = None
-
-
-class ElementMade(NamedTuple):
-    """An element of the graph: its name, data and holds."""
-
-    name: str
-    data: dict[str, Any]
-    holds: tuple[Hold, ...]
+Made: TypeAlias = tuple[str, dict[str, Any], Sequence[Hold]]
+"""An element of the graph: its name, data and holds."""
 
 
 def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[str]:
@@ -49,12 +39,7 @@ def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[
     return found - {FRAME}
 
 
-def element(
-    name: str,
-    load: Any,
-    pairs: Connections,
-    seats: Mapping[str, Seat],
-) -> Iterator[ElementMade]:
+def elements(name: str, load: Any, pairs: Connections, seats: Mapping[str, Seat]) -> Iterator[Made]:
     """The element that a load becomes; two of them for a damped spring along a guide."""
     terminals = load.terminals
     data = {key: said for key, said in plain(load).items() if key not in HOLDS}
@@ -73,18 +58,18 @@ def element(
         turn = _turn(seats[links[1]]) - _turn(seats[links[0]])
         if turn:
             data["rest_angle"] = math.remainder(load.rest_angle + turn, math.tau)
-    holds = tuple(
-        Hold(terminal, link, places[k] if kind.kind == "point" else None)
+    holds = [
+        (terminal, link, places[k] if kind.kind == "point" else None)
         for k, ((terminal, kind), link) in enumerate(zip(terminals.items(), links, strict=True))
-    )
-    yield ElementMade(name, {"type": load.type_name, **data}, holds)
+    ]
+    yield name, {"type": load.type_name, **data}, holds
 
 
 def _along_guide(
     name: str, load: Any, data: dict[str, Any], c: Connection, seats: Mapping[str, Seat]
-) -> Iterator[ElementMade]:
+) -> Iterator[Made]:
     """A couple between the links of a P joint is a force along its guide."""
-    holds = (Hold("a", c.first, c.at[0]), Hold("b", c.second, c.at[1]))
+    holds: list[Hold] = [("a", c.first, c.at[0]), ("b", c.second, c.at[1])]
     along = _turned(c.along[0], seats[c.first])
     useful = {"useful": data["useful"]} if "useful" in data else {}
 
@@ -93,15 +78,15 @@ def _along_guide(
 
     if "law" in data:
         driver = {"driver": data["driver"]} if "driver" in data else {}
-        yield ElementMade(name, thrust(data["law"], driver), holds)
+        yield name, thrust(data["law"], driver), holds
         return
     k, rest, c_d = load.stiffness, load.rest_angle, load.damping
     if k or not c_d:
         law = {"kind": "polynomial", "of": "coordinate", "coefficients": [k * rest, -k]}
-        yield ElementMade(name, thrust(law, {}), holds)
+        yield name, thrust(law, {}), holds
     if c_d:
         law = {"kind": "polynomial", "of": "rate", "coefficients": [0.0, -c_d]}
-        yield ElementMade(f"{name}_damping" if k else name, thrust(law, {}), holds)
+        yield f"{name}_damping" if k else name, thrust(law, {}), holds
 
 
 def _turned(vector: complex, seat: Seat) -> list[float]:

@@ -8,13 +8,14 @@ that its coordinate is the document's. Links of general groups keep their frames
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from blockmech.assur.groups import Unit
 from blockmech.model.joints.closing import CLOSED, Poses
-from blockmech.model.joints.connections import Connection, Connections, angle_of
+from blockmech.model.joints.connections import Connection, Connections
 from blockmech.plane import cross, dot
 
 GENERAL = "group.general"
@@ -208,7 +209,7 @@ def _prp(i: str, j: str, S1: Connection, C: Connection, S2: Connection, at: Pose
 def _rpp(i: str, j: str, B: Connection, S1: Connection, S: Connection, at: Poses) -> Made:
     o = S.on(j)  # on the outer guide line, so that x_S is 0
     (x_i, h_i), (x_j, h_j) = _line(S1, i, B.on(i)), _line(S1, j, o)
-    beta = angle_of(S1.guide(j) * S.guide(j).conjugate())
+    beta = cmath.phase(S1.guide(j) * S.guide(j).conjugate())
     own = S1.owner == j
     keys: dict[str, Any] = {"beta": beta, "h_i": h_i, "h_j": h_j, "x_S1": x_j if own else x_i}
     owners = {"S1": "later" if own else "i", "S": _outer_owner(S, j)}
@@ -309,7 +310,7 @@ def _inner(c: Connection) -> dict[str, Any]:
     data: dict[str, Any] = {"type": c.kind, "links": list(c.links)}
     data["at"] = [xy(z) for z in c.at]
     if c.kind == "P":
-        data["angle"] = [angle_of(u) for u in c.along]
+        data["angle"] = [cmath.phase(u) for u in c.along]
         data["slider"] = "j" if c.slider else "i"
     return data
 
@@ -317,7 +318,7 @@ def _inner(c: Connection) -> dict[str, Any]:
 def _outer(c: Connection, own: str, turned: bool) -> dict[str, Any]:
     data: dict[str, Any] = {"type": c.kind, "link": own, "at": xy(c.on(own))}
     if c.kind == "P":
-        data["angle"] = angle_of(-c.guide(own) if turned else c.guide(own))
+        data["angle"] = cmath.phase(-c.guide(own) if turned else c.guide(own))
         data["slider"] = "later" if c.owner == own else "earlier"
     return data
 

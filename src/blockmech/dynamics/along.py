@@ -1,0 +1,135 @@
+"""Outputs along a motion: the same pruned plan as of any other run, at states of the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.motion import DEAD_CENTRE, Floats, Motion
+from blockmech.dynamics.system import System
+from blockmech.plan import Friction
+from blockmech.result import Result
+from blockmech.samples import Samples
+from blockmech.settings import friction_asked
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+
+SINGULAR = 1e-10  # margin of a dead centre itself, but for rounding
+STATIC = {"static": False}
+
+
+class Along(Mapping[str, Any]):
+    """Inputs of a program along a motion; accelerations are found when they are asked for.
+
+    ``unknown`` (n,) : samples at which the rates of the drivers say nothing about other links
+    """
+
+    def __init__(
+        self, mechanism: Compiled, how: Friction, motion: Motion, t: Floats, unknown: Any
+    ) -> None:
+        k = len(mechanism.drivers)
+        self.q, self.qd = motion.at(t)
+        self.qd[unknown] = np.nan
+        self.mechanism, self.how, self.t = mechanism, how, t
+        self.known = _by_driver("q", self.q, k) | _by_driver("qd", self.qd, k)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.known[name] if name in self.known else self.accelerations[name]
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.known
+        yield from (f"qdd_{i}" for i in range(len(self.mechanism.drivers)))
+
+    def __len__(self) -> int:
+        return 3 * len(self.mechanism.drivers)
+
+    @cached_property
+    def accelerations(self) -> dict[str, Floats]:
+        """q'' (n,) of each driver, the drives idle."""
+        k = len(self.mechanism.drivers)
+        system = system_of(self.mechanism, method=self.how)  # not kept: programs do not pickle
+        if k > 1 or system.friction is None:
+            return _by_driver("qdd", self._without_friction(), k)
+        rows = zip(self.q, self.qd, self.t.tolist(), strict=True)
+        found = [_with_friction(system, float(q), float(qd), t) for q, qd, t in rows]
+        return {"qdd_0": np.array(found)}
+
+    def _without_friction(self) -> Floats:
+        """(n,) or (n, k) from M q'' = Q - c."""
+        mechanism, n = self.mechanism, len(self.t)
+        drivers, k = mechanism.drivers, len(mechanism.drivers)
+        idle = [mechanism.of_driver(d, "drive_by_reduction") for d in drivers]  # c - Q, q'' = 0
+        mass = mechanism.of_driver(drivers[0], "J_red") if k == 1 else "mechanism.M"
+        samples = Samples(n, self.known | {f"qdd_{i}": np.zeros(n) for i in range(k)}, self.t)
+        found = frictionless(mechanism, (*idle, mass), samples)
+        if k == 1:
+            return np.asarray(-found[idle[0]] / found[mass])
+        right, M = -np.stack([found[name] for name in idle], axis=-1), found[mass]
+        good = np.isfinite(M).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
+        qdd = np.full(right.shape, np.nan)
+        qdd[good] = np.linalg.solve(M[good], right[good][:, :, None])[:, :, 0]
+        return qdd
+
+
+def _by_driver(name: str, values: Floats, k: int) -> dict[str, Floats]:
+    """Inputs of each driver from values (n,) or (n, k)."""
+    columns = [values] if k == 1 else [np.ascontiguousarray(column) for column in values.T]
+    return {f"{name}_{i}": column for i, column in enumerate(columns)}
+
+
+def _with_friction(system: System, q: float, qd: float, t: float) -> float:
+    """q'' of the only driver; none at a standstill that friction holds."""
+    friction = system.friction
+    assert friction is not None
+    way = int(np.sign(qd)) or friction.rest(q, t, system.load_size(q)).moves
+    return friction.at(q, qd, t, friction.sides(q, way)).qdd if way else 0.0
+
+
+def result_along(
+    mechanism: Compiled,
+    motion: Motion,
+    t: Floats,
+    want: Iterable[str] | str,
+    friction: str | None = None,
+    tolerance: float | None = None,
+    iterations: int | None = None,
+) -> Result:
+    """The wanted outputs at times (n,) [s] of a motion.
+
+    Joint friction is that of the motion, if nothing else is said. In a dead centre itself, in
+    which a motion ends, there are no rates and forces: there the rate of the driver, mostly
+    zero, does not say how fast the others go.
+    """
+    friction = friction or ("newton" if "friction_work" in motion.facts else "none")
+    settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    plan = mechanism.plan(want, **settings)  # type: ignore[arg-type]
+    how = friction_asked(friction, tolerance, iterations)
+    unknown = t == motion.t_end
+    if motion.end != DEAD_CENTRE or _margin_at_end(mechanism, motion) > SINGULAR:
+        unknown = np.zeros(len(t), bool)
+    given = Along(mechanism, how, motion, t, unknown)
+    values, engine = mechanism.evaluate(plan, Samples(len(t), given, t))
+    if unknown.any():
+        given = Along(mechanism, how, motion, t, slice(0))
+        rates = [mechanism.of_driver(d, "rate") for d in mechanism.drivers]
+        known = {i: f"qd_{n}" for n, r in enumerate(rates) for i in plan.layout.get(r, ())}
+        values = tuple(given[known[i]] if i in known else x for i, x in enumerate(values))
+    return Result(
+        mechanism, plan, Samples(len(t), given, t), values, engine, settings | STATIC, motion
+    )
+
+
+def _margin_at_end(mechanism: Compiled, motion: Motion) -> float:
+    return System(mechanism).acceleration(motion.q_end, motion.qd_end, motion.t_end)[1]
+
+
+def frictionless(mechanism: Compiled, want: Sequence[str], samples: Samples) -> Result:
+    """Outputs at samples, without joint friction."""
+    plan = mechanism.plan(want, friction="none")
+    values, engine = mechanism.evaluate(plan, samples)
+    return Result(mechanism, plan, samples, values, engine, {"friction": "none"} | STATIC)

@@ -1,0 +1,139 @@
+r"""The equation of motion as the right-hand side of an integration in time.
+
+    one driver       J q'' = tau - J' q'^2 / 2,     tau all loads, less what friction takes
+    k drivers        M q'' = Q - c
+
+The state is y = (q, q', W), with joint friction (q, q', W, F): W [J] is the work of the loads
+since the start, F [J] what friction took of it, so that the balance of energy is at hand. The
+directions of slip are given from outside, and so the right-hand side is smooth (numerics 8).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from blockmech.dynamics.motion import Floats
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.friction import Resisted
+    from blockmech.dynamics.system import System
+
+
+class TooMany(Exception):
+    """More evaluations than allowed."""
+
+
+@dataclass
+class Equation:
+    """The right-hand side of a system; ``sides`` are directions of slip, see `JointFriction`."""
+
+    system: System
+    q0: Any
+    most: float = math.inf  # kernel evaluations
+    sides: tuple[int, ...] = ()
+    _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
+    _slips: tuple[float, Any] = (math.nan, None)
+
+    @property
+    def drivers(self) -> int:
+        """Number k of drivers."""
+        return len(self.system.drivers)
+
+    def __call__(self, t: float, y: Any) -> Any:
+        """y' at a state; NaN where there is no pose."""
+        if self.system.singles > self.most:
+            self.most = math.inf  # once: what is kept of the run is still looked at
+            raise TooMany
+        if self.drivers > 1:
+            return self._several(t, y)
+        q, qd = float(y[0]), float(y[1])
+        J, tau, dJ, margin = self.system.one(q, qd, t)
+        self._last = q, margin, J
+        if not margin > 0:
+            return (math.nan,) * len(y)
+        if self.sides:
+            found = self.resisted(q, qd, t)
+            return qd, found.qdd, tau * qd, found.power
+        return qd, (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan, tau * qd
+
+    def _several(self, t: float, y: Floats) -> Floats:
+        k = self.drivers
+        qd = y[k : 2 * k]
+        M, c, Q, margin = self.system.terms(y[:k], qd, t)
+        self._last = tuple(y[:k]), margin, math.nan
+        if not (margin > 0 and np.isfinite(M).all()):
+            return np.full(2 * k + 1, math.nan)
+        return np.concatenate([qd, np.linalg.solve(M, Q - c), [Q @ qd]])
+
+    def resisted(self, q: float, qd: float, t: float) -> Resisted:
+        """Acceleration and friction of the pairs at a state."""
+        assert self.system.friction is not None
+        return self.system.friction.at(q, qd, t, self.sides)
+
+    def pair_loads(self, t: float, y: Floats) -> Any:
+        """Loads on the pairs with friction."""
+        return self.resisted(float(y[0]), float(y[1]), t).loads
+
+    def slips(self, q: float) -> Any:
+        """Relative rates of the pairs with friction per unit driver rate."""
+        if self._slips[0] != q:
+            assert self.system.friction is not None
+            self._slips = q, self.system.friction.slips(np.array([q]))[0]
+        return self._slips[1]
+
+    def know(self, q: float, margin: float, J: float) -> None:
+        """Keep what was computed elsewhere at a place of the only driver."""
+        self._last = q, margin, J
+
+    def closeness(self, y: Floats) -> tuple[float, float]:
+        """Margin, and inertia relative to a typical one (of one driver), at a state."""
+        k = self.drivers
+        here = float(y[0]) if k == 1 else tuple(y[:k])
+        if self._last[0] != here:
+            if k == 1:
+                one = self.system.one(float(y[0]))
+                self._last = here, one.margin, one.J
+            else:
+                self._last = here, self.system.terms(y[:k], 0 * y[:k]).margin, math.nan
+        _, margin, J = self._last
+        return margin, J / self.typical if k == 1 else 1.0
+
+    @cached_property
+    def typical(self) -> float:
+        """See `typical_inertia`."""
+        return typical_inertia(self.system, self.q0)
+
+    def inertia(self, y: Floats) -> Floats:
+        """Inertia (k, k) on the drivers."""
+        k = self.drivers
+        if k == 1:
+            return np.array([[self.system.one(float(y[0])).J]])
+        return self.system.terms(y[:k], y[k : 2 * k]).M
+
+    def kinetic(self, y: Floats) -> float:
+        """Kinetic energy [J]."""
+        qd = y[self.drivers : 2 * self.drivers]
+        return 0.5 * float(qd @ self.inertia(y) @ qd)
+
+
+def typical_inertia(system: System, q: float) -> float:
+    """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
+    J = system.sample(q + system.span * np.linspace(0.0, 1.0, 8, endpoint=False)).J
+    good = J[np.isfinite(J) & (J > 0)]
+    return float(np.median(good)) if good.size else 1.0
+
+
+def scales(equation: Equation, t: float, y: Floats) -> tuple[float, float]:
+    """A typical speed [rad/s or m/s] and a typical work [J], for the tolerances."""
+    k = equation.drivers
+    slope = np.asarray(equation(t, y), dtype=np.float64)[k : 2 * k]
+    push = float(np.nanmax(np.abs(slope), initial=0.0))
+    fallen = math.sqrt(2 * push * min(equation.system.span, 1.0))
+    speed = float(np.abs(y[k : 2 * k]).max()) + fallen or 1.0
+    work = 0.5 * float(equation.inertia(y).trace()) * speed**2
+    return speed, work if 0 < work < math.inf else 1.0

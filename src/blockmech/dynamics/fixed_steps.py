@@ -1,0 +1,159 @@
+r"""Two teaching aids: schemes of fixed steps as in the textbooks, for comparison.
+
+``rk4``, steps h of time, of the classical order 4, on y' = f(t, y):
+
+    y_{n+1} = y_n + h (k1 + 2 k2 + 2 k3 + k4) / 6
+
+``euler_q``, steps d of the driver's coordinate, of order 1, for loads of the place alone:
+
+    xi_i = (tau_i - w_i^2 (J_{i+1} - J_i) / (2 d)) / J_i,    w_{i+1}^2 = w_i^2 + 2 xi_i d
+
+The error is told by a second run with half the step.
+
+Sources: [D14] Durango et al. 2014, Eq. 2 (euler_q).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.integrate import DenseOutput, OdeSolver
+
+from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.estimate import difference, missed
+from blockmech.dynamics.events import NEAR
+from blockmech.dynamics.motion import EVALUATIONS, INTERRUPTED, NO_INERTIA, Floats, Motion
+from blockmech.dynamics.request import SimulationRequest, bad
+
+MOST_STEPS = 500_000  # in a run; half a minute and more
+STEP = 1e-3  # [rad], or of the span, of euler_q; of 200 ms, of rk4, where the time is not known
+BLOCK = 1024  # samples of euler_q in one batch
+DOUBT = 4.0  # stated error over the difference of step and half step: order 1 differs by half
+
+
+def checked_step(step: float, whole: float) -> float:
+    """The step; refused where it makes more of them than can be made. Both [rad or m, or s]."""
+    if math.isfinite(whole) and whole / step > MOST_STEPS:
+        found = f"{step:.3g} makes {whole / step:.3g} steps, at most {MOST_STEPS:,} can be made"
+        raise bad("step", found, "give a larger one")
+    return step
+
+
+def judged_by_half(
+    request: SimulationRequest, step: float, run: Callable[[float], Motion]
+) -> Motion:
+    """The motion of the step that was asked for, else of one that meets the target."""
+    motion, target = run(step), request.accuracy
+    while motion.end != INTERRUPTED and motion.status != "failed":
+        finer = run(step / 2)
+        if finer.end == INTERRUPTED:
+            note = "interrupted: the error is not judged by another run"
+            return replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
+        apart = difference(motion, finer, request.times)
+        known = apart.same and motion.end != NO_INERTIA  # of speeds without bound nothing is
+        off, late = (DOUBT * x if known else math.inf for x in (apart.q, apart.t))
+        late = 0.0 if motion.end == "time" else late + motion.time_error
+        motion = replace(motion, error=off, time_error=late)
+        enough = request.step is not None or target is None or off <= target
+        if enough or finer.status == "failed" or finer.cost.evaluations > EVALUATIONS:
+            break
+        motion, step = finer, step / 2
+    return motion if target is None else missed(motion, target)
+
+
+class RungeKutta4(OdeSolver):  # type: ignore[misc]
+    """The classical scheme: steps of ``max_step``, the last one shorter."""
+
+    def __init__(self, fun: Any, t0: float, y0: Floats, t_bound: float, max_step: float) -> None:
+        super().__init__(fun, t0, y0, t_bound, vectorized=False)
+        self.h = max_step
+        self.t: float
+        self.y: Floats
+        self.slope = self.fun(t0, self.y)
+
+    def _step_impl(self) -> tuple[bool, str | None]:
+        t, y, k1 = float(self.t), np.asarray(self.y), self.slope
+        last = self.t_bound - t <= self.h
+        h = self.t_bound - t if last else self.h
+        k2 = self.fun(t + h / 2, y + h / 2 * k1)
+        k3 = self.fun(t + h / 2, y + h / 2 * k2)
+        k4 = self.fun(t + h, y + h * k3)
+        self.begin = y, k1
+        self.y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        self.t = self.t_bound if last else t + h
+        self.slope = self.fun(self.t, self.y)
+        possible = bool(np.isfinite(self.slope).all())
+        return possible, None if possible else "no pose"
+
+    def _dense_output_impl(self) -> DenseOutput:
+        return Cubic(self.t_old, self.t, *self.begin, self.y, self.slope)
+
+
+class Cubic(DenseOutput):  # type: ignore[misc]
+    """Dense output of a step: the cubic through states and slopes at both ends."""
+
+    def __init__(self, t0: float, t1: float, *ends: Floats) -> None:
+        super().__init__(t0, t1)
+        self.ends = ends
+
+    def _call_impl(self, t: Any) -> Floats:
+        y0, f0, y1, f1 = self.ends
+        h = self.t - self.t_old
+        s, rise = (np.asarray(t) - self.t_old) / h, (y1 - y0) / h
+        powers = np.array([y0, f0 * h, (3 * rise - 2 * f0 - f1) * h, (f0 + f1 - 2 * rise) * h])
+        found: Floats = powers.T @ np.array([s**0, s, s**2, s**3])
+        return found
+
+
+class EulerQ(OdeSolver):  # type: ignore[misc]
+    """The scheme of the second paper: steps of ``d`` under constant acceleration.
+
+    A step ends where the driver stands still, and where the time is over; y = (q, w, W).
+    """
+
+    t: float
+    y: Floats
+
+    def __init__(self, equation: Equation, t0: float, y0: Floats, t_bound: float, d: float) -> None:
+        super().__init__(equation, t0, y0, t_bound, vectorized=False)
+        self.equation, self.d, self.way, self.i = equation, d, 0.0, BLOCK
+
+    def _sampled(self, way: float) -> None:
+        """Inertia, effort and margin at the next places in a direction."""
+        self.way, self.i = way, 0
+        found = self.equation.system.sample(self.y[0] + way * self.d * np.arange(BLOCK + 1.0))
+        J = np.where(found.possible, found.J, math.nan)
+        self.J, self.tau, self.margin = J.tolist(), found.tau.tolist(), found.margin.tolist()
+
+    def _step_impl(self) -> tuple[bool, str | None]:
+        t, (q, w, work) = float(self.t), self.y.tolist()
+        if self.i == BLOCK or not w:
+            way = w or self.equation.system.sample(np.array([q])).tau[0]
+            self._sampled(math.copysign(1.0, way))
+        i, d = self.i, self.way * self.d
+        J, ahead, tau = self.J[i], self.J[i + 1], self.tau[i]
+        xi = (tau - w * w * (ahead - J) / (2 * d)) / J
+        square = w * w + 2 * xi * d
+        stands = square <= 0
+        if square != square or (stands and self.margin[i + 1] < NEAR**2):
+            return False, "no pose"  # or it would bounce off a dead centre
+        rate = 0.0 if stands else self.way * math.sqrt(square)
+        h = -w / xi if stands else 2 * d / (w + rate)
+        end = q - w * w / (2 * xi) if stands else q + d
+        if t + h >= self.t_bound:
+            h = self.t_bound - t
+            end, rate = q + w * h + xi * h * h / 2, w + xi * h
+        self.begin = np.array([q, w, work]), np.array([w, xi, tau * w])
+        self.y = np.array([end, rate, work + tau * (end - q)])
+        self.slope = np.array([rate, xi, tau * rate])
+        self.t, self.i = t + h, i + 1
+        if self.i < BLOCK + 1:
+            self.equation.know(end, self.margin[i + 1], ahead)
+        return True, None
+
+    def _dense_output_impl(self) -> DenseOutput:
+        return Cubic(self.t_old, self.t, *self.begin, self.y, self.slope)

@@ -1,0 +1,65 @@
+"""Where an integration cannot go on: what is there, and how much time is left until then."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.events import LEAST_MARGIN
+from blockmech.dynamics.motion import DEAD_CENTRE, IMPOSSIBLE, NO_INERTIA, SELF_LOCKED, Floats
+from blockmech.plane import EPS
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.system import System
+
+NEAR_DEAD_CENTRE = math.sqrt(LEAST_MARGIN)  # below which a solver that gives up is at one
+PAST = 16 * EPS  # relative: so near to a place, and so little beyond it
+AHEAD = math.sqrt(EPS)  # relative: how far ahead of where a solver gives up there is no pose
+
+
+class End(NamedTuple):
+    """What ends an integration, and the time [s] left to it from where it stops."""
+
+    kind: str
+    left: float = 0.0
+
+
+def time_left(system: System, kind: str, q: float, qd: float) -> float:
+    """The time left to a dead centre, or to a place without inertia; infinite if not known.
+
+    The margin goes with the square of that time, the inertia with the square of the way. With
+    several drivers nothing is known.
+    """
+    if len(system.drivers) > 1 or not qd:
+        return math.inf
+    here = system.one(q)
+    if kind == NO_INERTIA:
+        return abs(here.J / here.dJ / qd) if here.dJ else math.inf
+    h = math.copysign(LEAST_MARGIN * NEAR_DEAD_CENTRE, qd)
+    fall = (system.one(q - h).margin - here.margin) / abs(h) * abs(qd)
+    return 2 * here.margin / fall if fall > 0 else math.inf
+
+
+def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
+    """What is ahead of a state from which a solver found no step."""
+    k = equation.drivers
+    margin = equation.closeness(y)[0]
+    if not margin > NEAR_DEAD_CENTRE:
+        known = margin > 0
+        left = time_left(equation.system, DEAD_CENTRE, float(y[0]), float(y[k])) if known else 0.0
+        return End(DEAD_CENTRE, left)
+    way = np.sign(np.asarray(equation(t, y), dtype=float))
+    ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
+    later = t + AHEAD * max(abs(t), 1.0)
+    if equation.sides:
+        found = equation.resisted(float(ahead[0]), float(ahead[1]), later)
+        if not found.outcome.solved and found.margin > 0:
+            return End(SELF_LOCKED)
+    if np.isfinite(np.asarray(equation(later, ahead), dtype=float)).all():
+        return End("the solver's step became too small")
+    rate, places = float(np.abs(y[k])), PAST * max(1.0, float(np.abs(y[0])))
+    left = PAST * max(abs(t), EPS)  # it comes so near, and steps so short
+    return End(IMPOSSIBLE, left + (places / rate if rate else 0.0))
