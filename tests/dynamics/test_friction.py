@@ -186,3 +186,20 @@ def test_several_drivers_with_friction_are_refused_by_name():
         mech.simulate("time=0.1")
     assert "left.A" in str(caught.value)
     assert mech.simulate("time=0.01", friction="none").motion.end == "time"
+
+
+@pytest.mark.parametrize(("coefficient", "time"), [(0.2, 1.0), (0.5, 0.3), (0.7, 1.0), (0.9, 0.1)])
+def test_what_friction_takes_is_what_energy_misses_wherever_the_run_ends(coefficient, time):
+    mechanism, start = pendulum(1.0, coefficient), (LOWEST, 8.0)
+    motion = mechanism.simulate(f"time={time}", start={"crank": start}).motion
+    energy = start[1] ** 2 / 2 - motion.qd_end**2 / 2 - G * (math.sin(motion.q_end) + 1)
+    assert motion.facts["friction_work"] == pytest.approx(energy, rel=1e-12)
+    other = mechanism.simulate(f"time={time}", start={"crank": start}, method="dop853").motion
+    assert abs(motion.q_end - other.q_end) <= motion.error + other.error
+
+
+def test_self_locking_in_motion_is_named_with_the_state_by_every_method():
+    for method in ("auto", "dop853"):
+        run = pendulum(1.0, 1.2).simulate("time=3", start={"crank": (0.5, 1.0)}, method=method)
+        assert (run.motion.status, run.motion.end) == ("failed", "self-locking in motion")
+        assert any("q = 0.5, rate = 1" in note for note in run.motion.notes)

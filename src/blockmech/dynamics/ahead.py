@@ -14,7 +14,7 @@ import numpy as np
 
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import SELF_LOCKED, TOO_MANY
-from blockmech.dynamics.panels import Floats, Panel, Span, roots, rule
+from blockmech.dynamics.panels import SMALLEST, Floats, Panel, Span, basis, roots, rule
 from blockmech.dynamics.road import CLOSE, SLIPS, TAU, J, Piece, Road
 from blockmech.dynamics.work import STEPS, OfFriction, OfRate, Work, settled
 from blockmech.plane import EPS
@@ -75,7 +75,10 @@ class Ahead:
                 span = Span(end, length, sign, at.K, 2, True, True)
             loaded = self._loaded(piece, span)
             w, K = settled(loaded.work, loaded.w, span, self.n)
-            stop = self._standstill(span, w, K) if np.isfinite(w).all() else None
+            known = bool(np.isfinite(w).all())
+            if not known and (locked := self._locked(at)) is not None:
+                return locked
+            stop = self._standstill(span, w, K) if known else None
             if stop is not None:
                 if self._shortened(at, piece, abs(stop - q)):
                     return Obstacle()
@@ -83,10 +86,10 @@ class Ahead:
                 if found is not None:
                     return found
                 length = min(length, abs(stop - q))
-            elif np.isfinite(w).all():
+            elif known:
                 panel = self._made(at, span, end, w, K, loaded)
                 if self._resolved(panel, loaded):
-                    return self._until_guide_turns(at, piece, panel, loaded.work)
+                    return self._until_kink(at, piece, panel, loaded.work)
             end = q + sign * 0.5 * length
             rough = loaded.J.min() < ROUGH * piece.data.rows[J].max()
             if rough and self._shortened(at, piece, 0.5 * length):
@@ -117,9 +120,10 @@ class Ahead:
 
     def _made(self, at: At, span: Span, end: float, w: Floats, K: Floats, loaded: Loaded) -> Panel:
         """The panel of a solution."""
-        lost = 0.0
+        lost = None
         if isinstance(loaded.work, OfFriction):
-            lost = span.length * float(rule(self.n).average[span.p][-1] @ loaded.work.lost)
+            loaded.work(K[:-1])  # Newton's last step came after it was asked
+            lost = loaded.work.lost
         last = float(K[-1])
         return Panel(at.t, at.q, end, at.K, last, span.p, span.backward, w, K[:-1], loaded.J, lost)
 
@@ -130,6 +134,19 @@ class Ahead:
         if loaded.work is not None and not tail(panel.work) <= self.tolerance:
             return False
         return panel.begins_known(loaded.J0, self.tolerance)
+
+    def _locked(self, at: At) -> Obstacle | None:
+        """Self-locking where the motion is: no acceleration satisfies Coulomb's law there."""
+        friction = self.system.friction
+        if friction is None:
+            return None
+        J0 = float(self.system.sample(np.array([at.q])).J[0])
+        rate, sides = at.sign * math.sqrt(2 * at.K / J0), friction.sides(at.q, at.sign)
+        found = friction.at(at.q, rate, 0.0, sides)
+        if found.outcome.solved:
+            return None
+        note = f"{SELF_LOCKED}: t = {at.t:.9g} s, q = {at.q:.9g}, rate = {rate:.9g}"
+        return Obstacle(SELF_LOCKED, note, found.limit)
 
     def _too_short(self, at: At, piece: Piece, end: float) -> Obstacle:
         """No panel is short enough: friction has no solution, or the loads are not smooth."""
@@ -195,29 +212,39 @@ class Ahead:
         panel = replace(self._made(at, span, guess, w, K, loaded), K1=0.0)
         if not self._resolved(panel, loaded):
             return None
-        return self._until_guide_turns(at, piece, panel, loaded.work)
+        return self._until_kink(at, piece, panel, loaded.work)
 
-    # -- guides ------------------------------------------------------------
+    # -- kinks of the loads on pairs -------------------------------------------
 
-    def _until_guide_turns(
+    def _until_kink(
         self, at: At, piece: Piece, panel: Panel, work: Work | None
     ) -> Panel | Obstacle:
-        """The panel, or the part of it up to where a guide is pressed by its other side."""
+        """The panel, or the part of it up to where the size of a load has a kink."""
         if not isinstance(work, OfFriction):
             return panel
-        turn = self._first_turn(panel, work)
-        if turn is None or abs(turn - at.q) <= math.sqrt(EPS) * panel.length:
+        kink = self._first_kink(panel, work)
+        if kink is None or abs(kink - at.q) <= math.sqrt(EPS) * panel.length:
             return panel
-        return self.panel(at, piece, turn)
+        return self.panel(at, piece, kink)
 
-    def _first_turn(self, panel: Panel, work: OfFriction) -> float | None:
-        """Where the load of a guide has a kink inside a panel: another side or edge presses."""
+    def _first_kink(self, panel: Panel, work: OfFriction) -> float | None:
+        """Where a guide is pressed by another side or edge, or a pin by its other side."""
         found: list[float] = []
-        for j in np.flatnonzero(work.guides).tolist():
-            N, C = work.loads[:, j].real, work.loads[:, j].imag
-            for series in (N + C, N - C) if np.abs(C).max() > 0 else (N,):
-                v = roots(rule(self.n).to_series @ series)
-                v = v[(v > math.sqrt(EPS)) & (v < 1 - math.sqrt(EPS))]
+        r, near = rule(self.n), math.sqrt(EPS)
+        for F, guide in zip(work.loads.T, work.guides, strict=True):
+            across, largest = np.zeros(self.n), float(np.abs(F).max())
+            if guide:
+                N, C = F.real, F.imag
+                passing = (N + C, N - C) if np.abs(C).max() > 0 else (N,)
+            else:  # along the way that the load takes where it is least
+                i = min(max(int(np.abs(F).argmin()), 1), self.n - 2)
+                turned = F * np.conj(F[i + 1] - F[i - 1])
+                turned /= max(float(np.abs(turned).max()), SMALLEST)
+                passing, across, largest = (turned.real,), turned.imag, 1.0
+            for part in passing:
+                v = roots(r.to_series @ part)
+                missed = np.abs(basis(v, self.n) @ (r.to_series @ across))
+                v = v[(v > near) & (v < 1 - near) & (missed <= near * largest)]
                 way = (panel.q1 - panel.q0) * v**panel.p
                 found += (panel.q1 - way if panel.backward else panel.q0 + way).tolist()
         sign = math.copysign(1.0, panel.q1 - panel.q0)

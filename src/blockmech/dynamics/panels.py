@@ -245,7 +245,7 @@ class Panel:
     p : exponent of the map
     backward : whether v is measured from its end
     w, K, J : (n,) dK/du along the motion, kinetic energy and inertia at the nodes
-    lost : [J] what friction takes
+    lost : (n,) dW/du that friction takes, at the nodes; None without friction
     """
 
     t0: float
@@ -258,7 +258,7 @@ class Panel:
     w: Floats
     K: Floats
     J: Floats
-    lost: float = 0.0
+    lost: Floats | None = None
 
     @property
     def length(self) -> float:
@@ -302,6 +302,17 @@ class Panel:
         v = np.array([min(share, 1.0) ** (1 / self.p)])
         since = float((basis(v, self.w.size + 1) @ self.clock)[0])
         return self.t1 - since if self.backward else self.t0 + since
+
+    def taken(self, q: float) -> float:
+        """Work [J] that friction has taken when it passes a place."""
+        if self.lost is None:
+            return 0.0
+        r = rule(self.w.size)
+        series = r.clock @ (r.to_series @ (self.lost * self.p * r.v ** (self.p - 1) * self.length))
+        share = abs(self.q1 - q if self.backward else q - self.q0) / self.length
+        v = np.array([min(share, 1.0) ** (1 / self.p)])
+        since = float((basis(v, series.size) @ series)[0])
+        return float(series.sum()) - since if self.backward else since
 
     def faster(self, energy: float, t: float) -> Panel:
         """The same piece of the path at another time and with more kinetic energy [J]."""

@@ -30,6 +30,7 @@ from blockmech.dynamics.motion import (
     DEAD_CENTRE,
     INTERRUPTED,
     REST,
+    SELF_LOCKED,
     TOO_MANY,
     Event,
     Motion,
@@ -81,7 +82,6 @@ class PathRun:
     standstills: int = 0
     count: int = 0  # of panels
     mark: tuple[int, At] | None = None  # panel and state where a pattern may begin
-    lost: float = 0.0  # [J] by friction
 
     def __post_init__(self) -> None:
         self.rounding = BESIDE * EPS + 2 * self.system.noise  # relative, of work and inertia
@@ -202,6 +202,8 @@ class PathRun:
             self.facts["friction_limit"] = by.friction_limit
         self.notes += [by.note] if by.note else []
         self.arrive(by.end)
+        if by.end == SELF_LOCKED and not (self.panels or self.legs):
+            self.status = "failed"
 
     def here(self, x: float) -> bool:
         """Whether a place is where the motion is, but for rounding."""
@@ -216,7 +218,6 @@ class PathRun:
         """The motion goes over a panel."""
         self.panels.append(panel)
         self.count += 1
-        self.lost += panel.lost
         self.t, self.q, self.K = panel.t1, panel.q1, max(panel.K1, 0.0)
         if self.beside and self.K > 0:
             self.K += self.rounding * panel.length * float(np.abs(panel.w).mean())
@@ -405,7 +406,7 @@ class PathRun:
         elif self.end == request.until.goal and any(map(self.here, self.goal_places())):
             q = self.q
         if system.friction is not None:
-            self.facts["friction_work"] = self.lost
+            self.facts["friction_work"] = math.fsum(leg.taken(self.t) for leg in legs)
         return Motion(
             method="energy" if self.place_only else "spectral",
             why=request.why,

@@ -31,6 +31,10 @@ class Leg(Protocol):
         """Driver coordinate and rate (m,) at times (m,) [s]."""
         ...
 
+    def taken(self, t: float) -> float:
+        """Work [J] that friction has taken in it until a time [s]."""
+        ...
+
 
 @dataclass(frozen=True)
 class Row:
@@ -78,6 +82,11 @@ class Row:
         with np.errstate(all="ignore"):
             speed = np.where(slope > 0, p * way * lead / slope, 0.0)
         return begin + way * v * lead, np.where(backward, -speed, speed)
+
+    def taken(self, t: float) -> float:
+        """Work [J] that friction has taken in it until a time [s]."""
+        q = float(self.state(np.array([t]))[0][0])
+        return sum(x.taken(x.q1 if x.t1 <= t else q) for x in self.panels if x.t0 < t)
 
     def _moved(self, i: NDArray[np.intp], since: Floats, duration: Floats) -> tuple[Floats, Floats]:
         """v and dt/dv at times since v = 0, by Newton's method kept within a bracket."""
@@ -156,6 +165,12 @@ class Pattern:
         else:
             q, qd = Row(self.panels).state(rest)
         return q + k * self.step, np.where(back, -qd, qd)
+
+    def taken(self, t: float) -> float:
+        """Work [J] that friction has taken in it until a time [s]; none in one that gains."""
+        k, rest = divmod(t - self.t0, self.duration)
+        row = Row(self.panels)
+        return k * row.taken(self.duration) + row.taken(rest)
 
     def at_way(self, way: float) -> float:
         """Time [s] at which the driver has advanced by so much since t0."""

@@ -79,10 +79,11 @@ class OfFriction:
 
 
 def settled(work: Work | None, w: Floats | None, span: Span, n: int) -> tuple[Floats, Floats]:
-    """w (n,) and K (n + 1,) of a panel that fit each other; NaN where there is no work.
+    """w (n,) and K (n + 1,) of a panel that fit each other; NaN where none are found.
 
     ``w`` is what the place does alone, or a first guess. Newton's method on  w = work(K),
-    K = energy + G w; its matrix serves while steps fall fast.
+    K = energy + G w; its matrix serves while steps fall fast. Steps that stop falling have met
+    rounding if they are below its root, as the next would be their square; else nothing is found.
     """
     G = span.slopes(n)
     if work is None:
@@ -104,7 +105,8 @@ def settled(work: Work | None, w: Floats | None, span: Span, n: int) -> tuple[Fl
         if not math.isfinite(size):
             return np.full(n, math.nan), span.energy + G @ w
         w = w + change
-        if size <= 4 * EPS * float(np.abs(w).max()) or size >= last:
-            break
+        within = size / float(np.abs(w).max())
+        if within <= 4 * EPS or (size >= last and within <= math.sqrt(EPS)):
+            return w, span.energy + G @ w
         inverse, last = (inverse if size <= FAST * last else None), size
-    return w, span.energy + G @ w
+    return np.full(n, math.nan), span.energy + G @ w
