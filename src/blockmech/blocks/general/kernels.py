@@ -102,17 +102,7 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         places = guess[0]
         # The guess is in double: its directions are units to this precision first.
         pose = tuple(LinkPosition(planar(x, y), unit(planar(ex, ey))) for x, y, ex, ey in places)
-        step = newton_step(plans, pose, supports, q, p)
-        pose, first = stepped(pose, step, p.size)
-        last = first
-        for _ in range(STEPS - 1):
-            # Samples stop one by one, so an answer does not depend on the batch.
-            more = last > SETTLED * sqrt(EPS)
-            if not some(more):
-                break
-            step = newton_step(plans, pose, supports, q, p)
-            further, size = stepped(pose, tuple(where(more, x, 0.0) for x in step), p.size)
-            pose, last = further, where(more, size, last)
+        pose, first = newton(plans, pose, supports, q, p)
         at, open_by = conditions(plans, pose, supports, q, p)
         reach: Real = 1.0
         for sides in at:
@@ -165,6 +155,25 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
 def unit(e: Complex) -> Complex:
     """The vector at length 1."""
     return mul(e, 1 / hyp(e))
+
+
+def newton(
+    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Any
+) -> tuple[Links, Real]:
+    """The pose to which Newton's method comes, and the size of its first step.
+
+    Samples stop one by one, so an answer does not depend on the batch.
+    """
+    pose, first = stepped(pose, newton_step(plans, pose, supports, q, p), p.size)
+    last = first
+    for _ in range(STEPS - 1):
+        more = last > SETTLED * sqrt(EPS)
+        if not some(more):
+            break
+        step = newton_step(plans, pose, supports, q, p)
+        pose, size = stepped(pose, tuple(where(more, x, 0.0) for x in step), p.size)
+        last = where(more, size, last)
+    return pose, first
 
 
 def newton_step(
