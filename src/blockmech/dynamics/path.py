@@ -87,7 +87,7 @@ class PathRun:
         self.rounding = BESIDE * EPS + 2 * self.system.noise  # relative, of work and inertia
         self.off = BESIDE if self.beside else 0
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
-        self.q = q + self.off * math.ulp(q)
+        self.q = q * (1 + self.off * EPS)
         self.road = Road(self.system, self.q, self.n, tolerance, 2 * self.off)
         self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
         self.place_only = self.next.place_only
@@ -359,12 +359,12 @@ class PathRun:
                 fits = all(tail(p.rate) <= self.road.tolerance for p in turn.repetition(middle))
                 low, high = (middle, high) if fits else (low, middle - 1)
             return low
-        count, until = 1, self.request.until
+        count = 1
         ways = [abs(x - turn.panels[0].q0) for x in self.goal_places()]
         if ways:
             return math.ceil(max(ways) / abs(turn.step)) + 1
         if self.t_goal == math.inf:
-            return 2 if until.goal != "steady" else 0
+            return 2
         reached = turn.t0
         while reached < self.t_goal:
             block: Floats = np.arange(count, 2 * count, dtype=np.float64) * turn.gain
@@ -453,7 +453,8 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
         if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
             return stopped(coarse, best or fine)
         found = judged(coarse, fine, difference(coarse, fine, request.times), request.times)
-        best = found if best is None or found.error < best.error else best
+        if best is None or best.status == "failed" or found.error < best.error:
+            best = found
         if best.error <= (request.accuracy or RESOLVED) and best.status != "failed":
             break
     assert best is not None

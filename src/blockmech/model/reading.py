@@ -187,6 +187,8 @@ def _misfits(text: str) -> Iterator[Problem]:
         elif sign in (",", ":"):
             inside[-1].expects_key = sign == ","
         elif sign[0] == '"':
+            if not inside:
+                continue  # a text is no document, which its reader says
             said, here = json.loads(sign) if "\\" in sign else sign[1:-1], inside[-1]
             if here.expects_key:
                 here.key = said
