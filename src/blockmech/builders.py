@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from blockmech.errors import FormatError, GraphError, Problem, in_file
 from blockmech.model import graph
 from blockmech.model.document import read
-from blockmech.model.joints import decompose, linkage
+from blockmech.model.joints import decomposition, linkage
 from blockmech.model.reading import text_of
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Graph(graph.Graph):
         return diagram_svg(self)
 
 
-class Decomposition(decompose.Decomposition):
+class Decomposition(decomposition.Decomposition):
     """A document as blocks, with doors to a mechanism; see the model's."""
 
     @cached_property
@@ -80,7 +80,7 @@ class Linkage(linkage.Linkage):
         except GraphError as error:
             return list(error.problems)
 
-    def decompose(self, general: decompose.General = "") -> Decomposition:
+    def decompose(self, general: decomposition.General = "") -> Decomposition:
         """Drivers and Assur groups in formation order, as blocks.
 
         Parameters
@@ -90,7 +90,9 @@ class Linkage(linkage.Linkage):
 
         Raises `GraphError` with all problems.
         """
-        return Decomposition(**vars(decompose.decompose(self, general)))
+        from blockmech.model.joints.decompose import decompose  # brings networkx
+
+        return Decomposition(**vars(decompose(self, general)))
 
     def compile(self) -> Mechanism:
         """Decompose the linkage and freeze it into a mechanism that computes.

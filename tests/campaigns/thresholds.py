@@ -16,33 +16,21 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.test_architecture import is_number
+
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "src"
 HALF = "(x // 2 or 1) if isinstance(x, int) else x / 2"
 CHANGES = {"doubled": "x * 2", "halved": HALF}
 
 
-def is_number(value: ast.expr | None) -> bool:
-    """Whether an expression is a number, one of EPS, or a row of them."""
-    match value:
-        case ast.Constant(value=x):
-            return type(x) in (int, float)
-        case ast.Name(id=name):
-            return name == "EPS"
-        case ast.UnaryOp(operand=x):
-            return is_number(x)
-        case ast.BinOp(left=a, right=b):
-            return is_number(a) and is_number(b)
-        case ast.Tuple(elts=parts):
-            return bool(parts) and all(map(is_number, parts))
-    return False
-
-
 def numbers(path: Path) -> list[tuple[str, int]]:
     """Names of a module's numbers, and the line of each."""
     found = []
     for statement in ast.parse(path.read_text("utf-8")).body:
-        if isinstance(statement, ast.Assign | ast.AnnAssign) and is_number(statement.value):
+        if isinstance(statement, ast.Assign | ast.AnnAssign) and is_number(
+            statement.value, {"EPS"}
+        ):
             target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
             if isinstance(target, ast.Name) and target.id != "TURN":
                 found.append((target.id, statement.end_lineno or statement.lineno))

@@ -69,7 +69,7 @@ class Ahead:
         while True:
             length = abs(end - q)
             if length <= CLOSE * max(abs(q), abs(end)):
-                return self._too_short(at, piece, end)
+                return self._too_short(at, end)
             span = Span(q, length, sign, at.K, 1 if at.K else 2)
             if piece.data.limit == sign and end == piece.end(sign) and at.K > 0:
                 span = Span(end, length, sign, at.K, 2, True, True)
@@ -148,12 +148,10 @@ class Ahead:
         note = f"{SELF_LOCKED}: t = {at.t:.9g} s, q = {at.q:.9g}, rate = {rate:.9g}"
         return Obstacle(SELF_LOCKED, note, found.limit)
 
-    def _too_short(self, at: At, piece: Piece, end: float) -> Obstacle:
+    def _too_short(self, at: At, end: float) -> Obstacle:
         """No panel is short enough: friction has no solution, or the loads are not smooth."""
-        work = self._loaded(piece, Span(at.q, abs(end - at.q), at.sign, at.K)).work
-        if isinstance(work, OfFriction) and not np.isfinite(work(np.full(self.n, at.K))).all():
-            return Obstacle(SELF_LOCKED, friction_limit=float(np.min(work.limit)))
-        return Obstacle(TOO_MANY, f"the loads are not smooth at q = {at.q:.12g}")
+        rough = Obstacle(TOO_MANY, f"the loads are not smooth at q = {at.q:.12g}")
+        return self._locked(at._replace(q=end)) or rough
 
     def _standstill(self, span: Span, w: Floats, K: Floats) -> float | None:
         """The first place of a panel at which K is zero, roughly; None where there is none.

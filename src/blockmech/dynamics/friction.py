@@ -124,10 +124,6 @@ class Responses(NamedTuple):
     g: Any  # (n, m)
     R: Any  # (n, m, m)
 
-    def at(self, i: Any) -> Responses:
-        """Those at some of the places."""
-        return Responses(*(x[i] for x in self))
-
 
 class Loads(NamedTuple):
     """What the loads and the rate do at n states, without friction and without q''."""
@@ -163,14 +159,11 @@ class Placed(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Solved friction at n states."""
+    """Solved friction at n states; NaN where no solution is known."""
 
-    qdd: Any  # (n,)
     effort: Any  # (n,) push and friction together: J q''
     t: Any  # (n, m) friction on the later links [N m or N]
     F: Any  # (n, m) loads on the pairs, friction included
-    outcome: Any  # (n,) see `Outcome`
-    limit: Any  # (n,) share of the friction up to which there is a solution
 
 
 class Resisted(NamedTuple):
@@ -312,10 +305,8 @@ class JointFriction:
             found = self._batch(k, self.guides, columns, matrix, *self._options)
             t = np.stack([np.broadcast_to(x, n) for x in found.t], axis=-1)
             effort = push + (r.s * t).sum(axis=1)
-            qdd = effort / r.J
         F = base + np.einsum("njk,nk->nj", rows, t)
-        outcome, limit = (np.broadcast_to(x, n) for x in (found.outcome, found.limit))
-        return Found(qdd, effort, t, F, outcome, limit)
+        return Found(effort, t, F)
 
     def at(self, q: float, qd: float, t: float, sides: Sides) -> Resisted:
         """One state."""

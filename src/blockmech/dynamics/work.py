@@ -49,7 +49,6 @@ class OfFriction:
 
     lost : (n,) what friction takes, dW/du, at the energy that was asked for last
     loads : (n, m) on the pairs
-    limit : (n,) share of the friction up to which there is a solution
     """
 
     def __init__(
@@ -59,7 +58,6 @@ class OfFriction:
         self._placed = Placed.of(rows, len(sides))
         self.lost = np.zeros(q.size)
         self.loads = np.zeros((q.size, len(sides)), dtype=complex)
-        self.limit = np.ones(q.size)
         self.guides = friction.guides
 
     def _acting(self, qd2: Floats) -> Loads:
@@ -74,7 +72,7 @@ class OfFriction:
         qd2 = 2 * K / r.J  # beyond a standstill it goes on smoothly, with a negative square
         found = self._friction.solve(r, self._acting(qd2), self._sides)
         slowed = (r.s * found.t).sum(axis=1)
-        self.lost, self.loads, self.limit = -self._sign * slowed, found.F, found.limit
+        self.lost, self.loads = -self._sign * slowed, found.F
         return np.asarray(self._sign * (found.effort - self._placed.square.push * qd2))
 
 

@@ -13,19 +13,15 @@ Names: the block of a driver or a cylinder is named like the driver, a group's a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Literal
-
 import numpy as np
 
 from blockmech.assur.formation import Formation, formation
 from blockmech.assur.groups import Unit
 from blockmech.errors import GraphError, Problem, in_file
-from blockmech.model.graph import Graph
 from blockmech.model.joints.closing import Closing, Layout, Poses, coordinate
 from blockmech.model.joints.connections import Seated, seated
 from blockmech.model.joints.contents import FRAME
+from blockmech.model.joints.decomposition import Decomposition, General
 from blockmech.model.joints.diagnosis import (
     dead_centre,
     does_not_close,
@@ -44,32 +40,6 @@ from blockmech.model.joints.frames import (
 )
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import reference_problems
-from blockmech.model.naming import Names
-
-General = Literal["", "groups", "one"]
-
-
-@dataclass(frozen=True)
-class Decomposition:
-    """A document as blocks.
-
-    Attributes
-    ----------
-    data : the graph as it would stand in its file
-    names : where the links, joints and drivers of the document are in the graph
-    formation : drivers and groups in formation order, by the document's names
-    poses : where the links are, refined
-    """
-
-    data: dict[str, Any]
-    names: Names
-    formation: Formation
-    poses: Poses
-
-    @cached_property
-    def graph(self) -> Graph:
-        """The block diagram; it can be saved, changed and compiled by itself."""
-        return Graph.from_data(self.data)
 
 
 def decompose(linkage: Linkage, general: General = "") -> Decomposition:
