@@ -307,7 +307,7 @@ class Run:
         slope, ahead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
         here = hit.rule.value(t, y)
         rise = (hit.rule.value(t + ahead, y + ahead * slope) - here) / ahead
-        late = -here / rise if rise else math.nan
+        late = min(-here / rise, dense.t - t) if rise else math.nan  # not beyond its step
         moved = y + late * slope
         known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
         return (t + late, moved) if known else (t, y)
