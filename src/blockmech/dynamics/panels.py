@@ -35,13 +35,21 @@ HALVINGS = range(60)  # of an interval: a double has no more digits
 
 
 def basis(v: Any, n: int) -> Any:
-    """Chebyshev polynomials (m, n) in 2 v - 1 at v (m,); exact beside v = 0.
+    """Chebyshev polynomials (..., n) in 2 v - 1 at v (...); exact beside v = 0.
 
-    By the angle: v = sin^2(a / 2), and T_k(2 v - 1) = (-1)^k cos k a.
+    Real parts of the powers of a number on the unit circle, whose argument is exact there; each
+    half of them is the half before it times one power.
     """
-    found = np.cos(np.multiply.outer(2 * np.arcsin(np.sqrt(v)), np.arange(n)))
-    found[..., 1::2] *= -1
-    return found
+    v = np.asarray(v)
+    z = (2 * v - 1) + 2j * np.sqrt(v * (1 - v))
+    found = np.empty((*v.shape, n), dtype=z.dtype)
+    found[..., 0] = 1
+    done = 1
+    while done < n:
+        more = min(done, n - done)
+        np.multiply(found[..., :more], z[..., None], out=found[..., done : done + more])
+        z, done = z * z, 2 * done
+    return found.real
 
 
 def node_places(n: int, kind: Any = np.float64) -> Any:
@@ -155,6 +163,10 @@ class Spans(NamedTuple):
         both = np.where(backward, (other, self.anchor), (self.anchor, other))
         return both[0], both[1]
 
+    def of(self, which: Any) -> Spans:
+        """Some of them."""
+        return Spans(*(x[which] for x in self))
+
     def slopes(self, n: int) -> Floats:
         """dK/dw (m, n + 1, n) at the nodes, and at the end that is not known."""
         return np.asarray(self.way[:, None, None] * rule(n).energy[self.kind])
@@ -229,9 +241,8 @@ class Panels:
 
     def first(self, count: int) -> Panels:
         """The first ones of them."""
-        spans = Spans(*(x[:count] for x in self.spans))  # type: ignore[arg-type]
         parts = (x[:count] for x in (self.w, self.K, self.J, self.lost))
-        return Panels(self.t0, spans, *parts)
+        return Panels(self.t0, self.spans.of(slice(count)), *parts)
 
     def smooth(self, J0: Floats, tolerance: float, work: bool) -> NDArray[np.bool_]:
         """Whether the time of each (m,), and its work, are smooth enough for its nodes.

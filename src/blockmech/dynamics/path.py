@@ -239,14 +239,14 @@ class PathRun:
         return self.mark[1].q + self.sign * period
 
     def take(self, panel: Panels) -> None:
-        """The motion goes over a panel."""
+        """The motion goes over panels."""
+        if self.system.progress is not None:
+            self.system.progress("moving", self.t, self.t_goal if self.t_goal < math.inf else None)
         self.panels.append(panel)
         self.count += len(panel.w)
         self.t, (self.q, self.K) = panel.t1, panel.at_end()
         if self.beside and self.K > 0:
             self.K += self.rounding * panel.size
-        if self.system.progress is not None:
-            self.system.progress("moving", self.t, self.t_goal if self.t_goal < math.inf else None)
 
     def passed(self, piece: Piece) -> None:
         """What happens at the end of a panel."""

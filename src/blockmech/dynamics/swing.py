@@ -34,7 +34,7 @@ class Swing:
         self.at, self.stands = at, False
         self.edges = [at.q, *(p.end(at.sign) for p in pieces[:-1]), end]
         self.pieces = list(pieces)
-        self.kept: list[Floats] = []
+        self.known: dict[tuple[float, float, int], Floats] = {}
 
     def panels(self) -> Panels | None:
         """The panels, or the first ones of them: those that need no shorter road."""
@@ -72,7 +72,7 @@ class Swing:
 
     def _over_edges(self) -> tuple[Panels, Floats]:
         """The panels, and the inertia (m,) at their anchors."""
-        n, m, r = self.n, len(self.pieces), rule(self.n)
+        n, m = self.n, len(self.pieces)
         edges = np.array(self.edges)
         anchor, way, kind = edges[:-1].copy(), np.diff(edges), np.full(m, PLAIN)
         if self.at.K == 0:
@@ -80,12 +80,8 @@ class Swing:
         if self.stands:
             anchor[-1], way[-1], kind[-1] = edges[-1], -way[-1], TO_REST
         spans = Spans(anchor, way, np.zeros(m), kind)
-        low, length, most, series = (
-            np.array(x) for x in zip(*map(_read, self.pieces), strict=True)
-        )
-        share = (spans.places(np.append(r.v, 0.0)) - low[:, None]) / length[:, None]
-        rows = basis(np.clip(share, 0.0, 1.0), n) @ np.swapaxes(series, 1, 2)
-        inertia, w = rows[..., 0] + self.rounding * most[:, None], rows[:, :-1, 1]
+        rows = self._rows(spans)
+        inertia, w = rows[:, J], rows[:, TAU, :-1]
         gains = (spans.slopes(n) @ w[..., None])[..., 0]
         more = gains[:, -1] + self.rounding * np.abs(way) * np.abs(w).mean(axis=1)
         energy = self.at.K + np.append(0.0, np.cumsum(more[:-1]))
@@ -100,6 +96,24 @@ class Swing:
             np.zeros((m, n)),
         )
         return panels, inertia[:, -1]
+
+    def _rows(self, spans: Spans) -> Floats:
+        """Inertia and effort (m, 2, n + 1) at the nodes and the anchors of panels."""
+        keys = list(
+            zip(spans.anchor.tolist(), spans.way.tolist(), spans.kind.tolist(), strict=True)
+        )
+        new = [i for i, key in enumerate(keys) if key not in self.known]
+        if new:
+            data = [self.pieces[i].data for i in new]
+            low = np.array([self.pieces[i].end(-1) for i in new])
+            length = np.array([x.length for x in data])
+            v = np.append(rule(self.n).v, 0.0)
+            share = (spans.of(new).places(v) - low[:, None]) / length[:, None]
+            series = np.array([x.series[[J, TAU]] for x in data])
+            rows = series @ np.swapaxes(basis(np.clip(share, 0.0, 1.0), self.n), 1, 2)
+            rows[:, J] += self.rounding * np.array([[x.most_inertia] for x in data])
+            self.known.update(zip([keys[i] for i in new], rows, strict=True))
+        return np.array([self.known[key] for key in keys])
 
     def _stopped(self, panels: Panels, i: int) -> bool:
         """Whether a panel was cut at its standstill; not where that needs a shorter road."""
@@ -137,9 +151,3 @@ class Swing:
             sign * (stop - begin) > CLOSE * abs(stop) and sign * (self.edges[i + 1] - stop) >= 0
         )
         return stop if inside else None
-
-
-def _read(piece: Piece) -> tuple[float, float, float, Floats]:
-    """Where a piece begins, its length, its largest inertia, series (2, n) of J and tau."""
-    data = piece.data
-    return data.low + piece.shift, data.length, data.most_inertia, data.series[[J, TAU]]
