@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.cycle import Cycle, cycle_of
+from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
+from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turns import ALIKE, Signal, Turn, Turns, signal_of, turns_of
 from blockmech.errors import Problem, RequestError

@@ -9,7 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.blocks.contract import SHARED_FIELDS, Block, Moving
+from blockmech.blocks.block import SHARED_FIELDS, Block
+from blockmech.blocks.contract import Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.cli.terminal import say
 from blockmech.loads.contract import Element, Following

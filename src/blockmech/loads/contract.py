@@ -31,7 +31,7 @@ from pydantic import (
     model_validator,
 )
 
-from blockmech.blocks.contract import Block, Mistake, refuse
+from blockmech.blocks.block import Block, Mistake, refuse
 from blockmech.errors import listed
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
