@@ -20,10 +20,10 @@ from blockmech.analysis.limits import limits
 from blockmech.blocks.contract import AssurGroup
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.model.dyad_modes import Mode, branches, dyad_modes
 from blockmech.model.structure import JointRef
 from blockmech.modes.closing import NEAR, triad_modes
 from blockmech.modes.connection import CHECKS, Connections, connect
-from blockmech.modes.dyad import Mode, branches, dyad_modes
 from blockmech.modes.found import (
     DEAD,
     EARLIER,

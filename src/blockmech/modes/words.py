@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from blockmech.blocks.general import GeneralGroup
+from blockmech.model.dyad_modes import Mode
 from blockmech.model.structure import LinkRef
-from blockmech.modes.dyad import Mode
 from blockmech.modes.found import TURN
 from blockmech.plane import angle
 from blockmech.typing import LinkPosition
