@@ -193,6 +193,7 @@ class Strictly(BaseModel):
         defer_build=True,  # importing the package builds no validators
     )
 
+    kind_key: ClassVar[str] = ""  # the key by which a file tells this kind from others
     remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
 
     if not TYPE_CHECKING:  # type checkers read the fields instead

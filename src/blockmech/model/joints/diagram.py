@@ -207,7 +207,7 @@ class Diagram:
 
     def _scene(self) -> dict[str, Any]:
         drive = {
-            name: {key: value for key, value in plain(law, "law").items() if key != "joint"}
+            name: {key: value for key, value in plain(law).items() if key != "joint"}
             for name, law in self.linkage.drivers.items()
             if isinstance(law, LawOfMotion)
         }

@@ -127,7 +127,7 @@ class Linkage(Document):
         the distance [m] from the first link's point to the second's along the guide (P).
         """
         self._free("driver", name, self.drivers)
-        said = {} if law is None else plain(law, "law")
+        said = {} if law is None else plain(law)
         model = sections()["drivers"].kinds.get(said.pop("law", ""), DriverGiven)
         self.drivers[name] = _made(model, ("drivers", name), {"joint": joint, **said})
 
