@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.analysis.arcs import SEAM
 from blockmech.analysis.scan import ASIDE, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.model.structure import JointRef
@@ -18,7 +19,6 @@ from blockmech.series import Floats
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-SEAM = -math.pi / 2  # turns are cut there: arcs of symmetric mechanisms lie about 0 or pi
 BEYOND = 2.0**20  # sizes of the mechanism within which a slide's ends are searched
 COINCIDENT = 1e-6  # of a group's lengths, below which two pins lie on each other
 

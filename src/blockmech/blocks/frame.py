@@ -11,7 +11,8 @@ from typing import ClassVar
 
 from pydantic import field_validator
 
-from blockmech.blocks.contract import Block, BuiltIn, bad_name, refuse
+from blockmech.blocks.block import Block, bad_name, refuse
+from blockmech.blocks.joints import BuiltIn
 from blockmech.values import Marker, MarkersGiven, default, is_name
 
 

@@ -7,12 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.cli.given import GraphFile, compiled
+from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, times
 from blockmech.cli.options import (
     At,
     Explain,
     Friction,
+    GraphFile,
     Iterations,
     Samples,
     Static,
