@@ -313,6 +313,7 @@ def test_extremes_and_strokes_are_data_and_text():
     told = mechanism.stroke("dyad.C.p")
     assert json.loads(json.dumps(told.to_dict()))["length"] == told.length
     assert str(told).startswith("dyad.C.p  stroke 2 m, from crank.q = 3.14159265 to ")
+    assert "singular poses of the first kind" in str(told)
     assert str(told).endswith("; time ratio 1")
 
 

@@ -351,6 +351,8 @@ def test_limits_are_data():
     assert [a["end"]["q"] for a in told["arcs"]] == [a.end.q for a in found.arcs]
     assert str(found).splitlines()[0] == "crank.q: 2 feasible arcs"
     assert "deg long" in found.text(degrees=True)
+    assert str(found).splitlines()[-1].startswith("  singular poses of the second kind")
+    assert "second kind" not in str(fourbar(1.0, 3.0, 2.0, 3.5).compile().limits())
 
 
 def test_assembly_error_names_the_feasible_arcs():
