@@ -86,7 +86,7 @@ class Twin:
     def _pin(self, block, joint, link):
         """Place of a pin on a link: the built-in marker there that bears the joint's name."""
         for name in (joint.name, f"{joint.name}j"):
-            on, marker = block.markers_of().get(name, ("", None))
+            on, marker = block.all_markers.get(name, ("", None))
             if on == link:
                 return (getattr(block, marker.along) if marker.along else 0.0, 0.0)
         raise LookupError(f"no marker for joint {joint.name} on link {link}")

@@ -163,7 +163,7 @@ def travel(mechanism: Compiled, driver: str) -> Span:
     """A slide's way, a million times the size of the mechanism and of its law's range."""
     structure = mechanism.structure
     sizes = [b.largest_length() for b in structure.blocks.values() if isinstance(b, Moving)]
-    fixed = [m for _, m in structure.fixed.markers_of().values() if not isinstance(m, BuiltIn)]
+    fixed = [m for _, m in structure.fixed.all_markers.values() if not isinstance(m, BuiltIn)]
     sizes += [2 * max((abs(m.at.z) for m in fixed), default=0.0)]
     law: Any = mechanism.scene.drive.get(driver)
     sizes += [abs(law.start), abs(law.end)] if law is not None and law.by_coordinate else []

@@ -26,17 +26,15 @@ from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.arcs import Bound, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
-from blockmech.analysis.scan import TURN
+from blockmech.analysis.scan import TINY, TURN
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.structure import Structure
-from blockmech.series import DOUBLE_ROOT
+from blockmech.series import DOUBLE_ROOT, SCANNED
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-SAMPLES = 720  # of a turn: every half degree
 FEWEST = 16
-TINY = 1e-13  # [rad or m] shown as zero
 SECOND_KIND = "singular poses of the second kind (Gosselin, Angeles): driver held, the group moves"
 
 
@@ -199,7 +197,7 @@ def limits(
     at: Mapping[str, float] | None = None,
     *,
     blocks: Iterable[str] | None = None,
-    samples: int = SAMPLES,
+    samples: int = SCANNED,
 ) -> Limits:
     """The feasible arcs of a driver, the others held.
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.analysis.cycle import SAME, Cycle, no_range
-from blockmech.analysis.limits import SAMPLES, limits
+from blockmech.analysis.limits import limits
 from blockmech.analysis.scan import TURN
 from blockmech.result import Result
-from blockmech.series import Floats
+from blockmech.series import SCANNED, Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-MOST = 50 * SAMPLES  # steps of a range of many turns
+MOST = 50 * SCANNED  # steps of a range of many turns
 
 
 def cycle_of(source: Compiled | Result, settings: Mapping[str, Any]) -> Cycle:
@@ -92,7 +92,7 @@ def _by_coordinate(
     rotary = mechanism.driver_joint(mechanism.drivers[0]).rotary
     count = (high - low) / TURN if rotary else 0.0
     whole = round(count) >= 1 and abs(count - round(count)) <= SAME * count
-    steps = min(MOST, max(SAMPLES, n - 1, math.ceil(SAMPLES * count)))
+    steps = min(MOST, max(SCANNED, n - 1, math.ceil(SCANNED * count)))
     rate = more.get("rates", 0.0) if law is None else getattr(law, "rate", 0.0)
 
     def request(s: Floats) -> dict[str, Any]:
@@ -106,7 +106,7 @@ def _by_coordinate(
 def _by_time(
     mechanism: Compiled, settings: Mapping[str, Any], low: float, high: float, n: int = 0
 ) -> Cycle:
-    steps = 2 * max(SAMPLES, n - 1)
+    steps = 2 * max(SCANNED, n - 1)
     return Cycle(mechanism, settings, "time", low, high, lambda s: {"times": s}, steps)
 
 
@@ -117,4 +117,4 @@ def _by_share(
         pairs = zip(mechanism.drivers, ends, strict=True)
         return {"at": {d: a + s * (b - a) for d, (a, b) in pairs}}
 
-    return Cycle(mechanism, settings, "share", 0.0, 1.0, request, max(SAMPLES, n - 1))
+    return Cycle(mechanism, settings, "share", 0.0, 1.0, request, max(SCANNED, n - 1))

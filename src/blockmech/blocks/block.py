@@ -65,7 +65,8 @@ class Block(Strictly):
         """The markers that the block brings at its joints: name -> (link, marker)."""
         return {name: (m.link, m) for name, m in self.built_in.items()}
 
-    def markers_of(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
+    @functools.cached_property
+    def all_markers(self) -> Mapping[str, tuple[str, Marker | BuiltIn]]:
         """All markers: name -> (link, marker). Built-in ones first, a link's name is one."""
         found = self.own_markers()
         for link in self.link_names:

@@ -111,6 +111,8 @@ def harmonics(phase: Real, law: FourierNumbers) -> Real:
 class Law(Strictly):
     """Size of a force [N] or moment [N m]. ``of`` is what it is a function of."""
 
+    kind_key: ClassVar[str] = "kind"
+
     def variables(self) -> tuple[str, ...]:
         """What the law is a function of; nothing for a constant."""
         of = getattr(self, "of", None)
