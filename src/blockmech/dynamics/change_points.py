@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from blockmech.compiled import Compiled
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.system import TURN, One, Sample, System
+from blockmech.dynamics.system import TURN, One, Sample, Source, System
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series; even, so that none is at the change point
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side
@@ -75,13 +74,13 @@ class Series:
         return chebyshev.chebvander(offset / self.reach, self.n - 1) @ _nodes(self.n)[1]
 
 
-def series_through(compiled: Compiled) -> tuple[Series, ...]:
+def series_through(compiled: Source) -> tuple[Series, ...]:
     """The series of all change points; none where no dyad follows the motion.
 
     Where no smooth series is found, the change point stays a dead centre.
     """
     followed = compiled.structure.followed
-    if not followed or len(compiled.drivers) > 1:
+    if not followed or len(compiled.structure.drivers) > 1:
         return ()
     plain = System(compiled)
     points = sorted({p for f in followed.values() for p in f.points})
@@ -92,7 +91,7 @@ def series_through(compiled: Compiled) -> tuple[Series, ...]:
     return tuple(s for s in found if s is not None)
 
 
-def period_through(compiled: Compiled, period: float | None) -> float | None:
+def period_through(compiled: Source, period: float | None) -> float | None:
     """With an odd number of change points a turn, all is the same again only after two."""
     odd = any(len(f.points) % 2 for f in compiled.structure.followed.values())
     if period is None or not odd:
@@ -198,7 +197,7 @@ class FollowingSystem(System):
         return super().one(q, qd, t)
 
 
-def system_of(compiled: Compiled, **given: Any) -> System:
+def system_of(compiled: Source, **given: Any) -> System:
     """The system of a mechanism, across its change points where dyads follow the motion."""
     kind = FollowingSystem if compiled.structure.followed else System
     return kind(compiled, **given)
