@@ -71,9 +71,9 @@ class Ahead:
         while True:
             if abs(end - q) <= CLOSE * max(abs(q), abs(end)):
                 return self._too_short(at, end)
-            lies = span(q, end - q, at.K, PLAIN if at.K else FROM_REST)
+            lies = span(q, end, at.K, PLAIN if at.K else FROM_REST)
             if piece.data.limit == sign and end == piece.end(sign) and at.K > 0:
-                lies = span(end, q - end, at.K, TO_LIMIT)
+                lies = span(q, end, at.K, TO_LIMIT)
             work, inertia = self._acting_on(piece, lies, sign)
             acting, K = self._settled(work, lies)
             known = bool(np.isfinite(K).all())
@@ -155,23 +155,23 @@ class Ahead:
         ``along`` (n,) is dK/du along the motion. Where K only comes near zero between the
         nodes, the time is not resolved and the panel is made shorter.
         """
-        (anchor,), (way,), (energy,), (kind,) = lies
+        (begin,), (end,), (energy,), (kind,) = lies.begin, lies.end, lies.energy, lies.kind
         if K.min() > 0:
-            if kind == TO_LIMIT or K[-1] > -along[-1] * math.sqrt(EPS) * abs(way):
+            if kind == TO_LIMIT or K[-1] > -along[-1] * math.sqrt(EPS) * abs(end - begin):
                 return None  # but a standstill that is at the end but for rounding is in it
-            return float(anchor + way - np.sign(way) * K[-1] / along[-1])
+            return float(end - np.sign(end - begin) * K[-1] / along[-1])
         if kind == TO_LIMIT:
-            return float(anchor + 0.5 * way)  # closer first
+            return float(end + 0.5 * (begin - end))  # closer first
         i = int(np.argmax(K <= 0))
         v = np.append(rule(self.n).v, 1.0)
         if energy == 0:  # from rest the mean effort K / u is nearly a line
             a, b = (i - 1, i) if i else (0, 1)
             mean = K / v**2
             v2 = v[a] ** 2 - mean[a] * (v[b] ** 2 - v[a] ** 2) / (mean[b] - mean[a])
-            return float(anchor + way * np.clip(v2, v[0] ** 4, v[b] ** 2))
+            return float(begin + (end - begin) * np.clip(v2, v[0] ** 4, v[b] ** 2))
         before, at_before = (float(K[i - 1]), v[i - 1]) if i else (energy, 0.0)
         share = before / (before - float(K[i]))
-        return float(anchor + way * (at_before + share * (v[i] - at_before)))
+        return float(begin + (end - begin) * (at_before + share * (v[i] - at_before)))
 
     def _to_standstill(self, at: At, piece: Piece, guess: float) -> Panels | Obstacle | None:
         """The panel that ends at a standstill; None where it is not resolved.
@@ -186,7 +186,7 @@ class Ahead:
                 return Obstacle(STANDSTILL)
             if length <= 0 or at.sign * (guess - piece.end(at.sign)) > math.sqrt(EPS) * length:
                 return None
-            lies = span(guess, at.q - guess, 0.0, TO_REST)
+            lies = span(at.q, guess, 0.0, TO_REST)
             work, inertia = self._acting_on(piece, lies, at.sign)
             acting, K = self._settled(work, lies, guessed)
             series = rule(self.n).to_series @ acting.w
@@ -204,7 +204,7 @@ class Ahead:
             last, guess, guessed = abs(step), guess + step, acting.w
         else:
             return None
-        lies = span(guess, at.q - guess, 0.0, TO_REST)
+        lies = span(at.q, guess, 0.0, TO_REST)
         panel = self._made(at, lies, acting, K, inertia)
         if not panel.smooth(inertia[-1:], self.tolerance, not self.place_only)[0]:
             return None

@@ -139,42 +139,52 @@ def roots(series: Floats) -> Floats:
     return np.sort((np.clip(real, -1.0, 1.0) + 1) / 2)
 
 
-class Spans(NamedTuple):
+@dataclass(frozen=True)
+class Spans:
     """Where panels lie.
 
-    anchor, way : (m,) [rad or m], the place v = 0 and the way from there to v = 1
+    begin, end : (m,) [rad or m]
     energy : (m,) [J] at the anchor, or at v = 1 where the anchor is a dead centre
     kind : (m,)
     """
 
-    anchor: Floats
-    way: Floats
+    begin: Floats
+    end: Floats
     energy: Floats
     kind: Ints
+
+    @cached_property
+    def backward(self) -> NDArray[np.bool_]:
+        """Whether the anchors (m,) are where they end."""
+        return np.asarray(self.kind >= TO_REST)
+
+    @cached_property
+    def anchor(self) -> Floats:
+        """(m,) [rad or m] the places v = 0."""
+        return np.where(self.backward, self.end, self.begin)
+
+    @cached_property
+    def way(self) -> Floats:
+        """(m,) [rad or m] from the anchors to v = 1."""
+        return np.where(self.backward, self.begin - self.end, self.end - self.begin)
 
     def places(self, v: Floats) -> Floats:
         """Driver coordinates (m, k) of v (k,)."""
         ways = np.where(self.kind[:, None] == PLAIN, v, v * v)
         return np.asarray(self.anchor[:, None] + self.way[:, None] * ways)
 
-    def ends(self) -> tuple[Floats, Floats]:
-        """Driver coordinates (m,) where the panels begin and end."""
-        other, backward = self.anchor + self.way, self.kind >= TO_REST
-        both = np.where(backward, (other, self.anchor), (self.anchor, other))
-        return both[0], both[1]
-
     def of(self, which: Any) -> Spans:
         """Some of them."""
-        return Spans(*(x[which] for x in self))
+        return Spans(*(x[which] for x in (self.begin, self.end, self.energy, self.kind)))
 
     def slopes(self, n: int) -> Floats:
         """dK/dw (m, n + 1, n) at the nodes, and at the end that is not known."""
         return np.asarray(self.way[:, None, None] * rule(n).energy[self.kind])
 
 
-def span(anchor: float, way: float, energy: float, kind: int = PLAIN) -> Spans:
+def span(begin: float, end: float, energy: float, kind: int = PLAIN) -> Spans:
     """A single one."""
-    return Spans(*(np.array([x]) for x in (anchor, way, energy, kind)))
+    return Spans(*map(np.atleast_1d, (begin, end, energy, kind)))
 
 
 @dataclass(frozen=True)
@@ -231,12 +241,12 @@ class Panels:
 
     def at_end(self) -> tuple[float, float]:
         """Place [rad or m] and kinetic energy [J] at the end of the last."""
-        q = float(self.spans.ends()[1][-1])
+        q = float(self.spans.end[-1])
         return q, 0.0 if self.spans.kind[-1] == TO_REST else max(float(self.K[-1, -1]), 0.0)
 
     def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
-        spans = self.spans._replace(energy=self.spans.energy + energy)
+        spans = replace(self.spans, energy=self.spans.energy + energy)
         return replace(self, t0=t0, spans=spans, K=self.K + energy)
 
     def first(self, count: int) -> Panels:
@@ -288,7 +298,7 @@ class Panels:
         """At times (k,): the panels, v, and dt/dv, by Newton's method kept within a bracket."""
         i = np.clip(np.searchsorted(self.times, t, "right") - 1, 0, len(self.w) - 1)
         duration = self.clock.sum(axis=1)[i]
-        since = np.where(self.spans.kind[i] >= TO_REST, self.times[i + 1] - t, t - self.times[i])
+        since = np.where(self.spans.backward[i], self.times[i + 1] - t, t - self.times[i])
         since = np.clip(since, 0.0, duration)
         clock, rate = self.clock[i], self.rate[i]
         v = self._near(2.0 * i + since / np.maximum(duration, SMALLEST))
@@ -314,7 +324,9 @@ class Panels:
         lead = np.where(kind == PLAIN, 1.0, v)
         with np.errstate(all="ignore"):
             speed = np.where(slope > 0, P[kind] * way * lead / slope, 0.0)
-        return self.spans.anchor[i] + way * v * lead, np.where(kind >= TO_REST, -speed, speed)
+        return self.spans.anchor[i] + way * v * lead, np.where(
+            self.spans.backward[i], -speed, speed
+        )
 
     def taken(self, t: float) -> float:
         """Work [J] that friction has taken until a time [s]."""
@@ -326,24 +338,27 @@ class Panels:
         whole = series.sum(axis=1)
         (i,), v, _ = self._found(np.array([t]))
         since = float((basis(v, series.shape[1]) @ series[i])[0])
-        return float(whole[:i].sum()) + (float(whole[i]) - since if kind[i] >= TO_REST else since)
+        return float(whole[:i].sum()) + (
+            float(whole[i]) - since if self.spans.backward[i] else since
+        )
 
     def at_place(self, q: float) -> float:
         """Time [s] at which they pass a place."""
-        begin, end = self.spans.ends()
-        i = min(int(np.searchsorted(np.abs(end - begin[0]), abs(q - begin[0]))), len(end) - 1)
+        begin, end = self.spans.begin[0], self.spans.end
+        i = min(int(np.searchsorted(np.abs(end - begin), abs(q - begin))), len(end) - 1)
         share = min(abs((q - self.spans.anchor[i]) / self.spans.way[i]), 1.0)
         v = np.array([share if self.spans.kind[i] == PLAIN else math.sqrt(share)])
         since = float((basis(v, self.clock.shape[1]) @ self.clock[i])[0])
-        backward = self.spans.kind[i] >= TO_REST
-        return float(self.times[i + 1] - since if backward else self.times[i] + since)
+        return float(self.times[i + 1] - since if self.spans.backward[i] else self.times[i] + since)
 
 
 def joined(row: Sequence[Panels]) -> Panels:
     """Panels that follow each other as one."""
     if len(row) == 1:
         return row[0]
-    spans = Spans(*(np.concatenate(x) for x in zip(*(p.spans for p in row), strict=True)))
+    places = (p.spans for p in row)
+    columns = zip(*((x.begin, x.end, x.energy, x.kind) for x in places), strict=True)
+    spans = Spans(*map(np.concatenate, columns))
     names = ("w", "K", "J", "lost")
     parts = (np.concatenate([getattr(p, name) for p in row]) for name in names)
     return Panels(row[0].t0, spans, *parts)

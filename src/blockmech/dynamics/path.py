@@ -28,6 +28,7 @@ from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
     DEAD_CENTRE,
+    END_STOP,
     INTERRUPTED,
     REST,
     SELF_LOCKED,
@@ -171,7 +172,8 @@ class PathRun:
 
     def advance(self) -> None:
         """One panel further."""
-        piece = self.road.ahead(self.q, self.sign)
+        stop = self.system.stops[0][self.sign > 0]
+        piece = END_STOP if self.sign * (self.q - stop) >= 0 else self.road.ahead(self.q, self.sign)
         if isinstance(piece, str):
             self.arrive(piece)
             return
@@ -183,16 +185,17 @@ class PathRun:
             elif piece.what_ends(self.sign):
                 self.arrive(piece.what_ends(self.sign))
             return
-        goals = self.goal_places()
+        goals = [stop, *self.goal_places()]
         if self.mark is not None and self.system.period is not None:
             goals.append(self.turned(self.system.period))
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
-        cuts = [x for x in piece.cuts if self.sign * (x - self.q) > 0 and not self.here(x)]
-        nearest = min([*goals, *cuts], key=lambda x: self.sign * x, default=None)
-        panel: Panels | Obstacle | None = self.at_once(piece, nearest)
+        goal = min(goals, key=lambda x: self.sign * x, default=self.sign * math.inf)
+        panel: Panels | Obstacle | None = self.at_once(piece, goal)
         if panel is None:
-            end = min([end, *goals, *cuts], key=lambda x: self.sign * x)
-            panel = self.next.panel(self.at, piece, end)
+            cuts = (x for x in piece.cuts if self.sign * (x - self.q) > 0 and not self.here(x))
+            panel = self.next.panel(
+                self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
+            )
         if isinstance(panel, Panels):
             self.take(panel)
             self.passed(piece)
@@ -202,7 +205,7 @@ class PathRun:
         elif panel.end:
             self.obstructed(panel)
 
-    def at_once(self, piece: Piece, goal: float | None) -> Panels | None:
+    def at_once(self, piece: Piece, goal: float) -> Panels | None:
         """All panels until a standstill or a goal; None where that is not for all at once."""
         sign, end, following = self.sign, self.q, piece
         pieces: list[Piece] = []
@@ -211,11 +214,11 @@ class PathRun:
                 break
             pieces.append(following)
             end = following.end(sign)
-            if goal is not None and sign * (end - goal) >= 0:
+            if sign * (end - goal) >= 0:
                 end = goal
                 break
             known = self.road.known(end, sign)
-            if known is None or known.cuts:
+            if known is None:
                 break
             following = known
         return Swing(self.next, self.at, pieces, end).panels() if pieces else None
@@ -323,7 +326,7 @@ class PathRun:
             more, status = until.value - self.standstills, "reached"
         elif self.t_goal < math.inf:
             more, status = math.floor((self.t_goal - t) / swing.duration) - 1, "reached"
-        places = self.q, float(panels.spans.anchor[0])
+        places = self.q, float(panels.spans.begin[0])
         for k in range(int(more)):
             when = swing.begins(k + 2)
             if when <= self.t_goal:
@@ -382,7 +385,7 @@ class PathRun:
                 low, high = (middle, high) if fits else (low, middle - 1)
             return low
         count = 1
-        ways = [abs(x - float(turn.panels.spans.anchor[0])) for x in self.goal_places()]
+        ways = [abs(x - float(turn.panels.spans.begin[0])) for x in self.goal_places()]
         if ways:
             return math.ceil(max(ways) / abs(turn.step)) + 1
         if self.t_goal == math.inf:

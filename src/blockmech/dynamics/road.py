@@ -1,6 +1,6 @@
 """The road: place data along the driver's path, made where a motion comes to and kept.
 
-A piece ends where its series would not be smooth: at kinks of loads, end stops, dead centres,
+A piece ends where its series would not be smooth: at kinks of loads, dead centres,
 places without inertia. It is halved until its series are resolved, so pieces crowd only where
 the mechanism asks for it. In a periodic scene the pieces of one period serve all turns and all
 runs of a mechanism; they are made at once.
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.dynamics.motion import DEAD_CENTRE, END_STOP, IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
+from blockmech.dynamics.motion import DEAD_CENTRE, IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
 from blockmech.dynamics.panels import HALVINGS, Floats, rule
 from blockmech.dynamics.place import (
     MARGIN,
@@ -43,7 +43,7 @@ class Piece:
     """Place data in the coordinate of the motion.
 
     ends : what ends the road at the low and the high end, "" where it goes on
-    cuts : places inside at which a pair with friction reverses, or an end stop is
+    cuts : places inside at which a pair with friction reverses
     shift : [rad] whole periods between the two coordinates
     """
 
@@ -125,14 +125,11 @@ class Road:
             data = piece.data
             ahead = ((data.high if sign > 0 else data.low) + piece.shift - there) * sign
             if near < ahead <= data.length + near:
-                return self._placed(piece, shift)
+                return piece.shifted(shift)
         return None
 
     def ahead(self, q: float, sign: int, length: float = math.inf) -> Piece | str:
         """The piece ahead of a place, no longer than asked if it is new; or why there is none."""
-        low, high = self.system.stops[0]
-        if (q >= high and sign > 0) or (q <= low and sign < 0):
-            return END_STOP
         found = self.known(q, sign)
         if found is not None:
             return found
@@ -142,7 +139,7 @@ class Road:
         if isinstance(made, str):
             return made
         self.pieces.append(made)
-        return self._placed(made, shift)
+        return made.shifted(shift)
 
     def shorten(self, piece: Piece, q: float, sign: int, length: float) -> None:
         """A shorter piece from a place on instead of one that is too long for what happens."""
@@ -156,17 +153,6 @@ class Road:
             return 0.0, near
         shift = period * math.floor((q + sign * near - self.first) / period)
         return shift, near + CLOSE * abs(shift)
-
-    def _placed(self, piece: Piece, shift: float) -> Piece:
-        """A piece in the motion's coordinate: end stops end one turn and not all turns."""
-        placed = piece.shifted(shift)
-        for i, stop in enumerate(self.system.stops[0]):
-            if placed.end(-1) < stop < placed.end(1):
-                placed = replace(placed, cuts=(*placed.cuts, stop))
-            elif stop == placed.end(1 if i else -1):
-                ends = (placed.ends[0], END_STOP) if i else (END_STOP, placed.ends[1])
-                placed = replace(placed, ends=ends)
-        return placed
 
     # -- making a piece ------------------------------------------------------------
 

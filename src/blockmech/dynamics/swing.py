@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,22 +75,22 @@ class Swing:
         """The panels, and the inertia (m,) at their anchors."""
         n, m = self.n, len(self.pieces)
         edges = np.array(self.edges)
-        anchor, way, kind = edges[:-1].copy(), np.diff(edges), np.full(m, PLAIN)
+        kind = np.full(m, PLAIN)
         if self.at.K == 0:
             kind[0] = FROM_REST
         if self.stands:
-            anchor[-1], way[-1], kind[-1] = edges[-1], -way[-1], TO_REST
-        spans = Spans(anchor, way, np.zeros(m), kind)
+            kind[-1] = TO_REST
+        spans = Spans(edges[:-1], edges[1:], np.zeros(m), kind)
         rows = self._rows(spans)
         inertia, w = rows[:, J], rows[:, TAU, :-1]
         gains = (spans.slopes(n) @ w[..., None])[..., 0]
-        more = gains[:, -1] + self.rounding * np.abs(way) * np.abs(w).mean(axis=1)
+        more = gains[:, -1] + self.rounding * np.abs(spans.way) * np.abs(w).mean(axis=1)
         energy = self.at.K + np.append(0.0, np.cumsum(more[:-1]))
         if self.stands:
             energy[-1] = 0.0
         panels = Panels(
             self.at.t,
-            spans._replace(energy=energy),
+            replace(spans, energy=energy),
             w,
             energy[:, None] + gains,
             inertia[:, :-1],

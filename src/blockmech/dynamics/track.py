@@ -93,7 +93,7 @@ class Pattern:
     def at_way(self, way: float) -> float:
         """Time [s] at which the driver has advanced by so much since t0."""
         k = math.floor(way / self.step)
-        q = float(self.panels.spans.anchor[0]) + (way - k * self.step)
+        q = float(self.panels.spans.begin[0]) + (way - k * self.step)
         return self.begins(k) + self.repetition(k).at_place(q)
 
     def durations(self, energies: Floats) -> Floats:
