@@ -92,7 +92,7 @@ class Ahead:
                 if panel.smooth(inertia[-1:], self.tolerance, not self.place_only)[0]:
                     return self._until_kink(at, piece, panel, acting)
             end = q + 0.5 * (end - q)
-            rough = inertia.min() < ROUGH * piece.data.most_inertia
+            rough = inertia.min() < ROUGH * piece.data.largest[J]
             if rough and self._shortened(at, piece, abs(end - q)):
                 return Obstacle()
 
@@ -108,7 +108,7 @@ class Ahead:
         friction, (q,) = self.system.friction, lies.places(np.append(rule(self.n).v, 0.0))
         rows = piece.rows(q)
         if self.rounding:
-            rows[J] += self.rounding * piece.data.most_inertia
+            rows[J] += self.rounding * piece.data.largest[J]
         inertia, q, rows = rows[J], q[:-1], rows[:, :-1]
         if self.place_only:
             return of_place(rows), inertia

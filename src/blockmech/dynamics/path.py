@@ -209,7 +209,7 @@ class PathRun:
         """All panels until a standstill or a goal; None where that is not for all at once."""
         sign, end, following = self.sign, self.q, piece
         pieces: list[Piece] = []
-        while self.place_only and len(pieces) < len(self.road.pieces):
+        while self.place_only and len(pieces) <= len(self.road.pieces):
             if following.data.limit or following.what_ends(sign):
                 break
             pieces.append(following)
