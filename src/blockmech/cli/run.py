@@ -78,7 +78,7 @@ def run(
     with progress_bar("computing"):
         result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")
         gaps = gap_lines(result, deg)
-        result = without_gaps(result, on_gap, mechanism.feasible)
+        result = without_gaps(result, on_gap)
     if result.accuracy is not None:
         note(str(result.accuracy))
     output.show(result, _pictures, gaps)

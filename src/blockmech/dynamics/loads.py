@@ -25,13 +25,8 @@ from blockmech.loads.torsion_spring import TorsionSpring, twist
 from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
-from blockmech.passes.loads import (
-    NOTHING,
-    cm_velocity,
-    kernel_on,
-    terminal_term,
-    weight_on,
-)
+from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight_on
+from blockmech.passes.resultants import NOTHING
 from blockmech.plan import NOUGHT, ZERO, Friction
 from blockmech.plane import EPS
 from blockmech.series import SCANNED

@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.continuation import EPS, Curve, Point, advance, correct, crossing, point, side
+from blockmech.continuation import Curve, Point, advance, correct, crossing, point, side
 from blockmech.friction.equations import Array, Equations
+from blockmech.plane import EPS
 
 STEP, LARGEST, SMALLEST = 0.05, 0.2, 1e-10
 MOST = 500  # steps

@@ -37,7 +37,6 @@ from blockmech.plan import Friction, Schedule
 from blockmech.series import DOUBLE_ROOT, EPS
 
 Array = NDArray[Any]
-TURN = 2 * math.pi
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
 STRIDE = 0.3  # [rad] turn of a link in one step
 SMALLEST = (
@@ -302,8 +301,8 @@ class Knots:
         lost = np.flatnonzero(reached < 1.0)
         if not (self.rotary and len(lost)):
             return place, reached
-        behind = self.home + np.mod(q[lost] - self.home, TURN)
-        for same in (behind, behind - TURN):
+        behind = self.home + np.mod(q[lost] - self.home, math.tau)
+        for same in (behind, behind - math.tau):
             there, share = self._along(same, one)
             better = share > reached[lost]
             place[lost[better]], reached[lost[better]] = there[better], share[better]
@@ -321,10 +320,10 @@ class Knots:
 
     def _folded(self, q: Array) -> Array:
         """Driver values of further turns, brought into the first ones where they repeat."""
-        far = np.abs(q - self.home) >= TURN
+        far = np.abs(q - self.home) >= math.tau
         if not (far.any() and self.turns):
             return q
-        return np.where(far, self.home + np.mod(q - self.home, self.turns * TURN), q)
+        return np.where(far, self.home + np.mod(q - self.home, self.turns * math.tau), q)
 
     @cached_property
     def turns(self) -> int:
@@ -333,7 +332,7 @@ class Knots:
             return 0
         home = self.path.at_home.place
         for k in range(1, MODES + 1):
-            away = np.array([k * TURN])
+            away = np.array([k * math.tau])
             place, _ = self.sides[1].follow(self.home + away, away, one=True)
             apart = np.abs(place - home).max(axis=0) * self.path.tracker.weights
             if not np.isfinite(apart).all():
