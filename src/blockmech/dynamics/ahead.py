@@ -29,7 +29,7 @@ from blockmech.dynamics.panels import (
 )
 from blockmech.dynamics.place import SHORT, SLIPS, J
 from blockmech.dynamics.road import CLOSE, Piece, Road
-from blockmech.dynamics.work import STEPS, Acting, Work, of_friction, of_place, of_rate, settled
+from blockmech.dynamics.work import Acting, Work, of_friction, of_place, of_rate, settled
 from blockmech.plane import EPS
 
 ROUGH = 1 / 64  # of a piece's inertia: what is below has two digits less
@@ -180,7 +180,7 @@ class Ahead:
         """
         last, guessed = math.inf, None
         before: tuple[float, float] | None = None  # an end, and what energy that leaves over
-        for _ in range(STEPS):
+        while True:
             length = at.sign * (guess - at.q)
             if length <= CLOSE * max(abs(at.q), 1.0) and 1e3 * EPS * self.largest >= at.K:
                 return Obstacle(STANDSTILL)
@@ -202,8 +202,6 @@ class Ahead:
                 break
             before = guess, left
             last, guess, guessed = abs(step), guess + step, acting.w
-        else:
-            return None
         lies = span(at.q, guess, 0.0, TO_REST)
         panel = self._made(at, lies, acting, K, inertia)
         if not panel.smooth(inertia[-1:], self.tolerance, not self.place_only)[0]:

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
-PARTS = 16  # a search for the last possible pose asks at that many places at a time
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
 
 
@@ -239,7 +238,7 @@ class Road:
         if not self._possible_at(np.array([q]))[0]:
             return q, self._why(q, q)
         for _ in HALVINGS:
-            x = np.linspace(good, bad, PARTS + 1)[1:]
+            x = np.linspace(good, bad, self.n + 1)[1:]
             x = x[(x != good) & (x != bad)]
             if not x.size:
                 break

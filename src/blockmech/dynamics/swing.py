@@ -19,7 +19,6 @@ from blockmech.dynamics.ahead import ROUGH, Ahead, At
 from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, Floats, Panels, Spans, basis, rule
 from blockmech.dynamics.place import SHORT, TAU, J, PlaceData
 from blockmech.dynamics.road import CLOSE, Piece
-from blockmech.dynamics.work import STEPS
 from blockmech.plane import EPS
 
 Key: TypeAlias = tuple[float, float, int]  # where a panel begins and ends, and its kind
@@ -142,7 +141,7 @@ class Swing:
         stop = float(at_before + (nodes[j] - at_before) * before / (before - K[j]))
         last = math.inf
         v = np.append(r.v, 1.0)
-        for _ in range(STEPS):
+        while True:
             way = stop - begin
             share = (begin + way * v - piece.data.low - piece.shift) / piece.data.length
             tau = basis(np.clip(share, 0.0, 1.0), self.n) @ piece.data.series[TAU]
