@@ -20,6 +20,7 @@ from blockmech.plane import EPS
 
 Setting = TypeVar("Setting")
 
+TARGET = 1e-9  # [rad or m] of the error if none is given
 COMPARED = 129  # times spread over a run at which two runs are compared, beside those wanted
 # Of |q| or t: a value is a sum of some fifty terms of a series, which is the integral of one that
 # values were summed to. Roundings of up to EPS / 2 each, added like a random walk, twice that.

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import difference, judged, missed, stopped
+from blockmech.dynamics.estimate import TARGET, difference, judged, missed, stopped
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -482,7 +482,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
         found = judged(coarse, fine, difference(coarse, fine, request.times), request.times)
         if best is None or best.status == "failed" or found.error < best.error:
             best = found
-        if best.error <= (request.accuracy or RESOLVED) and best.status != "failed":
+        if best.error <= (request.accuracy or TARGET) and best.status != "failed":
             break
     assert best is not None
     return best if request.accuracy is None else missed(best, request.accuracy)
