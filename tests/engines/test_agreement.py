@@ -55,7 +55,7 @@ def test_engines_agree_to_the_last_bit_on_hand_made_graphs(make, friction):
 
 
 @given(case=mechanisms())
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_engines_agree_to_the_last_bit_on_random_graphs(case):
     mech = case.graph.compile()
     agree(mech, **case.request)
