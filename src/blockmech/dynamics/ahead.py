@@ -71,6 +71,7 @@ class Ahead:
         q, sign = at.q, at.sign
         self.largest = max(self.largest, at.K)
         end, self.longest = q + sign * min(abs(end - q), self.longest), math.inf
+        free = self.system.friction is None  # to move on: no self-locking where the motion is
         while True:
             if abs(end - q) <= CLOSE * max(abs(q), abs(end)):
                 return self._too_short(at, end)
@@ -80,8 +81,10 @@ class Ahead:
             work, inertia = self._acting_on(piece, lies, sign)
             acting, K = self._settled(work, lies)
             known = bool(np.isfinite(K).all())
-            if not known and (locked := self._locked(at)) is not None:
-                return locked
+            if not (known or free):
+                if (locked := self._locked(at)) is not None:
+                    return locked
+                free = True
             stop = self._standstill(lies, sign * acting.w, K) if known else None
             if stop is not None:
                 if self._shortened(at, piece, abs(stop - q)):
