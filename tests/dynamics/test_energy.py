@@ -200,20 +200,6 @@ def test_dead_centre_is_reached_in_the_exact_time():
     assert motion.qd_end == pytest.approx(0.0, abs=1e-12)
 
 
-def test_equilibria_say_whether_they_are_stable():
-    stable, unstable = run(pendulum(), 0.0, "standstill"), run(pendulum(), math.pi, "standstill")
-    assert stable.end == "stable equilibrium"
-    assert stable.facts["frequency"] == pytest.approx(1.0, abs=1e-10)
-    assert unstable.end == "unstable equilibrium"
-    assert unstable.facts["rate"] == pytest.approx(1.0, abs=1e-10)
-    assert unstable.at(unstable.t_end).q == math.pi
-
-
-def test_an_impossible_start_is_no_motion():
-    motion = run(fourbar(), 2.5, "time=1")
-    assert (motion.status, motion.end) == ("failed", "impossible pose")
-
-
 # -- drivers without a period ----------------------------------------------------------------
 
 
