@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import json
 import math
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -41,13 +42,14 @@ GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 # -- loads of place and rate ------------------------------------------------------------------
 
 
-def steady(**more):
-    return move(motored(), Start(0.5), "steady", accuracy=1e-10, **more)
+@cache
+def steady():
+    return move(motored(), Start(0.5), "steady", accuracy=1e-10)
 
 
 def test_steady_rotation_equals_the_long_run():
     motion = steady()
-    long = move(motored(), Start(0.5), "turns=60", accuracy=1e-11)
+    long = move(motored(), Start(0.5), "turns=45", accuracy=1e-11)
     assert motion.at(0.0).qd == pytest.approx(long.qd_end, rel=1e-10)
     assert motion.q_end == 0.5 + TURN
     assert (motion.method, motion.regime) == ("return map", "steady state")
