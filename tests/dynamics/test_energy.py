@@ -16,11 +16,11 @@ from tests.dynamics.linkages import (
     fourbar,
     guided,
     pendulum,
-    recorded,
     smooth,
     watt,
 )
 from tests.dynamics.synthetic import Synthetic, move
+from tests.wiring import recorded
 
 WATT = recorded("watt_sixbar")
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)

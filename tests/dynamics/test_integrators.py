@@ -13,10 +13,10 @@ from blockmech.dynamics.system import Terms
 from tests.dynamics.linkages import (
     guided,
     motored,
-    recorded,
     watt,
 )
 from tests.dynamics.synthetic import Synthetic, move
+from tests.wiring import recorded
 
 WATT = recorded("watt_sixbar")
 SIXTY = WATT["from_60_degrees"]

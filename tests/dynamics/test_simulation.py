@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,9 +18,9 @@ from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import RequestError
 from tests.dynamics import machines
-from tests.dynamics.linkages import recorded
+from tests.gallery import GRAPHS, mechanism
+from tests.wiring import recorded
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 TURN = 2 * math.pi
 WATT = recorded("watt_sixbar")
 ANDREWS = recorded("andrews_squeezer")["converged_at_0_03"]
@@ -29,11 +28,6 @@ ANDREWS = recorded("andrews_squeezer")["converged_at_0_03"]
 # What the project promises (issue 5).
 ANGLE, RATE, REACTION = 1e-12, 1e-11, 1e-10  # [rad, rad/s, relative] by energy
 INTEGRATED = 1e-9  # by integrators, [rad], [s], or relative
-
-
-@cache
-def mechanism(name):
-    return bm.Graph.load(GRAPHS / f"{name}.json").compile()
 
 
 def simulated(name, until=None, **request):

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import cmath
-import json
 import math
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from scipy.integrate import solve_ivp
 from blockmech.dynamics import steady
 from blockmech.dynamics.request import Start
 from blockmech.errors import RequestError
-from tests.doors import graph_of as loads
 from tests.dynamics.linkages import fourbar
 from tests.dynamics.scenes import (
     JUDGE,
@@ -38,9 +35,7 @@ from tests.dynamics.scenes import (
 )
 from tests.dynamics.synthetic import move
 from tests.dynamics.test_integrators import double_pendulum
-
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
-
+from tests.gallery import changed, document
 
 # -- loads of the time ------------------------------------------------------------------------
 
@@ -130,10 +125,10 @@ def test_a_forced_pendulum_settles_to_it_at_the_rate_of_its_multipliers():
 
 @cache
 def pump(**law):
-    data = json.loads((GRAPHS / "pump.json").read_text("utf-8"))
+    data = document("pump")
     if law:
         data["blocks"]["motor"]["law"] = law
-    return loads(json.dumps(data)).compile()
+    return changed(data)
 
 
 def test_a_crank_under_a_table_of_the_time_equals_the_long_run_through_its_kinks():

@@ -6,18 +6,15 @@ its motion under a constant moment is a parabola in time.
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.doors import graph_of as loads
 from tests.dynamics.scenes import J, at_rest, motor, rod, slide
+from tests.gallery import changed, document
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 START = 0.5  # [rad]
 IN_TIME = ("auto", "dop853", "lsoda", "radau", "rk4")
 OF_PLACE = (*IN_TIME, "energy", "euler_q")
@@ -132,8 +129,7 @@ def test_a_start_at_rest_on_a_kink_of_a_load_leaves_it(method, pull):
 
 @pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
 def test_several_drivers(method):
-    data = json.loads((GRAPHS / "fivebar_falling.json").read_text("utf-8"))
-    del data["expect"]
+    data = document("fivebar_falling")
     data["blocks"]["motor"] = {"type": "load.motor", "law": linear("time", 0.05)}
     ((link, _),) = data["blocks"]["left"]["links"].items()
     data["wires"] += [
@@ -141,7 +137,7 @@ def test_several_drivers(method):
         {"from": f"left.{link}", "to": "motor.b"},
     ]
     start = {"left": (1.2, 0.0), "right": (2.2, 0.0)}
-    found = loads(json.dumps(data)).compile().simulate("time=1", method=method, start=start).motion
+    found = changed(data).simulate("time=1", method=method, start=start).motion
     assert (found.status, found.end) == ("ended", "undefined load")
     assert found.t_end == pytest.approx(0.05, rel=1e-9)
     assert found.error < 1e-6
