@@ -167,23 +167,16 @@ class _Walk(NamedTuple):
 
 @dataclass
 class _Line:
-    """The line of the driver: its nodes, and what is known between them.
+    """The line of the driver: its nodes, and what is known between them."""
 
-    Attributes
-    ----------
-    held : p (n,) -> the triad there
-    turn : whether the line closes
-    right : a mode at a node -> the same mode at the next one, and the step to it
-    passed : a mode at a node -> the step to a change point before the next one
-    merged : a mode and a way (0 back, 1 ahead) -> the step to a dead centre before the next
-        node, and the mode that merges with it
-    """
-
-    held: Callable[[Floats], Placed]
-    turn: bool
+    held: Callable[[Floats], Placed]  # p (n,) -> the triad there
+    turn: bool  # whether the line closes
     nodes: list[_Node] = field(default_factory=list)
+    # a mode at a node -> the same mode at the next one, and the step to it
     right: dict[At, tuple[At, float]] = field(default_factory=dict)
+    # a mode at a node -> the step to a change point before the next one
     passed: dict[At, float] = field(default_factory=dict)
+    # a mode and a way (0 back, 1 ahead) -> the step to a dead centre, and what merges there
     merged: dict[tuple[At, int], tuple[float, At]] = field(default_factory=dict)
     borders: tuple[int, int] = (-1, -1)  # nodes where a range begins and ends
 
