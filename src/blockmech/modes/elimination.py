@@ -93,15 +93,10 @@ def coefficients(held: Placed) -> Vectors:
     spectrum = np.fft.fft(f) / len(CIRCLE)
     found = spectrum[:, np.arange(-3, 4)]
     if np.any(np.abs(found).max(axis=1) <= NEGLIGIBLE * terms.max(axis=1)):
-        raise RequestError(
-            Problem(
-                "bad-triad",
-                "legs",
-                "the platform can move although its supports stand",
-                "three legs hold it if none is the same as another or all are parallel guides",
-                "leave one leg out, or place its joints elsewhere",
-            )
-        )
+        told = "the platform can move although its supports stand"
+        valid = "three legs hold it if none is the same as another or all are parallel guides"
+        remedy = "leave one leg out, or place its joints elsewhere"
+        raise RequestError(Problem("bad-triad", "legs", told, valid, remedy))
     return np.asarray((found + found[:, ::-1].conj()) / 2)
 
 
