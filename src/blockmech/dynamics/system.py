@@ -199,7 +199,7 @@ class System:
     def table(self) -> PlaceTable | None:
         """Polynomials of the place, where all repeats and loads are straight lines in the rate."""
         structure = self.compiled.structure
-        if self.period is None or structure.followed or not loads.straight_in_rate(structure):
+        if self.period is None or not loads.straight_in_rate(structure):
             return None
         return PlaceTable(self, self.period)
 
