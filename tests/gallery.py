@@ -8,14 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+
+import blockmech as bm
+from blockmech.mechanism import Mechanism
 
 GRAPHS = Path(__file__).parents[1] / "graphs"
 JOINTS = GRAPHS / "joints"
 
-OF_LINKS = ("p", "v", "a", "angle", "omega", "alpha")
-OF_JOINTS = ("reaction", "friction", "slip", "N", "C")
-OF_DRIVERS = ("q", "rate", "acceleration", "drive", "drive_by_reduction", "J_red", "tau_red")
+
+@cache
+def mechanism(name: str) -> Mechanism:
+    """A graph of the gallery, compiled."""
+    return bm.Graph.load(GRAPHS / f"{name}.json").compile()
 
 
 @dataclass(frozen=True)

@@ -237,18 +237,9 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 SNIPPETS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 
 
-def test_python_of_the_readme_runs_from_top_to_bottom(monkeypatch, tmp_path):
+def test_python_of_the_readme_runs_from_top_to_bottom_and_prints_the_numbers_it_says(monkeypatch):
     monkeypatch.chdir(ROOT)  # the reader stands in a checkout
     before = {p for p in ROOT.iterdir() if p.name != "__pycache__"}
-    space: dict = {}
-    for number, snippet in enumerate(SNIPPETS):
-        exec(compile(snippet, f"<README.md, python block {number}>", "exec"), space)
-    assert len(SNIPPETS) >= 3
-    assert {p for p in ROOT.iterdir() if p.name != "__pycache__"} == before
-
-
-def test_numbers_that_the_readme_says_are_printed_are_printed(monkeypatch):
-    monkeypatch.chdir(ROOT)
     space: dict = {}
     promised = 0
     for snippet in SNIPPETS:
@@ -262,7 +253,9 @@ def test_numbers_that_the_readme_says_are_printed_are_printed(monkeypatch):
                 digits = len(said[1].split(".")[-1]) if "." in said[1] else 0
                 found = float(out.getvalue().split()[0])
                 assert found == pytest.approx(float(said[1]), abs=0.51 * 10.0**-digits), line
+    assert len(SNIPPETS) >= 3
     assert promised >= 1
+    assert {p for p in ROOT.iterdir() if p.name != "__pycache__"} == before
 
 
 def test_files_that_the_readme_names_exist():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import cmath
 import json
-import math
 import random
 from collections.abc import Mapping
 from functools import cache
@@ -18,6 +17,7 @@ from blockmech import Graph
 from blockmech.blocks.contract import Block, Moving
 from blockmech.testing.strategies import Case
 from blockmech.values import Marker
+from tests.gallery import GRAPHS
 
 DATA = Path(__file__).resolve().parent / "data"
 COEFFICIENT, PIN = 0.4, 0.0075  # [-], [m] friction and pin radius of the Ruiz four-bar
@@ -39,6 +39,18 @@ def off(found: Any, wanted: Any, scale: float | None = None) -> float:
     return float(np.abs(found - wanted).max()) / (size or 1.0)
 
 
+def amplification(run: Any) -> float:
+    """By how much groups in a row may multiply rounding: 1 / sqrt(margin) along the supports."""
+    structure, margins = run.mechanism.structure, run.quality.margin
+    good = np.array([s == "ok" for s in run.quality.status])
+    found = {structure.frame: np.ones(run.n)}
+    for block in structure.blocks:
+        own = np.max([found[s] for s in (structure.frame, *structure.supports(block))], axis=0)
+        with np.errstate(all="ignore"):
+            found[block] = own / np.sqrt(margins[block]) if block in margins else own
+    return max((float(c[good].max(initial=1.0)) for c in found.values()), default=1.0)
+
+
 def wire(graph: Graph, *wires: str) -> Graph:
     """Connect ``"marker joint"`` pairs."""
     for text in wires:
@@ -51,36 +63,11 @@ def wire(graph: Graph, *wires: str) -> Graph:
 
 def ruiz(coefficient: float = COEFFICIENT, radius: float = PIN) -> Graph:
     """The four-bar of Ruiz, Durango & Calle 2010, Table 1; radius 0: no friction."""
+    g = Graph.load(GRAPHS / "ruiz_fourbar.json")
     law = bm.Coulomb(coefficient=coefficient, radius=radius) if radius else None
-    g = Graph("ruiz_fourbar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
-    crank = bm.Link(mass=4.8, inertia=1.7, cm=(1.0, 0.0))
-    g.add(
-        "crank",
-        bm.Crank(length=2.0, links={"crank": crank}, friction={"A": law} if law else {}),
-    )
-    links = {
-        "i": bm.Link(
-            mass=30.0,
-            inertia=48.8,
-            cm=cmath.rect(2.8, 0.152),
-            markers={"S": Marker(at=cmath.rect(2.5, math.pi / 6))},
-        ),
-        "j": bm.Link(mass=7.2, inertia=5.5, cm=(1.5, 0.0)),
-    }
-    friction = dict.fromkeys("BCD", law) if law else {}
-    g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, branch=1, links=links, friction=friction))
-    g.add("weightlike", bm.Force(force=(0.0, -1000.0)))
-    g.add("couple", bm.Couple(moment=-250.0))
-    wire(
-        g,
-        "frame.A crank.A",
-        "crank.B dyad.B",
-        "frame.D dyad.D",
-        "dyad.S weightlike.at",
-        "dyad.j couple.on",
-    )
-    g.drive("crank", bm.ConstantRate(rate=10.0))
+    for name in ("crank", "dyad"):
+        friction = dict.fromkeys(g.blocks[name].friction, law) if law else {}
+        g.blocks[name] = changed(g.blocks[name], friction=friction)
     return g
 
 
@@ -171,53 +158,8 @@ def toggle(friction: bool = True) -> Graph:
 
 
 def squeezer() -> Graph:
-    """Andrews' squeezer mechanism from its joint-based document: three dyads share the pin P.
-
-    An RRR dyad's links have their x axes towards the inner joint, the document's do not, so
-    every place is turned into the new frame.
-    """
-    document = recorded("andrews_squeezer")["document"]
-
-    def link(name: str, origin: complex, towards: complex, **markers: complex) -> bm.Link:
-        e = (towards - origin) / abs(towards - origin)
-        p = document["links"][name]
-
-        def seen(at: complex) -> complex:
-            return (at - origin) * e.conjugate()
-
-        return bm.Link(
-            mass=p["mass"],
-            inertia=p["inertia"],
-            cm=seen(complex(*p["cm"])),
-            markers={n: Marker(at=seen(at)) for n, at in markers.items()},
-        )
-
-    g = Graph("squeezer")
-    pivots = {"O": 0j, "B": -0.03635 + 0.03273j, "A": -0.06934 - 0.00227j, "C": 0.014 + 0.072j}
-    g.add("frame", bm.Frame(markers={n: Marker(at=at) for n, at in pivots.items()}))
-    g.add("crank", bm.Crank(length=0.007, links={"crank": link("1", 0j, 1 + 0j)}))
-    links = {"i": link("2", 0j, -0.028 + 0j), "j": link("3", 0j, -0.035j, S=0.02 - 0.018j)}
-    g.add("first", bm.RRR(l_i=0.028, l_j=0.035, branch=1, links=links))
-    links = {"i": link("4", -0.02j, 0j), "j": link("5", 0j, 0.04 + 0j)}
-    g.add("upper", bm.RRR(l_i=0.02, l_j=0.04, branch=-1, links=links))
-    links = {"i": link("6", 0.02 + 0j, 0j), "j": link("7", 0j, -0.04j)}
-    g.add("lower", bm.RRR(l_i=0.02, l_j=0.04, branch=1, links=links))
-    spring = document["loads"]["spring"]
-    g.add("spring", bm.Spring(stiffness=spring["stiffness"], free_length=spring["free_length"]))
-    g.add("couple", bm.Couple(moment=document["loads"]["couple"]["moment"]))
-    return wire(
-        g,
-        "frame.O crank.A",
-        "crank.B first.B",
-        "frame.B first.D",
-        "first.C upper.B",
-        "frame.A upper.D",
-        "first.C lower.B",
-        "frame.A lower.D",
-        "frame.C spring.a",
-        "first.S spring.b",
-        "crank.crank couple.on",
-    )
+    """Andrews' squeezer mechanism: three dyads share a pin."""
+    return Graph.load(GRAPHS / "andrews_squeezer.json")
 
 
 def chain(dyads: int, friction: bool = False) -> Graph:

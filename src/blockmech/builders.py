@@ -45,9 +45,10 @@ class Graph(graph.Graph):
         return self.compile().run(**request)
 
     def _repr_svg_(self) -> str:
-        from blockmech.draw import diagram_svg
+        from blockmech.draw.diagram import draw_diagram
+        from blockmech.draw.paper import rendered
 
-        return diagram_svg(self)
+        return rendered(draw_diagram(self).figure, ".svg").decode()
 
 
 class Decomposition(decomposition.Decomposition):
@@ -141,6 +142,15 @@ def _kind(raw: dict[str, Any]) -> type[Opened]:
     if "format" in raw:
         joints = raw["format"] == Linkage.form.format
     return Linkage if joints else Graph
+
+
+def compiled(path: str | os.PathLike[str]) -> Mechanism:
+    """The mechanism in a file. Raises `FormatError`, `GraphError` that name the file."""
+    found = opened(path)
+    try:
+        return found.compile()
+    except GraphError as error:
+        raise GraphError(in_file(error.problems, os.fspath(path))) from error.__cause__
 
 
 def problems_in(path: str | os.PathLike[str]) -> list[Problem]:

@@ -169,27 +169,63 @@ class Compiled:
         friction: str | None = None,
         tolerance: float | None = None,
         iterations: int | None = None,
+        accuracy: float | None = None,
         static: bool = False,
         engine: Literal["auto", "scalar", "numpy"] = "auto",
         precision: str | None = None,
         chunk: int | None = None,
         on_gap: Literal["raise", "mark", "stop"] = "raise",
     ) -> Result:
-        """Compute the wanted outputs; the parameters are those of `Mechanism.run`."""
+        """Compute the wanted outputs at given driver coordinates or times.
+
+        Parameters
+        ----------
+        at : float or (n,) [rad or m], or a mapping driver -> (n,)
+            Driver coordinates; rates follow from the scene's law of motion.
+        samples : int
+            That many equally spaced samples of the law's range; default 361.
+        times : (n,) [s]
+            Samples of the laws of motion by time.
+        rates, accelerations : like ``at``
+            Driver rates and accelerations, in place of the law's.
+        want, friction, tolerance, iterations, static : see `plan`
+        accuracy : float [- or rad]
+            Wanted error relative to each output's largest magnitude; chooses friction
+            method, iterations and precision, and ``result.accuracy`` says which.
+        engine : "scalar" for few samples, "numpy" for batches, "auto" by size
+        precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
+        chunk : samples per batch of the NumPy engine
+        on_gap : what to do at samples without an answer: raise, mark them as NaN,
+            or stop before the first
+
+        Returns
+        -------
+        Result, labelled, with units and quality
+
+        Raises
+        ------
+        RequestError for unknown names or settings that do not fit
+        AssemblyError, SingularError, FrictionError at gaps, unless marked
+        """
         taken = make_samples(self, self.scene, at, samples, times, rates, accelerations)
-        friction = friction or "newton"
-        plan = self.plan(
-            want, friction=friction, tolerance=tolerance, iterations=iterations, static=static
-        )
-        values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
-        settings = {
-            "friction": friction,
-            "tolerance": tolerance,
-            "iterations": iterations,
-            "static": static,
-        }
-        result = Result(self, plan, taken, values, name, settings)
+        given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+        if accuracy is not None:
+            given["precision"] = precision
+            result = self.run_to(accuracy, given, taken, want, static, engine, chunk)
+        else:
+            settings: dict[str, Any] = given | {"friction": friction or "newton", "static": static}
+            plan = self.plan(want, **settings)
+            values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
+            result = Result(self, plan, taken, values, name, settings)
         return without_gaps(result, on_gap)
+
+    def run_to(self, *request: Any) -> Result:
+        """Run with the settings that an accuracy needs, which a `Mechanism` finds."""
+        raise NotImplementedError
+
+    def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
+        """Where these groups close, in words for a message; a `Mechanism` can tell."""
+        return ""
 
     def evaluate(
         self,

@@ -15,12 +15,13 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.plane import EPS
+
 Array: TypeAlias = NDArray[np.float64]
 Curve: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """Unknowns v (m + 1,) -> G (m,), which is zero on the curve, and its Jacobian (m, m + 1)."""
 
-EPS = float(np.finfo(float).eps)
-TURN = 0.95  # cosine of the largest turn of the tangent in one step: 18 degrees
+SHARPEST = 0.95  # cosine of the largest turn of the tangent in one step: 18 degrees
 CORRECTED = 1e-12  # last correction, of unknowns of size one: Newton's next one is rounding
 NEWTON = 6  # corrections of a step; it needs 3 or is too long
 
@@ -65,7 +66,7 @@ def advance(curve: Curve, at: Point, step: float) -> Point | None:
     if v is None:
         return None
     ahead = point(curve, v, side(curve, at))
-    return ahead if ahead.tangent @ at.tangent >= TURN else None
+    return ahead if ahead.tangent @ at.tangent >= SHARPEST else None
 
 
 def crossing(curve: Curve, at: Point, step: float, rest: Callable[[Array], float]) -> float:

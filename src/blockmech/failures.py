@@ -6,8 +6,8 @@ close, stands at a dead centre or locks itself, and on which arcs it would close
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -26,11 +26,8 @@ from blockmech.result import Result
 
 MOST_GROUPS = 8  # whose limits take a few milliseconds
 
-Feasible: TypeAlias = Callable[[frozenset[str], Mapping[str, float] | None], str]
-"""Where groups close, in words, as the analyses above can tell; see `Mechanism.feasible`."""
 
-
-def without_gaps(result: Result, on_gap: str, feasible: Feasible | None = None) -> Result:
+def without_gaps(result: Result, on_gap: str) -> Result:
     """The result; one with gaps raises, is handed out or is cut before the first of them."""
     if on_gap not in ("raise", "mark", "stop"):
         raise RequestError(
@@ -42,11 +39,11 @@ def without_gaps(result: Result, on_gap: str, feasible: Feasible | None = None) 
     if not gaps:
         return result
     if on_gap == "raise":
-        raise failure_of(result, feasible)
+        raise failure_of(result)
     return result.first(gaps[0])
 
 
-def failure_of(result: Result, feasible: Feasible | None) -> SampleError:
+def failure_of(result: Result) -> SampleError:
     """The error of a result that has gaps, about the first of them."""
     quality, mechanism = result.quality, result.mechanism
     first = quality.gaps[0]
@@ -65,7 +62,7 @@ def failure_of(result: Result, feasible: Feasible | None) -> SampleError:
             code,
             f"{failing} at {place} (sample {first} of {result.n})",
             f"{found}; {count} affected",
-            _arcs(result, first, feasible) if block and error is not FrictionError else "",
+            _arcs(result, first) if block and error is not FrictionError else "",
             'choose other samples, or pass on_gap="mark" to keep the rest',
         ),
         SampleFailure(block, same, drivers, margin),
@@ -116,18 +113,18 @@ def _came_as_far(mechanism: Any, block: str, drivers: Mapping[str, float]) -> st
     return f"; followed from its home it comes as far as {', '.join(places)}"
 
 
-def _arcs(result: Result, sample: int, feasible: Feasible | None) -> str:
+def _arcs(result: Result, sample: int) -> str:
     """Where the groups of this run close, in words, if that is found in an instant.
 
     Of several drivers each is moved by itself, the others held as in the sample.
     """
     mechanism = result.mechanism
     groups, drivers = frozenset(result.quality.margin), mechanism.drivers
-    if feasible is None or len(groups) > MOST_GROUPS:
+    if len(groups) > MOST_GROUPS:
         return ""
     if len(drivers) == 1:
-        return feasible(groups, None)
+        return str(mechanism.feasible(groups))
     if followed(mechanism.structure):
         return ""  # each sample of an arc would be followed from home by itself
     held = {d: float(q[sample]) for d, q in zip(drivers, result.drivers.values(), strict=True)}
-    return feasible(groups, held)
+    return str(mechanism.feasible(groups, held))

@@ -165,3 +165,6 @@ def spread(a: Any) -> Real:
 
 SCALAR_PRIMITIVES = {n: f for n, f in vars().items() if isinstance(f, FunctionType)}
 """Name of each primitive and its meaning on Python numbers."""
+
+SCALAR_CONSTANTS = {"ZERO": 0j, "ONE": 1 + 0j, "REST": REST_SHARE}
+"""What programs name beside them: no vector, the unit one, and the share that counts as rest."""

@@ -240,23 +240,19 @@ class Result(Exported):
 
     def rerun(self, *want: str) -> Result:
         """Other outputs at the same samples with the same settings; gaps are marked."""
-        plan = self.mechanism.plan(want, **self.settings)
-        values, engine = self.mechanism.evaluate(
-            plan, self.samples, self.engine, "complex128", None
-        )
-        return Result(
-            self.mechanism, plan, self.samples, values, engine, self.settings, self.motion
-        )
+        return self._again(self.mechanism, want)
 
     def inside(self, *want: str) -> Result:
         """Outputs of the graph's blocks at the same samples; gaps are marked.
 
         For a mechanism made from a graph, these are its own outputs.
         """
-        mechanism, samples = self.mechanism.of_blocks, self.samples
+        return self._again(self.mechanism.of_blocks, want)
+
+    def _again(self, mechanism: Any, want: tuple[str, ...]) -> Result:
         plan = mechanism.plan(want, **self.settings)
-        values, engine = mechanism.evaluate(plan, samples, self.engine)
-        return Result(mechanism, plan, samples, values, engine, self.settings, self.motion)
+        values, engine = mechanism.evaluate(plan, self.samples, self.engine)
+        return Result(mechanism, plan, self.samples, values, engine, self.settings, self.motion)
 
     def wire(self, source: str, target: str | None = None) -> dict[str, Any]:
         """What travels along a wire: motion forward, force and reduced inertia back.

@@ -32,6 +32,8 @@ NOISE = 1e-9  # below it a tail that no longer falls is rounding
 # coefficients fall like 1/k^2, (2/3)^2 = 0.44, and that is to be halved further.
 LEVEL = 0.55
 STANDS_OUT = 4.0  # times the largest of a quarter: noise hardly ever does
+SCANNED = 720  # samples of a turn among which something is looked for: every half degree
+GOLDEN = 0.381966  # share of a spacing that keeps samples off places of symmetry
 DOUBLE_ROOT = 1e-7  # rounding moves a double root by the root of rounding: 1.5e-8, and some
 PATIENCE = 3  # halvings after which a function that ended on no panel has no series at all
 

@@ -7,13 +7,16 @@ say what a value *means*; its batch shape (...) is written beside it.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 Real: TypeAlias = Any
 """A real number or a batch of them: float, or float array (...)."""
 
 Complex: TypeAlias = Any
 """A planar vector x + iy or a batch of them: complex, or `Planar` (...)."""
+
+Argument: TypeAlias = Literal["coordinate", "rate", "time"]
+"""What a law of a load is a function of."""
 
 
 class Guide(NamedTuple):

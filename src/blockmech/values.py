@@ -15,6 +15,7 @@ from typing import (
     Generic,
     Literal,
     LiteralString,
+    Self,
     TypeAlias,
     TypeVar,
 )
@@ -193,6 +194,7 @@ class Strictly(BaseModel):
         defer_build=True,  # importing the package builds no validators
     )
 
+    kind_key: ClassVar[str] = ""  # the key by which a file tells this kind from others
     remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
 
     if not TYPE_CHECKING:  # type checkers read the fields instead
@@ -217,6 +219,12 @@ class Strictly(BaseModel):
         """What was given; what was found from it, kernels perhaps, is found again."""
         given = {name: x for name, x in vars(self).items() if name in type(self).model_fields}
         return super().__getstate__() | {"__dict__": given}
+
+    def __copy__(self) -> Self:
+        copied = super().__copy__()
+        for name in vars(copied).keys() - type(self).model_fields.keys():
+            del vars(copied)[name]
+        return copied
 
 
 def _plain(raw: Any, name: str = "") -> Any:

@@ -4,33 +4,28 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.analysis.trade import trade
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.mechanism import Mechanism
 from blockmech.samples import make_samples
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
 from tests.analysis.linkages import fourbar
+from tests.gallery import GRAPHS, mechanism
 from tests.wiring import ruiz, watt, wire
 
-GRAPHS = Path(__file__).parents[2] / "graphs"
 NAMES = sorted(p.stem for p in GRAPHS.glob("*.json"))
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
-SAMPLES = 501
+SAMPLES = 121
 WANT = ("*.drive", "*.omega", "*.alpha", "*.reaction", "*.J_red")
 ANGLE = 0.7  # by which the reference is turned
 DOUBLE = float(np.finfo(np.float64).eps)
 LONG = bool(np.finfo(np.longdouble).eps < DOUBLE)
 NOISE = 1e-9  # outputs this much smaller than others of their unit are zero up to rounding
-
-
-@cache
-def mechanism(name: str) -> Mechanism:
-    return bm.Graph.load(GRAPHS / f"{name}.json").compile()
 
 
 @cache
@@ -77,6 +72,18 @@ def test_the_true_error_is_within_the_estimate_and_that_within_the_target(
     assert true_error(name, run) <= run.accuracy.estimate
     assert run.accuracy.reached == (run.accuracy.estimate <= target)
     assert run.accuracy.reached or target < 1e-9
+
+
+@pytest.mark.parametrize("name", ["ruiz_fourbar", "engine", "whitworth_shaper"])
+def test_a_sweep_as_recommended_by_a_trade_is_within_its_target(name: str) -> None:
+    mech = mechanism(name)
+    found = trade(mech, want=present(mech), budget=4.0, samples=SAMPLES)
+    for target in TARGETS:
+        best = found.best(target)
+        assert best in found.pareto if best else target < 1e-9
+        if best:
+            fresh = mech.run(samples=SAMPLES, want=present(mech), on_gap="mark", **best.options)
+            assert true_error(name, fresh) <= target
 
 
 def present(mech: Mechanism) -> tuple[str, ...]:

@@ -42,7 +42,7 @@ def in_line(l, r, e, sign):
     return math.atan2(sign * e, sign * reach(l, r, e, sign))
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_offset_slider_crank_obeys_the_stroke_formula_and_returns_quickly(seed):
     chance = random.Random(seed)
     r = chance.uniform(0.5, 2.0)
@@ -110,7 +110,7 @@ def crank_rockers(count):
     return found
 
 
-@pytest.mark.parametrize("lengths", crank_rockers(12), ids=str)
+@pytest.mark.parametrize("lengths", crank_rockers(6), ids=str)
 def test_rocker_swings_between_crank_and_coupler_in_line(lengths):
     c = lengths[2]
     mechanism = fourbar(*lengths).compile()
@@ -313,6 +313,7 @@ def test_extremes_and_strokes_are_data_and_text():
     told = mechanism.stroke("dyad.C.p")
     assert json.loads(json.dumps(told.to_dict()))["length"] == told.length
     assert str(told).startswith("dyad.C.p  stroke 2 m, from crank.q = 3.14159265 to ")
+    assert "singular poses of the first kind" in str(told)
     assert str(told).endswith("; time ratio 1")
 
 

@@ -8,7 +8,6 @@ import json
 import math
 import random
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,9 +27,9 @@ from tests.analysis.linkages import (
     turning_guide,
     wired,
 )
+from tests.gallery import mechanism
 
 TURN = 2 * math.pi
-GRAPHS = Path(__file__).parents[2] / "graphs"
 ROUNDINGS = 8
 """Roundings between the lengths and the sign of a margin: sine and cosine (2),
 two products (2), difference, squares, sum and root of |BD| (3), sum of the lengths (1)."""
@@ -74,7 +73,7 @@ def same_arc(found, wanted, tolerance):
 def test_random_four_bars_obey_the_cosine_law():
     chance = random.Random(20)
     kinds = {0: 0, 1: 0, 2: 0, "turn": 0}
-    for _ in range(600):
+    for _ in range(250):
         lengths = [math.exp(chance.uniform(-1.5, 1.5)) for _ in range(4)]
         found, wanted = limits(fourbar(*lengths).compile()), wanted_arcs(*lengths)
         if wanted == [None]:
@@ -88,7 +87,7 @@ def test_random_four_bars_obey_the_cosine_law():
         for arc in arc_ends(found):
             allowed = ROUNDINGS * max(end_error(lengths[0], lengths[3], q) for q in arc)
             assert any(same_arc(arc, w, allowed) for w in wanted), (lengths, arc, wanted)
-    assert min(kinds.values()) > 20, kinds
+    assert min(kinds.values()) > 8, kinds
 
 
 def test_grashof_crank_turns_fully():
@@ -159,7 +158,7 @@ def decimal_linkages(count):
     return found
 
 
-@pytest.mark.parametrize("lengths", decimal_linkages(60), ids=str)
+@pytest.mark.parametrize("lengths", decimal_linkages(24), ids=str)
 def test_change_point_survives_decimal_lengths(lengths):
     a, b, c, d = lengths
     found = limits(fourbar(*lengths).compile())
@@ -299,7 +298,7 @@ def test_group_that_ends_an_arc_is_named():
     assert mechanism.limits(blocks=["dyad"]).whole_turn
 
 
-@pytest.mark.parametrize("seed", range(120))
+@pytest.mark.parametrize("seed", range(40))
 def test_random_mechanisms_close_on_their_arcs_and_nowhere_else(seed):
     plain = {"masses": False, "loads": False, "springs": False, "friction": False}
     case = random_mechanism(Seeded(seed), Options(groups=(1, 5), **plain))
@@ -352,6 +351,8 @@ def test_limits_are_data():
     assert [a["end"]["q"] for a in told["arcs"]] == [a.end.q for a in found.arcs]
     assert str(found).splitlines()[0] == "crank.q: 2 feasible arcs"
     assert "deg long" in found.text(degrees=True)
+    assert str(found).splitlines()[-1].startswith("  singular poses of the second kind")
+    assert "second kind" not in str(fourbar(1.0, 3.0, 2.0, 3.5).compile().limits())
 
 
 def test_assembly_error_names_the_feasible_arcs():
@@ -424,20 +425,11 @@ def test_assembly_error_of_two_drivers_names_the_arcs_of_each_with_the_other_hel
     assert "each with the others held" in said
 
 
-@pytest.mark.parametrize(
-    ("name", "loops", "place"),
-    [
-        ("n_four_bar", 40, TOUCH),  # its branches follow, also where the pins of a loop meet
-        (
-            "parallelogram_chain",
-            30,
-            30 * math.sqrt(EPS),
-        ),  # each cell moves the next one's double root
-    ],
-)
-def test_every_loop_of_a_long_row_passes_its_two_change_points(name, loops, place):
-    found = bm.Graph.load(GRAPHS / f"{name}.json").compile().limits()
+def test_every_loop_of_a_long_row_passes_its_two_change_points():
+    found = mechanism("parallelogram_chain").limits()
     assert found.whole_turn
     places = [p.q for p in found.arcs[0].change_points]
-    assert len(places) == 2 * loops
-    assert max(min(abs(q), abs(q - math.pi)) for q in places) <= place
+    assert len(places) == 2 * 30
+    # Each cell moves the next one's double root.
+    allowed = 30 * math.sqrt(EPS)
+    assert max(min(abs(q), abs(q - math.pi)) for q in places) <= allowed

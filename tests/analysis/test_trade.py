@@ -6,7 +6,6 @@ import json
 import math
 from functools import cache
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,17 +16,13 @@ from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock
 from blockmech.draw.trade import trade_figure
 from blockmech.mechanism import Mechanism
+from tests.gallery import mechanism
 from tests.wiring import ruiz, watt
 
-GRAPHS = Path(__file__).parents[2] / "graphs"
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 LONG = bool(np.finfo(np.longdouble).eps < np.finfo(np.float64).eps)
 PLENTY = 90.0  # [s] budget that no setting misses, even on a machine that does much else
-ENOUGH = 30.0  # [s] the same for the coarser settings of every method
-
-
-def mechanism(name: str) -> Mechanism:
-    return bm.Graph.load(GRAPHS / f"{name}.json").compile()
+ENOUGH = 15.0  # [s] the same for the coarser settings of every method
 
 
 @cache
@@ -94,9 +89,14 @@ def test_successive_approximations_contract_at_the_measured_rate() -> None:
     assert 0.8 * rho <= four / three <= 1.1 * rho
 
 
+@cache
+def watt_question() -> FreeMotion:
+    return FreeMotion(mechanism("watt_sixbar"), None, {"until": "time=2"}, Clock(PLENTY))
+
+
 @pytest.mark.parametrize(("method", "order", "off"), [("rk4", 4.0, 0.3), ("euler_q", 1.0, 0.15)])
 def test_fixed_steps_show_their_orders(method: str, order: float, off: float) -> None:
-    question = FreeMotion(mechanism("watt_sixbar"), None, {"until": "time=2"}, Clock(PLENTY))
+    question = watt_question()
     fine = [s.options for s in question.settings() if s.method == method][-2:]
     e, finer = (question.error(question.run(options, PLENTY))[0] for options in fine)
     assert finer > 10 * question.reference.floor

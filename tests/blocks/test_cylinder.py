@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from tests.blocks.machines import LONG_SHOE, PIN, SHOE, body, wired
-from tests.blocks.test_against_the_judge import ROUNDING, Comparison, assert_the_judge_agrees
+from tests.blocks.test_against_the_judge import ROUNDING, assert_the_judge_agrees, compared
 
 TWO_ROUTES = 1e-13  # [-] of the largest effort: hundreds of roundings, at margins above 0.1
 ENGINES = pytest.mark.parametrize("engine", ["scalar", "numpy"])
@@ -67,11 +67,11 @@ CASES = {
 @pytest.mark.parametrize(("graph", "q"), CASES.values(), ids=list(CASES))
 @pytest.mark.parametrize("friction", [False, True], ids=["smooth", "rough"])
 def test_motion_and_forces_are_the_judges(graph, q, friction):
-    compared = Comparison(graph, q, friction)
-    assert_the_judge_agrees(compared)
+    found = compared(graph, q, friction)
+    assert_the_judge_agrees(found)
     if friction:
-        rubbing = {n for n, j in compared.judge.forces.joints.items() if j.friction}
-        assert rubbing == set(compared.judge.forces.joints)  # the driven pair too
+        rubbing = {n for n, j in found.judge.forces.joints.items() if j.friction}
+        assert rubbing == set(found.judge.forces.joints)  # the driven pair too
 
 
 @ENGINES

@@ -19,7 +19,7 @@ from tests.blocks.continuation import March
 from tests.blocks.platforms import platform, triad, two_drivers
 from tests.blocks.twin import Twin
 
-EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "16"))  # 200 is the full run
+EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "6"))  # 200 is the full run
 TURN = 2 * np.pi
 POSES = 1e-14  # [-] of size and radians, over the root of the margin: tens of roundings
 ENDS = 1e-10  # [rad or m]
@@ -93,7 +93,7 @@ def test_home_mode_is_reproduced_over_the_whole_arc(options, seeds, way):
         run = case.run([end - way * ENDS, end + way * ENDS], want=["*.margin", "*.p"])
         assert run.quality.status == ("ok", "no-assembly"), f"seed {seed}"
         assert {(f.sample, f.code) for f in run.quality.flags} >= {(1, "path-ended")}
-    assert len(ends) >= len(seeds) / 5
+    assert len(ends) >= len(seeds) // 5
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -153,15 +153,15 @@ MACHINES = pytest.mark.parametrize("make", [triad, two_drivers], ids=["triad", "
 
 @MACHINES
 def test_answers_do_not_depend_on_order_batch_or_chunk(make):
-    at = samples(make, 40)
+    at = samples(make, 9)
     whole = run_alone(make, at, engine="numpy")
-    assert 10 <= whole.quality.status.count("ok") <= 39  # some behind the end as well
-    mixed = np.random.default_rng(1).permutation(40)
+    assert 3 <= whole.quality.status.count("ok") <= 8  # some behind the end as well
+    mixed = np.random.default_rng(1).permutation(9)
     assert_same_bits(
         whole, run_alone(make, {d: q[mixed] for d, q in at.items()}, engine="numpy"), mixed
     )
-    assert_same_bits(whole, run_alone(make, at, engine="numpy", chunk=7))
-    for k in range(0, 40, 13):
+    assert_same_bits(whole, run_alone(make, at, engine="numpy", chunk=4))
+    for k in (0, 5):
         one = {d: q[[k]] for d, q in at.items()}
         assert_same_bits(whole, run_alone(make, one, engine="numpy"), [k])
 

@@ -14,7 +14,7 @@ from blockmech.model.schema import graph_schema
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
 from tests.blocks import machines
 from tests.blocks.platforms import HOME, REACH, platform, stacked, triad, two_drivers
-from tests.blocks.test_against_the_judge import ROUNDING, Comparison, assert_the_judge_agrees
+from tests.blocks.test_against_the_judge import ROUNDING, assert_the_judge_agrees, compared
 from tests.doors import graph_of as loads
 
 TURN = 2 * np.pi
@@ -155,10 +155,10 @@ CASES = {
 @pytest.mark.parametrize(("graph", "q"), CASES.values(), ids=list(CASES))
 @pytest.mark.parametrize("friction", [False, True], ids=["smooth", "rough"])
 def test_motion_and_forces_are_the_judges(graph, q, friction):
-    compared = Comparison(graph, q, friction)
-    assert_the_judge_agrees(compared)
+    found = compared(graph, q, friction)
+    assert_the_judge_agrees(found)
     if friction:
-        assert sum(j.friction != 0 for j in compared.judge.forces.joints.values()) >= 6
+        assert sum(j.friction != 0 for j in found.judge.forces.joints.values()) >= 6
 
 
 @pytest.mark.parametrize("engine", ["scalar", "numpy"])

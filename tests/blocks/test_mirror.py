@@ -1,8 +1,4 @@
-"""Mirrored mechanisms give mirrored numbers, to the last bit; roles may be swapped.
-
-A mirror turns x + iy into x - iy. Rounding does not see signs, so nothing may change but
-signs: a term with a wrong handedness shows at once.
-"""
+"""The two links of a dyad in each other's roles give the same numbers."""
 
 from __future__ import annotations
 
@@ -12,49 +8,8 @@ import pytest
 import blockmech as bm
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 
-SEEDS = range(40)
+SEEDS = range(15)
 SWAPPED = 1e-11  # [-] of the largest: another order of the same sums, margins down to 0.02
-TURNING = ("h", "h_i", "h_j", "h1", "h2", "beta", "moment", "rest_angle")  # change their sign
-
-
-def mirrored_marker(marker):
-    angle = None if marker.angle is None else -marker.angle
-    return bm.Marker(at=marker.at.z.conjugate(), angle=angle)
-
-
-def mirrored_markers(markers):
-    return {name: mirrored_marker(m) for name, m in markers.items()}
-
-
-def mirrored_link(link):
-    more = {"cm": link.cm.z.conjugate(), "markers": mirrored_markers(link.markers)}
-    return bm.Link(mass=link.mass, inertia=link.inertia, **more)
-
-
-def mirrored(block):
-    """The mirror image of a block."""
-    numbers = {n: getattr(block, n) for n in type(block).model_fields}
-    for name in TURNING:
-        if name in numbers:
-            numbers[name] = -numbers[name]
-    if isinstance(block, bm.Crank):
-        numbers["offset"] = -block.offset
-    if isinstance(block, bm.RRR):
-        numbers["branch"] = -block.branch
-    if "force" in numbers:
-        numbers["force"] = block.force.z.conjugate()
-    if "markers" in numbers:
-        numbers["markers"] = mirrored_markers(block.markers)
-    if "links" in numbers:
-        numbers["links"] = {n: mirrored_link(k) for n, k in block.links.items()}
-    return type(block)(**numbers)
-
-
-WANT = ("*.p", "*.v", "*.a", "*.angle", "*.omega", "*.alpha", "*.reaction", "*.N", "*.C")
-WANT += ("*.friction", "*.slip", "*.friction_power", "*.drive", "*.drive_by_reduction")
-
-
-# -- the two links of a dyad in each other's roles ----------------------------------------
 
 
 def swapped(block):

@@ -5,13 +5,13 @@ their blocks; "frame" is the fixed link. The assembly mode is told by poses alon
 """
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 import blockmech as bm
 from blockmech.blocks.contract import BuiltIn, Line
 from blockmech.model.structure import JointRef
+from tests.independent import comparison
 from tests.independent import multibody as mb
 
 TURN = 2 * np.pi
@@ -86,7 +86,7 @@ class Twin:
     def _pin(self, block, joint, link):
         """Place of a pin on a link: the built-in marker there that bears the joint's name."""
         for name in (joint.name, f"{joint.name}j"):
-            on, marker = block.markers_of().get(name, ("", None))
+            on, marker = block.all_markers.get(name, ("", None))
             if on == link:
                 return (getattr(block, marker.along) if marker.along else 0.0, 0.0)
         raise LookupError(f"no marker for joint {joint.name} on link {link}")
@@ -115,30 +115,7 @@ class Twin:
         guess = self._guess(q)
         coordinates = self._coordinates(q, guess)  # winds the guess as well
         poses = mb.assemble(self.system, guess, coordinates, refine=True)
-        system = self._wound(poses)
-        rates = mb.rates(system, poses, qd)
-        accelerations = mb.accelerations(system, poses, rates, qdd)
-        found = mb.reactions(system, poses, rates, accelerations, friction=friction)
-        names = list(system.links)
-        return Verdict(
-            dict(zip(names, poses, strict=True)),
-            dict(zip(names, rates, strict=True)),
-            dict(zip(names, accelerations, strict=True)),
-            found,
-            mb.conditioning(self.system, poses),
-        )
-
-    def _wound(self, poses):
-        """The system with torsion springs wound by whole turns: blockmech counts none."""
-        loads = dict(self.system.loads)
-        instant = mb.Instant(self.system, poses)
-        for name, load in loads.items():
-            if isinstance(load, mb.TorsionSpring):
-                turns = np.ceil(
-                    (float(instant.turn(load.links).value) - load.rest_angle) / TURN - 0.5
-                )
-                loads[name] = replace(load, rest_angle=load.rest_angle + TURN * turns)
-        return replace(self.system, loads=loads)
+        return comparison.verdict(self.system, poses, qd, qdd, friction)
 
     def _coordinates(self, q, poses):
         """The judge's driver coordinates: it does not know of offsets and directions.
@@ -175,14 +152,45 @@ class Twin:
         return np.array(rows)
 
 
-class Verdict(NamedTuple):
-    """Poses, rates, accelerations (3,) by link, forces, and the condition of the Jacobian."""
+class Comparison:
+    """A mechanism and its twin at one request; friction where it is idle is left to blockmech."""
 
-    poses: dict
-    rates: dict
-    accelerations: dict
-    forces: mb.Reactions
-    condition: float
+    def __init__(self, mechanism, request, friction=True):
+        self.mechanism = mechanism
+        method = "newton" if friction else "none"
+        self.run = mechanism.run(**request, friction=method, on_gap="mark")
+        twin = Twin(mechanism)
+        twin.system = without_idle_friction(twin.system, self.run)
+        states = [[request[k][d] for d in mechanism.drivers] for k in REQUEST]
+        self.judge = twin.judge(*states, friction)
+
+    def outcome(self):
+        """How either settled the friction: ok, or two words that must mean the same."""
+        solved, (status,) = self.judge.forces.converged, self.run.quality.status
+        return "ok" if status == "ok" and solved else f"{status}, judge {SAID[solved]}"
+
+    def wrong(self, motion, forces):
+        """Outputs that are further off than the tolerances, which are of the conditioning."""
+        found = {n: e for n, e in comparison.motion(self.run, self.judge) if not e <= motion}
+        off = {n: e for n, e in comparison.forces(self.run, self.judge) if not e <= forces}
+        return found | off
+
+
+REQUEST = ("at", "rates", "accelerations")
+SAID = {True: "solved", False: "not"}
+
+
+def without_idle_friction(system, run):
+    """The judge's system, smooth where blockmech has a structural zero.
+
+    The judge computes 1e-56 N there and then asks friction to follow that rounding.
+    """
+
+    def idle(name):
+        return run[f"{name}.reaction"][0] == 0 and run.get(f"{name}.C", [0.0])[0] == 0
+
+    joints = {n: replace(j, friction=None) if idle(n) else j for n, j in system.joints.items()}
+    return replace(system, joints=joints)
 
 
 def on_line(block, joint, link):

@@ -185,7 +185,7 @@ def test_limits_and_extremes_speak_of_the_documents_driver(call, joints):
     assert "driver.motor.q" in said.out
 
 
-@pytest.mark.parametrize("name", DOCUMENTS)
+@pytest.mark.parametrize("name", ["arm", "boom"])
 def test_every_document_runs_and_verifies_from_the_command_line(call, tmp_path, name):
     path = tmp_path / f"{name}.json"
     linkage(DOCUMENTS[name]()).save(path)

@@ -131,50 +131,6 @@ def watt(**more: Any) -> Synthetic:
     return reduced(watt_parts, **more)
 
 
-@dataclass(frozen=True)
-class Squeezer:
-    """Andrews' squeezer: a crank and three RRR dyads that meet at P; couple and spring."""
-
-    couple: float = 0.033
-
-    def __call__(self, m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
-        e = m.expi(q)
-        F = times(0.007, Moving(e, 1j * e, -e))
-        B, A = Moving(-0.03635 + 0.03273j), Moving(-0.06934 - 0.00227j)
-        fp, bp, w2, w3, m1 = dyad(m, F, B, 0.028, 0.035, 1, second)
-        P = add(F, fp)
-        pg, ag, w4, w5, m2 = dyad(m, P, A, 0.02, 0.04, -1, second)
-        ph, ah, w6, w7, m3 = dyad(m, P, A, 0.02, 0.04, 1, second)
-        G, H = add(P, pg), add(P, ph)
-        # centres of mass [m] along the unit directions that the joints give
-        e3 = times(1 / -0.035j, bp)
-        e7 = times(1 / -0.04j, ah)
-        bodies = (
-            (0.04325, 2.194e-6, times(0.00092 / 0.007, F), (1.0, 0.0)),
-            (0.00365, 4.41e-7, add(F, times(-0.0115 / -0.028, fp)), w2),
-            (0.02373, 5.255e-6, add(B, times(0.01043 - 0.01874j, e3)), w3),
-            (0.00706, 5.667e-7, add(G, times(-0.00579j / -0.02j, times(-1, pg))), w4),
-            (0.07050, 1.169e-5, add(A, times((0.02308 + 0.00916j) / 0.04, ag)), w5),
-            (0.00706, 5.667e-7, add(H, times(0.00579 / 0.02, times(-1, ph))), w6),
-            (0.05498, 1.912e-5, add(A, times(-0.00449 - 0.01228j, e7)), w7),
-        )
-        J, dJ = 0.0, 0.0
-        for mass, inertia, g, (o, al) in bodies:
-            J = J + mass * dot(g.v, g.v) + inertia * o * o
-            if second:
-                dJ = dJ + 2 * (mass * dot(g.v, g.a) + inertia * o * al)
-        tip = add(B, times(0.02 - 0.018j, e3))
-        pull = 0.014 + 0.072j - tip.p
-        length = m.hyp(pull)
-        tau = self.couple + 4530.0 * (1 - 0.07785 / length) * dot(pull, tip.v)
-        return J, tau, dJ, m.low(m1, m.low(m2, m3))
-
-
-def squeezer(couple: float = 0.033, **more: Any) -> Synthetic:
-    """Andrews' squeezer mechanism."""
-    return reduced(Squeezer(couple), **more)
-
-
 def pendulum(couple: float = 0.0, **more: Any) -> Synthetic:
     """A point mass 1 kg at 1 m, gravity 1 m/s2, q from the lowest place, and a couple [N m]."""
 

@@ -46,7 +46,7 @@ GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 F, T = 10.0, 0.7  # of the force on the slide: [N], [s]
 
 
-@pytest.mark.parametrize("c", [0.05, 3.0, 30.0, 300.0])
+@pytest.mark.parametrize("c", [0.05, 3.0, 30.0])
 def test_forced_oscillator_has_the_amplitude_phase_and_multipliers_of_the_textbook(c):
     times = np.linspace(0.0, T, 9)
     r = slide(M, K, c, wave(T, F)).simulate("steady", start=at_rest(0.0, "slider"), times=times)

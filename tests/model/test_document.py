@@ -5,7 +5,6 @@ from __future__ import annotations
 import cmath
 import json
 import math
-from pathlib import Path
 
 import pytest
 
@@ -16,40 +15,12 @@ from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.expect import Expectation
 from blockmech.model.migrations import VERSION, migrate
 from blockmech.model.writing import WIDTH, canonical_text
-from blockmech.validation_errors import field_order
 from tests.doors import graph_of as loads
+from tests.gallery import GRAPHS
+from tests.wiring import ruiz
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 LEGACY = sorted((GRAPHS / "legacy").glob("*.json"))
 OURS = [*sorted(GRAPHS.glob("*.json")), *LEGACY]  # what blockmech wrote
-
-COULOMB = bm.Coulomb(law="coulomb", coefficient=0.4, radius=0.0075)
-
-
-def ruiz():
-    """The four-bar of the paper, wired in Python in the order of its file."""
-    g = bm.Graph("ruiz_fourbar", title="Four-bar of Ruiz, Durango & Calle 2010, Table 1")
-    i = bm.Link(
-        mass=30.0,
-        inertia=48.8,
-        cm={"polar": [2.8, 0.152]},
-        markers={"S": {"at": {"polar": [2.5, math.pi / 6]}}},
-    )
-    crank = bm.Link(mass=4.8, inertia=1.7, cm=(1, 0))
-    j = bm.Link(mass=7.2, inertia=5.5, cm=(1.5, 0))
-    pins = dict.fromkeys("BCD", COULOMB)
-    g.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0)}))
-    g.add("crank", bm.Crank(length=2, links={"crank": crank}, friction={"A": COULOMB}))
-    g.add("dyad", bm.RRR(l_i=6, l_j=3, branch=1, links={"i": i, "j": j}, friction=pins))
-    g.add("weightlike", bm.Force(force=(0, -1000)))
-    g.add("couple", bm.Couple(moment=-250))
-    g.connect("frame.A", "crank.A")
-    g.connect("crank.B", "dyad.B")
-    g.connect("frame.D", "dyad.D")
-    g.connect("dyad.S", "weightlike.at")
-    g.connect("dyad.j", "couple.on")
-    g.drive("crank", bm.ConstantRate(rate=10.0, start=0.0, end=2 * math.pi))
-    return g
 
 
 def text_of(path):
@@ -66,10 +37,6 @@ def content(path):
 @pytest.mark.parametrize("path", OURS, ids=lambda path: path.stem)
 def test_a_file_that_blockmech_wrote_is_reproduced_byte_for_byte(path):
     assert bm.Graph.load(path).to_json() == text_of(path)
-
-
-def test_the_paper_s_four_bar_wired_in_python_is_its_file():
-    assert ruiz().to_json() == text_of(GRAPHS / "ruiz_fourbar.json")
 
 
 def test_a_hand_written_file_is_reproduced_in_content():
@@ -121,12 +88,6 @@ def test_a_bare_pair_for_a_marker_is_refused_with_what_to_write():
         "[wrong-type] blocks.frame.markers.A: A must be an object {...}, got [0, 0.5]. "
         'write {"at": [0, 0.5]}.'
     ]
-
-
-def test_own_keys_come_first_and_shared_ones_last():
-    assert field_order(bm.SlideDrive) == ["offset", "sign", "links", "friction", "slider"]
-    assert field_order(bm.Force) == ["force", "axes", "useful"]
-    assert field_order(bm.ConstantRate) == ["law", "rate", "start", "end"]
 
 
 def test_a_block_of_a_type_that_is_not_installed_is_kept_word_for_word():

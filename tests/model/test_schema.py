@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import jsonschema
 import pytest
@@ -12,8 +11,8 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.loads import Element, Terminal
 from blockmech.model.schema import graph_schema
 from blockmech.values import Length
+from tests.gallery import GRAPHS
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 GOOD = [*sorted(GRAPHS.glob("*.json")), *sorted((GRAPHS / "legacy").glob("*.json"))]
 
 NOT_JSON = {"comment", "empty_file", "missing_comma", "single_quotes", "trailing_comma"} | {

@@ -6,6 +6,7 @@ solver, and the places of dead centres by the exact count of modes beside them.
 
 import itertools
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -43,11 +44,18 @@ class Cranked:
         return connect(self.triad, self.outer, **more)
 
 
-def by_chance(rng):
+@cache
+def by_chance(seed):
+    """A random triad on a crank, and its arcs."""
+    rng = np.random.default_rng(seed)
     pivots, lengths, pins, _ = chance.triad(rng)
     crank = abs(rng.normal())
     at = pivots[0] - crank * np.exp(1j * rng.uniform(0, TURN))
-    return Cranked(pins, at, pivots[1:], crank, lengths)
+    machine = Cranked(pins, at, pivots[1:], crank, lengths)
+    return machine, machine.connected()
+
+
+BY_CHANCE = pytest.mark.parametrize("seed", range(4))
 
 
 def overturned():
@@ -74,77 +82,64 @@ def newton(machine, q, o, e):
 # ---- arcs --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(3))
+@BY_CHANCE
 def test_an_arc_is_one_mode_followed_along_the_driver(seed):
-    rng = np.random.default_rng(seed)
+    machine, found = by_chance(seed)
     compared = 0
-    for _ in range(2):
-        machine = by_chance(rng)
-        found = machine.connected()
-        for passes in found.passes:
-            for (j, k), (i, n) in itertools.pairwise(passes):
-                begin, end = found.nodes[j], found.nodes[i]
-                end += TURN * (end < begin)
-                one, other = found.modes[j][k], found.modes[i][n]
-                if min(one.margin, other.margin) < 1e-4:
-                    continue  # too close to a dead centre for steps by the driver
-                o, e = one.o, one.e
-                for q in np.linspace(begin, end, STEPS + 1)[1:]:
-                    o, e = newton(machine, q, o, e)
-                assert abs(o - other.o) + abs(e - other.e) <= FOUND
-                compared += 1
-    assert compared > 50
+    for passes in found.passes:
+        for (j, k), (i, n) in itertools.pairwise(passes):
+            begin, end = found.nodes[j], found.nodes[i]
+            end += TURN * (end < begin)
+            one, other = found.modes[j][k], found.modes[i][n]
+            if min(one.margin, other.margin) < 1e-4:
+                continue  # too close to a dead centre for steps by the driver
+            o, e = one.o, one.e
+            for q in np.linspace(begin, end, STEPS + 1)[1:]:
+                o, e = newton(machine, q, o, e)
+            assert abs(o - other.o) + abs(e - other.e) <= FOUND
+            compared += 1
+    assert compared > 20
 
 
-@pytest.mark.parametrize("seed", range(10, 13))
+@BY_CHANCE
 def test_two_modes_appear_or_vanish_at_each_dead_centre(seed):
-    rng = np.random.default_rng(seed)
-    for _ in range(3):
-        machine = by_chance(rng)
-        found = machine.connected()
-        for n, arc in enumerate(found.arcs):
-            for end, inward in ((arc.start, 1), (arc.end, -1)):
-                if end.how != "dead centre":
-                    continue
-                inside, outside = (
-                    machine.exact(end.q + side * inward * BESIDE) for side in (1, -1)
-                )
-                assert inside == outside + 2
-                assert any(m.double for m in triad_modes(machine.triad, machine.outer(end.q)))
-                partner = found.arcs[end.other]
-                assert partner.circuit == arc.circuit
-                assert partner.sign == -arc.sign != 0
-                same = (partner.start, partner.end)
-                assert any(
-                    abs(math.remainder(x.q - end.q, TURN)) <= PLACE and x.other == n for x in same
-                )
+    machine, found = by_chance(seed)
+    for n, arc in enumerate(found.arcs):
+        for end, inward in ((arc.start, 1), (arc.end, -1)):
+            if end.how != "dead centre":
+                continue
+            inside, outside = (machine.exact(end.q + side * inward * BESIDE) for side in (1, -1))
+            assert inside == outside + 2
+            assert any(m.double for m in triad_modes(machine.triad, machine.outer(end.q)))
+            partner = found.arcs[end.other]
+            assert partner.circuit == arc.circuit
+            assert partner.sign == -arc.sign != 0
+            same = (partner.start, partner.end)
+            assert any(
+                abs(math.remainder(x.q - end.q, TURN)) <= PLACE and x.other == n for x in same
+            )
 
 
-@pytest.mark.parametrize("seed", range(20, 22))
+@BY_CHANCE
 def test_every_mode_at_every_check_point_is_on_one_arc(seed):
-    rng = np.random.default_rng(seed)
-    for _ in range(5):
-        found = by_chance(rng).connected()
-        passed = sorted(at for passes in found.passes for at in passes)
-        every = [(j, k) for j, modes in enumerate(found.modes) for k in range(len(modes))]
-        assert passed == every
-        for j, k in every:
-            assert found.arcs[found.arc_of((j, k))].sign == found.modes[j][k].sign
+    _, found = by_chance(seed)
+    passed = sorted(at for passes in found.passes for at in passes)
+    every = [(j, k) for j, modes in enumerate(found.modes) for k in range(len(modes))]
+    assert passed == every
+    for j, k in every:
+        assert found.arcs[found.arc_of((j, k))].sign == found.modes[j][k].sign
 
 
-@pytest.mark.parametrize("seed", range(30, 33))
+@BY_CHANCE
 def test_between_dead_centres_the_number_of_arcs_is_the_exact_number_of_modes(seed):
-    rng = np.random.default_rng(seed)
-    for _ in range(3):
-        machine = by_chance(rng)
-        found = machine.connected()
-        for q in rng.uniform(0, TURN, size=10):
-            there = 0
-            for arc in found.arcs:
-                first = math.ceil((arc.start.q - q) / TURN)
-                last = math.floor((arc.end.q - q) / TURN)
-                there += arc.turns or last - first + 1
-            assert there == machine.exact(q)
+    machine, found = by_chance(seed)
+    for q in np.random.default_rng(seed).uniform(0, TURN, size=6):
+        there = 0
+        for arc in found.arcs:
+            first = math.ceil((arc.start.q - q) / TURN)
+            last = math.floor((arc.end.q - q) / TURN)
+            there += arc.turns or last - first + 1
+        assert there == machine.exact(q)
 
 
 # ---- a turn ------------------------------------------------------------------------------

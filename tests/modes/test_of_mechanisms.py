@@ -4,6 +4,7 @@ import cmath
 import copy
 import json
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -38,13 +39,24 @@ def apart(mechanism, group, mode, q):
     return worst
 
 
+@cache
+def overturned():
+    """The mechanism whose modes change by a turn."""
+    return machines.compiled(machines.overturned())
+
+
+@cache
+def modes_at(q):
+    return overturned().modes(q)
+
+
 # ---- triads ------------------------------------------------------------------------------
 
 
 def test_a_home_put_into_the_file_chooses_its_mode():
     document = machines.overturned()
     at = 2.8
-    found = machines.compiled(document).modes(at, arcs=False)["triad"].samples[0]
+    found = overturned().modes(at, arcs=False)["triad"].samples[0]
     assert len(found) == 4
     for mode in found:
         changed = machines.compiled(machines.with_home(document, mode.put))
@@ -56,7 +68,7 @@ def test_a_home_put_into_the_file_chooses_its_mode():
 def test_the_general_group_keeps_to_its_home_mode_over_the_whole_arc():
     document = machines.overturned()
     at = 5.0
-    for mode in machines.compiled(document).modes(at, arcs=False)["triad"].samples[0][:2]:
+    for mode in modes_at(at)["triad"].samples[0][:2]:
         changed = machines.compiled(machines.with_home(document, mode.put))
         low, high = next(m.reach for m in changed.modes(at)["triad"].samples[0] if m.chosen)
         told = changed.modes(np.linspace(low + INSIDE, high - INSIDE, 5).tolist())["triad"]
@@ -70,19 +82,17 @@ def test_the_general_group_keeps_to_its_home_mode_over_the_whole_arc():
 
 
 def test_after_a_turn_the_file_s_mode_may_be_another_one():
-    document = machines.overturned()
-    mechanism = machines.compiled(document)
-    found = mechanism.modes([2.8, 2.8 + TURN])["triad"]
+    found = overturned().modes([2.8, 2.8 + TURN])["triad"]
     now, then = found.samples
     chosen_now = next(m for m in now if m.chosen)
     chosen_then = next(n for n, m in enumerate(then) if m.chosen)
     assert chosen_now.after_turn == chosen_then == 2
     assert now.index(chosen_now) == 0
-    assert "after a turn it is mode 3" in mechanism.modes(2.8).text()
+    assert "after a turn it is mode 3" in modes_at(2.8).text()
 
 
 def test_arcs_of_one_circuit_merge_in_pairs():
-    found = machines.compiled(machines.overturned()).modes()["triad"]
+    found = modes_at(None)["triad"]
     for n, arc in enumerate(found.arcs):
         for end in (arc.start, arc.end):
             other = found.arcs[end.other]
@@ -145,7 +155,7 @@ def test_poses_put_into_a_document_of_joints_choose_the_mode():
 
 def test_arcs_of_a_document_of_joints_are_in_its_own_coordinate():
     graph = machines.overturned()
-    (there,) = machines.compiled(graph).modes().groups
+    (there,) = modes_at(None).groups
     (here,) = machines.compiled(machines.of_joints(graph)).modes().groups
     assert len(here.arcs) == len(there.arcs)
     for one, other in zip(here.samples[0], there.samples[0], strict=True):
@@ -312,7 +322,7 @@ def test_wrong_names_are_refused_with_the_right_ones():
 
 
 def test_json_holds_the_same_as_python():
-    found = machines.compiled(machines.overturned()).modes(5.0)
+    found = modes_at(5.0)
     told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     group = told["groups"][0]
     assert told["drivers"] == {"crank": [5.0]}

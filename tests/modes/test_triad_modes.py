@@ -43,7 +43,7 @@ def has(modes, o, e, within=1e-6):
 # ---- number and closure ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_number_of_modes_of_fifty_triads_agrees_with_an_exact_count(seed):
     rng = np.random.default_rng(seed)
     for n in range(50):
@@ -122,7 +122,7 @@ def test_a_triad_of_whole_numbers_has_all_six_modes():
 def test_triads_made_for_three_poses_have_them_among_their_modes():
     # Burmester: the pivot of a leg is the centre of the circle through its pin's three places.
     rng = np.random.default_rng(14)
-    for _ in range(40):
+    for _ in range(12):
         pins = chance.points(rng)
         poses = [chance.pose(rng) for _ in range(3)]
         pivots = [centre_of(*(o + e * p for o, e in poses)) for p in pins]
@@ -143,7 +143,7 @@ def centre_of(a, b, c):
 
 def test_two_pins_on_each_other_are_two_dyads_one_after_the_other():
     rng = np.random.default_rng(21)
-    for _ in range(40):
+    for _ in range(12):
         pivots, _, pins, (o, e) = chance.triad(rng)
         pins[1] = pins[0]
         lengths = [abs(o + e * p - g) for p, g in zip(pins, pivots, strict=True)]
@@ -170,7 +170,7 @@ def circles(a, r, b, s):
 
 def test_two_pivots_on_each_other_are_the_same_seen_from_the_platform():
     rng = np.random.default_rng(22)
-    for _ in range(40):
+    for _ in range(12):
         pivots, _, pins, (o, e) = chance.triad(rng)
         pivots[1] = pivots[0]
         lengths = [abs(o + e * p - g) for p, g in zip(pins, pivots, strict=True)]
@@ -183,7 +183,7 @@ def test_two_pivots_on_each_other_are_the_same_seen_from_the_platform():
 
 def test_collinear_pins_lose_nothing():
     rng = np.random.default_rng(23)
-    for _ in range(40):
+    for _ in range(12):
         pivots, _, _, (o, e) = chance.triad(rng)
         pins = sorted(rng.normal(size=3))
         lengths = [abs(o + e * p - g) for p, g in zip(pins, pivots, strict=True)]
@@ -196,7 +196,7 @@ def test_pins_and_pivots_on_two_lines_in_proportion_have_modes_in_pairs_of_one_a
     # The centres of the three circles are always on one line, so every pose has a mirror
     # image with the same angle, and every root of the eliminant is double.
     rng = np.random.default_rng(24)
-    for _ in range(40):
+    for _ in range(12):
         pins = [0.0, 1.0, 3.0]
         pivots = [p * (2 + 4j) for p in pins]
         o, e = chance.pose(rng)
@@ -210,7 +210,7 @@ def test_pins_and_pivots_on_two_lines_in_proportion_have_modes_in_pairs_of_one_a
 
 def test_two_modes_of_one_angle_are_told_apart_though_the_eliminant_has_a_double_root():
     rng = np.random.default_rng(25)
-    for _ in range(40):
+    for _ in range(12):
         pins, (o, _) = chance.points(rng), chance.pose(rng)
         pivots = np.array([0, 1, 2.5]) * (1 + 1j) + pins  # centres on a line at e = 1
         lengths = np.abs(o + pins - pivots).tolist()
@@ -235,7 +235,7 @@ def test_three_equal_parallel_cranks_are_one_movable_mode():
 
 def test_a_dead_centre_is_one_double_mode():
     rng = np.random.default_rng(31)
-    for n in range(40):
+    for n in range(12):
         pivots, lengths, pins, (o, e) = chance.dead_centre(rng)
         modes = rrr(lengths, pins, pivots)
         double = [m for m in modes if m.double]
@@ -253,7 +253,7 @@ def test_a_dead_centre_is_one_double_mode():
 def test_near_a_dead_centre_there_are_two_modes_or_none(apart):
     """A leg longer or shorter by ``apart``: the modes are about its root apart."""
     rng = np.random.default_rng(32)
-    for _ in range(20):
+    for _ in range(6):
         pivots, lengths, pins, _ = chance.dead_centre(rng)
         for sign in (1, -1):
             changed = [*lengths[:2], lengths[2] + sign * apart]
@@ -336,7 +336,7 @@ def test_order_of_the_legs_does_not_matter():
 def test_a_platform_far_smaller_or_larger_than_the_legs_keeps_its_modes():
     rng = np.random.default_rng(44)
     for size in (1e-2, 1e2):
-        for _ in range(40):
+        for _ in range(8):
             pins, pivots = chance.points(rng, size=size), chance.points(rng)
             o, e = chance.pose(rng)
             lengths = np.abs(o + e * pins - pivots).tolist()
@@ -369,7 +369,7 @@ def mixed(rng, kinds):
 def test_triads_with_sliding_legs_have_as_many_modes_as_their_eliminant_changes_sign(kinds):
     rng = np.random.default_rng(51)
     scan = np.exp(2j * np.pi * (np.arange(20000) + 0.5) / 20000)
-    for _ in range(20):
+    for _ in range(7):
         triad, supports, (o, e) = mixed(rng, kinds)
         modes = triad_modes(triad, supports)
         assert has(modes, o, e)

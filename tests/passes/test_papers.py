@@ -1,14 +1,12 @@
-"""Forces, reduced inertia and energies against recorded motions: Watt's six-bar falling from
-rest, and Andrews' squeezer at 0.03 s. Both are free motions, so the driving effort is zero.
+"""Forces, reduced inertia and energies of Watt's six-bar falling from rest.
 
-Sources: tests/data/watt_sixbar.json (Durango et al. 2014, Table 1) and
-tests/data/andrews_squeezer.json (IVP test set; Hairer & Wanner).
+Source: tests/data/watt_sixbar.json (Durango et al. 2014, Table 1).
 """
 
 import numpy as np
 import pytest
 
-from tests.wiring import off, recorded, squeezer, watt
+from tests.wiring import off, recorded, watt
 
 WATT = recorded("watt_sixbar")["from_0"]
 PINS = {
@@ -73,76 +71,3 @@ def test_equation_of_motion_holds_at_any_state():
     size = np.abs(J * qdd) + np.abs(dJ * qd**2 / 2) + np.abs(r["crank.tau_red"])
     worst = np.sqrt(np.minimum(r["first.margin"], r["last.margin"]).min())
     assert np.max(np.abs(left - r["crank.drive"] - r["crank.tau_red"]) / size) <= DIGITS / worst
-
-
-# ---- Andrews' squeezer: three dyads on one pin -------------------------------------------
-
-ANDREWS = recorded("andrews_squeezer")["converged_at_0_03"]
-# Source of the reference: two formulations agree to 1e-12 at speeds of 1,000 rad/s.
-AGREED = 5e-12
-REACTIONS = {
-    "O": ("crank.A", 1),
-    "F": ("first.B", 1),
-    "P23": ("first.C", 1),
-    "B": ("first.D", 1),
-    "P24": ("upper.B", 1),
-    "G": ("upper.C", -1),  # there of link 5 on 4, here of link 4 on 5
-    "A5": ("upper.D", 1),
-    "P26": ("lower.B", 1),
-    "H": ("lower.C", -1),
-    "A7": ("lower.D", 1),
-}
-
-
-@EACH_ENGINE
-def test_squeezer_moves_as_the_benchmark_says(engine):
-    q, dq, ddq = (np.array(ANDREWS[k]) for k in ("q", "dq", "ddq"))
-    r = squeezer().run(at=[q[0]], rates=dq[0], accelerations=ddq[0], engine=engine)
-
-    def links(x):
-        """Angles or rates from the benchmark's (beta, Theta, gamma, Phi, delta, Omega, eps)."""
-        return {
-            "first.i": x[0] + x[1],
-            "first.j": x[2],
-            "upper.i": x[3] + x[4],
-            "upper.j": x[4],
-            "lower.i": x[5] + x[6],
-            "lower.j": x[6],
-        }
-
-    frames = {
-        "first.i": -1,
-        "first.j": -1j,
-        "upper.i": 1j,
-        "upper.j": 1,
-        "lower.i": -1,
-        "lower.j": -1j,
-    }
-    for name, angle in links(q).items():
-        direction = np.exp(1j * angle) * frames[name]
-        assert abs(np.exp(1j * r[f"{name}.angle"][0]) - direction) <= AGREED
-    for what, column in (("omega", dq), ("alpha", ddq)):
-        wanted = links(column)
-        largest = max(map(abs, wanted.values()))
-        for name, x in wanted.items():
-            assert abs(r[f"{name}.{what}"][0] - x) <= AGREED * largest
-
-
-@EACH_ENGINE
-def test_squeezer_has_the_reactions_of_the_benchmark(engine):
-    q, dq, ddq = (ANDREWS[k][0] for k in ("q", "dq", "ddq"))
-    r = squeezer().run(at=[q], rates=dq, accelerations=ddq, engine=engine)
-    for pin, (name, sign) in REACTIONS.items():
-        force = complex(*ANDREWS["reactions"][pin])
-        assert abs(sign * r[f"{name}.reaction"][0] - force) <= AGREED * 300.0  # the largest [N]
-    assert abs(r["crank.drive"][0]) <= AGREED * 300.0 * 0.007  # force times crank length
-
-
-def test_squeezer_counts_its_threefold_pin_as_two_pairs():
-    structure = squeezer().structure()
-    assert len(structure.links) - 1 == 7
-    assert structure.pairs == 10
-    assert structure.mobility == 1
-    assert structure.formula == (
-        "I(crank: 0,1) -> II RRR(first: 2,3) -> II RRR(lower: 4,5) -> II RRR(upper: 6,7)"
-    )

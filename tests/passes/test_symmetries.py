@@ -11,9 +11,19 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from blockmech.analysis.verify import _Judge
 from blockmech.testing.strategies import KINDS, Options, mechanisms
-from tests.wiring import EPS, mirrored, rewired, rotated, ruiz, same_bits, scaled, toggle, watt
+from tests.wiring import (
+    EPS,
+    amplification,
+    mirrored,
+    rewired,
+    rotated,
+    ruiz,
+    same_bits,
+    scaled,
+    toggle,
+    watt,
+)
 
 CHAINS = Options(kinds=("dyad.rrr",), groups=(1, 4), drivers=(1, 3))
 ALL = Options(kinds=KINDS, groups=(1, 3))
@@ -179,7 +189,7 @@ def check_rotation(graph, request, angle):
     one, other = solve(graph, request), solve(rotated(graph, angle), request)
     assert other.quality.status == one.quality.status
     e, fixed = np.exp(1j * angle), one.mechanism.structure.frame
-    condition = _Judge(one).worst ** 2  # once in the motion, once in the forces
+    condition = amplification(one) ** 2  # once in the motion, once in the forces
     sizes: dict = {}
     for name, values in numbers(one).items():
         kind = one.unit(name), one.output(name).kind

@@ -106,5 +106,5 @@ def test_power_of_every_wire_balances(friction: str) -> None:
             wires += 1
             rubbing += bool(ends(joint, "friction"))
     print(f"{wires} wires, {rubbing} of them with friction, worst {worst:.1e}")
-    assert wires > 2000
-    assert (rubbing > 500) == (friction == "newton")
+    assert wires > 4 * len(SEEDS)
+    assert (rubbing > len(SEEDS)) == (friction == "newton")

@@ -135,17 +135,22 @@ class Setting(NamedTuple):
 
 def run_to(
     mechanism: Compiled,
+    accuracy: float,
+    given: Mapping[str, Any],
     taken: Samples,
     want: Iterable[str] | str,
-    accuracy: float,
     static: bool,
     engine: str,
     chunk: int | None,
 ) -> Result:
     """Run with the settings that an accuracy needs; ``result.accuracy`` says which.
 
-    Raises `RequestError` where the accuracy is not a positive number.
+    Raises `RequestError` where the accuracy is not a positive number, or where settings are
+    ``given`` that it is there to choose.
     """
+    if said := [name for name, value in given.items() if value is not None]:
+        chosen, remedy = f"accuracy={accuracy:g} chooses it", "give the accuracy or the setting"
+        raise RequestError(Problem("useless-setting", listed(said), chosen, "", remedy))
     if not 0 < accuracy < math.inf:
         raise RequestError(
             Problem("bad-value", "accuracy", f"must be > 0, got {accuracy}", "", "try 1e-6")
@@ -196,21 +201,6 @@ def some(taken: Samples, count: int) -> Samples:
     inputs = {k: np.ascontiguousarray(np.asarray(v)[index]) for k, v in taken.inputs.items()}
     times = None if taken.times is None else taken.times[index]
     return Samples(len(index), inputs, times, taken.clock)
-
-
-def refuse_settings(accuracy: float, **given: Any) -> None:
-    """Refuse settings beside an accuracy, which is there to choose them."""
-    said = [name for name, value in given.items() if value is not None]
-    if said:
-        raise RequestError(
-            Problem(
-                "useless-setting",
-                listed(said),
-                f"accuracy={accuracy:g} chooses it",
-                "",
-                "give the accuracy or the setting",
-            )
-        )
 
 
 def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:

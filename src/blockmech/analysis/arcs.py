@@ -12,19 +12,35 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.closure import SEAM, Closure
 from blockmech.analysis.scan import TURN, Span, bisect, runs, scan
 from blockmech.series import DOUBLE_ROOT, EPS, Floats
+
+SEAM = -math.pi / 2  # turns are cut there: arcs of symmetric mechanisms lie about 0 or pi
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])
 ROUNDED = 16 * EPS  # of a margin, which comes of some ten operations
 BESIDE = 1e-5  # [rad], and of a slide's size: looked at on both sides of a touch
+
+
+class Margins(Protocol):
+    """Margins of groups along one coordinate, in formation order: a `Closure`."""
+
+    blocks: tuple[str, ...]
+
+    def margins(self, q: Floats) -> Floats:
+        """Margins (rows, n) at places (n,)."""
+
+    def margin(self, k: int, q: float) -> float:
+        """Margin number k at one place."""
+
+    def passable(self, block: str, q: float, d: float) -> bool:
+        """Whether a group passes a touch of its margin; ``d`` is looked at on both sides."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +79,7 @@ class Nearest:
 
 
 def closed_pieces(
-    closure: Closure, span: Span, samples: int
+    closure: Margins, span: Span, samples: int
 ) -> tuple[tuple[Piece, ...], Nearest | None]:
     """All pieces where every group closes, in rising order.
 
@@ -99,7 +115,7 @@ class _Margin:
     sure : (m,) whether they are beyond their rounding, and so have a sign
     """
 
-    def __init__(self, closure: Closure, k: int, piece: Piece, samples: int) -> None:
+    def __init__(self, closure: Margins, k: int, piece: Piece, samples: int) -> None:
         self.closure, self.k, self.piece = closure, k, piece
         self.block = closure.blocks[k]
         if piece.tiny:

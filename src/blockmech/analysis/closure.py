@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.analysis.arcs import SEAM
 from blockmech.analysis.scan import ASIDE, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.model.structure import JointRef
@@ -18,7 +19,6 @@ from blockmech.series import Floats
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-SEAM = -math.pi / 2  # turns are cut there: arcs of symmetric mechanisms lie about 0 or pi
 BEYOND = 2.0**20  # sizes of the mechanism within which a slide's ends are searched
 COINCIDENT = 1e-6  # of a group's lengths, below which two pins lie on each other
 
@@ -163,7 +163,7 @@ def travel(mechanism: Compiled, driver: str) -> Span:
     """A slide's way, a million times the size of the mechanism and of its law's range."""
     structure = mechanism.structure
     sizes = [b.largest_length() for b in structure.blocks.values() if isinstance(b, Moving)]
-    fixed = [m for _, m in structure.fixed.markers_of().values() if not isinstance(m, BuiltIn)]
+    fixed = [m for _, m in structure.fixed.all_markers.values() if not isinstance(m, BuiltIn)]
     sizes += [2 * max((abs(m.at.z) for m in fixed), default=0.0)]
     law: Any = mechanism.scene.drive.get(driver)
     sizes += [abs(law.start), abs(law.end)] if law is not None and law.by_coordinate else []

@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from blockmech.analysis.cycle import Cycle, cycle_of
+from blockmech.analysis.cycle import Cycle
+from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
 from blockmech.errors import Problem, RequestError
 

@@ -1,16 +1,17 @@
-"""Free bodies: everything that acts on each link, and how the link moves, from outputs alone.
+"""Free bodies: how each link moves, what acts on it, and how it moves against its neighbours.
 
-Reactions, friction, drives, elements, weight and D'Alembert terms are taken from the labelled
-outputs of a run and put on the link as forces at their places and couples. The kernels that
-made the numbers are not asked.
+Everything is read from the labelled outputs of a run and from what the document declares: places
+of joints on their links, guides, centres of mass. The kernels that made the numbers are not
+asked; a link here is a rigid body, whatever group it is in.
 
 Source: [R10] Ruiz, Durango & Calle 2010, Eqs. 2-7.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,44 @@ if TYPE_CHECKING:
     from blockmech.result import Result
 
 Array = NDArray[Any]
+Side = tuple[complex, complex]
+
+
+class Body(NamedTuple):
+    """Motion (n,) of a point of a link, and of the link.
+
+    p, v, a : place [m], velocity [m/s] and acceleration [m/s2] of the point, complex
+    e, om, al : unit direction of the link, its rate [rad/s] and angular acceleration [rad/s2]
+    """
+
+    p: Array
+    v: Array
+    a: Array
+    e: Array
+    om: Array
+    al: Array
+
+    def at(self, place: complex) -> Body:
+        """The same of a place [m] in the link's frame, where self is its origin."""
+        arm = self.e * place
+        spin = 1j * self.al - self.om**2
+        return self._replace(p=self.p + arm, v=self.v + 1j * self.om * arm, a=self.a + spin * arm)
+
+    def seen(self, other: Body) -> tuple[Array, Array, Array]:
+        """Place, velocity and acceleration of another point as self's link sees them."""
+        d = other.p - self.p
+        w = other.v - self.v - 1j * self.om * d
+        spin = 1j * self.al - self.om**2
+        b = other.a - self.a - spin * d - 2j * self.om * w
+        return d, w, b
+
+    def sizes(self, other: Body) -> tuple[Array, Array, Array]:
+        """Sums of the absolute terms of `seen`, from the coordinates on."""
+        s = np.abs(self.p) + np.abs(other.p)
+        rate = np.abs(self.om) + np.abs(other.om)
+        v = np.abs(self.v) + np.abs(other.v) + rate * s
+        a = np.abs(self.a) + np.abs(other.a) + (np.abs(self.al) + np.abs(other.al)) * s
+        return s, v, a + rate * v
 
 
 class FreeBodies:
@@ -32,15 +71,48 @@ class FreeBodies:
     def __init__(self, run: Result) -> None:
         self.run = run
         self.structure: Structure = run.mechanism.structure
+        self.link: Callable[[LinkRef], Body] = cache(self._link)
 
-    def link(self, link: LinkRef) -> tuple[Array, Array, Array, Array]:
-        """Place [m] and velocity [m/s] of a link's origin, its rate [rad/s] and unit direction."""
+    def _link(self, link: LinkRef) -> Body:
+        """Motion of a link's origin, and of the link."""
         if link == self.structure.frame_link:
             zero = np.zeros(self.run.n)
-            return zero + 0j, zero + 0j, zero, zero + 1
+            still = zero + 0j
+            return Body(still, still, still, still + 1, zero, zero)
         r = self.run
         e = np.exp(1j * r[f"{link}.angle"])
-        return r[f"{link}.p"], r[f"{link}.v"], r[f"{link}.omega"], e
+        o, v, a, om, al = (r[f"{link}.{what}"] for what in ("p", "v", "a", "omega", "alpha"))
+        return Body(o, v, a, e, om, al)
+
+    # -- pairs ---------------------------------------------------------------------
+
+    def side(self, ref: JointRef, link: LinkRef) -> Side:
+        """Place [m] of a pair on one of its links, and its unit direction there; as declared."""
+        if link.block != ref.block:
+            marker = self.structure.feeds[ref]
+            declared = self.structure.marker(marker)
+            at = self.structure.block(marker.block).place_of(declared)
+            return at, getattr(declared, "direction", 1 + 0j)
+        block = self.structure.blocks[ref.block]
+        if block.own_form or block.joints[ref.name].kind == "P":
+            return block.guide_line(ref.name, link.link)
+        markers = block.all_markers
+        for name in (ref.name, f"{ref.name}j"):
+            if name in markers and markers[name][0] == link.link:
+                return block.place_of(markers[name][1]), 1 + 0j
+        raise KeyError(f"{ref} has no marker on {link}")
+
+    def ends(self, ref: JointRef) -> tuple[Body, Body]:
+        """The earlier and the later link of a pair where it sits; e is the pair's direction."""
+        links = self.structure.earlier_link(ref), self.structure.later_link(ref)
+        found = []
+        for link in links:
+            at, direction = self.side(ref, link)
+            end = self.link(link).at(at)
+            found.append(end._replace(e=end.e * direction))
+        return found[0], found[1]
+
+    # -- what acts -----------------------------------------------------------------
 
     def terms(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
         """Everything that acts on a link: force [N], where it acts [m], couple [N m]."""
@@ -54,27 +126,29 @@ class FreeBodies:
         properties = self.structure.properties(link)
         if link == self.structure.frame_link or not properties.massive:
             return
-        r = self.run
-        o, _, om, e = self.link(link)
-        arm = e * properties.cm.z
-        gravity = self.run.mechanism.scene.gravity.z
-        force = np.full(r.n, properties.mass * gravity)
+        r, cm = self.run, self.link(link).at(properties.cm.z)
+        force = np.full(r.n, properties.mass * r.mechanism.scene.gravity.z)
         couple = np.zeros(r.n)
         if not r.settings["static"]:
-            al = r[f"{link}.alpha"]
-            force = force - properties.mass * (r[f"{link}.a"] + (1j * al - om**2) * arm)
-            couple = -properties.inertia * al
-        yield force, o + arm, couple
+            force = force - properties.mass * cm.a
+            couple = -properties.inertia * cm.al
+        yield force, cm.p, couple
 
     def elements(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
         """Forces and couples of springs, dampers and other loads."""
         r, zero = self.run, np.zeros(self.run.n)
         for terminal in self.structure.loaded[link]:
-            marker = self.structure.holds[terminal]
+            place = self.held(terminal).p
             if f"{terminal}.force" in r:
-                yield r[f"{terminal}.force"], r[f"{marker}.p"], zero
+                yield r[f"{terminal}.force"], place, zero
             else:
-                yield zero + 0j, r[f"{marker}.p"], r[f"{terminal}.couple"]
+                yield zero + 0j, place, r[f"{terminal}.couple"]
+
+    def held(self, terminal: JointRef) -> Body:
+        """Where an element takes hold of a link."""
+        marker = self.structure.holds[terminal]
+        at = self.structure.block(marker.block).place_of(self.structure.marker(marker))
+        return self.link(marker.on).at(at)
 
     def _joints_on(self, link: LinkRef) -> list[JointRef]:
         own = []
@@ -89,40 +163,20 @@ class FreeBodies:
         t = np.array(r[f"{ref}.friction"])
         if joint.driven:
             driver = self.structure.blocks[ref.block].driver_name(*ref)
-            t = t + r[f"{driver}.drive"]
+            sense = self.structure.coordinate(driver).sign
+            t = t + sense * r[f"{driver}.drive"]
         sign = 1.0 if self.structure.later_link(ref) == link else -1.0
+        earlier, _ = self.ends(ref)
         if joint.kind == "R":
-            return sign * r[f"{ref}.reaction"], self._pin(ref), sign * t
-        u = self._guide(ref)
-        return sign * (r[f"{ref}.reaction"] + t * u), self._slider(ref, u), sign * r[f"{ref}.C"]
+            return sign * r[f"{ref}.reaction"], earlier.p, sign * t
+        force = r[f"{ref}.reaction"] + t * earlier.e
+        return sign * force, self._slider(ref), sign * r[f"{ref}.C"]
 
-    def _pin(self, ref: JointRef) -> Array:
-        joint = self.structure.joint(ref)
-        if joint.outer:
-            found: Array = self.run[f"{self.structure.feeds[ref]}.p"]
-            return found
-        inner: Array = self.run[f"{ref.block}.{ref.name}.p"]
-        return inner
-
-    def _guide(self, ref: JointRef) -> Array:
-        joint = self.structure.joint(ref)
-        if not joint.outer:
-            earlier = LinkRef(ref.block, joint.links[0])
-            own = self.structure.blocks[ref.block].guide_line(ref.name, earlier.link)[1]
-            return self.link(earlier)[3] * own
-        marker = self.structure.feeds[ref]
-        declared = self.structure.marker(marker)
-        direction = getattr(declared, "direction", 1 + 0j)
-        return self.link(marker.on)[3] * direction
-
-    def _slider(self, ref: JointRef, u: Array) -> Array:
+    def _slider(self, ref: JointRef) -> Array:
         """The slider's point of a prismatic pair."""
-        joint, block = self.structure.joint(ref), self.structure.blocks[ref.block]
-        owner = self.structure.later_link(ref)
-        if block.slider_owner(ref.name) == "earlier":
-            if joint.outer:
-                found: Array = self.run[f"{self.structure.feeds[ref]}.p"]
-                return found
-            owner = self.structure.earlier_link(ref)
-        o, _, _, e = self.link(owner)
-        return o + e * block.slider_place(ref.name, owner.link)
+        block = self.structure.blocks[ref.block]
+        later = block.slider_owner(ref.name) == "later"
+        owner = self.structure.later_link(ref) if later else self.structure.earlier_link(ref)
+        if owner.block != ref.block:
+            return self.ends(ref)[0].p
+        return self.link(owner).at(block.slider_place(ref.name, owner.link)).p

@@ -3,13 +3,18 @@
 An end is a dead centre of one group: beyond it that group is out of reach. It is found
 to rounding, because the margin passes zero there with a slope (it is the *rates* that go
 to infinity). A change point is a dead centre that the mechanism can be driven through:
-the margin touches zero and grows again.
+the margin touches zero and grows again. Both are singular poses of the second kind: with
+the drivers held, the group still moves. Those of the first kind, where an output stands
+while the driver moves, are the ends of a stroke (`blockmech.analysis.stroke`).
 
 What the scan can miss: margins are sampled (720 times a turn) until their Chebyshev series
 end, and every extremum of the series is looked at, so a gap or an arc far narrower than the
 samples is found, down to a width of some 1e-7 rad where rounding hides it. The margin of an
 RRR dyad on a crank and a fixed pivot is a trigonometric polynomial of degree 2: nothing is
 missed there.
+
+Sources: [GA90] Gosselin & Angeles, Singularity analysis of closed-loop kinematic chains, IEEE
+Trans. Robotics and Automation 6 (1990): the kinds of singular poses.
 """
 
 from __future__ import annotations
@@ -21,17 +26,16 @@ from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.arcs import Bound, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
-from blockmech.analysis.scan import TURN
+from blockmech.analysis.scan import TINY, TURN
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.structure import Structure
-from blockmech.series import DOUBLE_ROOT
+from blockmech.series import DOUBLE_ROOT, SCANNED
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-SAMPLES = 720  # of a turn: every half degree
 FEWEST = 16
-TINY = 1e-13  # [rad or m] shown as zero
+SECOND_KIND = "singular poses of the second kind (Gosselin, Angeles): driver held, the group moves"
 
 
 @dataclass(frozen=True)
@@ -168,6 +172,8 @@ class Limits:
             for first, *more in _together(arc.change_points):
                 others = f" and {len(more)} more" if more else ""
                 yield f"  change point at {_shown(first.q * scale)} {unit} ({first}{others})"
+        if any(end.block for arc in self.arcs for end in (arc.start, arc.end, *arc.change_points)):
+            yield f"  {SECOND_KIND}"
 
     def to_dict(self) -> dict[str, Any]:
         """The limits as a JSON object."""
@@ -191,7 +197,7 @@ def limits(
     at: Mapping[str, float] | None = None,
     *,
     blocks: Iterable[str] | None = None,
-    samples: int = SAMPLES,
+    samples: int = SCANNED,
 ) -> Limits:
     """The feasible arcs of a driver, the others held.
 

@@ -2,8 +2,10 @@
 
 A marker's extreme positions are the ends of its path: the farthest ones on a straight
 line, the reversals on a curve that it runs to and fro. The stroke is measured along the
-path. The time ratio is that of the slow stroke to the quick one at constant driver rate,
-so it is a ratio of driver travel.
+path. There the marker stands while the driver moves: singular poses of the first kind
+([GA90] of `blockmech.analysis.limits`, whose dead centres are those of the second). The time
+ratio is that of the slow stroke to the quick one at constant driver rate, so it is a ratio
+of driver travel.
 """
 
 from __future__ import annotations
@@ -17,8 +19,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.cycle import Cycle, cycle_of
+from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
+from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turns import ALIKE, Signal, Turn, Turns, signal_of, turns_of
 from blockmech.errors import Problem, RequestError
@@ -77,6 +80,8 @@ class Stroke:
             f"{self.name}  stroke {self.length:.9g} {self.unit}, from {place(self.low.at)} "
             f"to {place(self.high.at)}"
         )
+        if not (self.path == "scalar" or self.low.end or self.high.end):
+            text += ", where it stands: singular poses of the first kind (Gosselin, Angeles)"
         ratio = self.time_ratio
         return text if ratio is None else f"{text}; time ratio {ratio:.6g}"
 

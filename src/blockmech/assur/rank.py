@@ -7,9 +7,10 @@ to its last, so the rank of a matrix of floats is a guess there; here it is exac
 from __future__ import annotations
 
 import heapq
-from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, TypeAlias
+
+import networkx as nx
 
 PRIME = 2**61 - 1
 """Modulus of the arithmetic: a Mersenne prime that fits a machine word."""
@@ -26,18 +27,11 @@ class TooTangledError(ValueError):
 
 
 def in_bands(nodes: Sequence[str], joined: Iterable[tuple[str, str]]) -> list[str]:
-    """Order of elimination that keeps rows short: neighbours near each other (Cuthill-McKee)."""
-    import numpy as np
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
-    index = {a: k for k, a in enumerate(nodes)}
-    ends = [(index[a], index[b]) for a, b in joined if a in index and b in index]
-    if not ends:
-        return list(nodes)
-    rows, columns = np.array([*ends, *(e[::-1] for e in ends)]).T
-    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(nodes), len(nodes)))
-    return [nodes[k] for k in reverse_cuthill_mckee(graph.tocsr(), symmetric_mode=True)]
+    """Order of elimination that keeps rows short: neighbours near each other."""
+    graph: nx.Graph[str] = nx.Graph()
+    graph.add_nodes_from(nodes)
+    graph.add_edges_from((a, b) for a, b in joined if a in graph and b in graph)
+    return list(nx.utils.reverse_cuthill_mckee_ordering(graph))
 
 
 class Pivot(NamedTuple):
@@ -46,7 +40,7 @@ class Pivot(NamedTuple):
     row: Row  # without the pivot's own column, whose coefficient is 1
     source: int  # number of the condition that it came from
     scale: int  # what the reduced condition was multiplied by
-    used: list[tuple[int, int]]  # earlier pivots taken away: column, factor
+    used: Row  # pivot that was taken away, by its column -> factor
 
 
 class Echelon:
@@ -63,7 +57,7 @@ class Echelon:
         self.redundant: list[int] = []  # conditions that those before them imply
         for source, condition in enumerate(conditions):
             full = len(self.pivots) == columns
-            row, used = ({}, []) if full else self._reduce(condition)
+            row, used = ({}, {}) if full else self._reduce(condition)
             if row:
                 lead = min(row)
                 scale = pow(row.pop(lead), -1, PRIME)
@@ -72,16 +66,11 @@ class Echelon:
             else:
                 self.redundant.append(source)
 
-    def _reduce(self, condition: Row) -> tuple[Row, list[tuple[int, int]]]:
+    def _reduce(self, condition: Row) -> tuple[Row, Row]:
         """What is left of a condition, and the pivots taken away with their factors."""
-        row, used = dict(condition), list[tuple[int, int]]()
-        while row:
-            lead = min(row)
-            pivot = self.pivots.get(lead)
-            if pivot is None:
-                break
-            factor = row.pop(lead)
-            used.append((lead, factor))
+        row, used = dict(condition), dict[int, int]()
+        while row and (pivot := self.pivots.get(lead := min(row))):
+            used[lead] = factor = row.pop(lead)
             self._work(1 + len(pivot.row))
             for c, value in pivot.row.items():
                 rest = (row.get(c, 0) - factor * value) % PRIME
@@ -98,17 +87,9 @@ class Echelon:
 
     def circuit(self, source: int) -> set[int]:
         """The conditions that a redundant one depends on, and itself."""
-        weight: dict[int, int] = defaultdict(int)
-        waiting: list[tuple[int, int]] = []
-        found = {source}
-
-        def owe(column: int, amount: int) -> None:
-            if column not in weight:
-                heapq.heappush(waiting, (-self.pivots[column].source, column))
-            weight[column] = (weight[column] + amount) % PRIME
-
-        for column, factor in self._reduce(self.conditions[source])[1]:
-            owe(column, factor)
+        weight, found = self._reduce(self.conditions[source])[1], {source}
+        waiting = [(-self.pivots[column].source, column) for column in weight]
+        heapq.heapify(waiting)
         while waiting:  # later pivots first: they only use earlier ones
             column = heapq.heappop(waiting)[1]
             pivot = self.pivots[column]
@@ -116,8 +97,10 @@ class Echelon:
             if amount:
                 found.add(pivot.source)
                 self._work(4 * (1 + len(pivot.used)))  # a heap costs more than a row
-                for earlier, factor in pivot.used:
-                    owe(earlier, -amount * factor)
+                for earlier, factor in pivot.used.items():
+                    if earlier not in weight:
+                        heapq.heappush(waiting, (-self.pivots[earlier].source, earlier))
+                    weight[earlier] = (weight.get(earlier, 0) - amount * factor) % PRIME
         return found
 
     def solution(self, free: Sequence[int]) -> Sequence[int]:

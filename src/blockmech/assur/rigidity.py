@@ -90,10 +90,10 @@ class Rigidity:
 
 
 class Condition(NamedTuple):
-    """What a pair holds: "place" (R), "turn", "slide" (P) or "drive"."""
+    """A condition of a pair."""
 
     pair: Pair
-    what: str
+    what: str  # "place" (R), "turn", "slide" (P) or "drive"
     row: Row
 
 
@@ -127,10 +127,7 @@ def rigidity(
     column = {a: 3 * k for k, a in enumerate(names)}
     held = [c for pair in ordered for c in _conditions(pair, column, pair.name in drivers)]
     system = Echelon(3 * len(names), [c.row for c in held])
-    start = [
-        _random_numbers(f"motion {c % 3} of {names[c // 3]}")[0] for c in range(3 * len(names))
-    ]
-    value = system.solution(start)
+    value = system.solution([_random_numbers(f"{k} of {a}")[0] for a in names for k in range(3)])
     twist = {a: (value[c], value[c + 1], value[c + 2]) for a, c in column.items()}
     free = {a: sum(c + k not in system.pivots for k in range(3)) for a, c in column.items()}
     return Rigidity(

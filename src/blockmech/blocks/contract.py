@@ -30,17 +30,15 @@ rules are numbered, and `blockmech.testing.conformance` tests them by number:
 
 from __future__ import annotations
 
-import functools
 import inspect
 import math
-from collections import namedtuple
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
-from typing import Any, ClassVar, Literal, LiteralString, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar, Literal
 
-from pydantic import ValidationError, field_validator
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import field_validator
+from pydantic_core import PydanticCustomError
 
+from blockmech.blocks.block import Block, Mistake, refuse, unknown_name, wrong_links
 from blockmech.blocks.joints import (
     BuiltIn,
     Coordinate,
@@ -50,10 +48,8 @@ from blockmech.blocks.joints import (
     inner_joint,
     outer_joint,
 )
-from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import close_match, listed
 from blockmech.friction.laws import Coulomb
-from blockmech.values import NAME_RULE, Link, Marker, Pair, Strictly, is_name, mistake
+from blockmech.values import Link
 
 __all__ = [
     "AssurGroup",
@@ -69,85 +65,6 @@ __all__ = [
     "outer_joint",
 ]
 
-Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
-"""Where in a model, and what is wrong there."""
-
-
-class Block(Strictly):
-    """Anything that stands in a graph. Concrete classes register under their ``type``."""
-
-    model_config = {"ignored_types": (Joint, Kernels)}
-
-    type_name: ClassVar[str] = ""
-    joints: ClassVar[Mapping[str, Joint]] = {}
-    link_names: ClassVar[tuple[str, ...]] = ()
-    built_in: ClassVar[Mapping[str, BuiltIn]] = {}
-
-    def __init_subclass__(cls, type: str = "", **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, type: str = "", **kwargs: Any) -> None:
-        if not type:
-            return
-        if not getattr(cls, "own_form", False):
-            _declare(cls)
-        REGISTRY.register(type, cls)
-
-    def links_or_default(self) -> dict[str, Link]:
-        """Every link of the block with its mass properties and markers."""
-        given: dict[str, Link] = getattr(self, "links", {})
-        return {name: given.get(name, NO_LINK) for name in self.link_names}
-
-    def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
-        """The markers that the block brings at its joints: name -> (link, marker)."""
-        return {name: (m.link, m) for name, m in self.built_in.items()}
-
-    def markers_of(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
-        """All markers: name -> (link, marker). Built-in ones first, a link's name is one."""
-        found = self.own_markers()
-        for link in self.link_names:
-            found.setdefault(link, (link, BuiltIn(link)))
-        for link, properties in self.links_or_default().items():
-            for name, marker in properties.markers.items():
-                found[name] = (link, marker)
-        return found
-
-    def place_of(self, marker: Marker | BuiltIn) -> complex:
-        """Place [m] of one of the block's markers, in the frame of the marker's link."""
-        if isinstance(marker, Marker):
-            return marker.at.z
-        return complex(getattr(self, marker.along) or 0.0) if marker.along else 0j
-
-    @classmethod
-    def parameter_names(cls) -> tuple[str, ...]:
-        """The block's own numbers, in the order of declaration."""
-        return tuple(n for n in cls.model_fields if n not in NOT_FOR_KERNELS)
-
-    def parameters(self) -> Any:
-        """The block's numbers as the named tuple that kernels read as ``p``."""
-        values = {n: _number(getattr(self, n)) for n in self.parameter_names()}
-        numbers = {n: x for n, x in values.items() if x is not None}
-        return _record(type(self).__name__ + "Numbers", tuple(numbers))(*numbers.values())
-
-
-NO_LINK = Link()
-SHARED_FIELDS = frozenset({"links", "markers", "friction", "slider", "useful"})
-NOT_FOR_KERNELS = SHARED_FIELDS | {"sign", "offset"}  # the core turns a driver's coordinate
-
-
-def _number(value: object) -> float | complex | None:
-    if isinstance(value, Pair):
-        return value.z
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    return None
-
-
-@functools.cache
-def _record(name: str, fields: tuple[str, ...]) -> Any:
-    return namedtuple(name, fields)  # the fields are known at run time only
-
 
 class Moving(Block):
     """A block with links and joints: a driving link or an Assur group."""
@@ -161,6 +78,28 @@ class Moving(Block):
 
     links: dict[str, Link] = {}
     friction: dict[str, Coulomb] = {}
+
+    @classmethod
+    def declare(cls) -> None:
+        """Collect the class's joints, and hold its kernels against the contract."""
+        if cls.own_form:
+            return
+        super().declare()
+        outer = [j.name for j in cls.joints.values() if j.outer]
+        driven = [f"q_{j.name}" for j in cls.joints.values() if j.driven]
+        expected = {
+            "position": [*outer, *driven, "p"],
+            "velocity": ["pose", *outer, *driven, "p"],
+            "acceleration": ["pose", "vel", *outer, *driven, "p"],
+            "reactions": ["pose", *(f"load_{n}" for n in cls.link_names), "p"],
+        }
+        for name, wanted in expected.items():
+            found = list(inspect.signature(getattr(cls.kernels, name)).parameters)
+            if len(found) != len(wanted):
+                raise TypeError(
+                    f"{cls.__name__}: kernel {name} must take ({', '.join(wanted)}), "
+                    f"it takes ({', '.join(found)})"
+                )
 
     @property
     def driven(self) -> tuple[Joint, ...]:
@@ -239,83 +178,16 @@ class DrivingLink(Moving):
     group_class: ClassVar[str] = "I"
     closes: ClassVar[bool] = False
 
+    @classmethod
+    def declare(cls) -> None:
+        """The same, and its one driven joint."""
+        super().declare()
+        if sum(joint.driven for joint in cls.joints.values()) != 1:
+            raise TypeError(f"{cls.__name__}: declare its one joint with driven=True")
+
 
 class AssurGroup(Moving):
     """A group that its drivers, if it has any, and its supports determine by themselves."""
-
-
-def _declare(cls: type[Block]) -> None:
-    """Collect the joints of a class and hold its kernels against the contract."""
-    cls.joints = {
-        name: replace(joint, name=name)
-        for name, joint in vars(cls).items()
-        if isinstance(joint, Joint)
-    }
-    for joint in cls.joints.values():
-        for link in filter(None, (joint.link, *joint.links)):
-            if link not in cls.link_names:
-                raise TypeError(f"{cls.__name__}.{joint.name}: no link {link!r} is declared")
-    if not issubclass(cls, Moving):
-        return
-    outer = [j.name for j in cls.joints.values() if j.outer]
-    driven = [f"q_{j.name}" for j in cls.joints.values() if j.driven]
-    if issubclass(cls, DrivingLink) and len(driven) != 1:
-        raise TypeError(f"{cls.__name__}: declare its one joint with driven=True")
-    expected = {
-        "position": [*outer, *driven, "p"],
-        "velocity": ["pose", *outer, *driven, "p"],
-        "acceleration": ["pose", "vel", *outer, *driven, "p"],
-        "reactions": ["pose", *(f"load_{n}" for n in cls.link_names), "p"],
-    }
-    for name, wanted in expected.items():
-        found = list(inspect.signature(getattr(cls.kernels, name)).parameters)
-        if len(found) != len(wanted):
-            raise TypeError(
-                f"{cls.__name__}: kernel {name} must take ({', '.join(wanted)}), "
-                f"it takes ({', '.join(found)})"
-            )
-
-
-# -- what a block refuses, all at once and each at its own place ---------------------
-
-
-def refuse(title: str, mistakes: Iterable[Mistake]) -> None:
-    """Refuse a model with all its mistakes, each at its own place."""
-    lines = [InitErrorDetails(type=error, loc=where, input=None) for where, error in mistakes]
-    if lines:
-        raise ValidationError.from_exception_data(title, lines)
-
-
-def wrong_links(
-    links: Mapping[str, Link], known: Iterable[str], built_in: Iterable[str]
-) -> Iterator[Mistake]:
-    """Links that the block does not have, and markers whose names cannot stand or are taken."""
-    names = tuple(known)
-    taken = {*built_in, *names}
-    for link, properties in links.items():
-        if link not in names:
-            yield (link,), unknown_name("unknown-link", "link", link, names)
-        for marker in properties.markers:
-            where = (link, "markers", marker)
-            if not is_name(marker):
-                yield where, bad_name("marker", marker)
-            elif marker in taken:
-                found = f'the marker name "{marker}" is taken in this block'
-                yield where, mistake("taken-name", found, f"taken: {listed(sorted(taken))}")
-            taken.add(marker)
-
-
-def unknown_name(
-    code: LiteralString, what: str, name: str, valid: tuple[str, ...]
-) -> PydanticCustomError:
-    """A name that the block does not declare, with the declared ones and the nearest of them."""
-    known = f"{what}s there: {listed(valid)}"
-    return mistake(code, f'no {what} "{name}"', known, close_match(name, valid))
-
-
-def bad_name(what: str, name: str) -> PydanticCustomError:
-    """A name that could not stand in an address."""
-    return mistake("bad-name", f'"{name}" is not a {what} name', NAME_RULE, "choose another name")
 
 
 def wrong_friction(

@@ -23,7 +23,7 @@ from blockmech.typing import (
     Load,
     Real,
 )
-from blockmech.values import Angle, Length, Sign
+from blockmech.values import Angle, Length, Marker, Sign
 
 
 class CrankPose(NamedTuple):
@@ -101,9 +101,6 @@ class Crank(DrivingLink, type="driver.crank"):
     offset: Angle = 0.0
     sign: Sign = 1
 
-    def markers_of(self):  # type: ignore[no-untyped-def]
-        """All markers; B only where the crank has a length."""
-        found = super().markers_of()
-        if self.length is None:
-            found.pop("B", None)
-        return found
+    def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
+        """The markers that the block brings; B only where the crank has a length."""
+        return {k: m for k, m in super().own_markers().items() if k != "B" or self.length}

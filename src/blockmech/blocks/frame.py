@@ -5,11 +5,14 @@ Sources: [R10] Ruiz, Durango & Calle 2010, Fig. 3 (link 0).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cached_property
 from typing import ClassVar
 
 from pydantic import field_validator
 
-from blockmech.blocks.contract import Block, BuiltIn, bad_name, refuse
+from blockmech.blocks.block import Block, bad_name, refuse
+from blockmech.blocks.joints import BuiltIn
 from blockmech.values import Marker, MarkersGiven, default, is_name
 
 
@@ -31,7 +34,8 @@ class Frame(Block, type="frame"):
         refuse(cls.__name__, wrong)
         return markers
 
-    def markers_of(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
+    @cached_property
+    def all_markers(self) -> Mapping[str, tuple[str, Marker | BuiltIn]]:
         """The frame's markers; ``frame`` itself is the one at its origin."""
         found: dict[str, tuple[str, Marker | BuiltIn]] = {"frame": ("frame", BuiltIn("frame"))}
         return found | {name: ("frame", m) for name, m in self.markers.items()}

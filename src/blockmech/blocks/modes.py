@@ -16,7 +16,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from blockmech.blocks.contract import AssurGroup, refuse
+from blockmech.blocks.block import refuse
+from blockmech.blocks.contract import AssurGroup
 from blockmech.errors import shown
 from blockmech.values import Branch, Number, Strictly, mistake
 

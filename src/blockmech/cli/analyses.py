@@ -6,10 +6,18 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.builders import Graph, Opened, opened, problems_in
-from blockmech.cli.given import GraphFile, compiled
+from blockmech.builders import Graph, Opened, compiled, opened, problems_in
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.options import AsJson, At, DegreesOfText, option, refused, si_only, switch
+from blockmech.cli.options import (
+    AsJson,
+    At,
+    DegreesOfText,
+    GraphFile,
+    option,
+    refused,
+    si_only,
+    switch,
+)
 from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar
 
 

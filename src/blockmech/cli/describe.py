@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import json
 from collections.abc import Iterator
 from enum import StrEnum
@@ -9,9 +10,11 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.blocks.contract import SHARED_FIELDS, Block, Moving
+from blockmech.blocks.block import SHARED_FIELDS, Block
+from blockmech.blocks.contract import Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.cli.terminal import say
+from blockmech.errors import RequestError
 from blockmech.loads.contract import Element, Following
 
 
@@ -23,9 +26,18 @@ class Document(StrEnum):
     result = "result"
 
 
-def blocks() -> None:
+def blocks(
+    types: Annotated[
+        list[str] | None, typer.Argument(metavar="TYPE...", help="Only these, e.g. 'load.*'.")
+    ] = None,
+) -> None:
     """List the block types with their joints, links and parameters."""
-    say("\n\n".join("\n".join(_described(name, REGISTRY[name])) for name in REGISTRY))
+    chosen = {pattern: fnmatch.filter(REGISTRY, pattern) for pattern in types or ["*"]}
+    unknown = [REGISTRY.unknown(pattern, "TYPE") for pattern, names in chosen.items() if not names]
+    if unknown:
+        raise RequestError(unknown)
+    named = dict.fromkeys(name for names in chosen.values() for name in names)
+    say("\n\n".join("\n".join(_described(name, REGISTRY[name])) for name in named))
 
 
 def schema(

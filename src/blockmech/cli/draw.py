@@ -7,10 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.builders import opened
-from blockmech.cli.given import GraphFile, compiled
+from blockmech.builders import compiled, opened
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.options import At, names_of
+from blockmech.cli.options import At, GraphFile, names_of
 from blockmech.cli.terminal import progress_bar, say
 
 Picture = Annotated[

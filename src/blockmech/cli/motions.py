@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from blockmech.dynamics.motion import Event, fact_unit
 from blockmech.result import Result
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.motion import Event
 
 LINES = 8  # events shown
 DIGITS = 12
@@ -16,6 +19,8 @@ DIGITS = 12
 
 def motion_lines(result: Result, degrees: bool = False) -> list[str]:
     """Lines about a simulation; none for another run. ``degrees``: angles in deg."""
+    from blockmech.dynamics.motion import fact_unit  # loads SciPy
+
     motion = result.motion
     if motion is None:
         return []

@@ -21,6 +21,9 @@ def switch(name: str, help: str) -> Any:
     return typer.Option(f"--{name}", help=help)  # named, or typer adds --no-name
 
 
+GraphFile = Annotated[
+    str, typer.Argument(metavar="FILE", help="A graph of blocks, or links and joints (JSON).")
+]
 At = Annotated[
     list[str] | None,
     option(

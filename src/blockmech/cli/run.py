@@ -7,12 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.cli.given import GraphFile, compiled
+from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, times
 from blockmech.cli.options import (
     At,
     Explain,
     Friction,
+    GraphFile,
     Iterations,
     Samples,
     Static,
@@ -77,7 +78,7 @@ def run(
     with progress_bar("computing"):
         result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")
         gaps = gap_lines(result, deg)
-        result = without_gaps(result, on_gap, mechanism.feasible)
+        result = without_gaps(result, on_gap)
     if result.accuracy is not None:
         note(str(result.accuracy))
     output.show(result, _pictures, gaps)

@@ -7,12 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.cli.given import GraphFile, compiled
+from blockmech.builders import compiled
 from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
 from blockmech.cli.options import (
     Explain,
     Friction,
+    GraphFile,
     Iterations,
     Times,
     Tolerance,

@@ -6,10 +6,11 @@ import json as text_of
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from blockmech.cli.given import GraphFile, compiled
+from blockmech.builders import compiled
 from blockmech.cli.numbers import SECONDS, coordinates, row, starts, times
 from blockmech.cli.options import (
     At,
+    GraphFile,
     Samples,
     Static,
     Times,

@@ -23,9 +23,9 @@ import numpy as np
 from blockmech.draw import palette as ink
 from blockmech.draw.mechanism import caption, joint_labels, load_text, page_of, paths_of
 from blockmech.draw.motion import Complex, Motion
-from blockmech.draw.page import Page, move
+from blockmech.draw.page import Page, Shape, move
 from blockmech.draw.paper import scaled_unit, shown_name, styled, suffix_of
-from blockmech.draw.shapes import Shape, Stage, shapes_of
+from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.files import AnyPath, writing
 from blockmech.result import Result

@@ -14,16 +14,14 @@ from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
 from blockmech.compiled import Compiled
 from blockmech.draw.layout import Box, Ends
-from blockmech.draw.palette import SIZES, SMALL, TEXT
+from blockmech.draw.palette import MOST, SIZES, SMALL, TEXT
 from blockmech.draw.paper import shown_name, text_width
 from blockmech.errors import Problem, listed
-from blockmech.loads.contract import Element
+from blockmech.loads.contract import Element, Following
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.model.structure import LinkRef, Structure
-
-MOST = 40  # blocks in a diagram; a page holds no more
 
 
 @dataclass(frozen=True)
@@ -195,6 +193,8 @@ def _block(
         case Element():
             kind, under = "element", block.type_name.rsplit(".", 1)[-1].replace("_", " ")
             declared = dict.fromkeys(block.terminals, "")
+            if isinstance(block, Following):
+                under = f"{under} {block.function()}".strip()
         case UnknownBlock():
             kind, under = "unknown", f"{block.type}?"
         case _:

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from blockmech.draw.palette import MOST
 from blockmech.draw.panels import Abscissa, Array, Panel
 from blockmech.draw.paper import shown_name
 from blockmech.errors import Problem, RequestError
@@ -22,7 +23,6 @@ Panels = tuple[Panel, ...]
 NOTHING: Mapping[str, Array] = {}
 
 TOGETHER = 6  # curves that share a panel; more get a panel for each block
-MOST = 40  # curves that a picture can hold
 KINEMATICS = {
     "angle": ("angle", "rad"),
     "omega": ("rate", "rad/s"),

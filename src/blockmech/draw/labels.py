@@ -16,14 +16,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from blockmech.draw.palette import INK, SMALL
+from blockmech.draw.palette import INK, SMALL, TEXT
 from blockmech.draw.paper import text_width
 
-STEP, MARGIN = 2.0, 2.0  # [pt] between points that stand for a line; free inside the page
+STEP = MARGIN = TEXT / 4  # [pt] between points that stand for a line; free inside the page
 DIRECTIONS = np.exp(2j * math.pi * np.arange(16) / 16)
 DISTANCES = np.array([4.0, 7.0, 11.0, 16.0, 22.0, 29.0, 37.0, 46.0])  # [pt] to a label's edge
-LINE = 8.6  # [pt] height of a line of a label
-FAR = 12.0  # [pt] distance from which a label has a leader
+LINE = 1.075 * TEXT  # [pt] height of a line of a label
+FAR = 1.5 * TEXT  # [pt] distance from which a label has a leader
 # Costs, one point of a line covered being 1: a point of another label; each point of
 # distance beyond the page; a leader; each point of distance.
 COVERED, OUTSIDE, LEADER, NEAR = 1e3, 1e4, 6.0, 0.2

@@ -16,7 +16,7 @@ from blockmech.draw import shapes
 from blockmech.draw.labels import Label
 from blockmech.draw.motion import Motion, marker_place, moves
 from blockmech.draw.page import Page, Paths
-from blockmech.draw.palette import SIZES
+from blockmech.draw.palette import MOST, SIZES
 from blockmech.draw.paper import scaled_unit, shown_name, styled
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
@@ -25,7 +25,6 @@ from blockmech.model.structure import MarkerRef
 
 SWEEP = 241  # samples of a path
 PATHS = 8  # that are drawn if none are named
-CROWDED = 40  # joints from which they have no names
 MANY = 9  # labels from which the picture is two columns wide
 POSES = (0.125, 0.375, 0.625, 0.875)  # of the range; the first is the main one, others faint
 
@@ -207,7 +206,7 @@ def joint_labels(page: Page, stage: Stage) -> Iterator[Label]:
 
 def _labels(page: Page, stage: Stage) -> Iterator[Label]:
     """Names of joints, drivers and a document's links, names and sizes of loads; pins first."""
-    if len(stage.sketch.pins) + len(stage.sketch.sliders) < CROWDED:
+    if len(stage.sketch.pins) + len(stage.sketch.sliders) < MOST:
         yield from joint_labels(page, stage)
         for body in stage.sketch.bodies:
             if body.name:

@@ -1,23 +1,58 @@
-"""The page that a mechanism is drawn on: axes in metres, and symbols in points."""
+"""The page that shapes are drawn on: axes in metres, and symbols in points."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.draw import palette as ink
 from blockmech.draw.labels import Crowd, Place
-from blockmech.draw.motion import Complex
 from blockmech.draw.palette import SIZES
 from blockmech.draw.paper import new_figure, shown_name, wrapped
-from blockmech.draw.shapes import Shape
 
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
 
-Paths = Mapping[str, Complex]
+Complex: TypeAlias = NDArray[np.complex128]
+Paths: TypeAlias = Mapping[str, Complex]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A line, a filled area or a disc.
+
+    Attributes
+    ----------
+    what : what it is, e.g. ``"link:dyad.i"``
+    points : complex (p, n) [m] at n samples, (p, 1) of what stands still; one for a disc;
+        NaN where it is not there
+    order : shapes of higher order lie on lower ones
+    """
+
+    what: str
+    kind: Literal["line", "area", "disc"]
+    points: Complex
+    order: float
+    stroke: str = ink.INK
+    fill: str = ""
+    width: float = 0.8  # [pt]
+    radius: float = 0.0  # [pt]
+    dash: tuple[float, ...] = ()
+    rounded: bool = False  # round ends
+
+    @property
+    def still(self) -> bool:
+        """Whether it stays where it is."""
+        return bool(self.points.shape[1] == 1)
+
+    def at(self, k: int) -> Complex:
+        """Its points (p,) at sample k; none where it is not there."""
+        points = self.points[:, 0 if self.still else k]
+        return points if np.isfinite(points).all() else points[:0]
 
 
 class Page:

@@ -13,9 +13,10 @@ from typing import Any
 COLUMN = 8.5 / 2.54 * 72  # [pt] width of a paper's column
 DPI = 300  # of pixel pictures
 
-TEXT = 8.0  # [pt]
-SMALL = 7.0  # [pt]
-ROW = 11.0  # [pt] height of a line of small text, and of a row of a diagram
+TEXT = 8.0  # [pt] what all sizes around words are derived from
+SMALL = 7 / 8 * TEXT
+ROW = 11 / 8 * TEXT  # height of a line of small text, and of a row of a diagram
+MOST = 40  # things with a name that one picture can hold
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,8 @@ from blockmech.draw.paper import legend_above, new_figure, scaled_unit, shown_na
 
 Array = NDArray[np.float64]
 
-PANEL, BOTTOM = 128.0, 30.0  # [pt] height of a panel with what is above it; words below the last
+PANEL = 16 * ink.TEXT  # [pt] height of a panel with what is above it
+BOTTOM = 3.75 * ink.TEXT  # [pt] words below the last
 FEW = 25  # samples up to which they are marked
 TALL = 4  # panels up to which they stand below one another
 USUAL, PEAK = 0.95, 20.0  # peaks are what exceeds 20 times what 95 % of the samples stay below

@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.draw.palette import DPI, SMALL, STYLE
+from blockmech.draw.palette import DPI, SMALL, STYLE, TEXT
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.files import AnyPath, writing
 
 STILL = (".png", ".svg", ".pdf")
 
-# [pt] beside a word of a legend: its line, and what is between columns; left of axes: their words
-LEGEND, BESIDE = 30.0, 36.0
+LEGEND = 3.75 * TEXT  # [pt] beside a word of a legend: its line, and what is between columns
+BESIDE = 4.5 * TEXT  # [pt] left of axes: their words
 PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 

@@ -12,8 +12,8 @@ from blockmech.draw.palette import BACK, DRIVE, GREY, INK, SERIES, SMALL, TEXT
 from blockmech.draw.paper import new_page, shown_name, styled
 from blockmech.plan import Node, Plan
 
-# [pt] a column, a call, what parts two blocks, and what is around all
-COLUMN, ROW, LANE, MARGIN = 92.0, 30.0, 14.0, 24.0
+COLUMN, ROW = 11.5 * TEXT, 3.75 * TEXT  # [pt] of a call
+LANE, MARGIN = 1.75 * TEXT, 3 * TEXT  # [pt] what parts two blocks, and what is around all
 ARROWS: dict[str, tuple[str, str]] = {  # what travels -> colour, dashes
     "place": (GREY, "solid"),
     "velocity": (DRIVE, "solid"),

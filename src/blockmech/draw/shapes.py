@@ -17,44 +17,11 @@ import numpy as np
 
 from blockmech.draw import palette as ink
 from blockmech.draw.motion import Complex, Motion
+from blockmech.draw.page import Shape
 from blockmech.draw.palette import SIZES
 from blockmech.draw.sketch import LoadMark, Sketch, Slider, pin_spot
 
 FAINT = ("#F1F1F1", "#BDBDBD")  # fill and edge of further poses
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A line, a filled area or a disc.
-
-    Attributes
-    ----------
-    what : what it is, e.g. ``"link:dyad.i"``
-    points : complex (p, n) [m] at n samples, (p, 1) of what stands still; one for a disc;
-        NaN where it is not there
-    order : shapes of higher order lie on lower ones
-    """
-
-    what: str
-    kind: Literal["line", "area", "disc"]
-    points: Complex
-    order: float
-    stroke: str = ink.INK
-    fill: str = ""
-    width: float = 0.8  # [pt]
-    radius: float = 0.0  # [pt]
-    dash: tuple[float, ...] = ()
-    rounded: bool = False  # round ends
-
-    @property
-    def still(self) -> bool:
-        """Whether it stays where it is."""
-        return bool(self.points.shape[1] == 1)
-
-    def at(self, k: int) -> Complex:
-        """Its points (p,) at sample k; none where it is not there."""
-        points = self.points[:, 0 if self.still else k]
-        return points if np.isfinite(points).all() else points[:0]
 
 
 @dataclass(frozen=True)

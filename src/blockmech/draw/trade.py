@@ -26,10 +26,10 @@ from blockmech.draw.paper import (
 if TYPE_CHECKING:
     from blockmech.analysis.trade.measure import Point
 
-PANEL = 180.0  # [pt] height of a panel with what is below it
+PANEL = 22.5 * ink.TEXT  # [pt] height of a panel with what is below it
 MARKS = "osD^vPX*<>hp"
-MARK = 3.4  # [pt] size of a point
-LABEL = 6.0  # [pt] size of the settings' labels
+MARK = 0.425 * ink.TEXT  # [pt] size of a point
+LABEL = 0.75 * ink.TEXT  # [pt] size of the settings' labels
 SPOTS = ((5, 5), (5, -5), (-5, 5), (-5, -5), (0, 8), (0, -8))  # [pt] of a label, tried in turn
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 COSTS = {"seconds": "time of one run [s]", "evaluations": "kernel evaluations [–]"}

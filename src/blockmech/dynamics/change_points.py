@@ -14,15 +14,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from blockmech.compiled import Compiled
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.system import TURN, One, Sample, System
+from blockmech.dynamics.system import TURN, One, Sample, Source, System
+from blockmech.series import coefficients, nodes
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series; even, so that none is at the change point
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side
@@ -30,14 +30,6 @@ SHORTEST = REACH / 64
 APART = 0.45  # of the distance to the next change point or kink: both sides keep clear of it
 ENDED = 1e-13  # end of a series, relative: what poses a tenth of a radian away leave, eps / d^2
 USED = 0.5  # share of the reach within which the series is read: its ends are less exact
-
-
-@cache
-def _nodes(n: int) -> tuple[Floats, Floats]:
-    """Chebyshev nodes (n,) of [-1, 1], and the matrix from values there to their series."""
-    x: Floats = np.cos((np.arange(n) + 0.5) * math.pi / n)
-    to_series: Floats = np.asarray(np.linalg.inv(chebyshev.chebvander(x, n - 1)))
-    return x, to_series
 
 
 @dataclass(frozen=True)
@@ -63,7 +55,7 @@ class Series:
     @cached_property
     def nodes(self) -> Floats:
         """Driver coordinates (n,) of the poses that the series goes through."""
-        return self.place + self.reach * _nodes(self.n)[0]
+        return self.place + self.reach * nodes(self.n)
 
     @cached_property
     def slope(self) -> Floats:
@@ -72,16 +64,17 @@ class Series:
 
     def weights(self, offset: Floats) -> Floats:
         """Weights (m, n) of the poses at distances (m,) [rad or m] from the change point."""
-        return chebyshev.chebvander(offset / self.reach, self.n - 1) @ _nodes(self.n)[1]
+        polynomials = chebyshev.chebvander(offset / self.reach, self.n - 1)
+        return np.asarray(polynomials @ coefficients(np.eye(self.n)).T)
 
 
-def series_through(compiled: Compiled) -> tuple[Series, ...]:
+def series_through(compiled: Source) -> tuple[Series, ...]:
     """The series of all change points; none where no dyad follows the motion.
 
     Where no smooth series is found, the change point stays a dead centre.
     """
     followed = compiled.structure.followed
-    if not followed or len(compiled.drivers) > 1:
+    if not followed or len(compiled.structure.drivers) > 1:
         return ()
     plain = System(compiled)
     points = sorted({p for f in followed.values() for p in f.points})
@@ -92,7 +85,7 @@ def series_through(compiled: Compiled) -> tuple[Series, ...]:
     return tuple(s for s in found if s is not None)
 
 
-def period_through(compiled: Compiled, period: float | None) -> float | None:
+def period_through(compiled: Source, period: float | None) -> float | None:
     """With an odd number of change points a turn, all is the same again only after two."""
     odd = any(len(f.points) % 2 for f in compiled.structure.followed.values())
     if period is None or not odd:
@@ -120,12 +113,11 @@ def _longest(plain: System, place: float, points: Sequence[float]) -> Series | N
 
 def _series(plain: System, place: float, reach: float, n: int) -> Series | None:
     """The series of one reach through n poses; None where they are too few or not possible."""
-    x, to_series = _nodes(n)
     used = USED * reach
-    sample = plain.sample(np.concatenate([place + reach * x, [place - used, place + used]]))
+    sample = plain.sample(np.concatenate([place + reach * nodes(n), [place - used, place + used]]))
     if not sample.possible.all():
         return None
-    found = np.array([sample.J, sample.tau])[:, :n] @ to_series.T
+    found = coefficients(np.array([sample.J, sample.tau])[:, :n])
     size = np.abs(found)
     if not (size[:, -2:].max(axis=1) <= ENDED * size.max(axis=1)).all():
         return None
@@ -200,7 +192,7 @@ class FollowingSystem(System):
         return super().one(q, qd, t)
 
 
-def system_of(compiled: Compiled, **given: Any) -> System:
+def system_of(compiled: Source, **given: Any) -> System:
     """The system of a mechanism, across its change points where dyads follow the motion."""
     kind = FollowingSystem if compiled.structure.followed else System
     return kind(compiled, **given)

@@ -100,7 +100,7 @@ def general_rules(
             return float(closeness(y)[i]) - least
 
         found.append(EventRule(kind, above, -1, parts=1, dips=True))
-    for i, (driver, ends) in enumerate(zip(system.compiled.drivers, system.stops, strict=True)):
+    for i, (driver, ends) in enumerate(zip(system.drivers, system.stops, strict=True)):
         kind = END_STOP if k == 1 else f"{END_STOP} of {driver}"
         pairs = zip(ends, (-1, 1), strict=True)
         found += [driver_at(kind, q, way, i) for q, way in pairs if math.isfinite(q)]

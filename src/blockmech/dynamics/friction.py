@@ -34,7 +34,7 @@ from blockmech.engines.scalar import ScalarEngine
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.model.structure import Structure
-from blockmech.passes import forces, forward, friction
+from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program
 from blockmech.plane import EPS
@@ -71,7 +71,7 @@ class MotionProgram:
         for ref in joints:
             pair = s.ask(forces.reaction, ref)
             assert pair is not None  # such a block is active
-            values.append(friction.measure(s, ref, pair))
+            values.append(pairs.measure(s, ref, pair))
         values += [s.ask(forward.slip, ref) for ref in joints]
         closing = [e.block for e in s.entries if e.stage == "position"]
         values += [s.ask(forward.margin, b) for b in closing if structure.blocks[b].closes]

@@ -25,21 +25,16 @@ from blockmech.loads.torsion_spring import TorsionSpring, twist
 from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
-from blockmech.passes.loads import (
-    NOTHING,
-    cm_velocity,
-    kernel_on,
-    terminal_term,
-    weight_on,
-)
+from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight_on
+from blockmech.passes.resultants import NOTHING
 from blockmech.plan import NOUGHT, ZERO, Friction
 from blockmech.plane import EPS
+from blockmech.series import SCANNED
 
 TURN = 2 * math.pi
 FREE = Friction("none")
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
 SAME = 1e-12  # relative distance of two periods that fit: files may give them to 12 digits
-KINK_SAMPLES = 720  # of a turn, between which the passing of a kink is looked for
 REACH = 3.0  # lengths of a mechanism on either side in which kinks of a slide are looked for
 
 
@@ -155,7 +150,7 @@ def knots_of(structure: Structure, scene: Any, driver: str) -> tuple[float, ...]
         elif kinks := _kinks(element):
             turning = isinstance(element, Motor | TorsionSpring)
             measure = _measure(structure, scene, name, element)
-            samples = KINK_SAMPLES * max(1, round((high - low) / span)) + 1
+            samples = SCANNED * max(1, round((high - low) / span)) + 1
             found += _passings(measure, kinks, turning, np.linspace(low, high, samples))
     return tuple(sorted({x % period for x in found} if period else set(found)))
 

@@ -198,7 +198,7 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
             if not (math.isfinite(stop) and abs(q - stop) <= ON * max(1.0, abs(stop))):
                 continue
             if way * (rate or _push(system, request, i)) > 0:
-                driver = system.compiled.drivers[i]
+                driver = system.drivers[i]
                 end = END_STOP if at.size == 1 else f"{END_STOP} of {driver}"
                 event = Event(end, request.start.t, request.start.q, request.start.rate)
                 more = {"why": "it starts at an end stop that holds it", "regime": END_STOP}

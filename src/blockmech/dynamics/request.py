@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from blockmech.dynamics.motion import Floats
 from blockmech.errors import Problem, RequestError, close_match, listed
-
-if TYPE_CHECKING:
-    from blockmech.compiled import Compiled
+from blockmech.model.scene import Scene
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
 Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value
@@ -178,19 +176,19 @@ def goal_of(until: Any, times: Floats | None) -> Until:
     raise bad("until", f"{until!r} says nothing about when to stop", 'write for example "time=2"')
 
 
-def starts_of(compiled: Compiled, start: Any) -> Pairs:
+def starts_of(scene: Scene, drivers: Sequence[str], start: Any) -> Pairs:
     """Driver -> (q [rad or m], rate) of every driver, in their order."""
     asked = pairs_of("start", start, START) or {}
-    given = {d: (x.q, x.rate) for d, x in compiled.scene.initial.items()} | asked
-    missing = [d for d in compiled.drivers if d not in given]
-    unknown = [d for d in given if d not in compiled.drivers]
+    given = {d: (x.q, x.rate) for d, x in scene.initial.items()} | asked
+    missing = [d for d in drivers if d not in given]
+    unknown = [d for d in given if d not in drivers]
     if missing or unknown:
         raise RequestError(
             Problem(
                 "no-start",
-                compiled.scene.address("initial"),
+                scene.address("initial"),
                 f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}",
-                f"drivers: {listed(compiled.drivers)}",
+                f"drivers: {listed(drivers)}",
                 'give it "initial": {"<driver>": {"q": ..., "rate": ...}}, or say where it '
                 "starts: start= in Python, --start on the command line",
             )
@@ -199,23 +197,22 @@ def starts_of(compiled: Compiled, start: Any) -> Pairs:
         if not all(map(math.isfinite, pair)):
             found = f"({pair[0]:g}, {pair[1]:g}) are not two finite numbers"
             raise bad(f"start.{d}", found, "give coordinate and rate")
-    return {d: given[d] for d in compiled.drivers}
+    return {d: given[d] for d in drivers}
 
 
-def stops_of(compiled: Compiled, starts: Pairs, stops: Any) -> tuple[tuple[float, float], ...]:
+def stops_of(scene: Scene, starts: Pairs, stops: Any) -> tuple[tuple[float, float], ...]:
     """(Lowest, highest) coordinate of each driver [rad or m]: those given, else the scene's.
 
     Raises `RequestError` for a driver that is none, stops in the wrong order, or a start
     that is not between them.
     """
     given = pairs_of("stops", stops, STOPS)
-    scene = compiled.scene
     found = {d: s.bounds for d, s in scene.stops.items()} if given is None else given
     problems = []
     for driver, (low, high) in found.items():
         where = scene.address("stops", driver) if given is None else f"stops.{driver}"
-        if driver not in compiled.drivers:
-            none, valid = f'no driver "{driver}"', f"drivers: {listed(compiled.drivers)}"
+        if driver not in starts:
+            none, valid = f'no driver "{driver}"', f"drivers: {listed(starts)}"
             problems.append(Problem("unknown-driver", where, none, valid))
         elif not low < high:
             order = f"the lowest must be below the highest, got {low:.9g} and {high:.9g}"

@@ -109,10 +109,10 @@ def simulate(
     told = progress_of(progress)
     wanted = times_of(times)
     goal = goal_of(until, wanted)
-    starts = starts_of(mechanism, start)
+    starts = starts_of(mechanism.scene, mechanism.drivers, start)
     target, size = size_of("accuracy", accuracy), size_of("step", step)
     events = watches_of(watch, goal)
-    bounds = stops_of(mechanism, starts, stops)
+    bounds = stops_of(mechanism.scene, starts, stops)
     refuse_no_inertia(mechanism)
     shown = wanted
     if shown is None:

@@ -19,7 +19,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,18 +30,34 @@ from blockmech.dynamics.motion import Cost
 from blockmech.dynamics.table import PlaceTable
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
+from blockmech.model.scene import Scene
+from blockmech.model.structure import Structure
 from blockmech.passes import forward, reduction
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program, Schedule
 
 if TYPE_CHECKING:
-    from blockmech.compiled import Compiled
     from blockmech.dynamics.request import Progress
 
 Floats: TypeAlias = NDArray[np.float64]
+T = TypeVar("T")
 TURN = 2 * math.pi
 FREE = Friction("none")
 REPORTED = 64  # evaluations between two words of progress: some milliseconds of work
+
+
+class Source(Protocol):
+    """What a system is made of, e.g. a `Compiled`: a structure in its scene."""
+
+    structure: Structure
+    scene: Scene
+
+    @property
+    def frictional_joints(self) -> tuple[str, ...]:
+        """Names of the joints that have friction."""
+
+    def once(self, make: Callable[[Any], T]) -> T:
+        """What is made of it, made once and kept."""
 
 
 class Sample(NamedTuple):
@@ -78,8 +94,9 @@ class Terms(NamedTuple):
 class Programs:
     """The programs of a mechanism's equations of motion, each made when it is first asked for."""
 
-    def __init__(self, compiled: Compiled) -> None:
+    def __init__(self, compiled: Source) -> None:
         self.structure, self.scene = compiled.structure, compiled.scene
+        self.kept: dict[Any, Any] = {}  # what methods keep of it between runs
         self.drivers = self.structure.drivers
 
     def _schedule(self) -> Schedule:
@@ -134,7 +151,7 @@ def inputs(program: Program, given: Mapping[str, Any]) -> list[Any]:
     return [given[name] for name in program.inputs]
 
 
-def programs(compiled: Compiled) -> Programs:
+def programs(compiled: Source) -> Programs:
     """The programs of a mechanism, see `Compiled.once`."""
     return Programs(compiled)
 
@@ -149,7 +166,7 @@ class System:
     method : how joint friction is solved; None where it is left out or there is none
     """
 
-    compiled: Compiled
+    compiled: Source
     stops: tuple[tuple[float, float], ...] = ()
     method: Friction | None = None
     progress: Progress | None = None
@@ -218,6 +235,11 @@ class System:
     def equation_program(self) -> Program:
         """The program of the equation of motion at one state."""
         return self._programs.equation[0]
+
+    @property
+    def kept(self) -> dict[Any, Any]:
+        """What methods keep of a mechanism from one run to the next."""
+        return self._programs.kept
 
     @property
     def load_size(self) -> Callable[[float], float]:

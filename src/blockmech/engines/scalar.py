@@ -15,9 +15,7 @@ import numpy as np
 from blockmech.engines.binding import bind
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.plan import Program
-from blockmech.plane import REST_SHARE, SCALAR_PRIMITIVES
-
-CONSTANTS = {"ZERO": 0j, "ONE": 1 + 0j, "REST": REST_SHARE}
+from blockmech.plane import SCALAR_CONSTANTS, SCALAR_PRIMITIVES
 
 
 class ScalarEngine:
@@ -28,7 +26,7 @@ class ScalarEngine:
     def __init__(self, program: Program) -> None:
         self.program = program
         self.parameters = tuple(program.parameters.values())
-        self._fast = bind(program, SCALAR_PRIMITIVES, CONSTANTS)
+        self._fast = bind(program, SCALAR_PRIMITIVES, SCALAR_CONSTANTS)
         self._arrays: NumpyEngine | None = None
 
     def one(self, inputs: Sequence[float]) -> tuple[Any, ...]:

@@ -24,10 +24,11 @@ import numpy as np
 
 from blockmech.continuation import Curve, Point, advance, correct, crossing, point, side
 from blockmech.friction.equations import Array, Equations
+from blockmech.plane import EPS
 
 STEP, LARGEST, SMALLEST = 0.05, 0.2, 1e-10
 MOST = 500  # steps
-KINK = 1e-14  # of the largest load: what rounding may say about which edge presses
+KINK = 64 * EPS  # of the largest load: what rounding may say about which edge presses
 
 
 class Outcome(enum.IntEnum):

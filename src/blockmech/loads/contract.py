@@ -31,7 +31,7 @@ from pydantic import (
     model_validator,
 )
 
-from blockmech.blocks.contract import Block, Mistake, refuse
+from blockmech.blocks.block import Block, Mistake, refuse
 from blockmech.errors import listed
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
@@ -100,10 +100,12 @@ class Following(Element):
     ``law`` is typed data, in Python also a function of ``coordinate``, ``rate`` or ``time``,
     by the names of its parameters. ``driver`` names the driving link whose coordinate or
     rate is the law's argument; without it that is the element's own, see `own_measure`;
-    ``own_coordinate`` says in words which, from where, and which way it grows.
+    ``own_coordinate`` says in words which, from where, and which way it grows, and
+    ``own_symbol`` in a picture.
     """
 
     own_coordinate: ClassVar[str] = ""
+    own_symbol: ClassVar[str] = ""
 
     law: LawGiven
     driver: str | None = None
@@ -135,6 +137,13 @@ class Following(Element):
     def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The element's own coordinate or rate: a kernel of what it reads and the numbers."""
         raise TypeError(f"{type(self).__name__} declares no measure of its own")
+
+    def function(self) -> str:
+        """What the law is a function of, as a picture says it: ``f(crank.q)``; "" of a constant."""
+        own = {"coordinate": self.own_symbol, "rate": f"rate of {self.own_symbol}", "time": "t"}
+        of = {"coordinate": "q", "rate": "rate"} if self.driver else {}
+        said = [f"{self.driver}.{of[x]}" if x in of else own[x] for x in self.law.variables()]
+        return f"f({', '.join(said)})" if said else ""
 
     def measures(self) -> Iterator[tuple[Callable[..., Any] | None, Reads]]:
         """What each of the law's arguments is made from; no kernel where it is read as it is."""

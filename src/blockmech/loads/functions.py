@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import Any, get_args
 
 from blockmech.errors import Problem, RequestError, shown
-from blockmech.loads.laws import Argument
 from blockmech.plane import each
-from blockmech.typing import Real
+from blockmech.typing import Argument, Real
 from blockmech.values import mistake
 
 ARGUMENTS = get_args(Argument)

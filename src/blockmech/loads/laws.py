@@ -14,12 +14,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
 from blockmech.plane import angle, expi, imul, modulo, mul, piecewise, where
-from blockmech.typing import Real
+from blockmech.typing import Argument, Real
 from blockmech.values import (
     Number,
     NumbersGiven,
@@ -30,7 +30,6 @@ from blockmech.values import (
     mistake,
 )
 
-Argument: TypeAlias = Literal["coordinate", "rate", "time"]
 Turns = Annotated[int, Field(strict=True, gt=0)]
 
 
@@ -111,6 +110,8 @@ def harmonics(phase: Real, law: FourierNumbers) -> Real:
 
 class Law(Strictly):
     """Size of a force [N] or moment [N m]. ``of`` is what it is a function of."""
+
+    kind_key: ClassVar[str] = "kind"
 
     def variables(self) -> tuple[str, ...]:
         """What the law is a function of; nothing for a constant."""

@@ -43,6 +43,7 @@ class Motor(Following, type="load.motor"):
     """
 
     own_coordinate = "angle of b from a, counter-clockwise, in (-pi, pi] [rad]"
+    own_symbol = "∠ab"
     terminals = {"a": Terminal("link"), "b": Terminal("link")}
 
     def own_measure(self, rate: bool) -> Callable[..., Any]:

@@ -73,6 +73,7 @@ class Thrust(Following, type="load.thrust"):
     """
 
     own_coordinate = "way from a to b along the direction; without one their distance [m]"
+    own_symbol = "a→b"
     terminals = {"a": Terminal("point"), "b": Terminal("point")}
 
     direction: VectorOrNoneGiven = default(None)

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     import networkx as nx
 
 Blocks: TypeAlias = Mapping[str, AnyBlock]
-Markers: TypeAlias = dict[str, tuple[str, Any]]
-"""Markers of a block by name, each with its link."""
 
 
 def all_problems(blocks: Blocks, wires: Iterable[Wire], scene: Scene) -> list[Problem]:
@@ -34,9 +32,8 @@ def all_problems(blocks: Blocks, wires: Iterable[Wire], scene: Scene) -> list[Pr
     wires = list(wires)
     problems = list(_block_problems(blocks))
     fed: dict[str, Wire] = {}
-    markers: dict[str, Markers] = {}
     for wire in wires:
-        problems += wire_problems(blocks, wire, fed.get(wire.target), markers)
+        problems += wire_problems(blocks, wire, fed.get(wire.target))
         fed.setdefault(wire.target, wire)
     problems += _unwired(blocks, fed)
     problems += _driver_problems(blocks, scene)
@@ -95,19 +92,13 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
             yield REGISTRY.unknown(block.type, name)
 
 
-def wire_problems(
-    blocks: Blocks, wire: Wire, fed: Wire | None, known: dict[str, Markers] | None = None
-) -> Iterator[Problem]:
-    """What is locally wrong with a wire.
-
-    ``fed`` is an earlier wire to the same joint; ``known`` keeps the markers of each block
-    from wire to wire, for a frame may have thousands.
-    """
-    marker = yield from _source_problems(blocks, wire, {} if known is None else known)
+def wire_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
+    """What is locally wrong with a wire; ``fed`` is an earlier one to the same joint."""
+    marker = yield from _source_problems(blocks, wire)
     yield from _target_problems(blocks, wire, marker, fed)
 
 
-def _source_problems(blocks: Blocks, wire: Wire, known: dict[str, Markers]) -> Any:
+def _source_problems(blocks: Blocks, wire: Wire) -> Any:
     block, name = yield from _end(blocks, wire, wire.source)
     if isinstance(block, Element):
         found = f"{block.type_name} has no markers"
@@ -117,10 +108,7 @@ def _source_problems(blocks: Blocks, wire: Wire, known: dict[str, Markers]) -> A
         return None
     if not isinstance(block, Block):
         return None
-    owner = wire.source.split(".")[0]
-    if owner not in known:
-        known[owner] = block.markers_of()
-    markers = known[owner]
+    markers = block.all_markers
     if name not in markers:
         valid = f"markers there: {listed(markers)}"
         remedy = close_match(name, markers) or "add the marker to a link of the block"

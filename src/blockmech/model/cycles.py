@@ -142,7 +142,7 @@ def _support(blocks: Mapping[str, AnyBlock], where: str, joint: Joint, source: s
     """The side of the link that carries a marker; a marker of nothing known is its own link."""
     name, _, marker = source.partition(".")
     block = blocks.get(name)
-    markers = block.markers_of() if isinstance(block, Block) else {}
+    markers = block.all_markers if isinstance(block, Block) else {}
     if not isinstance(block, Block) or marker not in markers:
         return Side(where, source, joint.kind, 0j if joint.kind == "R" else 1 + 0j)
     link, place = markers[marker]

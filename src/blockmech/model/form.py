@@ -77,7 +77,7 @@ class Section(NamedTuple):
 
     def data(self, item: Any) -> dict[str, Any]:
         """An item as its file says it."""
-        said: dict[str, Any] = plain(item, self.key)
+        said: dict[str, Any] = plain(item)
         if self.key and self.key not in said and hasattr(item, "type_name"):
             said = {self.key: item.type_name.removeprefix(self.prefix)} | said
         return {key: said[key] for key in self.first if key in said} | said

@@ -16,7 +16,7 @@ from blockmech.model.document import Document
 from blockmech.model.form import Draft
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
-from blockmech.model.structure import JointRef, MarkerRef, Structure, formation_order
+from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.model.writing import plain
 from blockmech.values import Vector
 
@@ -80,10 +80,9 @@ class Graph(Document):
         """
         fed: dict[str, Wire] = {}
         refused: set[str] = set()
-        markers: dict[str, checks.Markers] = {}
         for end in ends:
             wire = Wire(end.source, end.target)
-            problems = list(checks.wire_problems(self.blocks, wire, fed.get(wire.target), markers))
+            problems = list(checks.wire_problems(self.blocks, wire, fed.get(wire.target)))
             if problems:
                 refused |= {wire.target, wire.source}  # or the other way round
                 yield from problems
@@ -206,22 +205,22 @@ class Graph(Document):
 
     def structure(self) -> Structure:
         """The checked formation sequence. Raises `GraphError` with all problems."""
+        import networkx as nx
+
         problems = self.check()
         if problems:
             raise GraphError(problems)
         known = {n: b for n, b in self.blocks.items() if isinstance(b, Block)}
         frame = next(n for n, b in known.items() if isinstance(b, Frame))
-        order = formation_order(known, checks.block_dag(self.blocks, self.wires))
+        dag = checks.block_dag(self.blocks, self.wires)
+        order = nx.lexicographical_topological_sort(dag, key=str)  # ties by name
         feeds: dict[JointRef, MarkerRef] = {}
         holds: dict[JointRef, MarkerRef] = {}
-        markers: dict[str, Any] = {}  # a frame may have thousands
         for wire in self.wires:
             block, joint = wire.target.split(".")
             source, marker = wire.source.split(".")
-            if source not in markers:
-                markers[source] = known[source].markers_of()
-            ref = MarkerRef(source, markers[source][marker][0], marker)
             wires = holds if isinstance(known[block], Element) else feeds
+            ref = MarkerRef(source, known[source].all_markers[marker][0], marker)
             wires[JointRef(block, joint)] = ref
         moving = {n: b for n in order if isinstance(b := known[n], Moving)}
         elements = {n: b for n in sorted(known) if isinstance(b := known[n], Element)}

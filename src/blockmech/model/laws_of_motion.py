@@ -24,6 +24,7 @@ class LawOfMotion(Strictly):
     """Coordinate of a driver as a given function; [rad] for a crank, [m] for a slide."""
 
     model_config = ConfigDict(populate_by_name=True)
+    kind_key: ClassVar[str] = "law"
     by_coordinate: ClassVar[bool] = False
 
     @abstractmethod

@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
 from blockmech.loads.contract import Element
 from blockmech.values import Link, Marker
-
-if TYPE_CHECKING:
-    import networkx as nx
 
 
 class LinkRef(NamedTuple):
@@ -154,18 +151,20 @@ class Structure:
     @cached_property
     def carried(self) -> Mapping[LinkRef, tuple[JointRef, ...]]:
         """Joints of later blocks that each link carries, in name order."""
-        found: dict[LinkRef, list[JointRef]] = {link: [] for link in self.links}
-        for joint, marker in sorted(self.feeds.items()):
-            found[marker.on].append(joint)
-        return {link: tuple(joints) for link, joints in found.items()}
+        return self._by_link(self.feeds)
 
     @cached_property
     def loaded(self) -> Mapping[LinkRef, tuple[JointRef, ...]]:
         """Terminals of elements on each link, in name order."""
+        return self._by_link(self.holds)
+
+    def _by_link(
+        self, wires: Mapping[JointRef, MarkerRef]
+    ) -> Mapping[LinkRef, tuple[JointRef, ...]]:
         found: dict[LinkRef, list[JointRef]] = {link: [] for link in self.links}
-        for terminal, marker in sorted(self.holds.items()):
-            found[marker.on].append(terminal)
-        return {link: tuple(terminals) for link, terminals in found.items()}
+        for end, marker in sorted(wires.items()):
+            found[marker.on].append(end)
+        return {link: tuple(ends) for link, ends in found.items()}
 
     @property
     def pairs(self) -> int:
@@ -206,16 +205,12 @@ class Structure:
 
     def marker(self, ref: MarkerRef) -> Marker | BuiltIn:
         """Declaration of a marker."""
-        return self._markers[ref.block][ref.name][1]
+        return self.block(ref.block).all_markers[ref.name][1]
 
     def markers(self, block: str) -> tuple[MarkerRef, ...]:
         """All markers of a block."""
-        found = self._markers[block].items()
+        found = self.block(block).all_markers.items()
         return tuple(MarkerRef(block, link, name) for name, (link, _) in found)
-
-    @cached_property
-    def _markers(self) -> Mapping[str, Mapping[str, tuple[str, Marker | BuiltIn]]]:
-        return {name: self.block(name).markers_of() for name in (self.frame, *self.blocks)}
 
     def properties(self, link: LinkRef) -> Link:
         """Mass properties of a link."""
@@ -253,11 +248,3 @@ class Structure:
         else:
             head = f"{block.group_class} {block.kind}"
         return f"{head}({name}: {','.join(map(str, own))})"
-
-
-def formation_order(blocks: Mapping[str, Block], dag: nx.DiGraph) -> list[str]:
-    """Moving blocks in topological order, ties by name."""
-    import networkx as nx
-
-    order = nx.lexicographical_topological_sort(dag, key=str)
-    return [n for n in order if isinstance(blocks[n], Moving)]

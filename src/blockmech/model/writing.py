@@ -10,52 +10,38 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any, get_args
-
-from pydantic import BaseModel
-from pydantic.fields import FieldInfo
+from typing import Any
 
 from blockmech.errors import FormatError, Problem, path_text
 from blockmech.loads.functions import Function
 from blockmech.validation_errors import field_order
-from blockmech.values import Pair
+from blockmech.values import Pair, Strictly
 
 WIDTH = 100  # characters of a line
 SECTIONS = 2  # levels that are always open: the document and its sections
 KEY_A_LINE = SECTIONS + 1  # levels that are opened one item a line: to the keys of a block
 
 
-def plain(value: Any, tag: str = "") -> Any:
+def plain(value: Any) -> Any:
     """A model as JSON data: what the author gave, under the names of the file.
 
-    ``tag`` is the key by which a reader tells the kind of the model; it is always written.
+    The key by which a reader tells the kind of a model is always written.
     """
-    if isinstance(value, BaseModel):
+    if isinstance(value, Strictly):
         data = {}
         for name in field_order(type(value)):
             field, item = type(value).model_fields[name], getattr(value, name)
             given = name in value.model_fields_set and not (item is None and field.default is None)
-            if given or name == tag:
-                data[field.alias or name] = plain(item, _tag(field))
+            if given or name == value.kind_key:
+                data[field.alias or name] = plain(item)
         return data
     if isinstance(value, Pair):
         return value.written
     if isinstance(value, Mapping):
-        return {key: plain(item, tag) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item, tag) for item in value]
+        return [plain(item) for item in value]
     return value
-
-
-def _tag(field: FieldInfo) -> str:
-    """The key that tells the kinds of model in a field apart, or nothing."""
-    inside: list[Any] = [field]
-    while inside:
-        part = inside.pop()
-        if isinstance(part, FieldInfo) and isinstance(part.discriminator, str):
-            return part.discriminator
-        inside += get_args(part.annotation if part is field else part)
-    return ""
 
 
 def canonical_text(document: Mapping[str, Any]) -> str:
@@ -93,66 +79,31 @@ def _strange(
 
 def _text(value: Any, column: int, depth: int, last: bool = True) -> str:
     """Text of a value that starts at a column; what is not last leaves room for a comma."""
-    if not isinstance(value, Mapping | list | tuple) or not value:
-        return _flat(value, math.inf) or ""
-    room = WIDTH - column - (not last)
-    section = depth < SECTIONS and not _is_vector(value)
-    if not section and (flat := _flat(value, room)) is not None:
-        return flat
-    ends, heads, items = _parts(value)
+    inside = isinstance(value, Mapping | list | tuple) and bool(value)
+    if not inside or depth >= SECTIONS or _is_vector(value):
+        flat = json.dumps(value, ensure_ascii=False)
+        if not inside or len(flat) <= WIDTH - column - (not last):
+            return flat
+    if isinstance(value, Mapping):
+        ends, items = (
+            "{}",
+            [(f"{json.dumps(key, ensure_ascii=False)}: ", value[key]) for key in value],
+        )
+    else:
+        ends, items = "[]", [("", item) for item in value]
     indent = " " * (2 * depth + 2)
-    texts = [
-        head + _text(item, len(indent) + len(head), depth + 1, k == len(items))
-        for k, (head, item) in enumerate(zip(heads, items, strict=True), 1)
-    ]
-    lines = texts if depth < KEY_A_LINE else _filled(texts, WIDTH - len(indent))
-    inside = f",\n{indent}".join(lines)
-    return f"{ends[0]}\n{indent}{inside}\n{indent[2:]}{ends[1]}"
+    lines: list[str] = []
+    for k, (head, item) in enumerate(items, 1):
+        text = head + _text(item, len(indent) + len(head), depth + 1, k == len(items))
+        joined = f"{lines[-1]}, {text}" if lines and depth >= KEY_A_LINE else "\n"
+        if "\n" not in joined and len(joined) < WIDTH - len(indent):  # and a comma
+            lines[-1] = joined
+        else:
+            lines.append(text)
+    inner = f",\n{indent}".join(lines)
+    return f"{ends[0]}\n{indent}{inner}\n{indent[2:]}{ends[1]}"
 
 
 def _is_vector(value: Any) -> bool:
     """Whether a value is a list of numbers, such as the gravity of a document."""
     return not isinstance(value, Mapping) and all(isinstance(x, int | float) for x in value)
-
-
-def _parts(value: Mapping[str, Any] | list[Any] | tuple[Any, ...]) -> tuple[str, list[str], Any]:
-    """Brackets, what stands in front of each item, and the items."""
-    if isinstance(value, Mapping):
-        return "{}", [f"{_word(key)}: " for key in value], list(value.values())
-    return "[]", [""] * len(value), value
-
-
-def _filled(texts: list[str], room: int) -> list[str]:
-    """Items joined to lines; one that is open itself stands alone."""
-    lines: list[str] = []
-    for text in texts:
-        joined = f"{lines[-1]}, {text}" if lines else text
-        if lines and "\n" not in joined and len(joined) < room:  # and a comma
-            lines[-1] = joined
-        else:
-            lines.append(text)
-    return lines
-
-
-def _flat(value: Any, room: float) -> str | None:
-    """A value on one line, or None where it needs more room."""
-    if not isinstance(value, Mapping | list | tuple):
-        text = _word(value)
-        return text if len(text) <= room else None
-    ends, heads, items = _parts(value)
-    room -= 2 * max(1, len(items))  # the brackets, and ", " between the items
-    texts: list[str] = []
-    for head, item in zip(heads, items, strict=True):
-        part = _flat(item, room - len(head))
-        if part is None:
-            return None
-        room -= len(head) + len(part)
-        texts.append(head + part)
-    return ends[0] + ", ".join(texts) + ends[1]
-
-
-def _word(value: Any) -> str:
-    """A key, text, number, true, false or null."""
-    if isinstance(value, float):
-        return float.__repr__(value)  # the shortest that reads back the same
-    return json.dumps(value, ensure_ascii=False)

@@ -43,14 +43,13 @@ from blockmech.modes.closing import (
 from blockmech.modes.found import DEAD, EARLIER, LOST, RANGE, TURN, WHOLE, Arc, ArcEnd
 from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
 from blockmech.plane import EPS
-from blockmech.series import fit
+from blockmech.series import GOLDEN, fit
 
 Outer: TypeAlias = Callable[[Floats], Sequence[Support]]
 TriadAt: TypeAlias = Callable[[Floats], Triad]
 At: TypeAlias = tuple[int, int]  # a node, and a mode there
 
 CHECKS = 48  # nodes to begin with
-GOLDEN = 0.381966  # where a stretch is parted: keeps nodes off places of symmetry
 SHARE = 0.25  # of the distance between modes: what prediction may miss, to be beyond doubt
 NARROWEST = EPS**0.75  # stretch; beside it a node is at a dead centre by `DELTA`
 

@@ -11,11 +11,11 @@ from typing import Any
 
 from pydantic_core import to_json
 
+from blockmech.analysis.scan import TINY
 from blockmech.errors import Problem, RequestError, close_match, listed
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
-TINY = 1e-12  # [rad or m] shown as zero
 
 
 @dataclass(frozen=True)

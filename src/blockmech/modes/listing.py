@@ -10,20 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.analysis.limits import limits
-from blockmech.blocks.contract import AssurGroup
+from blockmech.analysis.limits import Limits, limits
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.model.dyad_modes import Mode, branches, dyad_modes
 from blockmech.model.structure import JointRef
 from blockmech.modes.closing import NEAR, triad_modes
 from blockmech.modes.connection import CHECKS, Connections, connect
-from blockmech.modes.dyad import Mode, branches, dyad_modes
 from blockmech.modes.found import (
     DEAD,
     EARLIER,
@@ -37,8 +34,8 @@ from blockmech.modes.found import (
     Modes,
 )
 from blockmech.modes.groups import Outline, outline
+from blockmech.modes.standing import Standing
 from blockmech.modes.triad import Support
-from blockmech.modes.words import FilePoses
 from blockmech.samples import make_samples
 from blockmech.typing import Guide, LinkPosition
 
@@ -48,8 +45,14 @@ if TYPE_CHECKING:
 Supports: TypeAlias = Callable[[Mapping[str, Any]], list[Support]]
 """Driver -> coordinates (n,) [rad or m], to the supports (n,); NaN where they are not placed."""
 
-Located: TypeAlias = tuple[int, float, int | None]
-"""Number of an arc, what to add to its coordinates [rad or m], the mode a turn on."""
+
+class _On(NamedTuple):
+    """Where a mode is: number of its arc, what to add to its coordinates [rad or m], the mode
+    that it is a turn later."""
+
+    arc: int
+    shift: float
+    later: int | None
 
 
 def modes(
@@ -75,25 +78,21 @@ def modes(
     ------
     RequestError for unknown names, and where nothing says where the drivers stand
     """
-    still = dict.fromkeys(mechanism.drivers, 0.0)
+    drivers, still = mechanism.drivers, dict.fromkeys(mechanism.drivers, 0.0)
     at = _begin(mechanism) if at is None else at
     taken = make_samples(mechanism, mechanism.scene, at, rates=still)
-    rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(mechanism.drivers)}
+    rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(drivers)}
     samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
-    moved = _moved(mechanism, driver) if arcs else ""
-    lister = _Lister(mechanism, tuple(samples), moved, FilePoses(mechanism))
-    found = tuple(lister.group(name) for name in _wanted(mechanism, groups))
-    units = {d: mechanism.driver_joint(d).coordinate_unit for d in mechanism.drivers}
+    _known("driver", [] if driver is None or not arcs else [driver], drivers)
+    moved = (driver or (drivers[0] if len(drivers) == 1 else "")) if arcs else ""
+    blocks = mechanism.structure.blocks.items()
+    said = {mechanism.said(name): name for name, block in blocks if block.closes}
+    wanted = set(said if groups is None else groups)
+    _known("group", sorted(wanted), tuple(said))
+    lister = _Lister(mechanism, tuple(Standing(mechanism, q) for q in samples), moved)
+    found = tuple(lister.group(block) for name, block in said.items() if name in wanted)
+    units = {d: mechanism.driver_joint(d).coordinate_unit for d in drivers}
     return Modes(rows, units, moved, found)
-
-
-class _Found(NamedTuple):
-    """The modes of a group at each sample, its arcs, and where each mode is on them."""
-
-    every: Sequence[Sequence[Mode]] = ()
-    arcs: tuple[Arc, ...] = ()
-    note: str = ""
-    located: Sequence[Sequence[Located | None]] = ()
 
 
 @dataclass(frozen=True)
@@ -101,69 +100,76 @@ class _Lister:
     """What all groups share: the mechanism, samples, and the driver along which arcs lie."""
 
     mechanism: Compiled
-    samples: tuple[Mapping[str, float], ...]
+    samples: tuple[Standing, ...]
     driver: str
-    file: FilePoses
 
     def group(self, name: str) -> GroupModes:
         """All modes of a group."""
         block = self.mechanism.structure.blocks[name]
-        triad = outline(block) if isinstance(block, GeneralGroup) else None
+        every: list[Sequence[Mode]] = [()] * len(self.samples)
+        arcs: Sequence[Arc] = ()
+        on: list[list[_On | None]] | None = None
+        note = ""
         try:
-            if triad is not None:
-                found = self._triad(name, triad)
-            elif isinstance(block, GeneralGroup):
-                found = _Found(note="only the modes of dyads and triads are listed")
+            triad = outline(block) if isinstance(block, GeneralGroup) else None
+            if isinstance(block, GeneralGroup) and triad is None:
+                note = "only the modes of dyads and triads are listed"
             else:
-                assert isinstance(block, AssurGroup)
-                found = self._dyad(name, block)
+                joints = (
+                    triad.joints if triad else [j.name for j in block.joints.values() if j.outer]
+                )
+                supports = self._supports(name, joints)
+                every = self._modes(name, triad, supports)
+                if self.driver in self.mechanism.structure.upstream[name]:
+                    arcs, on, note = (
+                        self._triad(name, triad, supports, every)
+                        if triad
+                        else self._dyad(name, block, every)
+                    )
         except RequestError as error:  # of one group; the others are told all the same
-            found = _Found(note=_told(error))
-        samples = []
-        for drivers, every, located in zip_longest(self.samples, found.every, found.located):
-            at = located or [None] * len(every or ())
-            told = zip(every or (), at, strict=True)
-            samples.append(tuple(self._mode(name, m, drivers, found.arcs, on) for m, on in told))
-        kind = f"{block.group_class} {block.kind}"
-        return GroupModes(self.mechanism.said(name), kind, tuple(samples), found.arcs, found.note)
-
-    def _mode(
-        self,
-        name: str,
-        mode: Mode,
-        drivers: Mapping[str, float],
-        arcs: Sequence[Arc],
-        located: Located | None,
-    ) -> GroupMode:
-        number, shift, then = located or (None, 0.0, None)
-        reach = None
-        if number is not None and not arcs[number].turns:
-            reach = (arcs[number].start.q + shift, arcs[number].end.q + shift)
-        return GroupMode(
-            links=self.file.told(name, mode.links),
-            margin=mode.margin,
-            sign=mode.sign,
-            double=mode.double,
-            chosen=self.file.has(name, mode, drivers),
-            put=self.file.put(name, mode, drivers),
-            arc=number,
-            reach=reach,
-            after_turn=then,
-            residual=mode.residual,
+            note = "; ".join(problem.found for problem in error.problems)
+        on = on or [[None] * len(modes) for modes in every]
+        samples = tuple(
+            tuple(_told(name, stand, *mode, arcs) for mode in zip(modes, at, strict=True))
+            for stand, modes, at in zip(self.samples, every, on, strict=True)
         )
+        kind = f"{block.group_class} {block.kind}"
+        return GroupModes(self.mechanism.said(name), kind, samples, tuple(arcs), note)
 
-    # -- dyads -----------------------------------------------------------------------------
-
-    def _dyad(self, name: str, block: AssurGroup) -> _Found:
-        """Both branches, and the arcs of each where the dyad closes."""
-        supports = self._supports(name, [j.name for j in block.joints.values() if j.outer])
+    def _modes(self, name: str, triad: Outline | None, supports: Supports) -> list[Sequence[Mode]]:
+        """The modes of a dyad or triad at each sample."""
+        block: Any = self.mechanism.structure.blocks[name]
+        at = supports({d: [s.drivers[d] for s in self.samples] for d in self.mechanism.drivers})
         every: list[Sequence[Mode]] = []
-        for drivers in self.samples:
-            held = [_first(support) for support in supports(drivers)]
-            every.append(dyad_modes(block, [*held, *self._driven(name, drivers)]))
-        if not self._follows(name):
-            return _Found(every)
-        around = limits(self.mechanism.of_blocks, self.driver, self._fixed, blocks=[name])
+        for n, stand in enumerate(self.samples):
+            held = [
+                Guide(complex(s.p[n]), complex(s.u[n])) if isinstance(s, Guide) else complex(s[n])
+                for s in at
+            ]
+            driven = self._driven(name, stand.drivers)
+            if triad is None:
+                every.append(dyad_modes(block, [*held, *driven]))
+            elif all(np.isfinite(support).all() for support in held):
+                formed = triad.at(driven)
+                found = triad_modes(formed.triad, held)
+                places = [formed.places(held, m.o, m.e) for m in found]
+                every.append(
+                    [
+                        Mode(place, m.margin, m.sign, m.double, None, m.residual)
+                        for m, place in zip(found, places, strict=True)
+                    ]
+                )
+            else:
+                every.append(())
+        return every
+
+    # -- arcs ------------------------------------------------------------------------------
+
+    def _dyad(
+        self, name: str, block: Any, every: Sequence[Sequence[Mode]]
+    ) -> tuple[list[Arc], list[list[_On | None]], str]:
+        """The arcs of each branch where the dyad closes."""
+        around = limits(self.mechanism.of_blocks, self.driver, self._fixed(), blocks=[name])
         arcs: list[Arc] = []
         for arc in around.arcs:
             passed = tuple(p.q for p in arc.change_points if p.block == name)
@@ -180,62 +186,43 @@ class _Lister:
                 circuit = min(n, partner) if partner is not None and meets else n
                 turns = int(around.whole_turn)
                 arcs.append(Arc(start, end, branch, branch or 1, turns, passed, circuit))
+
+        def on(stand: Standing, k: int, mode: Mode) -> _On | None:
+            """Where mode k is."""
+            q = stand.drivers[self.driver]
+            for number, arc in enumerate(arcs if self._held(stand) and not mode.double else ()):
+                place = self._near((arc.start.q + arc.end.q) / 2, q)
+                here = bool(arc.turns) or arc.start.q <= place <= arc.end.q
+                if arc.branch == mode.branch and here:
+                    return _On(number, q - place, k if arc.turns else None)
+            return None
+
         located = [
-            [self._of_branch(arcs, m, k, drivers) for k, m in enumerate(modes)]
-            for modes, drivers in zip(every, self.samples, strict=True)
+            [on(stand, k, mode) for k, mode in enumerate(modes)]
+            for stand, modes in zip(self.samples, every, strict=True)
         ]
-        return _Found(every, tuple(arcs), "" if arcs else around.sentence(), located)
+        return arcs, located, "" if arcs else around.sentence()
 
-    def _of_branch(
-        self, arcs: Sequence[Arc], mode: Mode, k: int, drivers: Mapping[str, float]
-    ) -> Located | None:
-        """Where mode k of a dyad is."""
-        for number, arc in enumerate(arcs if self._held(drivers) and not mode.double else ()):
-            place = self._near((arc.start.q + arc.end.q) / 2, drivers[self.driver])
-            here = bool(arc.turns) or arc.start.q <= place <= arc.end.q
-            if arc.branch == mode.branch and here:
-                return number, drivers[self.driver] - place, k if arc.turns else None
-        return None
-
-    # -- triads ----------------------------------------------------------------------------
-
-    def _triad(self, name: str, group: Outline) -> _Found:
-        """All modes, connected over the stretches of the driver where earlier groups close."""
-        supports = self._supports(name, group.joints)
-        every: list[Sequence[Mode]] = []
-        for drivers in self.samples:
-            at = [_first(support) for support in supports(drivers)]
-            modes: list[Mode] = []
-            if all(np.isfinite(support).all() for support in at):
-                formed = group.at(self._driven(name, drivers))
-                modes = [
-                    Mode(formed.places(at, m.o, m.e), m.margin, m.sign, m.double, None, m.residual)
-                    for m in triad_modes(formed.triad, at)
-                ]
-            every.append(modes)
-        if not self._follows(name):
-            return _Found(every)
-        try:
-            return self._connected(name, group, supports, every)
-        except RequestError as error:
-            return _Found(every, note=_told(error))
-
-    def _connected(
-        self, name: str, group: Outline, supports: Supports, every: list[Sequence[Mode]]
-    ) -> _Found:
-        stretches, note = self._stretches(name)
+    def _triad(
+        self, name: str, group: Outline, supports: Supports, every: Sequence[Sequence[Mode]]
+    ) -> tuple[list[Arc], list[list[_On | None]], str]:
+        """All modes connected over the stretches of the driver where earlier groups close."""
+        structure, fixed = self.mechanism.structure, self._fixed()
+        earlier = [block for block in structure.supports(name) if block != structure.frame]
+        around = limits(self.mechanism.of_blocks, self.driver, fixed, blocks=earlier)
         arcs: list[Arc] = []
-        located: list[list[Located | None]] = [[None] * len(modes) for modes in every]
+        located: list[list[_On | None]] = [[None] * len(modes) for modes in every]
+        stretches = self._stretches(around)
         for low, high, ends in stretches:
-            also = {
-                n: self._near((low + high) / 2, drivers[self.driver])
-                for n, drivers in enumerate(self.samples)
-                if self._held(drivers)
+            near = {
+                n: self._near((low + high) / 2, stand.drivers[self.driver])
+                for n, stand in enumerate(self.samples)
+                if self._held(stand)
             }
-            also = {n: q for n, q in also.items() if low <= q <= high}
+            also = {n: q for n, q in near.items() if low <= q <= high}
             found = connect(
-                lambda q: group.at(self._driven(name, self._fixed | {self.driver: q})).triad,
-                lambda q: supports(self._fixed | {self.driver: q}),
+                lambda q: group.at(self._driven(name, fixed | {self.driver: q})).triad,
+                lambda q: supports(fixed | {self.driver: q}),
                 low,
                 high,
                 ends=ends,
@@ -243,20 +230,17 @@ class _Lister:
             )
             for node, n in enumerate(also, start=CHECKS):
                 own = [(m.links[group.platform], m.sign) for m in every[n]]
-                at = _located(found, node, own, self.samples[n][self.driver])
-                located[n] = [on and (on[0] + len(arcs), *on[1:]) for on in at]
+                at = _located(found, node, own, self.samples[n].drivers[self.driver])
+                located[n] = [on and on._replace(arc=on.arc + len(arcs)) for on in at]
             circuits = 1 + max((arc.circuit for arc in arcs), default=-1)
             arcs += [arc.after(len(arcs), circuits) for arc in found.arcs]
-        return _Found(every, tuple(arcs), note, located)
+        return arcs, located, "" if stretches else around.sentence()
 
-    def _stretches(self, name: str) -> tuple[list[tuple[float, float, str]], str]:
-        """Where the groups that hold a triad close: low, high, and what ends it; or why nowhere."""
-        mechanism, structure = self.mechanism.of_blocks, self.mechanism.structure
-        earlier = [block for block in structure.supports(name) if block != structure.frame]
-        around = limits(mechanism, self.driver, self._fixed, blocks=earlier)
+    def _stretches(self, around: Limits) -> list[tuple[float, float, str]]:
+        """Where the groups that hold a triad close: low, high, and what ends it."""
         if around.whole_turn:
-            return [(0.0, TURN, WHOLE)], ""
-        law: Any = mechanism.scene.drive.get(self.driver)
+            return [(0.0, TURN, WHOLE)]
+        law: Any = self.mechanism.scene.drive.get(self.driver)
         found = []
         for arc in around.arcs:
             low, high, how = arc.start.q, arc.end.q, EARLIER
@@ -265,32 +249,25 @@ class _Lister:
                 low, high, how = max(low, a), min(high, b), RANGE
             if not (math.isfinite(low) and math.isfinite(high)):
                 told = f"{self.driver}.q has no range: give it a law of motion by coordinate"
-                return [], told
+                raise RequestError(Problem("bad-request", self.driver, told))
             if low < high:
                 found.append((low, high, how))
-        return found, "" if found else around.sentence()
+        return found
 
     # -- where it is asked -----------------------------------------------------------------
-
-    def _follows(self, name: str) -> bool:
-        return self.driver in self.mechanism.structure.upstream[name]
 
     def _near(self, place: float, q: float) -> float:
         """q, or a turn of it, near a place."""
         rotary = self.mechanism.driver_joint(self.driver).rotary
         return place + math.remainder(q - place, TURN) if rotary else q
 
-    def _held(self, drivers: Mapping[str, float]) -> bool:
-        """Whether a sample is on the line along which arcs are sought."""
-        first = self.samples[0]
-        return bool(self.driver) and all(
-            q == first[d] for d, q in drivers.items() if d != self.driver
-        )
-
-    @cached_property
     def _fixed(self) -> dict[str, float]:
         """Where the other drivers are held."""
-        return {d: q for d, q in self.samples[0].items() if d != self.driver}
+        return {d: q for d, q in self.samples[0].drivers.items() if d != self.driver}
+
+    def _held(self, stand: Standing) -> bool:
+        """Whether a sample is on the line along which arcs are sought."""
+        return all(stand.drivers[d] == q for d, q in self._fixed().items())
 
     def _supports(self, group: str, joints: Sequence[str]) -> Supports:
         """Where earlier links hold joints of a group."""
@@ -325,37 +302,45 @@ class _Lister:
         return [structure.coordinate(d).of_joint(drivers[d]) for d in own]
 
 
+def _told(name: str, stand: Standing, mode: Mode, on: _On | None, arcs: Sequence[Arc]) -> GroupMode:
+    """A mode of a group as it is told."""
+    arc = arcs[on.arc] if on else None
+    return GroupMode(
+        links=stand.told(name, mode.links),
+        margin=mode.margin,
+        sign=mode.sign,
+        double=mode.double,
+        chosen=stand.has(name, mode),
+        put=stand.put(name, mode),
+        arc=on.arc if on else None,
+        reach=(arc.start.q + on.shift, arc.end.q + on.shift)
+        if on and arc and not arc.turns
+        else None,
+        after_turn=on.later if on else None,
+        residual=mode.residual,
+    )
+
+
 def _located(
     found: Connections, node: int, every: Sequence[tuple[LinkPosition, int]], q: float
-) -> list[Located | None]:
+) -> list[_On | None]:
     """Where the modes of a triad at a sample are, by the same ones at its node or close by."""
     known = found.modes[node]
     same: dict[int, int] = {}  # mode at the node -> at the sample
     for k, (own, sign) in enumerate(every):
-        size = max(abs(m.o - own.o) for m in known) if known else 1.0
+        size = max((abs(m.o - own.o) for m in known), default=1.0) or 1.0
         for m, other in enumerate(known):
-            apart = abs(other.o - own.o) / (size or 1.0) + abs(other.e - own.e)
+            apart = abs(other.o - own.o) / size + abs(other.e - own.e)
             if apart <= NEAR and other.sign == sign:
                 same[m] = k
-    located: list[Located | None] = [None] * len(every)
+    located: list[_On | None] = [None] * len(every)
     for m, k in same.items():
         number = found.arc_of((node, m))
         place = found.places[number][found.passes[number].index((node, m))]
         then = found.after_turn((node, m)) if found.turn else None
         turns = TURN * round((q - place) / TURN)
-        located[k] = (number, turns, None if then is None else same.get(then))
+        located[k] = _On(number, turns, None if then is None else same.get(then))
     return located
-
-
-def _first(support: Support) -> Support:
-    """A support at the first of n places."""
-    if isinstance(support, Guide):
-        return Guide(complex(support.p[0]), complex(support.u[0]))
-    return complex(support[0])
-
-
-def _told(error: RequestError) -> str:
-    return "; ".join(problem.found for problem in error.problems)
 
 
 def _begin(mechanism: Compiled) -> dict[str, float]:
@@ -375,24 +360,6 @@ def _begin(mechanism: Compiled) -> dict[str, float]:
     if problems:
         raise RequestError(problems)
     return found
-
-
-def _moved(mechanism: Compiled, driver: str | None) -> str:
-    """The driver along which arcs are sought: the one named, or the only one; else none."""
-    drivers = mechanism.drivers
-    if driver is None:
-        return drivers[0] if len(drivers) == 1 else ""
-    _known("driver", [driver], drivers)
-    return driver
-
-
-def _wanted(mechanism: Compiled, groups: Iterable[str] | None) -> tuple[str, ...]:
-    """Blocks that close, in formation order: all, or the named ones."""
-    blocks = mechanism.structure.blocks.items()
-    said = {mechanism.said(name): name for name, block in blocks if block.closes}
-    wanted = set(said if groups is None else groups)
-    _known("group", sorted(wanted), tuple(said))
-    return tuple(block for name, block in said.items() if name in wanted)
 
 
 def _known(kind: str, wanted: Iterable[str], known: Sequence[str]) -> None:

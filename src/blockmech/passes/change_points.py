@@ -30,12 +30,9 @@ from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
-from blockmech.series import DOUBLE_ROOT, Floats, coefficients, nodes
+from blockmech.series import DOUBLE_ROOT, GOLDEN, SCANNED, Floats, coefficients, nodes
 
-TURN = 2 * math.pi
 SEAM = -math.pi / 2  # where the scan of a turn begins
-SAMPLES = 720  # of a turn, or of the travel of a slide
-ASIDE = 0.382  # of a spacing: samples do not fall on the round angles of symmetric poses
 NODES = 16  # even, so that none is at the change point
 REACHES = (12.0, 6.0, 2.5, 1.2)  # spacings on either side that a series covers
 ENDED = 1e-10  # end of a series that is smooth
@@ -95,11 +92,11 @@ def _search(structure: Structure, scene: Scene, block: str, driver: str, q_home:
         found = engine.run(dict.fromkeys(program.inputs, q), q.size)[0]
         return np.asarray(np.abs(np.asarray(found, dtype=float)))
 
-    steps: Floats = np.asarray(np.arange(SAMPLES) + ASIDE)
+    steps: Floats = np.asarray(np.arange(SCANNED) + GOLDEN)
     if structure.driver_joint(driver).rotary:
-        return _Search(size, np.asarray(SEAM + TURN / SAMPLES * steps), True)
+        return _Search(size, np.asarray(SEAM + math.tau / SCANNED * steps), True)
     reach = TRAVEL * sum(b.largest_length() for b in structure.blocks.values())
-    nodes: Floats = np.asarray(q_home + reach * (2 / SAMPLES * steps - 1))
+    nodes: Floats = np.asarray(q_home + reach * (2 / SCANNED * steps - 1))
     return _Search(size, nodes, False, reach)
 
 
@@ -134,7 +131,7 @@ def _points(search: _Search, y: Floats, largest: float, known: set[float]) -> It
         if point is not None:
             count += 1
             if search.rotary:
-                point = SEAM + (point - SEAM) % TURN
+                point = SEAM + (point - SEAM) % math.tau
             yield next((k for k in known if abs(k - point) <= DOUBLE_ROOT * spacing), point)
     gap = ~np.isfinite(y)
     if search.rotary and count % 2 and gap.any():

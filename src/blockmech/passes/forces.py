@@ -1,13 +1,17 @@
 """The force pass, in reverse order: reactions and driving efforts.
 
 A block is *active* if it has mass, a load or an active later block. An inactive
-block is a structural zero: nothing is computed for it.
+block is a structural zero: nothing is computed for it. The friction of groups is solved
+one by one, because a group's never depends on earlier groups ([R10] Fig. 11).
 
-Sources: [R10] Eqs. 2-7 and 14-16, Fig. 11.
+Sources: [R10] Eqs. 2-7 and 11-16.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+from blockmech.friction import solvers
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import friction
 from blockmech.passes.forward import (
@@ -18,17 +22,18 @@ from blockmech.passes.forward import (
     position,
     signed,
 )
-from blockmech.passes.loads import (
-    NOTHING,
-    Resultant,
-    active,
-    applied,
-    at_arm,
-    elements_on,
-    inertial,
-    later_blocks,
+from blockmech.passes.loads import applied, elements_on, inertial
+from blockmech.passes.pairs import (
+    edge_norm,
+    effort_influence,
+    friction_on,
+    influence,
+    measure,
+    slider_point,
+    touches,
+    transmitted,
 )
-from blockmech.passes.pairs import slider_point, transmitted
+from blockmech.passes.resultants import NOTHING, Resultant, active, at_arm, later_blocks
 from blockmech.plan import NOUGHT, ZERO, Entry, Schedule
 from blockmech.typing import Load
 
@@ -59,12 +64,21 @@ def shared(s: Schedule, link: LinkRef) -> Resultant:
 def link_load(s: Schedule, link: LinkRef) -> str:
     """Everything that loads a link, as one resultant about its origin."""
     if s.friction.method == friction.GIVEN:
-        loads = s.ask(shared, link) + s.ask(friction.given_on, link)
+        loads = s.ask(shared, link) + s.ask(given_on, link)
     else:
         loads = s.ask(applied, link)
     total = s.ask(inertial, link) + loads + s.ask(carried, link)
     force, moment = s.sum(total.forces, f"{link}_F", ZERO), s.sum(total.moments, f"{link}_M")
     return s.emit(Load, force, moment, name=f"{link}_load")
+
+
+def given_on(s: Schedule, link: LinkRef) -> Resultant:
+    """Given friction in the pairs of a block on one of its links."""
+    total = NOTHING
+    for ref in s.ask(friction.coupled_joints, link.block):
+        if touches(s, ref, link):
+            total += friction_on(s, ref, link, s.ask(friction.given, ref))
+    return total
 
 
 def smooth(s: Schedule, block: str) -> str | None:
@@ -84,7 +98,34 @@ def solution(s: Schedule, block: str) -> str | None:
     if s.friction.method == friction.GIVEN or not s.ask(friction.coupled_joints, block):
         return None  # before the reactions are asked for: nothing here needs them
     reactions = s.ask(smooth, block)
-    return None if reactions is None else s.ask(friction.solve, block, reactions)
+    return None if reactions is None else s.ask(solve, block, reactions)
+
+
+def solve(s: Schedule, block: str, reactions: str) -> str:
+    """The solved friction of a block with these frictionless reactions: ``t``, and how it went."""
+    joints = s.ask(friction.coupled_joints, block)
+    k = tuple_of(s.ask(friction.resistance, j) for j in joints)
+    edges = tuple_of(s.ask(edge_norm, j) for j in joints)
+    base = tuple_of(measure(s, j, s.ask(transmitted, j, reactions)) for j in joints)
+    rows = tuple_of(
+        tuple_of(measure(s, j, s.ask(influence, j, unit)) for unit in joints) for j in joints
+    )
+    solver, options = solvers.SOLVERS[s.friction.method]
+    given = {"tolerance": s.friction.tolerance, "iterations": s.friction.iterations}
+    more = [repr(given[o]) for o in options]
+    return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
+
+
+def solve_driven(s: Schedule, ref: JointRef, pair: str) -> str:
+    """The friction of a driven pair, which does not change what the pair transmits."""
+    k, edges = s.ask(friction.resistance, ref), s.ask(edge_norm, ref)
+    args = (f"({k},)", f"({edges},)", f"({measure(s, ref, pair)},)")
+    return s.emit(solvers.direct, *args, name=f"{ref}_friction")
+
+
+def tuple_of(items: Iterable[str]) -> str:
+    """Text of a tuple of values."""
+    return f"({''.join(f'{item}, ' for item in items)})"
 
 
 def resisting(s: Schedule, ref: JointRef) -> str:
@@ -104,7 +145,7 @@ def friction_at(s: Schedule, ref: JointRef) -> tuple[str, int] | None:
         solved, joints = s.ask(solution, ref.block), s.ask(friction.coupled_joints, ref.block)
         return None if solved is None else (solved, joints.index(ref))
     pair = s.ask(reaction, ref)
-    return None if pair is None else (s.ask(friction.solve_driven, ref, pair), 0)
+    return None if pair is None else (s.ask(solve_driven, ref, pair), 0)
 
 
 def reaction(s: Schedule, ref: JointRef) -> str | None:
@@ -117,7 +158,7 @@ def reaction(s: Schedule, ref: JointRef) -> str | None:
     if solved is None:
         return total
     for k, unit in enumerate(s.ask(friction.coupled_joints, ref.block)):
-        total += f" + mul({s.ask(friction.influence, ref, unit)}, {solved}.t[{k}])"
+        total += f" + mul({s.ask(influence, ref, unit)}, {solved}.t[{k}])"
     return s.line(total, f"{ref}_R")
 
 
@@ -135,7 +176,7 @@ def effort_in(s: Schedule, joint: JointRef) -> str:
     solved = s.ask(solution, joint.block)
     units = s.ask(friction.coupled_joints, joint.block) if solved is not None else ()
     for k, unit in enumerate(units):
-        effort += f" + {s.ask(friction.effort_influence, joint, unit)} * {solved}.t[{k}]"
+        effort += f" + {s.ask(effort_influence, joint, unit)} * {solved}.t[{k}]"
     t = s.ask(resisting, joint)
     if t != NOUGHT:
         effort += f" - {t}"

@@ -1,22 +1,13 @@
-"""Friction in the force pass: factors, influences and the solved couples of a group.
+"""Friction of pairs: which ones have it, and Coulomb's signed factor from the way they slip.
 
-Reactions are affine in the friction couples and forces of a group, so the group
-needs its kernel once for the loads and once per unit friction load; the solvers do
-the rest. Groups are solved one by one in reverse order, because a group's friction
-never depends on earlier groups ([R10] Fig. 11).
-
-Sources: [R10] Eqs. 8-13 and 16; prismatic pairs by analogy.
+Sources: [R10] Eqs. 8-10; prismatic pairs by analogy.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from blockmech.friction import solvers
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes.forward import (
     ACTUAL,
-    guide_direction,
     link_velocity,
     marker_velocity,
     moves,
@@ -24,11 +15,10 @@ from blockmech.passes.forward import (
     position,
     slip,
 )
-from blockmech.passes.loads import NOTHING, Resultant, active, at_arm
-from blockmech.passes.pairs import slider_arm, transmitted
-from blockmech.plan import NOUGHT, REST, ZERO, Schedule
+from blockmech.passes.resultants import active
+from blockmech.plan import REST, ZERO, Schedule
 from blockmech.plane import maximum, sign, where
-from blockmech.typing import Load, Real
+from blockmech.typing import Real
 
 GIVEN = "given"  # method: the friction of every pair is an input of the program
 
@@ -61,31 +51,6 @@ def given_joints(s: Schedule) -> tuple[JointRef, ...]:
 def given(s: Schedule, ref: JointRef) -> str:
     """Input with the friction of a pair on its later link: couple [N m] or force [N]."""
     return s.unknown(f"friction_{s.ask(given_joints).index(ref)}")
-
-
-def given_on(s: Schedule, link: LinkRef) -> Resultant:
-    """Given friction in the pairs of a block on one of its links."""
-    total = NOTHING
-    for ref in s.ask(coupled_joints, link.block):
-        if _touches(s, ref, link):
-            total += friction_on(s, ref, link, s.ask(given, ref))
-    return total
-
-
-def _touches(s: Schedule, ref: JointRef, link: LinkRef) -> bool:
-    joint = s.structure.joint(ref)
-    return link.link in (joint.later, *joint.links)
-
-
-def friction_on(s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
-    """The load of friction ``t`` in a pair on one of its block's links; t is of the later one."""
-    joint = s.structure.joint(ref)
-    if link.link != joint.later:
-        t = f"(-{t})"
-    if joint.kind == "R":
-        return Resultant((), (t,))
-    force = s.line(f"mul({s.ask(guide_direction, ref)}, {t})", f"{ref}_T")
-    return at_arm(s, force, s.ask(slider_arm, ref, link), f"{ref}_T")
 
 
 # -- Coulomb's factor: its sense from the slip -------------------------------------
@@ -172,97 +137,3 @@ def rest(s: Schedule, ref: JointRef) -> str:
     """1 where a pair is at zero relative speed."""
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
     return s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")
-
-
-# -- loads on pairs, and what unit friction adds to them -----------------------------
-
-
-def measure(s: Schedule, ref: JointRef, pair: str) -> str:
-    """The planar vector whose norm is the load on a pair: R, or N and 2 C / L of a guide."""
-    if s.structure.joint(ref).kind == "R":
-        return pair
-    length = s.structure.blocks[ref.block].friction[ref.name].guide_length
-    edges = NOUGHT
-    if length is not None:
-        slot = s.parameter(("guide", ref), 2 / length, f"two_over_L_{ref}")
-        edges = f"{slot} * {pair}.imag"
-    return s.line(f"planar({pair}.real, {edges})", f"{ref}_load")
-
-
-def edge_norm(s: Schedule, ref: JointRef) -> str:
-    """Whether the load on a pair is the larger component, or the length of the vector."""
-    return str(s.structure.joint(ref).kind == "P")
-
-
-def unit_reactions(s: Schedule, ref: JointRef) -> tuple[str, str]:
-    """Reactions to a unit of friction in a pair: those to its later and earlier link.
-
-    The second is empty where one call answers both, or the earlier link is not the group's.
-    Couples are of unit size on either link, so pairs of one link share their call.
-    """
-    joint = s.structure.joint(ref)
-    if joint.kind == "R":
-        couple = Resultant((), ("1.0",))
-        later = _response(s, ref, {joint.later: couple})
-        return later, "" if joint.outer else _response(s, ref, {joint.links[0]: couple})
-    links = [LinkRef(ref.block, n) for n in s.structure.blocks[ref.block].link_names]
-    on = {k.link: friction_on(s, ref, k, "1.0") for k in links if _touches(s, ref, k)}
-    return _response(s, ref, on), ""
-
-
-def _response(s: Schedule, ref: JointRef, on: dict[str, Resultant]) -> str:
-    """Reactions of a block to loads on some of its links."""
-    b = s.structure.blocks[ref.block]
-    loads = (on.get(n, NOTHING) for n in b.link_names)
-    sums = [(*(load.forces or (ZERO,)), *(load.moments or (NOUGHT,))) for load in loads]
-    given = [s.emit(Load, *each, name="unit") for each in sums]
-    args = (s.ask(position, ref.block), *given, s.ask(parameters, ref.block))
-    return s.emit(b.kernels.reactions, *args, name=f"{ref.block}_response")
-
-
-def influence(s: Schedule, ref: JointRef, unit: JointRef) -> str:
-    """What a unit of friction in one pair adds to what another transmits."""
-    later, earlier = s.ask(unit_reactions, unit)
-    plus = s.ask(transmitted, ref, later)
-    if not earlier:
-        return plus
-    return s.line(f"{plus} - {s.ask(transmitted, ref, earlier)}", f"{ref}_by_{unit}")
-
-
-def effort_influence(s: Schedule, driven: JointRef, unit: JointRef) -> str:
-    """What a unit of friction in one pair adds to the driving effort at another."""
-    effort = s.structure.blocks[driven.block].effort_field(driven.name)
-    later, earlier = s.ask(unit_reactions, unit)
-    if not earlier:
-        return f"{later}.{effort}"
-    return s.line(f"{later}.{effort} - {earlier}.{effort}", f"{driven}_effort_by_{unit}")
-
-
-# -- solved ------------------------------------------------------------------------
-
-
-def solve(s: Schedule, block: str, reactions: str) -> str:
-    """The solved friction of a block with these frictionless reactions: ``t``, and how it went."""
-    joints = s.ask(coupled_joints, block)
-    k = tuple_of(s.ask(resistance, j) for j in joints)
-    edges = tuple_of(s.ask(edge_norm, j) for j in joints)
-    base = tuple_of(measure(s, j, s.ask(transmitted, j, reactions)) for j in joints)
-    rows = tuple_of(
-        tuple_of(measure(s, j, s.ask(influence, j, unit)) for unit in joints) for j in joints
-    )
-    solver, options = solvers.SOLVERS[s.friction.method]
-    given = {"tolerance": s.friction.tolerance, "iterations": s.friction.iterations}
-    more = [repr(given[o]) for o in options]
-    return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
-
-
-def solve_driven(s: Schedule, ref: JointRef, pair: str) -> str:
-    """The friction of a driven pair, which does not change what the pair transmits."""
-    k, edges = s.ask(resistance, ref), s.ask(edge_norm, ref)
-    args = (f"({k},)", f"({edges},)", f"({measure(s, ref, pair)},)")
-    return s.emit(solvers.direct, *args, name=f"{ref}_friction")
-
-
-def tuple_of(items: Iterable[str]) -> str:
-    """Text of a tuple of values."""
-    return f"({''.join(f'{item}, ' for item in items)})"

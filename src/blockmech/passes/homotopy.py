@@ -34,19 +34,19 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes.tracking import Stand, Tracker
 from blockmech.plan import Friction, Schedule
+from blockmech.series import DOUBLE_ROOT, EPS
 
 Array = NDArray[Any]
-TURN = 2 * math.pi
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
 STRIDE = 0.3  # [rad] turn of a link in one step
-SMALLEST = 1e-14  # share of a line, or of knots, at which the path ends: a dead centre, to rounding
+SMALLEST = (
+    64 * EPS
+)  # share of a line, or of knots, at which the path ends: a dead centre, to rounding
 CHANGE = 0.7  # of what the singular values allow: how much J may change in one step
 FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
-DEAD = 1e-7  # [-] smallest singular value of a home: nearer its modes are one, to rounding
 BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
 MOST = 5000  # steps of a line
 MODES = 12  # turns of the driver on which a group may be in another mode each
-SAME = 1e-9  # [-] difference of poses that are one pose
 
 
 def schedule(
@@ -140,7 +140,7 @@ class Path:
                 places += self._of_another(name)
         still = np.zeros((1, len(self.drivers)))
         found, first = self.tracker.at(self.home[None, :], still, np.array([places]), one=True)
-        if not (np.isfinite(first).all() and (found.nearest > DEAD).all()):
+        if not (np.isfinite(first).all() and (found.nearest > DOUBLE_ROOT).all()):
             raise GraphError(
                 Problem(
                     "bad-home",
@@ -301,8 +301,8 @@ class Knots:
         lost = np.flatnonzero(reached < 1.0)
         if not (self.rotary and len(lost)):
             return place, reached
-        behind = self.home + np.mod(q[lost] - self.home, TURN)
-        for same in (behind, behind - TURN):
+        behind = self.home + np.mod(q[lost] - self.home, math.tau)
+        for same in (behind, behind - math.tau):
             there, share = self._along(same, one)
             better = share > reached[lost]
             place[lost[better]], reached[lost[better]] = there[better], share[better]
@@ -320,10 +320,10 @@ class Knots:
 
     def _folded(self, q: Array) -> Array:
         """Driver values of further turns, brought into the first ones where they repeat."""
-        far = np.abs(q - self.home) >= TURN
+        far = np.abs(q - self.home) >= math.tau
         if not (far.any() and self.turns):
             return q
-        return np.where(far, self.home + np.mod(q - self.home, self.turns * TURN), q)
+        return np.where(far, self.home + np.mod(q - self.home, self.turns * math.tau), q)
 
     @cached_property
     def turns(self) -> int:
@@ -332,12 +332,12 @@ class Knots:
             return 0
         home = self.path.at_home.place
         for k in range(1, MODES + 1):
-            away = np.array([k * TURN])
+            away = np.array([k * math.tau])
             place, _ = self.sides[1].follow(self.home + away, away, one=True)
             apart = np.abs(place - home).max(axis=0) * self.path.tracker.weights
             if not np.isfinite(apart).all():
                 return 0
-            if apart.max() < SAME:
+            if apart.max() < DOUBLE_ROOT:
                 return k
         return 0
 

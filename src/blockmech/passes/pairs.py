@@ -1,4 +1,4 @@
-"""What a pair transmits, read from a group's reactions: forces, couples, sliders.
+"""Statics of a pair: what it transmits, and what friction in it adds to others.
 
 One planar value a pair: the force R of a revolute one, ``N + i C`` of a prismatic one with
 its normal force and its couple about the slider's point S. Both are linear in the loads, and
@@ -6,14 +6,27 @@ so are their sums. A kernel gives a guide's couple about the origins of its own 
 moved to S, which the block or the user puts on either link; from the origin of the link that
 owns S where that is the block's own, for there S is a fixed way along the guide.
 
-Sources: `blockmech.blocks.contract`, rules 6 and 10.
+Reactions are affine in the friction couples and forces of a group, so the group needs its
+kernel once for the loads and once per unit of friction.
+
+Sources: `blockmech.blocks.contract`, rules 6 and 10; [R10] Eqs. 11-13.
 """
 
 from __future__ import annotations
 
 from blockmech.model.structure import JointRef, LinkRef
-from blockmech.passes.forward import arm_of, guide_direction, link_position, marker_place, place
-from blockmech.plan import Schedule
+from blockmech.passes.forward import (
+    arm_of,
+    guide_direction,
+    link_position,
+    marker_place,
+    parameters,
+    place,
+    position,
+)
+from blockmech.passes.resultants import NOTHING, Resultant, at_arm
+from blockmech.plan import NOUGHT, ZERO, Schedule
+from blockmech.typing import Load
 
 
 def transmitted(s: Schedule, ref: JointRef, reactions: str) -> str:
@@ -65,3 +78,87 @@ def _owner(s: Schedule, ref: JointRef) -> LinkRef:
     """The link that the slider's point moves with."""
     later = s.structure.blocks[ref.block].slider_owner(ref.name) == "later"
     return s.structure.later_link(ref) if later else s.structure.earlier_link(ref)
+
+
+# -- friction in a pair, as a load -----------------------------------------------------
+
+
+def friction_on(s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
+    """The load of friction ``t`` in a pair on one of its block's links; t is of the later one."""
+    joint = s.structure.joint(ref)
+    if link.link != joint.later:
+        t = f"(-{t})"
+    if joint.kind == "R":
+        return Resultant((), (t,))
+    force = s.line(f"mul({s.ask(guide_direction, ref)}, {t})", f"{ref}_T")
+    return at_arm(s, force, s.ask(slider_arm, ref, link), f"{ref}_T")
+
+
+def touches(s: Schedule, ref: JointRef, link: LinkRef) -> bool:
+    """Whether a pair joins one of its block's links."""
+    joint = s.structure.joint(ref)
+    return link.link in (joint.later, *joint.links)
+
+
+# -- loads on pairs, and what unit friction adds to them -----------------------------
+
+
+def measure(s: Schedule, ref: JointRef, pair: str) -> str:
+    """The planar vector whose norm is the load on a pair: R, or N and 2 C / L of a guide."""
+    if s.structure.joint(ref).kind == "R":
+        return pair
+    length = s.structure.blocks[ref.block].friction[ref.name].guide_length
+    edges = NOUGHT
+    if length is not None:
+        slot = s.parameter(("guide", ref), 2 / length, f"two_over_L_{ref}")
+        edges = f"{slot} * {pair}.imag"
+    return s.line(f"planar({pair}.real, {edges})", f"{ref}_load")
+
+
+def edge_norm(s: Schedule, ref: JointRef) -> str:
+    """Whether the load on a pair is the larger component, or the length of the vector."""
+    return str(s.structure.joint(ref).kind == "P")
+
+
+def unit_reactions(s: Schedule, ref: JointRef) -> tuple[str, str]:
+    """Reactions to a unit of friction in a pair: those to its later and earlier link.
+
+    The second is empty where one call answers both, or the earlier link is not the group's.
+    Couples are of unit size on either link, so pairs of one link share their call.
+    """
+    joint = s.structure.joint(ref)
+    if joint.kind == "R":
+        couple = Resultant((), ("1.0",))
+        later = _response(s, ref, {joint.later: couple})
+        return later, "" if joint.outer else _response(s, ref, {joint.links[0]: couple})
+    links = [LinkRef(ref.block, n) for n in s.structure.blocks[ref.block].link_names]
+    on = {k.link: friction_on(s, ref, k, "1.0") for k in links if touches(s, ref, k)}
+    return _response(s, ref, on), ""
+
+
+def _response(s: Schedule, ref: JointRef, on: dict[str, Resultant]) -> str:
+    """Reactions of a block to loads on some of its links."""
+    b = s.structure.blocks[ref.block]
+    loads = (on.get(n, NOTHING) for n in b.link_names)
+    sums = [(*(load.forces or (ZERO,)), *(load.moments or (NOUGHT,))) for load in loads]
+    given = [s.emit(Load, *each, name="unit") for each in sums]
+    args = (s.ask(position, ref.block), *given, s.ask(parameters, ref.block))
+    return s.emit(b.kernels.reactions, *args, name=f"{ref.block}_response")
+
+
+def influence(s: Schedule, ref: JointRef, unit: JointRef) -> str:
+    """What a unit of friction in one pair adds to what another transmits."""
+    later, earlier = s.ask(unit_reactions, unit)
+    plus = s.ask(transmitted, ref, later)
+    if not earlier:
+        return plus
+    return s.line(f"{plus} - {s.ask(transmitted, ref, earlier)}", f"{ref}_by_{unit}")
+
+
+def effort_influence(s: Schedule, driven: JointRef, unit: JointRef) -> str:
+    """What a unit of friction in one pair adds to the driving effort at another."""
+    effort = s.structure.blocks[driven.block].effort_field(driven.name)
+    later, earlier = s.ask(unit_reactions, unit)
+    if not earlier:
+        return f"{later}.{effort}"
+    return s.line(f"{later}.{effort} - {earlier}.{effort}", f"{driven}_effort_by_{unit}")

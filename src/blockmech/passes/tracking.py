@@ -19,7 +19,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import LinkRef, Structure
 from blockmech.passes.forward import ACTUAL, link_position, link_velocity, moves, position
 from blockmech.plan import Friction, Schedule
-from blockmech.plane import SCALAR_PRIMITIVES
+from blockmech.plane import SCALAR_CONSTANTS, SCALAR_PRIMITIVES
 
 if TYPE_CHECKING:
     from blockmech.engines.numpy import NumpyEngine
@@ -91,9 +91,8 @@ class Tracker:
     @cached_property
     def _scalar(self) -> Any:
         from blockmech.engines.binding import bind
-        from blockmech.engines.scalar import CONSTANTS
 
-        return bind(self.program, SCALAR_PRIMITIVES, CONSTANTS)
+        return bind(self.program, SCALAR_PRIMITIVES, SCALAR_CONSTANTS)
 
     @cached_property
     def _batch(self) -> NumpyEngine:

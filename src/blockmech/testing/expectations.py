@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +30,20 @@ from blockmech.model.expect import Expectation
 from blockmech.validation_errors import validated
 
 if TYPE_CHECKING:
-    from blockmech.builders import Opened
     from blockmech.mechanism import Mechanism
     from blockmech.result import Result
 
 NO_SIZE = "every expected number is 0, so only an atol allows an error"
+
+
+class Expecting(Protocol):
+    """A graph or linkage; what it expects stands in its ``extras``."""
+
+    file: str
+    extras: dict[str, Any]
+
+    def compile(self) -> Mechanism:
+        """The mechanism that it describes."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +97,7 @@ class Outcome:
 # -- running ---------------------------------------------------------------------------------
 
 
-def check_expectations(graph: Opened) -> list[Outcome]:
+def check_expectations(graph: Expecting) -> list[Outcome]:
     """Compute and compare every number that a graph expects; an empty list if it has none.
 
     Raises
@@ -112,7 +121,7 @@ def check_expectations(graph: Opened) -> list[Outcome]:
     return found
 
 
-def expectations_of(graph: Opened) -> list[Expectation]:
+def expectations_of(graph: Expecting) -> list[Expectation]:
     """The entries under ``expect``. Raises `FormatError` for ones written wrongly in Python."""
     found: list[Expectation] = []
     problems: list[Problem] = []

@@ -18,9 +18,7 @@ from tests.codes import LINKAGE_CODES as CODES
 from tests.doors import linkage_of
 from tests.model.joints import machines
 from tests.model.joints.chance import document as random_document
-
-ROOT = Path(__file__).resolve().parents[3]
-ANDREWS = json.loads((ROOT / "tests" / "data" / "andrews_squeezer.json").read_text("utf-8"))
+from tests.wiring import recorded
 
 
 def read(data):
@@ -35,7 +33,7 @@ def problems_of(data):
 
 GOOD = {
     "slider-crank": machines.SLIDER_CRANK,
-    "andrews": ANDREWS["document"],
+    "andrews": recorded("andrews_squeezer")["document"],
     "random": random_document(3, ("dyad", "cylinder", "fork", "triad"), loads=6),
 }
 

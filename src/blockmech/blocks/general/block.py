@@ -19,20 +19,16 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeA
 
 from pydantic import Discriminator, Tag, field_validator, model_validator
 
+from blockmech.blocks.block import Mistake, bad_name, refuse, unknown_name, wrong_links
 from blockmech.blocks.contract import (
     AssurGroup,
     BuiltIn,
     Coordinate,
     Joint,
     Kernels,
-    Mistake,
-    bad_name,
     inner_joint,
     outer_joint,
-    refuse,
-    unknown_name,
     wrong_friction,
-    wrong_links,
 )
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of

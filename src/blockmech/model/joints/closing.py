@@ -14,15 +14,12 @@ import cmath
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.model.joints.connections import Connection, Connections, connections, size_of
-from blockmech.model.joints.contents import FRAME
-from blockmech.model.joints.linkage import Linkage
+from blockmech.model.joints.layout import Connection, Pose, Poses
 from blockmech.plane import dot
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -31,76 +28,6 @@ ITERATIONS = 80  # of Newton's method: 20 bring a link half a turn round, singul
 LONGEST_STEP = 0.3  # [-] of any pose in one iteration: sizes, rad
 CLOSED = 1e-10  # [-] of the size, rad: gaps that are left to rounding and conditioning
 SINGULAR = 1e-7  # [-] of the largest singular value: between rounding and its square root
-
-
-@dataclass(frozen=True)
-class Poses:
-    """Where the links are: place (n,) [m] and angle (n,) [rad], in the order of ``links``."""
-
-    links: tuple[str, ...]
-    o: NDArray[np.complex128]
-    theta: Floats
-
-    @cached_property
-    def _index(self) -> Mapping[str, int]:
-        return {link: k for k, link in enumerate(self.links)}
-
-    def of(self, link: str) -> tuple[complex, float]:
-        """Place and angle of a link; of the fixed one zero."""
-        if link == FRAME:
-            return 0j, 0.0
-        k = self._index[link]
-        return complex(self.o[k]), float(self.theta[k])
-
-    def point(self, link: str, at: complex) -> complex:
-        """Place [m] in ground axes of a place on a link."""
-        return self.of(link)[0] + self.direction(link, at)
-
-    def direction(self, link: str, d: complex) -> complex:
-        """A vector of a link's frame in ground axes."""
-        return d * cmath.rect(1.0, self.of(link)[1])
-
-    def moved(self, links: Sequence[str], step: Floats, size: float) -> Poses:
-        """The poses after a step (3n,) of n links: places, over the size, and angles."""
-        k = [self._index[link] for link in links]
-        o, theta = self.o.copy(), self.theta.copy()
-        x, y, turn = step.reshape(-1, 3).T
-        o[k] += (x + 1j * y) * size
-        theta[k] += turn
-        return Poses(self.links, o, theta)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Links, pairs and drivers of a document, as counting and closing see them.
-
-    Attributes
-    ----------
-    given : the moving links, by name, in the poses that are given
-    pairs : the joints two by two, sorted
-    drivers : driven pair -> driver
-    size : of the mechanism [m]
-    """
-
-    given: Poses
-    pairs: Connections
-    drivers: Mapping[str, str]
-    size: float
-
-    @classmethod
-    def of(cls, linkage: Linkage) -> Layout:
-        """The layout of a document."""
-        names = tuple(sorted(name for name in linkage.links if name != FRAME))
-        at = [linkage.links[name].at for name in names]
-        o, theta = np.array([z for z, _ in at], complex), np.array([a for _, a in at], float)
-        size = size_of(linkage)
-        pairs = connections(linkage, size)
-        return cls(Poses(names, o, theta), pairs, linkage.driven, size)
-
-    @property
-    def links(self) -> tuple[str, ...]:
-        """The moving links."""
-        return self.given.links
 
 
 class _Condition(NamedTuple):
@@ -117,7 +44,7 @@ def _conditions(c: Connection, poses: Poses, size: float) -> tuple[_Condition, .
     A pin: both distances; the turn. A guide: the distance across it, and the turn between its
     two directions; the way along it.
     """
-    (o_a, theta_a), (o_b, theta_b) = poses.of(c.first), poses.of(c.second)
+    (o_a, theta_a), (o_b, theta_b) = poses[c.first], poses[c.second]
     e_a, e_b = cmath.rect(1.0, theta_a), cmath.rect(1.0, theta_b)
     arm_a, arm_b = e_a * c.at[0], e_b * c.at[1]
     d = o_b + arm_b - o_a - arm_a
@@ -204,6 +131,17 @@ class Closing:
                     line[column[link] : column[link] + 3] += part
         return values, matrix
 
+    def moved(self, poses: Poses, step: Floats) -> dict[str, Pose]:
+        """The poses after a step (3n,): places, over the size, and angles."""
+        steps = zip(self.links, step.reshape(-1, 3).tolist(), strict=True)
+        return {
+            **poses,
+            **{
+                link: Pose(poses[link].o + complex(x, y) * self.size, poses[link].theta + turn)
+                for link, (x, y, turn) in steps
+            },
+        }
+
     def refine(self, poses: Poses) -> Poses:
         """The poses that close the joints near the given ones, as far as Newton gets.
 
@@ -220,20 +158,15 @@ class Closing:
             last = gap
             step: Any = np.linalg.lstsq(matrix, -values, rcond=SINGULAR)[0]
             longest = np.abs(step).max(initial=LONGEST_STEP)
-            poses = poses.moved(self.links, step * (LONGEST_STEP / longest), self.size)
+            poses = self.moved(poses, step * (LONGEST_STEP / longest))
         return best
 
     def closed(self, poses: Poses) -> bool:
         """Whether all joints close."""
         return not gaps(poses, self.pairs, self.size)
 
-    def singular(self, poses: Poses) -> bool:
-        """Whether the conditions leave some links free to move."""
-        matrix = self.conditions(poses)[1]
-        return bool(np.linalg.matrix_rank(matrix, rtol=SINGULAR) < matrix.shape[1])
-
     def freedom(self, poses: Poses) -> tuple[int, Floats]:
-        """Freedoms in these poses, and a motion (3n,) that the joints allow."""
+        """Freedoms that the conditions leave, and a motion (3n,) that the joints allow."""
         free = _kernel(self.conditions(poses)[1])
         mix = np.cos(1.0 + np.arange(len(free)))  # no direction is left out
         return len(free), mix @ free

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from blockmech.blocks.contract import refuse
+from blockmech.blocks.block import refuse
 from blockmech.blocks.registry import REGISTRY
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.contract import Element

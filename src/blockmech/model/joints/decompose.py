@@ -18,8 +18,7 @@ import numpy as np
 from blockmech.assur.formation import Formation, formation
 from blockmech.assur.groups import Unit
 from blockmech.errors import GraphError, Problem, in_file
-from blockmech.model.joints.closing import Closing, Layout, Poses, coordinate
-from blockmech.model.joints.connections import Seated, seated
+from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.decomposition import Decomposition, General
 from blockmech.model.joints.diagnosis import (
@@ -31,14 +30,9 @@ from blockmech.model.joints.diagnosis import (
 )
 from blockmech.model.joints.diagram import Diagram, Sequence
 from blockmech.model.joints.elements import links_read_as_they_are
-from blockmech.model.joints.frames import (
-    DeadCentre,
-    Made,
-    closed_form,
-    driving_link,
-    general_group,
-)
+from blockmech.model.joints.layout import Connections, Layout, Poses, seated
 from blockmech.model.joints.linkage import Linkage
+from blockmech.model.joints.making import closed_form, driving_link, general_group
 from blockmech.model.joints.references import reference_problems
 
 
@@ -73,14 +67,14 @@ def sequence(linkage: Linkage) -> Sequence:
         large = f"the mechanism is {layout.size:.3g} m large"
         problem = Problem("wrong-value", "joints", large, "lengths are in m", "check the places")
         raise GraphError(problem)
-    seats = seated(layout.pairs, layout.drivers)
-    found = formation(layout.links, seats.pairs.values(), (FRAME,), layout.drivers)
+    pairs, sums = seated(layout.pairs, layout.drivers)
+    found = formation(layout.links, pairs.values(), (FRAME,), layout.drivers)
     if not found.complete or not layout.links:
         raise GraphError(why_not(layout, found.rest))
-    return Sequence(layout.pairs, seats, found, _closed(layout, found, seats))
+    return Sequence(layout, pairs, sums, found, _closed(layout, found, pairs))
 
 
-def _closed(layout: Layout, found: Formation, seats: Seated) -> Poses:
+def _closed(layout: Layout, found: Formation, pairs: Connections) -> Poses:
     """The pose in which all joints close, group after group, drivers held where they are.
 
     Raises `GraphError` where it is not found, too far off, or holds a group at a dead centre.
@@ -88,13 +82,12 @@ def _closed(layout: Layout, found: Formation, seats: Seated) -> Poses:
     held = {c: coordinate(layout.given, layout.pairs[c], layout.size) for c in layout.drivers}
     poses, stuck = layout.given, []
     for unit in found.units:
-        own = tuple(seats.pairs[p.name] for p in unit.pairs)
-        values = {name: held[name] for name in unit.driven}
-        closing = Closing(unit.links, own, layout.size, values)
+        own = tuple(pairs[p.name] for p in unit.pairs)
+        closing = Closing(unit.links, own, layout.size, {c: held[c] for c in unit.driven})
         poses = closing.refine(poses)
         if not closing.closed(poses):
             raise GraphError(does_not_close(layout))
-        if unit.kind in ("group", "triad", "cylinder") and closing.singular(poses):
+        if unit.kind in ("group", "triad", "cylinder") and closing.freedom(poses)[0]:
             stuck.append(unit)
     away = list(far_off(layout, poses))
     if away or stuck:
@@ -103,36 +96,26 @@ def _closed(layout: Layout, found: Formation, seats: Seated) -> Poses:
 
 
 def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposition:
-    plain = links_read_as_they_are(linkage.loads, found.pairs)
+    plain = links_read_as_they_are(linkage.loads, found.layout.pairs)
     diagram = Diagram(linkage, found)
     problems = []
     units = _merged(found.formation.units) if general == "one" else found.formation.units
     for unit in units:
-        try:
-            made = _made(unit, found, general, plain)
-        except DeadCentre as error:
-            problems.append(dead_centre(unit.links, str(error)))
-            made = general_group(unit, found.seats.pairs)
+        made = None
+        if unit.kind == "driver":
+            made = driving_link(found.pairs[unit.outer[0].name], unit.links[0], found.pairs)
+        elif not general:
+            made = closed_form(unit, found.pairs, found.poses)
+        if made and made.doubt:
+            problems.append(dead_centre(unit.links, made.doubt))
+        if made is None or any(made.seats[link].e != 1 for link in plain & set(made.seats)):
+            made = general_group(unit, found.pairs)
         diagram.add(unit, made)
     if problems:
         raise GraphError(problems)
     diagram.add_loads()
     shown = Formation(tuple(units), (), ())
-    return Decomposition(diagram.data(), diagram.names(), shown, found.poses)
-
-
-def _made(unit: Unit, found: Sequence, general: General, plain: set[str]) -> Made:
-    """The block of a unit."""
-    pairs = found.seats.pairs
-    made: Made | None
-    if unit.kind == "driver":
-        (pair,) = unit.outer
-        made = driving_link(pairs[pair.name], unit.links[0], pairs)
-    else:
-        made = None if general else closed_form(unit, pairs, found.poses)
-    if made is None or any(made.seats[link].e != 1 for link in plain & set(made.seats)):
-        return general_group(unit, pairs)
-    return made
+    return Decomposition(diagram.data(), diagram.names(), shown)
 
 
 def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:

@@ -11,7 +11,6 @@ from blockmech.model.naming import Names
 
 if TYPE_CHECKING:
     from blockmech.assur.formation import Formation
-    from blockmech.model.joints.closing import Poses
 
 General = Literal["", "groups", "one"]
 
@@ -25,13 +24,11 @@ class Decomposition:
     data : the graph as it would stand in its file
     names : where the links, joints and drivers of the document are in the graph
     formation : drivers and groups in formation order, by the document's names
-    poses : where the links are, refined
     """
 
     data: dict[str, Any]
     names: Names
     formation: Formation
-    poses: Poses
 
     @cached_property
     def graph(self) -> Graph:

@@ -18,8 +18,9 @@ from blockmech.assur.groups import Unit
 from blockmech.assur.rank import TooTangledError
 from blockmech.assur.rigidity import Rigidity, rigidity
 from blockmech.errors import Problem, listed, path_text
-from blockmech.model.joints.closing import Gap, Layout, Poses, gaps
+from blockmech.model.joints.closing import Gap, gaps
 from blockmech.model.joints.contents import FRAME
+from blockmech.model.joints.layout import Layout, Poses
 from blockmech.model.joints.special import MOST_LINKS, special_geometry
 
 EACH = "each freedom has one driver"
@@ -218,7 +219,7 @@ def _gape(gap: Gap) -> str:
 def far_off(layout: Layout, closed: Poses) -> Iterator[Problem]:
     """Links that are turned or moved so far to close the joints that the mode is in doubt."""
     for link in layout.links:
-        (o, theta), (o_closed, theta_closed) = layout.given.of(link), closed.of(link)
+        (o, theta), (o_closed, theta_closed) = layout.given[link], closed[link]
         turn, way = abs(theta_closed - theta), abs(o_closed - o)
         if turn < math.pi / 2 and way <= layout.size:
             continue

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,12 +15,12 @@ from blockmech.assur.formation import Formation
 from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
 from blockmech.model.diagram import GRAPH_FILE
-from blockmech.model.joints.closing import Poses, coordinate
-from blockmech.model.joints.connections import Connection, Connections, Seated
+from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.contents import FRAME, LinkGiven
 from blockmech.model.joints.elements import elements
-from blockmech.model.joints.frames import GENERAL, End, Made, Seat, free_name, xy
+from blockmech.model.joints.layout import Connection, Connections, Layout, Poses, Sums
 from blockmech.model.joints.linkage import Linkage
+from blockmech.model.joints.making import GENERAL, End, Made, Seat, free_name, xy
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
@@ -30,12 +31,31 @@ MOST_IN_NAME = 3  # links that a group is named after
 
 @dataclass(frozen=True)
 class Sequence:
-    """A document taken apart, its joints closed, nothing of it made into blocks yet."""
+    """A document taken apart, its joints closed, nothing of it made into blocks yet.
 
-    pairs: Connections  # as the document names them
-    seats: Seated
+    Attributes
+    ----------
+    layout : the document, its pairs as it names them
+    pairs : the pairs as the formation sequence takes them
+    sums : pairs whose forces add to that of one of the document, see `seated`
+    """
+
+    layout: Layout
+    pairs: Connections
+    sums: Sums
     formation: Formation
     poses: Poses
+
+
+class _Marked(NamedTuple):
+    """A marker that is there, its direction in the document, and whether it stands for a line.
+
+    One that a block brings may stand for its line or not (None).
+    """
+
+    ref: MarkerRef
+    direction: complex
+    line: bool | None
 
 
 class Diagram:
@@ -51,7 +71,8 @@ class Diagram:
         self._ends: dict[str, tuple[str, End]] = {}  # pair -> block and joint
         self._loads: dict[str, list[str]] = {}  # load -> its elements
         self._upstream: dict[str, dict[str, None]] = {}  # block -> drivers it depends on
-        self._marked: dict[tuple[str, complex, complex | None, bool], MarkerRef] = {}
+        # place on a link -> the markers there: direction, and whether it stands for a line
+        self._marked = defaultdict[tuple[str, complex], list[_Marked]](list)
         self._taken: dict[str, set[str]] = {}  # block -> names of markers
         frame = free_name(FRAME, linkage.drivers)
         self._blocks[frame] = {"type": "frame", "markers": {}}
@@ -64,7 +85,7 @@ class Diagram:
     def add(self, unit: Unit, made: Made) -> None:
         """Add the block of a unit and wire its outer joints."""
         name = self._name_of(unit, made.type)
-        pairs, general = self.found.seats.pairs, made.type == GENERAL
+        pairs, general = self.found.pairs, made.type == GENERAL
         self._blocks[name] = data = {"type": made.type, **made.keys}
         self._taken[name] = _reserved(made)
         links = {}
@@ -80,7 +101,10 @@ class Diagram:
         friction = {joint: plain(law) for joint, law in rubbing.items() if law is not None}
         if friction:
             data["friction"] = friction
-        self._built_in(name, made)
+        own = {(link, seat.o): seat.link for link, seat in made.seats.items()}
+        for (link, at), marker in {**made.points, **own}.items():
+            seat = self._seats[link]
+            self._marked[link, at].append(_Marked(MarkerRef(name, seat.link, marker), seat.e, None))
         upstream: dict[str, None] = {}
         for support in sorted(self._wire(name, made, pairs[p.name]) for p in unit.outer):
             upstream |= self._upstream[support]
@@ -99,14 +123,6 @@ class Diagram:
             wish += f"_and_{len(unit.links) - MOST_IN_NAME}"
         return free_name(wish, {*self._blocks, *self.linkage.drivers})
 
-    def _built_in(self, block: str, made: Made) -> None:
-        """Remember the markers that a block brings, so that they are not made again."""
-        own = {(link, seat.o): seat.link for link, seat in made.seats.items()}
-        for (link, at), name in {**made.points, **own}.items():
-            seat = self._seats[link]
-            for along, guide in ((None, False), (seat.e, False), (seat.e, True)):
-                self._marked[link, at, along, guide] = MarkerRef(block, seat.link, name)
-
     def marker(
         self, link: str, at: complex, along: complex | None, wish: str, guide: bool = False
     ) -> MarkerRef:
@@ -114,12 +130,13 @@ class Diagram:
 
         A ``guide`` stands for the line through the place in the direction.
         """
-        known = self._marked.get((link, at, along, guide))
-        if known is None:
-            known = self._marked[link, at, along, guide] = self._put(link, at, along, wish, guide)
-            for direction in () if guide else (None, along or self._seats[link].e):
-                self._marked.setdefault((link, at, direction, False), known)
-        return known
+        known = self._marked[link, at]
+        for ref, direction, line in known:
+            if line in (None, guide) and (direction == along or (along is None and not guide)):
+                return ref
+        ref = self._put(link, at, along, wish, guide)
+        known.append(_Marked(ref, along or self._seats[link].e, guide))
+        return ref
 
     def _put(
         self, link: str, at: complex, along: complex | None, wish: str, guide: bool
@@ -156,13 +173,13 @@ class Diagram:
         """Driver values and poses of a general group in the refined pose."""
         poses, values = self.found.poses, {}
         for driver in upstream:
-            c = self.found.pairs[self.linkage.drivers[driver].joint]
+            c = self.found.layout.pairs[self.linkage.drivers[driver].joint]
             q, start = coordinate(poses, c), self._start(driver)
             if c.kind == "R":  # poses need not count turns: home is near to where the way starts
                 turns = 0 if start is None else round((q - start) / math.tau)
                 q = math.fmod(q, math.tau) if start is None else q - math.tau * turns
             values[driver] = q
-        places = {link: [*xy(poses.of(link)[0]), poses.of(link)[1]] for link in unit.links}
+        places = {link: [*xy(poses[link].o), poses[link].theta] for link in unit.links}
         return {"drivers": values, "poses": places}
 
     def _start(self, driver: str) -> float | None:
@@ -177,7 +194,7 @@ class Diagram:
     def add_loads(self) -> None:
         """Add the loads as elements, in the order of the document."""
         for name, load in self.linkage.loads.items():
-            for wish, data, holds in elements(name, load, self.found.pairs, self._seats):
+            for wish, data, holds in elements(name, load, self.found.layout.pairs, self._seats):
                 block = free_name(wish, {*self._blocks, *self.linkage.drivers})
                 self._blocks[block] = data
                 self._loads.setdefault(name, []).append(block)
@@ -190,7 +207,7 @@ class Diagram:
 
     def _scene(self) -> dict[str, Any]:
         drive = {
-            name: {key: value for key, value in plain(law, "law").items() if key != "joint"}
+            name: {key: value for key, value in plain(law).items() if key != "joint"}
             for name, law in self.linkage.drivers.items()
             if isinstance(law, LawOfMotion)
         }
@@ -223,15 +240,15 @@ class Diagram:
             origin = self.marker(link, 0j, 1 + 0j, link)
             turn = 0.0 if seat.e == 1 else -cmath.phase(seat.e)
             links[link] = LinkName(LinkRef(seat.block, seat.link), origin, turn, markers)
-        joints = {name: self._joint(c) for name, c in self.found.pairs.items()}
+        joints = {name: self._joint(c) for name, c in self.found.layout.pairs.items()}
         loads = {name: tuple(blocks) for name, blocks in self._loads.items()}
         return Names(links, joints, loads)
 
     def _joint(self, c: Connection) -> JointName:
         parts, turned = [], False
-        for name, back in self.found.seats.sums.get(c.name, ((c.name, False),)):
+        for name, back in self.found.sums.get(c.name, ((c.name, False),)):
             block, end = self._ends[name]
-            flipped = (end.later == self.found.seats.pairs[name].first) != back
+            flipped = (end.later == self.found.pairs[name].first) != back
             parts.append((JointRef(block, end.joint), flipped))
             turned = end.turned
         (joint, flipped), *others = parts

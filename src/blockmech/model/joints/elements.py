@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from blockmech.model.joints.connections import Connection, Connections
 from blockmech.model.joints.contents import FRAME, HOLDS
-from blockmech.model.joints.frames import Seat, xy
+from blockmech.model.joints.layout import Connection, Connections
+from blockmech.model.joints.making import Seat, xy
 from blockmech.model.writing import plain
 
 Hold: TypeAlias = tuple[str, str, complex | None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -11,18 +11,15 @@ from blockmech.model.document import Document
 from blockmech.model.form import Draft, bad_name
 from blockmech.model.joints.contents import (
     LINKAGE_FILE,
-    DriverGiven,
-    GuideGiven,
     JointGiven,
     LinkGiven,
-    PinGiven,
     sections,
 )
 from blockmech.model.joints.references import reference_problems
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
-from blockmech.values import Strictly, Vector, is_name
+from blockmech.values import Vector, is_name
 
 Given = Any
 """Numbers, pairs and arrays as `Graph` takes them."""
@@ -104,8 +101,7 @@ class Linkage(Document):
         The fixed link is there from the start; ``add_link("frame", markers=...)`` gives it
         markers. Raises `GraphError` for a taken name or properties that do not fit.
         """
-        self._free("link", name, self.links)
-        self.links[name] = _made(LinkGiven, ("links", name), properties)
+        self._add("link", name, properties)
 
     def add_joint(
         self, name: str, kind: Literal["R", "P"], links: Sequence[str], at: Given, **more: Given
@@ -115,10 +111,8 @@ class Linkage(Document):
         ``at`` has a place [m] for each link, in its frame; a P joint adds ``angle`` [rad] or
         ``dir`` for both, and ``slider``. Raises `GraphError` for what does not fit.
         """
-        self._free("joint", name, self.joints)
         given = {"type": kind, "links": list(links), "at": list(at), **more}
-        model = GuideGiven if kind == "P" else PinGiven
-        self.joints[name] = _made(model, ("joints", name), given)
+        self._add("joint", name, given, kind)
 
     def add_driver(self, name: str, joint: str, law: LawOfMotion | None = None) -> None:
         """Drive the coordinate of a joint, by a law of motion if one is given.
@@ -126,21 +120,15 @@ class Linkage(Document):
         The coordinate is the angle [rad] of the second link less that of the first (R), or
         the distance [m] from the first link's point to the second's along the guide (P).
         """
-        self._free("driver", name, self.drivers)
-        said = {} if law is None else plain(law, "law")
-        model = sections()["drivers"].kinds.get(said.pop("law", ""), DriverGiven)
-        self.drivers[name] = _made(model, ("drivers", name), {"joint": joint, **said})
+        said = {} if law is None else plain(law)
+        self._add("driver", name, {"joint": joint, **said}, said.pop("law", ""))
 
     def add_load(self, name: str, kind: str, **keys: Given) -> None:
         """Add a load of a kind such as "force" or "spring", by the keys of its file.
 
         Raises `GraphError` for an unknown kind or keys that do not fit.
         """
-        self._free("load", name, self.loads)
-        section = sections()["loads"]
-        if kind not in section.kinds:
-            raise GraphError(section.unknown_kind(kind, f"loads.{name}.type"))
-        self.loads[name] = _made(section.kinds[kind], ("loads", name), keys)
+        self._add("load", name, keys, kind)
 
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
@@ -150,32 +138,26 @@ class Linkage(Document):
         """Give a driver end stops for free motion: lowest and highest coordinate [rad or m]."""
         self.stops[driver] = Stops(**{"from": low, "to": high})
 
-    def _free(self, what: str, name: str, taken: Iterable[str]) -> None:
+    def _add(self, what: str, name: str, given: dict[str, Given], kind: str = "") -> None:
+        """Add an item of a kind. Raises `GraphError` with places in the document."""
         if not isinstance(name, str) or not is_name(name):
             raise GraphError(bad_name(what, name))
-        if name in taken:
+        section, items, where = sections()[f"{what}s"], getattr(self, f"{what}s"), f"{what}s.{name}"
+        if name in items:
+            found, taken = f"there is a {what} of that name", f"taken: {listed(items)}"
+            raise GraphError(Problem("taken-name", where, found, taken, "choose another name"))
+        model = section.kinds.get(kind) if kind else section.plain
+        if model is None:
+            raise GraphError(section.unknown_kind(kind, f"{where}.{section.key}"))
+        try:
+            items[name] = model(**given)
+        except GraphError as error:
+            where = path_text((f"{what}s", name))
             raise GraphError(
-                Problem(
-                    "taken-name",
-                    f"{what}s.{name}",
-                    f"there is a {what} of that name",
-                    f"taken: {listed(taken)}",
-                    "choose another name",
-                )
-            )
+                replace(p, where=p.where.replace(model.__name__, where, 1)) for p in error.problems
+            ) from None
 
     @property
     def driven(self) -> dict[str, str]:
         """Driven joint -> the driver's name."""
         return {driver.joint: name for name, driver in self.drivers.items()}
-
-
-def _made(model: type[Strictly], path: tuple[str, ...], given: dict[str, Given]) -> Any:
-    """A part of the document. Raises `GraphError` with places in the document."""
-    try:
-        return model(**given)
-    except GraphError as error:
-        where = path_text(path)
-        raise GraphError(
-            replace(p, where=p.where.replace(model.__name__, where, 1)) for p in error.problems
-        ) from None

@@ -8,31 +8,29 @@ structure can move for a moment only, is seen after a small step along the motio
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from blockmech.assur.formation import formation
-from blockmech.model.joints.closing import SINGULAR, Closing, Floats, Layout, Poses
+from blockmech.model.joints.closing import SINGULAR, Closing, Floats
 from blockmech.model.joints.contents import FRAME
+from blockmech.model.joints.layout import Layout, Poses
 
 MOST_LINKS = 60
 """Links whose velocity conditions are judged: singular values of them all take 10 ms."""
 
 
-@dataclass(frozen=True)
-class Special:
+class Special(NamedTuple):
     """Links that move because of their lengths, against the count.
 
-    Attributes
-    ----------
     freedom : freedoms in the pose, drivers not held
     links : those that take part, by name
     spare : a link without which the rest is a mechanism as it should be, with its joints
     """
 
     freedom: int
-    links: tuple[str, ...]
+    links: list[str]
     spare: tuple[str, tuple[str, ...]] | None
 
 
@@ -47,7 +45,7 @@ def special_geometry(layout: Layout, mobility: int) -> Special | None:
         return None
     names = closing.stressed(poses)
     links = sorted({link for name in names for link in layout.pairs[name].links})
-    return Special(freedom, tuple(links), _spare(links, layout))
+    return Special(freedom, links, _spare(links, layout))
 
 
 def _keeps_moving(closing: Closing, poses: Poses, motion: Floats, mobility: int) -> bool:
@@ -57,10 +55,14 @@ def _keeps_moving(closing: Closing, poses: Poses, motion: Floats, mobility: int)
     taken for nothing.
     """
     step = motion * math.sqrt(10 * SINGULAR) / np.abs(motion).max()
-    ahead = closing.refine(poses.moved(closing.links, step, closing.size))
-    moved = np.concatenate([ahead.theta - poses.theta, (ahead.o - poses.o) / closing.size])
-    far = np.abs(moved).max() > np.abs(step).max() / 10
-    return bool(far) and closing.closed(ahead) and closing.freedom(ahead)[0] > mobility
+    ahead = closing.refine(closing.moved(poses, step))
+    far = max(
+        max(abs(ahead[a].theta - poses[a].theta), abs(ahead[a].o - poses[a].o) / closing.size)
+        for a in closing.links
+    )
+    if not far > np.abs(step).max() / 10:
+        return False
+    return closing.closed(ahead) and closing.freedom(ahead)[0] > mobility
 
 
 def _spare(links: list[str], layout: Layout) -> tuple[str, tuple[str, ...]] | None:

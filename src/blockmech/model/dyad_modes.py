@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from blockmech.blocks.contract import AssurGroup
-from blockmech.modes.triad import Support
 from blockmech.typing import LinkPosition
 
 
@@ -41,7 +40,7 @@ def branches(dyad: AssurGroup) -> tuple[int | None, ...]:
     return (1, -1) if "branch" in type(dyad).model_fields else (None,)
 
 
-def dyad_modes(dyad: AssurGroup, supports: Sequence[Support | float]) -> tuple[Mode, ...]:
+def dyad_modes(dyad: AssurGroup, supports: Sequence[Any]) -> tuple[Mode, ...]:
     """All assembly modes of a dyad: both branches, one if they coincide, none out of reach.
 
     Parameters

@@ -1,25 +1,41 @@
-"""The joints of a document as pairs of two links, with the places of both.
+"""A document as counting and closing see it: links in poses, and pairs of two links.
 
 A pin of m links is m - 1 pairs: of its first link with each other one. Which links the pairs
 of a pin join is free as long as it has no friction, so pins are seated on the link that is
-placed first (`reseat`); the motion is the same, and forces are sums.
+placed first (`seated`); the motion is the same, and forces are sums.
 """
 
 from __future__ import annotations
 
-import math
+import cmath
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import networkx as nx
+import numpy as np
 
 from blockmech.assur.formation import reseat
 from blockmech.assur.pairs import Pair, Side, axes
 from blockmech.friction.laws import Coulomb
 from blockmech.model.joints.contents import FRAME, GuideGiven
 from blockmech.model.joints.linkage import Linkage
+
+
+class Pose(NamedTuple):
+    """Place [m] and angle [rad] of a link."""
+
+    o: complex = 0j
+    theta: float = 0.0
+
+    def point(self, at: complex) -> complex:
+        """Place [m] in ground axes of a place on the link."""
+        return self.o + self.direction(at)
+
+    def direction(self, d: complex) -> complex:
+        """A vector of the link's frame in ground axes."""
+        return d * cmath.rect(1.0, self.theta)
 
 
 @dataclass(frozen=True)
@@ -53,79 +69,92 @@ class Connection(Pair):
 
 
 Connections: TypeAlias = Mapping[str, Connection]
+Poses: TypeAlias = Mapping[str, Pose]
+"""Where the links are, the fixed one among them."""
 
 
-def connections(linkage: Linkage, size: float) -> dict[str, Connection]:
-    """All pairs of a document by name, sorted, with the axes that they share."""
-    found: dict[str, Connection] = {}
-    for name, joint in linkage.joints.items():
-        first, *others = joint.links
-        start, *ends = (place.z for place in joint.at)
-        for link, end in zip(others, ends, strict=True):
-            pair = name if len(others) == 1 else f"{name}.{link}"
-            made = Connection(
-                pair, first, link, joint.type, at=(start, end), friction=joint.friction
-            )
-            if isinstance(joint, GuideGiven):
-                made = replace(made, along=joint.directions, slider=joint.slider)
-            found[pair] = made
-    axis = axes(
-        (
-            Side(c.name, link, c.kind, c.on(link) if c.kind == "R" else c.guide(link))
-            for c in found.values()
-            for link in c.links
-        ),
-        size,
-    )
-    return {name: replace(found[name], axis=axis[name]) for name in sorted(found)}
+@dataclass(frozen=True)
+class Layout:
+    """Links, pairs and drivers of a document.
+
+    Attributes
+    ----------
+    links : the moving links, by name
+    given : the poses that the document gives
+    pairs : the joints two by two, sorted, with the axes that they share
+    drivers : driven pair -> driver
+    size : a length [m] that says how large the mechanism is; 1 if all is in one point
+    """
+
+    links: tuple[str, ...]
+    given: Poses
+    pairs: Connections
+    drivers: Mapping[str, str]
+    size: float
+
+    @classmethod
+    def of(cls, linkage: Linkage) -> Layout:
+        """The layout of a document."""
+        links = tuple(sorted(name for name in linkage.links if name != FRAME))
+        given = {FRAME: Pose()} | {name: Pose(*linkage.links[name].at) for name in links}
+        pairs = {c.name: c for name in linkage.joints for c in _pairs_of(linkage, name)}
+        places: dict[str, list[complex]] = defaultdict(list)
+        for name in links:
+            places[""].append(given[name].o)
+        for c in pairs.values():
+            for link, at in zip(c.links, c.at, strict=True):
+                places[link].append(at)
+        with np.errstate(over="ignore"):
+            spans = [np.hypot(np.ptp(np.real(x)), np.ptp(np.imag(x))) for x in places.values()]
+        size = float(max(spans, default=0.0)) or 1.0
+        axis = axes(
+            (
+                Side(c.name, link, c.kind, c.on(link) if c.kind == "R" else c.guide(link))
+                for c in pairs.values()
+                for link in c.links
+            ),
+            size,
+        )
+        shared = {name: replace(pairs[name], axis=axis[name]) for name in sorted(pairs)}
+        return cls(links, given, shared, linkage.driven, size)
 
 
-def size_of(linkage: Linkage) -> float:
-    """A length [m] that says how large the mechanism is; 1 if all joints are in one point."""
-    places: dict[str, list[complex]] = defaultdict(list)
-    for joint in linkage.joints.values():
-        for link, place in zip(joint.links, joint.at, strict=True):
-            places[link].append(place.z)
-    clouds = [*places.values(), [k.at[0] for name, k in linkage.links.items() if name != FRAME]]
-    spans = [
-        math.hypot(_span(z.real for z in cloud), _span(z.imag for z in cloud)) for cloud in clouds
+def _pairs_of(linkage: Linkage, name: str) -> list[Connection]:
+    joint = linkage.joints[name]
+    first, *others = joint.links
+    start, *ends = (place.z for place in joint.at)
+    more: dict[str, Any] = {"friction": joint.friction}
+    if isinstance(joint, GuideGiven):
+        more |= {"along": joint.directions, "slider": joint.slider}
+    return [
+        Connection(
+            name if len(others) == 1 else f"{name}.{link}",
+            first,
+            link,
+            joint.type,
+            at=(start, end),
+            **more,
+        )
+        for link, end in zip(others, ends, strict=True)
     ]
-    return max(spans, default=0.0) or 1.0
-
-
-def _span(numbers: Iterable[float]) -> float:
-    known = list(numbers)
-    return max(known) - min(known) if known else 0.0
 
 
 # Pins seated elsewhere.
 
-
-@dataclass(frozen=True)
-class Seated:
-    """The pairs as the formation sequence takes them, and where those of the document went.
-
-    Attributes
-    ----------
-    pairs : the pairs, sorted; those of frictionless pins of three links and more may join
-        other links than in the document
-    sums : pair of the document -> pairs whose forces add to its own, each with whether it
-        counts the other way; only those that were seated elsewhere
-    """
-
-    pairs: Connections
-    sums: Mapping[str, tuple[tuple[str, bool], ...]]
+Sums: TypeAlias = Mapping[str, tuple[tuple[str, bool], ...]]
+"""Pair of the document -> pairs whose forces add to its own, each with whether it counts the
+other way; only those that were seated elsewhere."""
 
 
-def seated(pairs: Connections, drivers: Collection[str]) -> Seated:
-    """Seat every frictionless pin of three links and more on the link that is placed first."""
+def seated(pairs: Connections, drivers: Collection[str]) -> tuple[Connections, Sums]:
+    """The pairs with frictionless pins of three links and more on the link that is placed first."""
     on_axis: dict[str, list[Connection]] = defaultdict(list)
     for c in pairs.values():
         if c.kind == "R" and c.axis:
             on_axis[c.axis].append(c)
     free = {axis: pin for axis, pin in on_axis.items() if _is_smooth(pin)}
     if not free:
-        return Seated(pairs, {})
+        return pairs, {}
     links = {link for c in pairs.values() for link in c.links} - {FRAME}
     loose = [c if c.axis in free else replace(c, axis="") for c in pairs.values()]
     after = {p.name: p.links for p in reseat(links, loose, (FRAME,), drivers)}
@@ -142,7 +171,7 @@ def seated(pairs: Connections, drivers: Collection[str]) -> Seated:
         ]
         moved.update({c.name: c for c in new})
         sums.update({c.name: _cut(c, pin, new) for c in pin})
-    return Seated(moved, sums)
+    return moved, sums
 
 
 def _is_smooth(pin: list[Connection]) -> bool:

@@ -1,0 +1,172 @@
+"""Evidence of a run: residuals of the equations of mechanics, each with what it is measured by.
+
+A residual is what is left of an equation when the numbers of a run are put into it, and its scale
+is the sum of the absolute terms, from the coordinates on: both are of one link, pair or load with
+all that its neighbours bring. So no error of another group hides in a residual, and the only
+conditioning that it knows is that of the group's own equations, 1 / sqrt(margin).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from blockmech.analysis.free_bodies import Array, FreeBodies
+from blockmech.model.structure import JointRef, LinkRef
+
+if TYPE_CHECKING:
+    from blockmech.result import Result
+
+TOLERANCE = 2.0**-43  # of the sum of absolute terms times the conditioning: 1024 roundings
+
+Part = JointRef | LinkRef | str
+
+
+class Term(NamedTuple):
+    """A term of an equation and its absolute size, factor by factor.
+
+    The size of a moment is |arm| |force|, not its value: rounding of a large force
+    along its arm is not seen in the value.
+    """
+
+    value: Array
+    size: Array
+
+
+class Residual(NamedTuple):
+    """What is left of an equation (n,), and the size (n,) of what it is made of.
+
+    what, of : the equation in words, and the link, joint, load, driver or block that it is of
+    """
+
+    what: str
+    of: Part
+    left: Array
+    scale: Array
+
+
+class Sizes(NamedTuple):
+    """Sums of absolute forces [N], moments [N m] and powers [W] (n,) of a block."""
+
+    force: Array
+    moment: Array
+    power: Array
+
+
+def plain(x: Array) -> Term:
+    """A term without factors."""
+    return Term(np.asarray(x), np.abs(x))
+
+
+def moment(arm: Array, force: Array) -> Term:
+    """Moment [N m] of a force at an arm."""
+    return Term((np.conj(arm) * force).imag, np.abs(arm) * np.abs(force))
+
+
+def power(force: Array, v: Array) -> Term:
+    """Power [W] of a force at a velocity."""
+    return Term((np.conj(force) * v).real, np.abs(force) * np.abs(v))
+
+
+def total(terms: Iterable[Term]) -> Term:
+    """Sum of terms, and of their sizes."""
+    values, sizes = zip(*terms, strict=True)
+    return Term(np.sum(values, axis=0), np.sum(sizes, axis=0))
+
+
+class Evidence:
+    """A run with its links as free bodies, and what each block's equations are measured by."""
+
+    def __init__(self, run: Result) -> None:
+        """``run`` has all outputs of blocks."""
+        self.run = run
+        self.structure = run.mechanism.structure
+        self.bodies = FreeBodies(run)
+        self.good = np.array([s == "ok" for s in run.quality.status])
+        self.sizes = cache(self._sizes)
+        self.powers = cache(self._powers)
+
+    def condition(self, block: str) -> Array:
+        """Digits that a block's dead centre may cost (n,) [-]: 1 / sqrt(margin)."""
+        if block not in self.run.quality.margin:
+            return np.ones(self.run.n)
+        with np.errstate(all="ignore"):
+            found: Array = 1 / np.sqrt(self.run.quality.margin[block])
+        return found
+
+    # -- forces and moments ----------------------------------------------------------
+
+    @cached_property
+    def balances(self) -> dict[LinkRef, tuple[list[Term], list[Term], Array]]:
+        """Terms of the force and of the moment balance of each link, about its origin.
+
+        With them the largest sum of coordinates [m] whose difference is an arm: an arm is known
+        to the rounding of this. The balance of the frame is that of all it carries.
+        """
+        found = {}
+        for link in self.structure.links:
+            o, terms = self.bodies.link(link).p, list(self.bodies.terms(link))
+            moments = [plain(m) for _, _, m in terms]
+            moments += [moment(p - o, f) for f, p, _ in terms]
+            reach = np.max([np.abs(p) + np.abs(o) for _, p, _ in terms], axis=0, initial=0.0)
+            found[link] = [plain(f) for f, _, _ in terms], moments, reach
+        return found
+
+    def _sizes(self, block: str) -> Sizes:
+        """Sums of absolute terms of a block.
+
+        Its reactions are solved from all its loads at once, so any of them may carry the rounding
+        of the sum of all forces. At its arm that is a moment, at its speed a power, also where
+        the terms themselves are nothing: loads that go straight into one pin, or pass it by less
+        than coordinates show.
+        """
+        links = [LinkRef(block, link) for link in self.structure.blocks[block].link_names]
+        own = [self.balances[link] for link in links]
+        force = np.sum([total(forces).size for forces, _, _ in own], axis=0)
+        reach = np.max([reach for _, _, reach in own], axis=0)
+        found = np.sum([total(moments).size for _, moments, _ in own], axis=0) + force * reach
+        bodies = [self.bodies.link(link) for link in links]
+        wired = [end for ref in self.outer(block) for end in self.bodies.ends(ref)]
+        v = np.max(np.abs([body.v for body in bodies + wired]), axis=0)
+        om = np.max(np.abs([body.om for body in bodies]), axis=0)
+        return Sizes(force, found, total(self.powers(block)).size + force * v + found * om)
+
+    def outer(self, block: str) -> list[JointRef]:
+        """Joints by which a block hangs on earlier ones."""
+        joints = self.structure.blocks[block].joints.values()
+        return [JointRef(block, joint.name) for joint in joints if joint.outer]
+
+    # -- powers ----------------------------------------------------------------------
+
+    def _powers(self, block: str) -> list[Term]:
+        """Terms of the power balance of a block: what wires bring is taken, lost or stored."""
+        r, found = self.run, []
+        for name in self.structure.blocks[block].joints:
+            found.append(plain(-r[f"{block}.{name}.friction_power"]))
+        for ref in self.outer(block):
+            found += self._wire(ref, -1.0)
+        found += [plain(r[f"{d}.power"]) for d in self.structure.drivers_of(block)]
+        for name in self.structure.blocks[block].link_names:
+            link = LinkRef(block, name)
+            for child in self.structure.carried[link]:
+                found += self._wire(child, 1.0)
+            found += self.power_of_loads(link)
+        return found
+
+    def _wire(self, ref: JointRef, sign: float) -> list[Term]:
+        """Power that a wire gives to its support, times a sign."""
+        earlier, _ = self.bodies.ends(ref)
+        force, couple = self.run[f"{ref}.wrench_F"], self.run[f"{ref}.wrench_M"]
+        return [power(sign * force, earlier.v), plain(sign * couple * earlier.om)]
+
+    def power_of_loads(self, link: LinkRef) -> list[Term]:
+        """Power of weight, inertia and elements on a link."""
+        body, found = self.bodies.link(link), []
+        for source in (self.bodies.inertia_and_weight(link), self.bodies.elements(link)):
+            for force, place, couple in source:
+                found.append(power(force, body.v + 1j * body.om * (place - body.p)))
+                found.append(plain(couple * body.om))
+        return found

@@ -1,0 +1,100 @@
+"""Checks of forces: balances of every link, powers, Coulomb's law, and reduction.
+
+Sources: [R10] Eqs. 2-16 (balances, friction), [D14] Eqs. 3-6 (reduction).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from blockmech.analysis.evidence import Evidence, Residual, plain, total
+from blockmech.analysis.free_bodies import Array
+from blockmech.model.structure import JointRef
+from blockmech.plane import REST_SHARE
+
+
+def links(e: Evidence) -> Iterator[Residual]:
+    """Force and moment balance of every moving link."""
+    for link, (forces, moments, _) in e.balances.items():
+        if link != e.structure.frame_link:
+            condition, size = e.condition(link.block), e.sizes(link.block)
+            yield Residual("forces on", link, total(forces).value, size.force * condition)
+            yield Residual("moments on", link, total(moments).value, size.moment * condition)
+
+
+def frame(e: Evidence) -> Iterator[Residual]:
+    """What the mechanism does to the frame is the sum of what it transmits to it."""
+    forces, moments, reach = e.balances[e.structure.frame_link]
+    if forces:
+        force, couple = total(forces), total(moments)
+        left = force.value - e.run["mechanism.shaking_force"]
+        yield Residual("forces on", e.structure.frame, left, force.size)
+        left = couple.value - e.run["mechanism.shaking_moment"]
+        size = couple.size + force.size * reach
+        yield Residual("moments on", e.structure.frame, left, size)
+
+
+def blocks(e: Evidence) -> Iterator[Residual]:
+    """Power through every block: what wires bring is taken out, lost or stored."""
+    for name in e.structure.blocks:
+        scale = e.sizes(name).power * e.condition(name)
+        yield Residual("power through", name, total(e.powers(name)).value, scale)
+
+
+def whole(e: Evidence) -> Iterator[Residual]:
+    """Drive power + load power - friction power = rate of kinetic energy."""
+    r = e.run
+    terms = [plain(r[f"{d}.power"]) for d in e.structure.drivers]
+    terms.append(plain(-np.asarray(r["mechanism.friction_power"])))
+    for link in e.structure.links:
+        terms += e.power_of_loads(link)
+    yield Residual("power of", "the whole", total(terms).value, _flow(e))
+
+
+def _flow(e: Evidence) -> Array:
+    """Powers (n,) [W] that flow through all blocks, times what each may lose of them."""
+    flows = [e.sizes(name).power * e.condition(name) for name in e.structure.blocks]
+    return np.asarray(np.sum(flows, axis=0))
+
+
+def friction(e: Evidence) -> Iterator[Residual]:
+    """Coulomb's law: the size from what the pair transmits, the sense against the slip.
+
+    Iterations that are cut short (``single``, ``successive``) keep the sense alone.
+    """
+    r, method = e.run, e.run.settings["friction"]
+    speed = np.max(np.abs([e.bodies.link(link).v for link in e.structure.links]), axis=0)
+    for name, block in e.structure.blocks.items():
+        size = e.sizes(name)
+        for joint, law in block.friction.items():
+            ref = JointRef(name, joint)
+            t, slip = r[f"{ref}.friction"], r[f"{ref}.slip"]
+            if block.joints[joint].kind == "R":
+                load, terms, way = np.abs(r[f"{ref}.reaction"]), size.force, block.largest_length()
+            else:
+                edges = 2 / law.guide_length if law.guide_length else 0.0
+                load = np.maximum(np.abs(r[f"{ref}.N"]), edges * np.abs(r[f"{ref}.C"]))
+                terms, way = size.force + edges * size.moment, 1.0
+            bound = law.factor * load if method != "none" else 0.0 * load
+            scale = law.factor * terms * e.condition(name)
+            driven = np.maximum(t * np.sign(slip), 0.0)
+            yield Residual("friction in", ref, driven, scale)
+            if method in ("none", "newton"):
+                left = np.abs(np.abs(t) - bound)
+                # a thousand times: the solver measures speed and size of the group alone
+                rests = np.abs(slip) * way <= 1e3 * REST_SHARE * speed
+                left = np.where(rests, np.minimum(left, np.abs(t)), left)
+                yield Residual("friction in", ref, left, scale)
+
+
+def reduction(e: Evidence) -> Iterator[Residual]:
+    """Driving effort by reactions against the one by reduction, without friction."""
+    r = e.run
+    if r.settings["friction"] != "none":
+        return
+    for driver in e.structure.drivers:
+        left = r[f"{driver}.drive"] - r[f"{driver}.drive_by_reduction"]
+        rate = r[f"{driver}.rate"]
+        yield Residual("two routes to", f"{driver}.drive", left * rate, _flow(e))

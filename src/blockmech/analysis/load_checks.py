@@ -1,0 +1,205 @@
+"""Checks of loads: each gives what its declaration says, here said a second time, in NumPy.
+
+Elements of other packages, and subclasses of these, are taken at their word.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term, plain, power, total
+from blockmech.analysis.free_bodies import Array, Body
+from blockmech.loads import Couple, Element, Following, Force, Motor, Spring, Thrust, TorsionSpring
+from blockmech.loads.functions import Function
+from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Table
+from blockmech.model.structure import JointRef
+
+Ends = Mapping[str, Body]
+
+
+def _table(law: Table, x: Array) -> Array:
+    from scipy.interpolate import CubicSpline
+
+    knots, values = np.asarray(law.arguments), np.asarray(law.values)
+    if law.whole:
+        knots, values = np.append(knots, knots[0] + law.whole), np.append(values, values[0])
+        x = knots[0] + (x - knots[0]) % law.whole
+    if law.interpolation == "linear":
+        return np.asarray(np.interp(x, knots, values, left=math.nan, right=math.nan))
+    ends = "periodic" if law.whole else "not-a-knot"
+    return np.asarray(CubicSpline(knots, values, bc_type=ends, extrapolate=False)(x))
+
+
+def _fourier(law: Fourier, x: Array) -> Array:
+    w = math.tau / law.period if law.period else 1 / (law.turns or 1)
+    waves = [a * np.cos(k * w * x) for k, a in enumerate(law.cosines, start=1)]
+    waves += [b * np.sin(k * w * x) for k, b in enumerate(law.sines, start=1)]
+    return np.asarray(law.mean + np.sum([0 * x, *waves], axis=0))
+
+
+LAWS: Mapping[type, Callable[[Any, Array], Array]] = {
+    Constant: lambda law, x: law.value + 0 * x,
+    Polynomial: lambda law, x: np.polynomial.polynomial.polyval(x, law.coefficients),
+    Table: _table,
+    Fourier: _fourier,
+    DC: lambda law, x: law.stall_moment * (1 - x / law.no_load_speed),
+}
+
+
+def _argument(e: Evidence, load: Following, what: str, ends: Ends) -> tuple[Array, Array]:
+    """An argument of a law (n,), and the size of what it is made of."""
+    if what == "time":
+        time = np.asarray(e.run.time)
+        return time, np.abs(time)
+    if load.driver is not None:
+        given = e.run[f"{load.driver}.{'q' if what == 'coordinate' else 'rate'}"]
+        return given, np.abs(given)
+    a, b = ends["a"], ends["b"]
+    if isinstance(load, Motor):
+        if what == "coordinate":
+            return np.angle(b.e * np.conj(a.e)), np.ones(e.run.n)
+        return b.om - a.om, np.abs(a.om) + np.abs(b.om)
+    k = int(what == "rate")
+    u = _line(load, a, b)
+    along = (np.conj(u) * a.seen(b)[k]).real
+    return along, a.sizes(b)[k]
+
+
+def _line(load: Any, a: Body, b: Body) -> Array:
+    """Unit direction (n,) of a thrust on b."""
+    if load.direction is None:
+        return np.asarray((b.p - a.p) / np.abs(b.p - a.p))
+    return np.asarray(a.e * load.direction.z / abs(load.direction.z))
+
+
+def _law(e: Evidence, load: Following, ends: Ends) -> Term:
+    """What a law says (n,), and by how much its arguments' rounding may change it."""
+    found = [_argument(e, load, what, ends) for what in load.law.variables()]
+    x = [value for value, _ in found]
+
+    def of(*arguments: Array) -> Array:
+        if isinstance(load.law, Function):
+            return np.array([load.law.call(*map(float, row)) for row in np.transpose(arguments)])
+        return LAWS[type(load.law)](load.law, *(arguments or (np.zeros(e.run.n),)))
+
+    value = of(*x)
+    size = np.abs(value)
+    for i, (_, known) in enumerate(found):
+        for step in (-TOLERANCE, TOLERANCE):
+            moved = of(*x[:i], x[i] + step * known, *x[i + 1 :])
+            size = np.fmax(size, np.abs(value) + np.abs(moved - value) / TOLERANCE)
+    return Term(value, size)
+
+
+def _force(e: Evidence, load: Force, ends: Ends) -> dict[str, Term]:
+    turned = ends["at"].e if load.axes == "link" else 1.0 + 0 * ends["at"].e
+    return {"at": plain(load.force.z * turned)}
+
+
+def _couple(e: Evidence, load: Couple, ends: Ends) -> dict[str, Term]:
+    return {"on": plain(np.full(e.run.n, load.moment))}
+
+
+def _spring(e: Evidence, load: Spring, ends: Ends) -> dict[str, Term]:
+    """k (L - L0) + c L' from a to b; where the ends meet, along their relative velocity."""
+    a, b = ends["a"], ends["b"]
+    d, v = b.p - a.p, b.v - a.v
+    length, meet = np.abs(d), d == 0
+    u = np.where(meet, v, d) / np.where(meet, np.abs(v) + (v == 0), length)
+    rest = np.where(meet & (load.free_length * load.stiffness != 0), math.nan, load.free_length)
+    pull = u * (load.stiffness * (length - rest) + load.damping * (np.conj(u) * v).real)
+    place, speed, _ = a.sizes(b)
+    apart = np.where(meet, 1.0, length)
+    size = abs(load.stiffness) * (place + load.free_length * (1 + place / apart))
+    size = size + load.damping * (speed + np.abs(v) * place / apart)
+    return {"a": Term(pull, size), "b": Term(-pull, size)}
+
+
+def _torsion(e: Evidence, load: TorsionSpring, ends: Ends) -> dict[str, Term]:
+    a, b = ends["a"], ends["b"]
+    theta = np.angle(b.e * np.conj(a.e * np.exp(1j * load.rest_angle)))
+    moment = load.stiffness * theta + load.damping * (b.om - a.om)
+    size = math.pi * abs(load.stiffness) + load.damping * (np.abs(a.om) + np.abs(b.om))
+    return {"a": Term(moment, size), "b": Term(-moment, size)}
+
+
+def _motor(e: Evidence, load: Motor, ends: Ends) -> dict[str, Term]:
+    said = _law(e, load, ends)
+    return {"a": said._replace(value=-said.value), "b": said}
+
+
+def _thrust(e: Evidence, load: Thrust, ends: Ends) -> dict[str, Term]:
+    a, b = ends["a"], ends["b"]
+    said = _law(e, load, ends)
+    size = said.size
+    if load.direction is None:
+        size = size * (1 + a.sizes(b)[0] / np.abs(b.p - a.p))
+    force = _line(load, a, b) * said.value
+    return {"a": Term(-force, size), "b": Term(force, size)}
+
+
+DECLARED: Mapping[type[Element], Callable[[Evidence, Any, Ends], dict[str, Term]]] = {
+    Force: _force,
+    Couple: _couple,
+    Spring: _spring,
+    TorsionSpring: _torsion,
+    Motor: _motor,
+    Thrust: _thrust,
+}
+
+
+def loads(e: Evidence) -> Iterator[Residual]:
+    """Each load gives what it declares, and its power is what it gives times the motion."""
+    for name, load in e.structure.elements.items():
+        ends = {t: e.bodies.held(JointRef(name, t)) for t in load.terminals}
+        given = {
+            t: e.run[f"{name}.{t}.{'force' if terminal.kind == 'point' else 'couple'}"]
+            for t, terminal in load.terminals.items()
+        }
+        if type(load) in DECLARED:
+            with np.errstate(all="ignore"):
+                declared = DECLARED[type(load)](e, load, ends)
+            for t, term in declared.items():
+                yield Residual("load of", name, given[t] - term.value, term.size)
+        powers = [plain(-e.run[f"{name}.power"])]
+        for t, end in ends.items():
+            point = load.terminals[t].kind == "point"
+            powers.append(power(given[t], end.v) if point else plain(given[t] * end.om))
+        whole = total(powers)
+        yield Residual("load of", name, whole.value, whole.size)
+
+
+def energies(e: Evidence) -> Iterator[Residual]:
+    """Energies are those of the links and springs."""
+    moving = [link for link in e.structure.links if link != e.structure.frame_link]
+    kinetic, potential = [], []
+    gravity = e.run.mechanism.scene.gravity.z
+    for link in moving:
+        own = e.structure.properties(link)
+        cm = e.bodies.link(link).at(own.cm.z)
+        kinetic += [plain(own.mass * np.abs(cm.v) ** 2 / 2), plain(own.inertia * cm.om**2 / 2)]
+        potential.append(power(np.full(e.run.n, -own.mass * gravity), cm.p))
+    elastic = [(n, x) for n, x in e.structure.elements.items() if x.energy() is not None]
+    for name, load in elastic:
+        a, b = (e.bodies.held(JointRef(name, t)) for t in load.terminals)
+        potential.append(_stored(load, a, b))
+    known = all(type(load) in DECLARED for _, load in elastic)
+    for what, terms in {"kinetic": kinetic, "potential": potential if known else []}.items():
+        if terms:
+            given = plain(-e.run[f"mechanism.{what}_energy"])
+            whole = total([given, *terms])
+            yield Residual(f"{what} energy of", "the whole", whole.value, whole.size)
+
+
+def _stored(load: Any, a: Body, b: Body) -> Term:
+    """Energy [J] of a spring."""
+    k = load.stiffness
+    if isinstance(load, TorsionSpring):
+        theta = np.angle(b.e * np.conj(a.e * np.exp(1j * load.rest_angle)))
+        return Term(k * theta**2 / 2, abs(k) * math.pi**2 / 2 + 0 * theta)
+    length, size = np.abs(b.p - a.p), a.sizes(b)[0] + load.free_length
+    return Term(k * (length - load.free_length) ** 2 / 2, abs(k) * size**2 / 2)

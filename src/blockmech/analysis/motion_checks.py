@@ -1,0 +1,122 @@
+"""Checks of motion: every pair closes, drivers stand where they were asked, modes are kept.
+
+A link is a rigid body, so places, velocities and accelerations of both links of a pair follow
+from its motion alone; the pair says which of their differences are nothing. Differentiated
+exactly, so that rounding is all that is allowed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from blockmech.analysis.evidence import Evidence, Residual
+from blockmech.analysis.free_bodies import Array, Body
+from blockmech.blocks.modes import FOLLOW
+from blockmech.model.structure import JointRef
+
+
+def closures(e: Evidence) -> Iterator[Residual]:
+    """The two links of each pair stay together, and slip as reported.
+
+    A group is solved as a whole: its pairs' equations carry the rounding of all of them.
+    """
+    for block, kind in e.structure.blocks.items():
+        ends = {ref: e.bodies.ends(ref) for ref in (JointRef(block, n) for n in kind.joints)}
+        sizes = np.sum([one.sizes(other) for one, other in ends.values()], axis=0)
+        sizes[1:] *= e.condition(block)
+        reach = kind.largest_length() or 1.0
+        for ref, (one, other) in ends.items():
+            sliding, turns = kind.joints[ref.name].kind == "P", _turns(one, other)
+            for k, seen in enumerate(one.seen(other)):
+                left = (np.conj(one.e) * seen).imag if sliding else seen
+                yield Residual("closure of", ref, left, sizes[k])
+                if sliding:
+                    size = np.abs(turns[k][0]) + np.abs(turns[k][1]) + sizes[k] / reach
+                    yield Residual("closure of", ref, turns[k][1] - turns[k][0], size)
+            left = _along(one, other)[1] if sliding else turns[1][1] - turns[1][0]
+            size = sizes[1] if sliding else sizes[1] / reach + np.abs(one.om) + np.abs(other.om)
+            yield Residual("closure of", ref, left - e.run[f"{ref}.slip"], size)
+
+
+def markers(e: Evidence) -> Iterator[Residual]:
+    """Every marker moves with its link."""
+    for block in (e.structure.frame, *e.structure.blocks):
+        for marker in e.structure.markers(block):
+            at = e.structure.block(block).place_of(e.structure.marker(marker))
+            body = e.bodies.link(marker.on)
+            point, sizes = body.at(at), body.sizes(body.at(at))
+            for k, what in enumerate("pva"):
+                left = point[k] - e.run[f"{marker}.{what}"]
+                yield Residual("markers on", marker.on, left, sizes[k])
+
+
+def _turns(one: Body, other: Body) -> tuple[tuple[Array, Array], ...]:
+    """Directions, rates and angular accelerations of both ends of a pair."""
+    return (one.e, other.e), (one.om, other.om), (one.al, other.al)
+
+
+def _along(one: Body, other: Body) -> list[Array]:
+    """Way, rate and acceleration of a pair along its guide."""
+    return [(np.conj(one.e) * seen).real for seen in one.seen(other)]
+
+
+def drivers(e: Evidence) -> Iterator[Residual]:
+    """Each driven pair has the coordinate, rate and acceleration that were asked for."""
+    for driver, ref in e.structure.driven.items():
+        one, other = e.bodies.ends(ref)
+        sign, offset = e.structure.coordinate(driver)
+        q, rate, acceleration = (e.run[f"{driver}.{x}"] for x in ("q", "rate", "acceleration"))
+        asked = sign * q + offset, sign * rate, sign * acceleration
+        condition = e.condition(ref.block)
+        if e.structure.joint(ref).rotary:
+            turn = other.e * np.conj(one.e) - np.exp(1j * asked[0])
+            size = 1 + np.abs(q) + abs(offset)
+            yield Residual("value of", driver, turn, size)
+            for k, (a, b) in enumerate(_turns(one, other)[1:], start=1):
+                size = np.abs(a) + np.abs(b) + np.abs(asked[k])
+                yield Residual("value of", driver, b - a - asked[k], size * condition)
+            continue
+        for k, (way, size) in enumerate(zip(_along(one, other), one.sizes(other), strict=True)):
+            size = (size + np.abs(asked[k]) + abs(offset)) * (condition if k else 1.0)
+            yield Residual("value of", driver, way - asked[k], size)
+
+
+def modes(e: Evidence) -> Iterator[Residual]:
+    """Each dyad is in the assembly mode that was asked for: the sign of its determinant."""
+    for name, block in e.structure.blocks.items():
+        if not hasattr(block, "branch"):
+            continue
+        ends = {joint: e.bodies.ends(JointRef(name, joint)) for joint in block.joints}
+        B = ends["B"][1].p
+        if "D" in ends:
+            d, c = ends["D"][1].p - B, ends["C"][0].p - B if "C" in ends else ends["S"][0].e
+            det = (np.conj(d) * c).imag if "C" in ends else (np.conj(c) * d).real
+        else:
+            d, c = ends["C"][0].p - B, ends["S"][0].e
+            det = (np.conj(c) * d).real
+        wrong = np.minimum(_asked(e, name) * det, 0.0)
+        yield Residual("mode of", name, wrong, np.abs(d) * np.abs(c))
+
+
+def _asked(e: Evidence, name: str) -> Array | int:
+    """The branch that a dyad was asked for; one that follows changes at each change point."""
+    block: Any = e.structure.blocks[name]
+    if block.branch != FOLLOW:
+        branch: int = block.branch
+        return branch
+    ((driver, home),) = block.home.drivers.items()
+    q, there = e.run[f"{driver}.q"], e.structure.followed[name]
+    rotary = e.structure.driver_joint(driver).rotary
+    passed = np.zeros(e.run.n)
+    for point in there.points:
+        one, other = q - point, home - point
+        if rotary:  # once a turn
+            passed += np.floor(one / math.tau) - math.floor(other / math.tau)
+        else:
+            passed += (one > 0) != (other > 0)
+    found: Array = block.home.branch * (1 - 2 * (passed % 2))
+    return found

@@ -1,0 +1,154 @@
+"""What stands in a graph: something with links, markers and joints, found by its type.
+
+Moving blocks (`blockmech.blocks.contract`), the frame and loads are all blocks.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections import namedtuple
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, LiteralString, TypeAlias
+
+from pydantic import ValidationError
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from blockmech.blocks.joints import BuiltIn, Joint, Kernels
+from blockmech.blocks.registry import REGISTRY
+from blockmech.errors import close_match, listed
+from blockmech.values import NAME_RULE, Link, Marker, Pair, Strictly, is_name, mistake
+
+Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
+"""Where in a model, and what is wrong there."""
+
+
+class Block(Strictly):
+    """Anything that stands in a graph. Concrete classes register under their ``type``."""
+
+    model_config = {"ignored_types": (Joint, Kernels)}
+
+    type_name: ClassVar[str] = ""
+    joints: ClassVar[Mapping[str, Joint]] = {}
+    link_names: ClassVar[tuple[str, ...]] = ()
+    built_in: ClassVar[Mapping[str, BuiltIn]] = {}
+
+    def __init_subclass__(cls, type: str = "", **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, type: str = "", **kwargs: Any) -> None:
+        if not type:
+            return
+        cls.declare()
+        REGISTRY.register(type, cls)
+
+    @classmethod
+    def declare(cls) -> None:
+        """Collect the joints that the class declares. Raises `TypeError` for what cannot be."""
+        cls.joints = {
+            name: replace(joint, name=name)
+            for name, joint in vars(cls).items()
+            if isinstance(joint, Joint)
+        }
+        for joint in cls.joints.values():
+            for link in filter(None, (joint.link, *joint.links)):
+                if link not in cls.link_names:
+                    raise TypeError(f"{cls.__name__}.{joint.name}: no link {link!r} is declared")
+
+    def links_or_default(self) -> dict[str, Link]:
+        """Every link of the block with its mass properties and markers."""
+        given: dict[str, Link] = getattr(self, "links", {})
+        return {name: given.get(name, NO_LINK) for name in self.link_names}
+
+    def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
+        """The markers that the block brings at its joints: name -> (link, marker)."""
+        return {name: (m.link, m) for name, m in self.built_in.items()}
+
+    @functools.cached_property
+    def all_markers(self) -> Mapping[str, tuple[str, Marker | BuiltIn]]:
+        """All markers: name -> (link, marker). Built-in ones first, a link's name is one."""
+        found = self.own_markers()
+        for link in self.link_names:
+            found.setdefault(link, (link, BuiltIn(link)))
+        for link, properties in self.links_or_default().items():
+            for name, marker in properties.markers.items():
+                found[name] = (link, marker)
+        return found
+
+    def place_of(self, marker: Marker | BuiltIn) -> complex:
+        """Place [m] of one of the block's markers, in the frame of the marker's link."""
+        if isinstance(marker, Marker):
+            return marker.at.z
+        return complex(getattr(self, marker.along) or 0.0) if marker.along else 0j
+
+    @classmethod
+    def parameter_names(cls) -> tuple[str, ...]:
+        """The block's own numbers, in the order of declaration."""
+        return tuple(n for n in cls.model_fields if n not in NOT_FOR_KERNELS)
+
+    def parameters(self) -> Any:
+        """The block's numbers as the named tuple that kernels read as ``p``."""
+        values = {n: _number(getattr(self, n)) for n in self.parameter_names()}
+        numbers = {n: x for n, x in values.items() if x is not None}
+        return _record(type(self).__name__ + "Numbers", tuple(numbers))(*numbers.values())
+
+
+NO_LINK = Link()
+SHARED_FIELDS = frozenset({"links", "markers", "friction", "slider", "useful"})
+NOT_FOR_KERNELS = SHARED_FIELDS | {"sign", "offset"}  # the core turns a driver's coordinate
+
+
+def _number(value: object) -> float | complex | None:
+    if isinstance(value, Pair):
+        return value.z
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    return None
+
+
+@functools.cache
+def _record(name: str, fields: tuple[str, ...]) -> Any:
+    return namedtuple(name, fields)  # the fields are known at run time only
+
+
+# -- what a block refuses, all at once and each at its own place ---------------------
+
+
+def refuse(title: str, mistakes: Iterable[Mistake]) -> None:
+    """Refuse a model with all its mistakes, each at its own place."""
+    lines = [InitErrorDetails(type=error, loc=where, input=None) for where, error in mistakes]
+    if lines:
+        raise ValidationError.from_exception_data(title, lines)
+
+
+def wrong_links(
+    links: Mapping[str, Link], known: Iterable[str], built_in: Iterable[str]
+) -> Iterator[Mistake]:
+    """Links that the block does not have, and markers whose names cannot stand or are taken."""
+    names = tuple(known)
+    taken = {*built_in, *names}
+    for link, properties in links.items():
+        if link not in names:
+            yield (link,), unknown_name("unknown-link", "link", link, names)
+        for marker in properties.markers:
+            where = (link, "markers", marker)
+            if not is_name(marker):
+                yield where, bad_name("marker", marker)
+            elif marker in taken:
+                found = f'the marker name "{marker}" is taken in this block'
+                yield where, mistake("taken-name", found, f"taken: {listed(sorted(taken))}")
+            taken.add(marker)
+
+
+def unknown_name(
+    code: LiteralString, what: str, name: str, valid: tuple[str, ...]
+) -> PydanticCustomError:
+    """A name that the block does not declare, with the declared ones and the nearest of them."""
+    known = f"{what}s there: {listed(valid)}"
+    return mistake(code, f'no {what} "{name}"', known, close_match(name, valid))
+
+
+def bad_name(what: str, name: str) -> PydanticCustomError:
+    """A name that could not stand in an address."""
+    return mistake("bad-name", f'"{name}" is not a {what} name', NAME_RULE, "choose another name")

@@ -1,0 +1,300 @@
+"""Blocks from links and joints: what the class of a block declares, read backwards.
+
+A block's class says its links, joints and guide lines by names of parameters; here the
+numbers are computed from the places on the links, exactly as the document gives them. Only the
+assembly mode is read off the pose: it is the mode of the block that stands nearest. A guide of
+the block points as that of the document, but for a driven slide whose links are named the
+other way round: it is turned, so that its coordinate is the document's. Links of general
+groups keep their frames.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, get_origin
+
+from blockmech.assur.groups import DYADS, Unit
+from blockmech.blocks.contract import AssurGroup, Joint
+from blockmech.blocks.registry import REGISTRY
+from blockmech.model.dyad_modes import dyad_modes
+from blockmech.model.joints.closing import CLOSED
+from blockmech.model.joints.layout import Connection, Connections, Poses
+from blockmech.plane import dot
+from blockmech.typing import Guide
+
+GENERAL = "group.general"
+DEAD = 1e-12
+"""[-] Margin (a squared sine) below which a pose does not tell the assembly mode: Newton finds
+a pose at a dead centre to half the digits only."""
+
+DOUBTS: Mapping[str, str] = {
+    "RRR": "{0}, {1}, {2} are in line",
+    "RRP": "{0}{1} stands across the guide {2}",
+    "RPR": "the guide {1} stands across {0} and {2}",
+    "PRP": "the guides {0} and {2} are parallel",
+    "RPP": "the guides {1} and {2} are parallel",
+    "driven RRR": "{0}, {2}, {3} are in line",
+}
+"""Kind of block -> what its joints do at a dead centre."""
+
+
+class Seat(NamedTuple):
+    """Where a link of the document is in the graph."""
+
+    block: str
+    link: str
+    o: complex = 0j  # [m] origin of the block's link frame, in the document's frame
+    e: complex = 1 + 0j  # [-] its x axis
+
+    def place(self, z: complex) -> complex:
+        """A place [m] of the document's frame in that of the block."""
+        return self.direction(z - self.o)
+
+    def direction(self, d: complex) -> complex:
+        """A vector of the document's frame in that of the block."""
+        return d if self.e == 1 else d * self.e.conjugate()
+
+
+class End(NamedTuple):
+    """A pair of the document as a joint of the block."""
+
+    joint: str
+    later: str  # the link of the document on which the block reports its reaction
+    turned: bool = False
+
+
+@dataclass(frozen=True)
+class Made:
+    """A block made from links and joints.
+
+    Attributes
+    ----------
+    type, keys : its type and its own parameters
+    seats : link of the document -> its place in the block, the block's name left out
+    ends : pair -> joint of the block
+    points : (link, place in the document's frame) of the markers that it brings -> marker
+    drivers : driven pairs
+    doubt : why the pose does not tell the assembly mode, if it does not
+    """
+
+    type: str
+    keys: dict[str, Any]
+    seats: Mapping[str, Seat]
+    ends: Mapping[str, End]
+    points: Mapping[tuple[str, complex], str]
+    drivers: tuple[str, ...] = ()
+    doubt: str = ""
+
+
+def driving_link(c: Connection, own: str, pairs: Connections) -> Made:
+    """``driver.crank`` or ``driver.slide`` for a link that a driven pair places.
+
+    A crank with a pin ahead of it on its x axis gets that length.
+    """
+    at, flipped = c.on(own), c.first == own
+    if c.kind == "R":
+        keys, points = dict[str, Any](), {(own, at): "A"}
+        pins = [d.on(own) for d in pairs.values() if d.kind == "R" and own in d.links]
+        ahead = [pin for pin in pins if (pin - at).imag == 0 and (pin - at).real > 0]
+        if ahead:
+            keys, points[own, ahead[0]] = {"length": (ahead[0] - at).real}, "B"
+        return Made(
+            "driver.crank",
+            keys | ({"sign": -1} if flipped else {}),
+            {own: Seat("", "crank", at)},
+            {c.name: End("A", own)},
+            points,
+            (c.name,),
+        )
+    u = c.guide(own)
+    return Made(
+        "driver.slide",
+        {} if c.owner == own else {"slider": "earlier"},
+        {own: Seat("", "slider", at, -u if flipped else u)},
+        {c.name: End("S", own, flipped)},
+        {(own, at): "S"},
+        (c.name,),
+    )
+
+
+def closed_form(unit: Unit, pairs: Connections, poses: Poses) -> Made | None:
+    """The closed-form block of a group; None where there is none for it.
+
+    There is none for a cylinder whose driven line passes its pins.
+    """
+    if unit.kind not in (*DYADS, "cylinder"):
+        return None
+    cls = REGISTRY["driven.rrr" if unit.kind == "cylinder" else f"dyad.{unit.kind.lower()}"]
+    link_of = dict(zip(cls.link_names, unit.links, strict=True))
+    own = {frozenset(unit.links) & {*p.links}: pairs[p.name] for p in unit.pairs}
+    at = {j: own[frozenset(link_of[a] for a in _links(joint))] for j, joint in cls.joints.items()}
+    keys, seats, points = _seated(cls, link_of, at)
+    sliding = [c for c in at.values() if c.name in unit.driven]
+    reach, way = 0.0, 1
+    if sliding:  # barrel and rod point from pin to pin
+        barrel, rod, _ = unit.links
+        b, r = (poses[link].point(seats[link].o) for link in (barrel, rod))
+        reach = dot(poses[barrel].direction(seats[barrel].e), r - b)
+        way = 1 if reach > 0 else -1
+        seats |= {link: seats[link]._replace(e=way * seats[link].e) for link in (barrel, rod)}
+    feet = {  # of each guide line on a link: place of its point along it, and offset, as x + iy
+        (joint, link): (c.on(link) - seats[link].o) * (way * c.guide(link)).conjugate()
+        for joint, c in at.items()
+        for link in c.links
+        if c.kind == "P" and link in seats
+    }
+    keys |= _lines(cls, at, seats, feet)
+    for c in sliding:
+        x, y = feet["S", barrel], feet["S", rod]
+        if max(abs(x.imag), abs(y.imag)) > CLOSED * max(abs(x), abs(y), abs(reach)):
+            return None
+        keys["offset"] = x.real - y.real + 0.0  # no -0
+        keys |= {"sign": -1} if (c.first == barrel) != (way > 0) else {}
+    ends = {
+        c.name: End(joint, link_of[cls.joints[joint].later], c.kind == "P" and way < 0)
+        for joint, c in at.items()
+    }
+    branch, doubt = _mode(cls.model_construct(**keys), seats, at, poses)
+    drivers = tuple(c.name for c in sliding)
+    return Made(cls.type_name, keys | branch, seats, ends, points, drivers, doubt)
+
+
+def _links(joint: Joint) -> list[str]:
+    return [link for link in (joint.link, *joint.links) if link]
+
+
+def _seated(
+    cls: type[AssurGroup], link_of: Mapping[str, str], at: Mapping[str, Connection]
+) -> tuple[dict[str, Any], dict[str, Seat], dict[tuple[str, complex], str]]:
+    """Lengths, frames and markers of the links.
+
+    The origin is at the outer pin, else at the inner one, else at the outer slider's point; the
+    x axis points along the outer guide, else along the inner one, else to the other pin.
+    """
+    keys, seats, points = dict[str, Any](), dict[str, Seat](), dict[tuple[str, complex], str]()
+    for name, link in link_of.items():
+        here = [joint for joint in cls.joints.values() if name in _links(joint)]
+        here.sort(key=lambda joint: not joint.outer)
+        pins = [at[joint.name].on(link) for joint in here if joint.kind == "R"]
+        guides = [at[joint.name] for joint in here if joint.kind == "P"]
+        o, *others = pins or [guides[0].on(link)]
+        arm = others[0] - o if others else 0j
+        e = guides[0].guide(link) if guides else arm / (abs(arm) or 1.0) or 1 + 0j
+        seats[link] = Seat("", name, o, e)
+        for marker, brought in cls.built_in.items():
+            if brought.link == name:
+                points[link, others[0] if brought.along else o] = marker
+                keys |= {brought.along: abs(arm)} if brought.along else {}
+    return keys, seats, points
+
+
+def _lines(
+    cls: type[AssurGroup],
+    at: Mapping[str, Connection],
+    seats: Mapping[str, Seat],
+    feet: Mapping[tuple[str, str], complex],
+) -> dict[str, Any]:
+    """Offsets and turns of the guide lines, and the sliders' points."""
+    keys: dict[str, Any] = {}
+    owners: dict[str, str] = {}
+    for (name, link), foot in feet.items():
+        c, joint, seat = at[name], cls.joints[name], seats[link]
+        line = joint.lines[seat.link]
+        if line.offset:
+            keys[line.offset] = foot.imag
+        if line.turn:
+            keys[line.turn] = cmath.phase(c.guide(link) * seat.e.conjugate())
+        if c.owner == link:
+            keys[line.along] = foot.real + 0.0  # no -0
+        elif seat.link == joint.later:
+            owners[name] = "earlier" if joint.outer else "i"
+    if owners:
+        many = get_origin(cls.model_fields["slider"].annotation) is dict
+        keys["slider"] = owners if many else next(iter(owners.values()))
+    return keys
+
+
+def _mode(
+    made: AssurGroup, seats: Mapping[str, Seat], at: Mapping[str, Connection], poses: Poses
+) -> tuple[dict[str, Any], str]:
+    """The branch of the mode that stands nearest; why the pose does not tell it, if so."""
+    supports: list[Any] = []
+    for name, c in at.items():
+        joint = made.joints[name]
+        if joint.outer:
+            (link,) = {*c.links} - {*seats}
+            place, along = poses[link].point(c.on(link)), poses[link].direction(c.guide(link))
+            supports.append(place if joint.kind == "R" else Guide(place, along))
+    if made.driven:
+        b, r, _ = (poses[link].point(seat.o) for link, seat in seats.items())
+        supports.append(abs(r - b))
+    stands = {seat.link: poses[link].direction(seat.e) for link, seat in seats.items()}
+    modes = dyad_modes(made, supports)
+    if max((mode.margin for mode in modes), default=0.0) <= DEAD:
+        return {}, DOUBTS[made.kind].format(*(c.name for c in at.values()))
+    nearest = min(modes, key=lambda m: sum(abs(m.links[link].e - e) for link, e in stands.items()))
+    return ({} if nearest.branch is None else {"branch": nearest.branch}), ""
+
+
+def general_group(unit: Unit, pairs: Connections) -> Made:
+    """The general block of a unit; its ``home`` and the drivers' names are added later.
+
+    Links keep their frames. A driven pair of an outer link whose links the document names
+    the other way round is turned (P), or counts with the opposite sign (R).
+    """
+    own, taken = set(unit.links), set(unit.links)
+    data: dict[str, Any] = {}
+    ends: dict[str, End] = {}
+    points: dict[tuple[str, complex], str] = {}
+    drivers: list[str] = []
+    for p in sorted(unit.pairs, key=lambda p: p.name):
+        c = pairs[p.name]
+        name = free_name(c.name.replace(".", "_"), taken)
+        taken.add(name)
+        driven = c.name in unit.driven
+        inner = c.first in own and c.second in own
+        later = c.second if inner or c.second in own else c.first
+        turned = driven and c.kind == "P" and later == c.first
+        data[name] = _inner(c) if inner else _outer(c, later, turned)
+        if driven:
+            data[name]["driven"] = True
+            if c.kind == "R" and later == c.first:
+                data[name]["sign"] = -1
+            drivers.append(c.name)
+        ends[c.name] = End(name, later, turned)
+        marked = c.first if inner else later
+        points.setdefault((marked, c.on(marked)), name)
+    seats = {link: Seat("", link) for link in unit.links}
+    points.update({(link, 0j): link for link in unit.links})
+    return Made(GENERAL, {"pairs": data}, seats, ends, points, tuple(drivers))
+
+
+def _inner(c: Connection) -> dict[str, Any]:
+    data: dict[str, Any] = {"type": c.kind, "links": list(c.links)}
+    data["at"] = [xy(z) for z in c.at]
+    if c.kind == "P":
+        data["angle"] = [cmath.phase(u) for u in c.along]
+        data["slider"] = "j" if c.slider else "i"
+    return data
+
+
+def _outer(c: Connection, own: str, turned: bool) -> dict[str, Any]:
+    data: dict[str, Any] = {"type": c.kind, "link": own, "at": xy(c.on(own))}
+    if c.kind == "P":
+        data["angle"] = cmath.phase(-c.guide(own) if turned else c.guide(own))
+        data["slider"] = "later" if c.owner == own else "earlier"
+    return data
+
+
+def xy(z: complex) -> list[float]:
+    """Two numbers as they stand in a file, without -0."""
+    return [z.real + 0.0, z.imag + 0.0]
+
+
+def free_name(wish: str, taken: set[str] | Mapping[str, Any]) -> str:
+    """The wished name, with underscores behind it until it is free."""
+    while wish in taken:
+        wish += "_"
+    return wish

@@ -1,0 +1,50 @@
+"""What loads a link, as terms about the link's own origin; and which blocks carry a load at all."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from blockmech.model.structure import LinkRef
+from blockmech.plan import Schedule
+
+
+class Resultant(NamedTuple):
+    """Names of the terms of a link's load: forces and moments about the origin."""
+
+    forces: tuple[str, ...]
+    moments: tuple[str, ...]
+
+    def __add__(self, other: object) -> Resultant:  # joins two resultants term by term
+        assert isinstance(other, Resultant)
+        return Resultant(self.forces + other.forces, self.moments + other.moments)
+
+    def __bool__(self) -> bool:
+        return bool(self.forces or self.moments)
+
+
+NOTHING = Resultant((), ())
+
+
+def at_arm(s: Schedule, force: str, arm: str | None, name: str) -> Resultant:
+    """A force at an arm as a term of the link's load."""
+    moments = () if arm is None else (s.line(f"cross({arm}, {force})", f"{name}_M"),)
+    return Resultant((force,), moments)
+
+
+def active(s: Schedule, block: str) -> bool:
+    """Whether a block has mass, a load, or an active later block."""
+    s.ask_first(active, block, lambda b: later_blocks(s, b))
+    structure = s.structure
+    for name in structure.blocks[block].link_names:
+        link = LinkRef(block, name)
+        properties = structure.properties(link)
+        heavy = properties.mass > 0 and s.scene.gravity.z != 0
+        if heavy or (properties.massive and not s.static) or structure.loaded[link]:
+            return True
+    return any(s.ask(active, later) for later in later_blocks(s, block))
+
+
+def later_blocks(s: Schedule, block: str) -> list[str]:
+    """Blocks that a block's links carry, in name order of their joints."""
+    links = (LinkRef(block, n) for n in s.structure.blocks[block].link_names)
+    return [joint.block for link in links for joint in s.structure.carried[link]]
