@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -21,13 +21,9 @@ from numpy.polynomial import chebyshev
 from blockmech.plane import EPS
 from blockmech.series import Floats, coefficients, nodes
 
-if TYPE_CHECKING:
-    from blockmech.dynamics.system import System
-
 NODES = 12  # of a cell
-CELLS, PARTS, LEVELS = 64, 4, 3  # of a period; what a poor one is cut into; how often
+CUTS = (64, 4, 4)  # cells of a period, and what a poor one is cut into again and again
 ENDED = 64 * EPS  # of the least inertia or the largest effort: rounding of a sum of ten terms
-LEAST = 0.01  # margin below which kernels are asked: rates are known to its inverse less
 FAST = 1e6  # [rad/s] at which what follows the rate hides the rest
 Cell: TypeAlias = tuple[tuple[tuple[float, ...], ...], float]  # of powers falling; least margin
 
@@ -42,26 +38,31 @@ def to_powers() -> Floats:
 
 
 class PlaceTable:
-    """J, dJ/dq, tau and a margin at places of the only driver, from polynomials or kernels."""
+    """J, dJ/dq, tau and a margin at places of a `System`, from polynomials or its kernels."""
 
-    def __init__(self, system: System, period: float) -> None:
+    def __init__(self, system: Any, period: float) -> None:
         self._system, self._period = system, period
         self._rates = "rate" in system.depends_on
         self._kinks = np.array([x % period for x in system.knots])
         self._largest = 0.0  # effort
-        low: Floats = period / CELLS * np.arange(float(CELLS))
-        cells = self._made(low, period / CELLS, LEVELS)
+        cells = self._made(np.zeros(1), period, CUTS)
         self._cells = [*cells, cells[0]]  # rounding may put a place on the end
 
-    def _made(self, low: Floats, width: float, levels: int) -> list[Any]:
-        """Cells of a width from some places on; of a poor one a list of its parts, or None."""
+    def _made(self, begin: Floats, width: float, cuts: tuple[int, ...]) -> list[Any]:
+        """Cells of what begins at some places; of a poor one a list of its parts, or None.
+
+        Its margin is no trouble where it changes by less than itself.
+        """
+        width /= cuts[0]
+        low = (begin[:, None] + width * np.arange(float(cuts[0]))).ravel()
         q = (low[:, None] + width / 2 * (nodes(NODES) + 1)).ravel()
         J, tau, dJ, margins = self._system.with_slopes(q)
         rows = [J, dJ, tau]
         if self._rates:
             rows.append((self._system.sample(q, FAST).tau - tau) / FAST)
         values = np.reshape(rows, (len(rows), low.size, NODES))
-        margin = margins.reshape(low.size, NODES).min(axis=1)
+        margins = margins.reshape(low.size, NODES)
+        margin = margins.min(axis=1)
         self._largest = self._largest or float(np.nanmax(np.abs(tau), initial=0.0))
         scale = np.abs(values).max(axis=2)
         least = values[0].min(axis=1)
@@ -69,13 +70,12 @@ class PlaceTable:
         c = coefficients(values)
         left = np.abs(c[:, :, -(NODES // 4) :]).max(axis=2)
         kinked = (self._kinks >= low[:, None]) & (self._kinks <= low[:, None] + width)
-        good = (left <= ENDED * scale).all(axis=0) & (margin > LEAST)
+        good = (left <= ENDED * scale).all(axis=0) & (margins.max(axis=1) < 2 * margin)
         good &= ~kinked.any(axis=1)
         parts: Iterator[list[Any]] = iter(())
-        if levels > 1 and not good.all():
-            cut = low[~good][:, None] + width / PARTS * np.arange(PARTS)
-            made = self._made(cut.ravel(), width / PARTS, levels - 1)
-            parts = (made[i : i + PARTS] for i in range(0, len(made), PARTS))
+        if len(cuts) > 1 and not good.all():
+            made = self._made(low[~good], width, cuts[1:])
+            parts = (made[i : i + cuts[1]] for i in range(0, len(made), cuts[1]))
         series = (tuple(map(tuple, x)) for x in (c @ to_powers()).transpose(1, 2, 0).tolist())
         return [
             (x, m) if ok else next(parts, None)
@@ -87,15 +87,16 @@ class PlaceTable:
         turns = q / self._period
         if turns - turns != 0.0:
             return math.nan, math.nan, math.nan, math.nan
-        x = (turns - math.floor(turns)) * CELLS
+        x = (turns - math.floor(turns)) * CUTS[0]
         i = int(x)
         cell, x = self._cells[i], x - i
         while type(cell) is list:
-            x *= PARTS
+            x *= len(cell)
             i = int(x)
             cell, x = cell[i], x - i
         if cell is None:
-            return self._system.one(q, qd, t)
+            J, tau, dJ, margin = self._system.one(q, qd, t)
+            return J, tau, dJ, margin
         x = 2.0 * x - 1.0
         J = dJ = tau = damping = 0.0
         if self._rates:
