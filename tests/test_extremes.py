@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from tests.extremes.friction import Press, found, presses
 from tests.extremes.measure import measure
-from tests.extremes.scenes import Scene, all_scenes, fourbar
+from tests.extremes.scenes import Scene, all_scenes, as_general_group, fourbar
 
 TIMES_FORCED = 20.0  # no quantity may be worse than this times what the data force
 FLOOR = 1e-12  # of the largest of its kind, in double; in single the same number of ulps
+BOTH = ("complex128", "complex64")
 SCENES = [(s, p) for s in all_scenes() for p in s.precisions]
 
 
@@ -33,6 +35,20 @@ def test_no_quantity_is_worse_than_its_data_allow(scene: Scene, precision: str) 
         assert row.error <= max(TIMES_FORCED * row.forced, floor(precision)), row
 
 
+@pytest.mark.parametrize("precision", BOTH)
+@pytest.mark.parametrize("press", list(presses()), ids=lambda press: press.name)
+def test_friction_is_as_good_as_its_data_allow_or_says_why_not(
+    press: Press, precision: str
+) -> None:
+    cell = found(press, precision)
+    assert (cell.status == "ok") == cell.balanced
+    if "zero-relative-speed" in cell.flags:  # in single precision the ram stands
+        assert precision == "complex64"
+        assert press.q <= 1e-8
+    elif cell.balanced:
+        assert cell.error <= max(TIMES_FORCED * cell.forced, floor(precision))
+
+
 @pytest.mark.parametrize("kind", ["extended", "folded", "oblique"])
 def test_closest_gap_is_finite_and_flagged(kind: str) -> None:
     scene = next(s for s in all_scenes() if s.name == f"{kind}, gap 3e-15")
@@ -42,6 +58,12 @@ def test_closest_gap_is_finite_and_flagged(kind: str) -> None:
         assert result.quality.status == ("ok",)
         assert [f.code for f in result.quality.flags] == ["near-dead-centre"]
         assert all(np.isfinite(result[name]).all() for name in result)
+
+
+def test_no_home_of_a_general_group_is_so_near_its_dead_centre() -> None:
+    scene = next(s for s in all_scenes() if s.name == "extended, gap 3e-15")
+    with pytest.raises(bm.GraphError, match="bad-home"):
+        as_general_group(scene.graph, scene.at).compile()
 
 
 def test_dead_centre_itself_is_refused_by_name() -> None:
@@ -73,4 +95,5 @@ def test_gap_below_single_precision_is_flagged_or_refused_by_name(gap: str) -> N
 def test_map_in_the_repository_has_a_row_for_every_scene() -> None:
     rows = (Path(__file__).parent / "extremes" / "MAP.md").read_text(encoding="utf-8").splitlines()
     kept = [[cell.strip() for cell in row.split("|")[1:3]] for row in rows if " | complex" in row]
-    assert kept == [[s.name, p] for s, p in SCENES]
+    pressed = [[p.name, precision] for p in presses() for precision in BOTH]
+    assert kept == [[s.name, p] for s, p in SCENES] + pressed

@@ -27,6 +27,7 @@ class Synthetic(System):
     span = TURN
     lossless = False
     friction = None
+    table = None
     drivers = ("q",)
     rotary = (True,)
 
@@ -58,6 +59,10 @@ class Synthetic(System):
         if "one" in more and "batch" not in more:
             given["batch"] = None
         return Synthetic(**{**given, **kept, **more})
+
+    @property
+    def kept(self):
+        return {}
 
     def load_size(self, q):
         return 1.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from .friction import found, presses
 from .measure import Row, measure
 from .scenes import all_scenes
 
@@ -24,6 +25,18 @@ def main() -> None:
             cells = [_cell(rows[k]) if k in rows else "-" for k in KINDS]
             margin = next(iter(rows.values())).margin
             print(f"| {scene.name} | {precision} | {margin:.1e} | {' | '.join(cells)} |")
+
+    print("\n## Joint friction\n")
+    print(
+        "Driving moment of a press with friction by Newton, against its closed form in 60 digits.\n"
+    )
+    print("| press | precision | digits | told |\n|---|---|---|---|")
+    for press in presses():
+        for precision in ("complex128", "complex64"):
+            cell = found(press, precision)
+            told = ", ".join([cell.status, *cell.flags])
+            digits = f"{_digits(cell.error)} ({_digits(cell.forced)})" if cell.balanced else "-"
+            print(f"| {press.name} | {precision} | {digits} | {told} |")
 
 
 def _cell(row: Row) -> str:

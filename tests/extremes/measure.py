@@ -40,7 +40,7 @@ class Row:
 def measure(scene: Scene, precision: str) -> list[Row]:
     """One row for each kind of output (p, v, a, omega, alpha, reaction, drive)."""
     mechanism = scene.graph.compile()
-    precise = Precise(mechanism, scene.want)
+    precise = Precise(mechanism if scene.twin is None else scene.twin.compile(), scene.want)
     result = mechanism.run(
         at=scene.at,
         rates=scene.rates,
@@ -56,7 +56,7 @@ def measure(scene: Scene, precision: str) -> list[Row]:
     shaken = [precise.values(inputs, half_ulp(k, dtype)) for k in range(SHAKES)]
     rows = []
     for kind in sorted({name.rsplit(".", 1)[-1] for name in scene.want}):
-        names = [n for n in precise.plan.want if n.endswith(f".{kind}")]
+        names = [n for n in precise.plan.want if n.endswith(f".{kind}") and n in result]
         with mpmath.workdps(DIGITS):
             scale = max((abs(truth[n][0]) for n in names), default=mpmath.mpf(0))
             if scale == 0:

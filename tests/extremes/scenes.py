@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import blockmech as bm
@@ -15,7 +15,10 @@ GAPS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-15)
 
 @dataclass(frozen=True)
 class Scene:
-    """A case of the map: a graph, driver values, and the precisions that can hold it."""
+    """A case of the map: a graph, driver values, and the precisions that can hold it.
+
+    ``twin`` is the same in closed form, where the graph has none: it gives the truth.
+    """
 
     name: str
     graph: Graph
@@ -25,6 +28,7 @@ class Scene:
     want: tuple[str, ...] = field(
         default=("*.p", "*.v", "*.a", "*.omega", "*.alpha", "*.reaction", "*.drive")
     )
+    twin: Graph | None = None
 
 
 def _link(mass: float, length: float) -> bm.Link:
@@ -66,6 +70,46 @@ def near_dead_centre() -> Iterator[Scene]:
         graph = fourbar(a, b, c, pivot)
         precisions = ("complex128",) if gap < 1e-6 else ("complex128", "complex64")
         yield Scene(f"inexact, gap {gap:.0e}", graph, {"crank": q}, {"crank": 2.0}, precisions)
+
+
+def near_dead_centre_without_closed_form() -> Iterator[Scene]:
+    """The same as a general group, its home at the pose, and as a cylinder of that length."""
+    for scene in near_dead_centre():
+        if scene.name.endswith("3e-15"):
+            continue  # no home so near: see the tests
+        group = as_general_group(scene.graph, scene.at)
+        yield replace(
+            scene, name=f"general, {scene.name}", graph=group, twin=scene.graph,
+            precisions=("complex128",),
+        )  # fmt: skip
+    for gap in GAPS:
+        for kind, reach in (("extended", 5.0 * (1 - gap)), ("folded", 1.0 * (1 + gap))):
+            g = Graph("cylinder", gravity=(0.0, -9.81))
+            g.add("frame", bm.Frame(markers={"B": 0j, "D": complex(reach)}))
+            links = {"rod": _link(1, 1.0), "j": _link(2, 2.0)}
+            g.add("dyad", bm.Cylinder(l_j=2.0, links=links))
+            g.connect("frame.B", "dyad.B")
+            g.connect("frame.D", "dyad.D")
+            precisions = ("complex128", "complex64") if gap > 1e-6 else ("complex128",)
+            name = f"cylinder {kind}, gap {gap:.0e}"
+            yield Scene(name, g, {"dyad": 3.0}, {"dyad": 0.5}, precisions)
+
+
+def as_general_group(graph: Graph, at: dict[str, float]) -> Graph:
+    """A graph whose dyad is a general group that closes from its pose."""
+    dyad = graph.blocks["dyad"]
+    run = graph.compile().run(at=at, want=["dyad.?.p", "dyad.?.angle"])
+    place = {name: complex(run[f"dyad.{name}.p"][0]) for name in "ij"}
+    poses = {n: (z.real, z.imag, float(run[f"dyad.{n}.angle"][0])) for n, z in place.items()}
+    pairs = {
+        "B": {"type": "R", "link": "i", "at": (0.0, 0.0)},
+        "C": {"type": "R", "links": ["i", "j"], "at": [(dyad.l_i, 0.0), (dyad.l_j, 0.0)]},
+        "D": {"type": "R", "link": "j", "at": (0.0, 0.0)},
+    }
+    home = {"drivers": at, "poses": poses}
+    made = Graph.from_data(graph.to_data())
+    made.blocks["dyad"] = bm.GeneralGroup(pairs=pairs, links=dyad.links, home=home)
+    return made
 
 
 def near_tangent() -> Iterator[Scene]:
@@ -195,6 +239,7 @@ def all_scenes() -> list[Scene]:
     """The map of the extremes."""
     makers: tuple[Any, ...] = (
         near_dead_centre,
+        near_dead_centre_without_closed_form,
         near_tangent,
         near_parallel,
         sizes_and_ratios,
