@@ -135,7 +135,7 @@ class Run:
         works = [0.0, 0.0] if rubs else [0.0]
         self.y = np.concatenate([np.atleast_1d(q), np.atleast_1d(rate), works]).astype(float)
         self.times.append(self.t)
-        self.equation = Equation(self.system, q, self.system.singles + EVALUATIONS)
+        self.equation = Equation(self.system, q, EVALUATIONS)
         if self.method in STEPPERS and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = min(self.request.t_last, self.request.start.t + FOREVER)
