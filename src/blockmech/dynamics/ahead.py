@@ -171,8 +171,13 @@ class Ahead:
             return float(end + 0.5 * (begin - end))  # closer first
         i = int(np.argmax(K <= 0))
         u = np.append(rule(self.n).v, 1.0) ** P[kind]
+        if energy == 0:  # from rest the mean effort K / u is nearly a line
+            a, b = (i - 1, i) if i else (0, 1)
+            mean = K / u
+            stop = u[a] - mean[a] * (u[b] - u[a]) / (mean[b] - mean[a])
+            return float(begin + (end - begin) * np.clip(stop, u[0] ** 2, u[b]))
         before, at_before = (float(K[i - 1]), u[i - 1]) if i else (energy, 0.0)
-        share = before / (before - float(K[i])) if before else 0.5
+        share = before / (before - float(K[i]))
         return float(begin + (end - begin) * (at_before + share * (u[i] - at_before)))
 
     def _to_standstill(self, at: At, piece: Piece, guess: float) -> Panels | Obstacle | None:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import TARGET, difference, judged, missed, stopped
+from blockmech.dynamics.estimate import difference, judged, missed, stopped
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import Sample, System
 
 TURN = 2 * math.pi
-SIZES = ((32, 48), (40, 56))  # nodes of a panel of the two runs, and of two finer ones
+COARSE, FINE = 32, 48  # nodes of a panel of the two runs
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
 BESIDE = 4  # ulps by which a run beside is off: what a sum of some ten terms may lose
 MOST = 8_000  # panels of a run; ten seconds of work and more
@@ -451,27 +451,20 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     """
     start = system.sample(np.array([float(request.start.q)]), float(request.start.rate))
     failure = failure_at(start)
-    best = None
-    for few, many in SIZES:
-        run = PathRun(system, request, start, many)
-        if failure:
-            run.stop(failure, "failed")
-            return replace(run.motion(), error=math.inf, time_error=math.inf)
-        run.run()
-        fine = run.motion()
-        if fine.end in (INTERRUPTED, TOO_MANY):
-            return stopped(fine, best)
-        if not run.panels and not run.legs:
-            return replace(fine, error=0.0)
-        run = PathRun(system, request, start, few, True)
-        run.run()
-        coarse = run.motion()
-        if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
-            return stopped(coarse, best or fine)
-        found = judged(coarse, fine, difference(coarse, fine, request.times), request.times)
-        if best is None or best.status == "failed" or found.error < best.error:
-            best = found
-        if best.error <= (request.accuracy or TARGET) and best.status != "failed":
-            break
-    assert best is not None
-    return best if request.accuracy is None else missed(best, request.accuracy)
+    run = PathRun(system, request, start, FINE)
+    if failure:
+        run.stop(failure, "failed")
+        return replace(run.motion(), error=math.inf, time_error=math.inf)
+    run.run()
+    fine = run.motion()
+    if fine.end in (INTERRUPTED, TOO_MANY):
+        return stopped(fine, None)
+    if not run.panels and not run.legs:
+        return replace(fine, error=0.0)
+    run = PathRun(system, request, start, COARSE, True)
+    run.run()
+    coarse = run.motion()
+    if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
+        return stopped(coarse, fine)
+    found = judged(coarse, fine, difference(coarse, fine, request.times), request.times)
+    return found if request.accuracy is None else missed(found, request.accuracy)
