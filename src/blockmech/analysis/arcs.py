@@ -195,7 +195,8 @@ class _Margin:
                 q, size = self._place(i), self.piece.span.size
                 beside = BESIDE * (1.0 if math.isinf(size) else size)
                 closes[i] = self.closure.passable(self.block, q, beside)
-                passes += [Bound(q, self.block)] * bool(closes[i])
+                told = any(abs(q - p.q) <= beside for p in passes)  # nearer, touches are one
+                passes += [Bound(q, self.block)] * bool(closes[i] and not told)
         return x[kept], closes[kept], passes
 
     def _part(self, x: Floats, low: int, high: int, passes: Iterable[Bound]) -> Piece:
