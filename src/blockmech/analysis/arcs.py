@@ -181,7 +181,7 @@ class _Margin:
         the same sign it touches zero if it is nearer to it than at both.
         """
         x, y, kept, closes = self.x, self.y, self.sure.copy(), self.y >= 0
-        passes = []
+        passes: list[Bound] = []
         if self.piece.start is not None:
             kept[[0, -1]] = True
         for low, high in runs(~self.sure):
