@@ -59,6 +59,10 @@ class Synthetic(System):
             given["batch"] = None
         return Synthetic(**{**given, **kept, **more})
 
+    @property
+    def kept(self):
+        return {}
+
     def load_size(self, q):
         return 1.0
 

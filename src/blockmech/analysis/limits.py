@@ -320,7 +320,7 @@ def _held(mechanism: Compiled, moved: str, at: Mapping[str, Any]) -> dict[str, f
     ]
     held = {}
     for d in others:
-        q = at[d] if d in at else _begin(mechanism, d)
+        q = at[d] if d in at else mechanism.scene.begin(d)
         if isinstance(q, int | float) and math.isfinite(q):
             held[d] = float(q)
         elif d in at:
@@ -331,14 +331,6 @@ def _held(mechanism: Compiled, moved: str, at: Mapping[str, Any]) -> dict[str, f
     if problems:
         raise RequestError(problems)
     return held
-
-
-def _begin(mechanism: Compiled, driver: str) -> float | None:
-    law: Any = mechanism.scene.drive.get(driver)
-    if law is not None and law.by_coordinate:
-        return float(law.start)
-    initial = mechanism.scene.initial.get(driver)
-    return None if initial is None else float(initial.q)
 
 
 def _wrong(where: str, found: str, valid: str = "", remedy: str = "") -> Problem:

@@ -7,20 +7,31 @@ backwards from the standstill, whose place is moved until the energies fit.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import SELF_LOCKED, TOO_MANY
-from blockmech.dynamics.panels import SMALLEST, Floats, Panel, Span, basis, roots, rule
-from blockmech.dynamics.road import CLOSE, SLIPS, TAU, J, Piece, Road
-from blockmech.dynamics.work import STEPS, OfFriction, OfRate, Work, settled
+from blockmech.dynamics.panels import (
+    FROM_REST,
+    PLAIN,
+    SMALLEST,
+    TO_LIMIT,
+    TO_REST,
+    Floats,
+    Panels,
+    Spans,
+    basis,
+    roots,
+    rule,
+    span,
+)
+from blockmech.dynamics.place import SHORT, SLIPS, J
+from blockmech.dynamics.road import CLOSE, Piece, Road
+from blockmech.dynamics.work import STEPS, Acting, Work, of_friction, of_place, of_rate, settled
 from blockmech.plane import EPS
-from blockmech.series import tail
 
-SHORT = 8  # a piece is made anew if what happens in it needs no more than this part of it
 ROUGH = 1 / 64  # of a piece's inertia: what is below has two digits less
 
 
@@ -41,15 +52,6 @@ class Obstacle(NamedTuple):
     friction_limit: float = math.nan
 
 
-class Loaded(NamedTuple):
-    """What acts at the nodes of a span: work that follows the energy, or w of the place alone."""
-
-    work: Work | None
-    w: Floats | None
-    J: Floats
-    J0: float  # at the anchor
-
-
 class Ahead:
     """Panels over a road, with as many nodes and resolved to the same tolerance.
 
@@ -62,37 +64,36 @@ class Ahead:
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
         self.largest = 0.0  # [J] kinetic energy that a panel began with
 
-    def panel(self, at: At, piece: Piece, end: float) -> Panel | Obstacle:
+    def panel(self, at: At, piece: Piece, end: float) -> Panels | Obstacle:
         """The next panel towards a place."""
         q, sign = at.q, at.sign
         self.largest = max(self.largest, at.K)
         while True:
-            length = abs(end - q)
-            if length <= CLOSE * max(abs(q), abs(end)):
+            if abs(end - q) <= CLOSE * max(abs(q), abs(end)):
                 return self._too_short(at, end)
-            span = Span(q, length, sign, at.K, 1 if at.K else 2)
+            lies = span(q, end, at.K, PLAIN if at.K else FROM_REST)
             if piece.data.limit == sign and end == piece.end(sign) and at.K > 0:
-                span = Span(end, length, sign, at.K, 2, True, True)
-            loaded = self._loaded(piece, span)
-            w, K = settled(loaded.work, loaded.w, span, self.n)
-            known = bool(np.isfinite(w).all())
+                lies = span(q, end, at.K, TO_LIMIT)
+            work, inertia = self._acting_on(piece, lies, sign)
+            acting, K = self._settled(work, lies)
+            known = bool(np.isfinite(K).all())
             if not known and (locked := self._locked(at)) is not None:
                 return locked
-            stop = self._standstill(span, w, K) if known else None
+            stop = self._standstill(lies, sign * acting.w, K) if known else None
             if stop is not None:
                 if self._shortened(at, piece, abs(stop - q)):
                     return Obstacle()
                 found = self._to_standstill(at, piece, stop) if at.K else None
                 if found is not None:
                     return found
-                length = min(length, abs(stop - q))
+                end = q + sign * min(abs(end - q), abs(stop - q))
             elif known:
-                panel = self._made(at, span, end, w, K, loaded)
-                if self._resolved(panel, loaded):
-                    return self._until_kink(at, piece, panel, loaded.work)
-            end = q + sign * 0.5 * length
-            rough = loaded.J.min() < ROUGH * piece.data.rows[J].max()
-            if rough and self._shortened(at, piece, 0.5 * length):
+                panel = self._made(at, lies, acting, K, inertia)
+                if panel.smooth(inertia[-1:], self.tolerance, not self.place_only)[0]:
+                    return self._until_kink(at, piece, panel, acting)
+            end = q + 0.5 * (end - q)
+            rough = inertia.min() < ROUGH * piece.data.most_inertia
+            if rough and self._shortened(at, piece, abs(end - q)):
                 return Obstacle()
 
     def _shortened(self, at: At, piece: Piece, way: float) -> bool:
@@ -102,38 +103,33 @@ class Ahead:
         self.road.shorten(piece, at.q, at.sign, SHORT / 2 * way)
         return True
 
-    def _loaded(self, piece: Piece, span: Span) -> Loaded:
-        """What acts on a span."""
-        system, sign = self.system, span.sign
-        q = span.places(np.append(rule(self.n).v, 0.0))
+    def _acting_on(self, piece: Piece, lies: Spans, sign: int) -> tuple[Work, Floats]:
+        """What acts on a span, and the inertia (n + 1,) at its nodes and its anchor."""
+        friction, (q,) = self.system.friction, lies.places(np.append(rule(self.n).v, 0.0))
         rows = piece.rows(q)
-        if self.rounding:  # a series is as exact as its largest value
-            rows[J] += self.rounding * float(piece.data.rows[J].max())
-        J0, q, rows = float(rows[J, -1]), q[:-1], rows[:, :-1]
+        if self.rounding:
+            rows[J] += self.rounding * piece.data.most_inertia
+        inertia, q, rows = rows[J], q[:-1], rows[:, :-1]
         if self.place_only:
-            return Loaded(None, sign * rows[TAU], rows[J], J0)
-        if system.friction is None:
-            return Loaded(OfRate(system, q, rows[J], sign), None, rows[J], J0)
-        slips = rows[SLIPS : SLIPS + len(system.friction.names), self.n // 2]
+            return of_place(rows), inertia
+        if friction is None:
+            return of_rate(self.system, q, rows[J], sign), inertia
+        slips = rows[SLIPS : SLIPS + len(friction.names), self.n // 2]
         sides = tuple(int(x) for x in sign * np.sign(slips))
-        return Loaded(OfFriction(system.friction, q, rows, sign, sides), None, rows[J], J0)
+        return of_friction(friction, q, rows, sign, sides), inertia
 
-    def _made(self, at: At, span: Span, end: float, w: Floats, K: Floats, loaded: Loaded) -> Panel:
+    def _settled(
+        self, work: Work, lies: Spans, guess: Floats | None = None
+    ) -> tuple[Acting, Floats]:
+        if not self.place_only:
+            return settled(work, lies, self.n, guess)
+        acting = work(np.empty(0))
+        return acting, lies.energy[0] + lies.slopes(self.n)[0] @ acting.w
+
+    def _made(self, at: At, lies: Spans, acting: Acting, K: Floats, inertia: Floats) -> Panels:
         """The panel of a solution."""
-        lost = None
-        if isinstance(loaded.work, OfFriction):
-            loaded.work(K[:-1])  # Newton's last step came after it was asked
-            lost = loaded.work.lost
-        last = float(K[-1])
-        return Panel(at.t, at.q, end, at.K, last, span.p, span.backward, w, K[:-1], loaded.J, lost)
-
-    def _resolved(self, panel: Panel, loaded: Loaded) -> bool:
-        """Whether time and work of a panel are smooth enough for its nodes."""
-        if not ((panel.K > 0).all() and tail(panel.rate) <= self.tolerance):
-            return False
-        if loaded.work is not None and not tail(panel.work) <= self.tolerance:
-            return False
-        return panel.begins_known(loaded.J0, self.tolerance)
+        lost = np.zeros((1, self.n)) + acting.lost
+        return Panels(at.t, lies, acting.w[None], K[None], inertia[None, :-1], lost)
 
     def _locked(self, at: At) -> Obstacle | None:
         """Self-locking where the motion is: no acceleration satisfies Coulomb's law there."""
@@ -153,30 +149,31 @@ class Ahead:
         rough = Obstacle(TOO_MANY, f"the loads are not smooth at q = {at.q:.12g}")
         return self._locked(at._replace(q=end)) or rough
 
-    def _standstill(self, span: Span, w: Floats, K: Floats) -> float | None:
+    def _standstill(self, lies: Spans, along: Floats, K: Floats) -> float | None:
         """The first place of a panel at which K is zero, roughly; None where there is none.
 
-        Where K only comes near zero between the nodes, the time is not resolved and the panel
-        is made shorter.
+        ``along`` (n,) is dK/du along the motion. Where K only comes near zero between the
+        nodes, the time is not resolved and the panel is made shorter.
         """
+        (begin,), (end,), (energy,), (kind,) = lies.begin, lies.end, lies.energy, lies.kind
         if K.min() > 0:
-            if span.limit or K[-1] > -w[-1] * math.sqrt(EPS) * span.length:
+            if kind == TO_LIMIT or K[-1] > -along[-1] * math.sqrt(EPS) * abs(end - begin):
                 return None  # but a standstill that is at the end but for rounding is in it
-            return float(span.anchor + span.sign * (span.length - K[-1] / w[-1]))
-        if span.limit:
-            return span.anchor - span.sign * 0.5 * span.length  # closer first
+            return float(end - np.sign(end - begin) * K[-1] / along[-1])
+        if kind == TO_LIMIT:
+            return float(end + 0.5 * (begin - end))  # closer first
         i = int(np.argmax(K <= 0))
         v = np.append(rule(self.n).v, 1.0)
-        if span.energy == 0:  # from rest the mean effort K / u is nearly a line
+        if energy == 0:  # from rest the mean effort K / u is nearly a line
             a, b = (i - 1, i) if i else (0, 1)
             mean = K / v**2
             v2 = v[a] ** 2 - mean[a] * (v[b] ** 2 - v[a] ** 2) / (mean[b] - mean[a])
-            return float(span.places(np.sqrt(np.clip(v2, v[0] ** 4, v[b] ** 2))))
-        before, at_before = (float(K[i - 1]), v[i - 1]) if i else (span.energy, 0.0)
+            return float(begin + (end - begin) * np.clip(v2, v[0] ** 4, v[b] ** 2))
+        before, at_before = (float(K[i - 1]), v[i - 1]) if i else (energy, 0.0)
         share = before / (before - float(K[i]))
-        return float(span.places(at_before + share * (v[i] - at_before)))
+        return float(begin + (end - begin) * (at_before + share * (v[i] - at_before)))
 
-    def _to_standstill(self, at: At, piece: Piece, guess: float) -> Panel | Obstacle | None:
+    def _to_standstill(self, at: At, piece: Piece, guess: float) -> Panels | Obstacle | None:
         """The panel that ends at a standstill; None where it is not resolved.
 
         Its end is moved until the energy at its other end is that of the motion.
@@ -189,47 +186,47 @@ class Ahead:
                 return Obstacle(STANDSTILL)
             if length <= 0 or at.sign * (guess - piece.end(at.sign)) > math.sqrt(EPS) * length:
                 return None
-            span = Span(guess, length, at.sign, 0.0, 2, True)
-            loaded = self._loaded(piece, span)
-            w, K = settled(loaded.work, guessed if loaded.w is None else loaded.w, span, self.n)
-            r = rule(self.n)
-            at_rest = float(r.to_series[::2].sum(axis=0) @ w - r.to_series[1::2].sum(axis=0) @ w)
-            if not at_rest < 0:
+            lies = span(at.q, guess, 0.0, TO_REST)
+            work, inertia = self._acting_on(piece, lies, at.sign)
+            acting, K = self._settled(work, lies, guessed)
+            series = rule(self.n).to_series @ acting.w
+            at_rest = float(series[::2].sum() - series[1::2].sum())
+            if not at.sign * at_rest < 0:
                 return None
             left = at.K - float(K[-1])
-            slope = -at_rest * at.sign  # of K by the end; with loads of the rate a secant's
+            slope = -at_rest  # of K by the end; with loads of the rate a secant's
             if before is not None and guess != before[0] and left != before[1]:
                 slope = (before[1] - left) / (guess - before[0])
             step = left / slope
             if abs(step) <= EPS * abs(guess) or abs(step) >= last:
                 break
             before = guess, left
-            last, guess, guessed = abs(step), guess + step, w
+            last, guess, guessed = abs(step), guess + step, acting.w
         else:
             return None
-        panel = replace(self._made(at, span, guess, w, K, loaded), K1=0.0)
-        if not self._resolved(panel, loaded):
+        lies = span(at.q, guess, 0.0, TO_REST)
+        panel = self._made(at, lies, acting, K, inertia)
+        if not panel.smooth(inertia[-1:], self.tolerance, not self.place_only)[0]:
             return None
-        return self._until_kink(at, piece, panel, loaded.work)
+        return self._until_kink(at, piece, panel, acting)
 
     # -- kinks of the loads on pairs -------------------------------------------
 
-    def _until_kink(
-        self, at: At, piece: Piece, panel: Panel, work: Work | None
-    ) -> Panel | Obstacle:
+    def _until_kink(self, at: At, piece: Piece, panel: Panels, acting: Acting) -> Panels | Obstacle:
         """The panel, or the part of it up to where the size of a load has a kink."""
-        if not isinstance(work, OfFriction):
+        if self.system.friction is None:
             return panel
-        kink = self._first_kink(panel, work)
-        if kink is None or abs(kink - at.q) <= math.sqrt(EPS) * panel.length:
+        kink = self._first_kink(at, panel.spans, acting.loads)
+        if kink is None or abs(kink - at.q) <= math.sqrt(EPS) * abs(panel.spans.way[0]):
             return panel
         return self.panel(at, piece, kink)
 
-    def _first_kink(self, panel: Panel, work: OfFriction) -> float | None:
+    def _first_kink(self, at: At, lies: Spans, loads: Floats) -> float | None:
         """Where a guide is pressed by another side or edge, or a pin by its other side."""
+        assert self.system.friction is not None
         found: list[float] = []
         r, near = rule(self.n), math.sqrt(EPS)
-        for F, guide in zip(work.loads.T, work.guides, strict=True):
+        for F, guide in zip(loads.T, self.system.friction.guides, strict=True):
             across, largest = np.zeros(self.n), float(np.abs(F).max())
             if guide:
                 N, C = F.real, F.imag
@@ -243,7 +240,5 @@ class Ahead:
                 v = roots(r.to_series @ part)
                 missed = np.abs(basis(v, self.n) @ (r.to_series @ across))
                 v = v[(v > near) & (v < 1 - near) & (missed <= near * largest)]
-                way = (panel.q1 - panel.q0) * v**panel.p
-                found += (panel.q1 - way if panel.backward else panel.q0 + way).tolist()
-        sign = math.copysign(1.0, panel.q1 - panel.q0)
-        return min(found, key=lambda x: sign * x) if found else None
+                found += lies.places(v)[0].tolist()
+        return min(found, key=lambda x: at.sign * x) if found else None

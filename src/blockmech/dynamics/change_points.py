@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from numpy.polynomial import chebyshev
 
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.system import TURN, One, Sample, Source, System
+from blockmech.series import coefficients, nodes
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series; even, so that none is at the change point
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side
@@ -29,14 +30,6 @@ SHORTEST = REACH / 64
 APART = 0.45  # of the distance to the next change point or kink: both sides keep clear of it
 ENDED = 1e-13  # end of a series, relative: what poses a tenth of a radian away leave, eps / d^2
 USED = 0.5  # share of the reach within which the series is read: its ends are less exact
-
-
-@cache
-def _nodes(n: int) -> tuple[Floats, Floats]:
-    """Chebyshev nodes (n,) of [-1, 1], and the matrix from values there to their series."""
-    x: Floats = np.cos((np.arange(n) + 0.5) * math.pi / n)
-    to_series: Floats = np.asarray(np.linalg.inv(chebyshev.chebvander(x, n - 1)))
-    return x, to_series
 
 
 @dataclass(frozen=True)
@@ -62,7 +55,7 @@ class Series:
     @cached_property
     def nodes(self) -> Floats:
         """Driver coordinates (n,) of the poses that the series goes through."""
-        return self.place + self.reach * _nodes(self.n)[0]
+        return self.place + self.reach * nodes(self.n)
 
     @cached_property
     def slope(self) -> Floats:
@@ -71,7 +64,8 @@ class Series:
 
     def weights(self, offset: Floats) -> Floats:
         """Weights (m, n) of the poses at distances (m,) [rad or m] from the change point."""
-        return chebyshev.chebvander(offset / self.reach, self.n - 1) @ _nodes(self.n)[1]
+        polynomials = chebyshev.chebvander(offset / self.reach, self.n - 1)
+        return np.asarray(polynomials @ coefficients(np.eye(self.n)).T)
 
 
 def series_through(compiled: Source) -> tuple[Series, ...]:
@@ -119,12 +113,11 @@ def _longest(plain: System, place: float, points: Sequence[float]) -> Series | N
 
 def _series(plain: System, place: float, reach: float, n: int) -> Series | None:
     """The series of one reach through n poses; None where they are too few or not possible."""
-    x, to_series = _nodes(n)
     used = USED * reach
-    sample = plain.sample(np.concatenate([place + reach * x, [place - used, place + used]]))
+    sample = plain.sample(np.concatenate([place + reach * nodes(n), [place - used, place + used]]))
     if not sample.possible.all():
         return None
-    found = np.array([sample.J, sample.tau])[:, :n] @ to_series.T
+    found = coefficients(np.array([sample.J, sample.tau])[:, :n])
     size = np.abs(found)
     if not (size[:, -2:].max(axis=1) <= ENDED * size.max(axis=1)).all():
         return None

@@ -32,13 +32,13 @@ class Difference(NamedTuple):
     t : [s] difference of the ends
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
         no further apart than `PARTED` and than the way itself
-    same : whether both end by the same thing
+    size : [rad or m] what rounding of coordinate and time is relative to
     """
 
     q: float
     t: float
     agree: bool
-    same: bool = True
+    size: float
 
 
 def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
@@ -51,26 +51,25 @@ def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
 def difference(coarse: Motion, fine: Motion, wanted: Sequence[float] = ()) -> Difference:
     """How far two runs of one motion are apart."""
     times = common_times(coarse, fine, wanted)
-    found = [np.abs(coarse.at(times).q - fine.at(times).q).max()]
+    q, qd = fine.at(times)
+    found = [np.abs(coarse.at(times).q - q).max()]
     same = coarse.end == fine.end and coarse.status == fine.status
     if same:
         found.append(np.abs(np.asarray(coarse.q_end) - np.asarray(fine.q_end)).max())
-    q = float(np.max(found))
-    way = float(np.ptp(fine.at(times).q, axis=0).max())
+    apart = float(np.max(found))
+    way = float(np.ptp(q, axis=0).max())
     late = abs(coarse.t_end - fine.t_end)
     span = fine.t_end - fine.t_start
-    close = q <= PARTED and late <= PARTED * span and (q <= way or way == 0)
-    return Difference(q, late, same and (close or span == 0), same)
+    close = apart <= PARTED and late <= PARTED * span and (apart <= way or way == 0)
+    size = float(np.abs(q).max()) + abs(fine.t_end) * float(np.abs(qd).max())
+    return Difference(apart, late, same and (close or span == 0), size)
 
 
 def stated(fine: Motion, apart: Difference) -> Motion:
     """A run with the error that its difference from a coarser one tells."""
-    size = float(np.max(np.abs(fine.q_end)))
-    if fine.t_end > fine.t_start:
-        q, qd = fine.at(fine.times(COMPARED))
-        size = max(size, float(np.abs(q).max())) + abs(fine.t_end) * float(np.abs(qd).max())
     late = 0.0 if fine.end == "time" else apart.t + ROUNDING * abs(fine.t_end)
-    return replace(fine, error=apart.q + ROUNDING * size, time_error=fine.time_error + late)
+    error = apart.q + ROUNDING * apart.size
+    return replace(fine, error=error, time_error=fine.time_error + late)
 
 
 def missed(motion: Motion, target: float) -> Motion:

@@ -54,7 +54,8 @@ def judged_by_half(
             note = "interrupted: the error is not judged by another run"
             return replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
         apart = difference(motion, finer, request.times)
-        known = apart.same and motion.end != NO_INERTIA  # of speeds without bound nothing is
+        same = motion.end == finer.end and motion.status == finer.status
+        known = same and motion.end != NO_INERTIA  # of speeds without bound nothing is
         off, late = (DOUBT * x if known else math.inf for x in (apart.q, apart.t))
         late = 0.0 if motion.end == "time" else late + motion.time_error
         motion = replace(motion, error=off, time_error=late)

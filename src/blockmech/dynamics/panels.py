@@ -1,47 +1,55 @@
-r"""Panels: the two ingredients of the path method, on Chebyshev nodes.
+r"""Panels: pieces of a motion in one direction, on Chebyshev nodes.
 
-`PlaceData` holds what depends on the place alone (inertia, effort, margin; with joint friction
-the responses of the force pass) as Chebyshev series over a piece of the driver's path. It is
-sampled once; whatever runs there, how often and in which direction, needs no further kernel
-call.
+With v from 0 to 1 and the way from an anchor,
 
-`Panel` is a piece of the motion: with v from 0 to 1 and the way u from its anchor,
-
-    u = L v^p,     w = dK/du,     dt/dv = p L v^(p-1) sqrt(J / 2K)
+    q = anchor + way v^p,     w = dK/dq,     dt/dv = p |way| v^(p-1) sqrt(J / 2K)
 
 where p = 2 at a standstill or a dead centre, so that all three are smooth in v, else 1. The
 kinetic energy K is never a difference of potentials: from the anchor it is an *average* of w,
-which keeps its relative accuracy where K goes to zero.
+which keeps its relative accuracy where K goes to zero. All panels of a stretch of the motion
+are arrays (m, n) that are worked on together.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.polynomial import chebyshev
-from numpy.polynomial.legendre import leggauss
+from numpy.polynomial import chebyshev, legendre
 from numpy.typing import NDArray
 
 from blockmech.plane import EPS
 from blockmech.series import tail
 
 Floats: TypeAlias = NDArray[np.float64]
-NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero
-SMALLEST = 5e-324  # the smallest number above zero
+Ints: TypeAlias = NDArray[np.intp]
+SMALLEST = math.ulp(0.0)  # the smallest number above zero
+# Kinds of panels: a plain one, one that begins or ends with a standstill, or ends at a dead centre.
+PLAIN, FROM_REST, TO_REST, TO_LIMIT = range(4)
+P = np.array([1, 2, 2, 2])  # exponents of their maps
+HALVINGS = range(60)  # of an interval: a double has no more digits
 
 
 def basis(v: Any, n: int) -> Any:
-    """Chebyshev polynomials (m, n) in 2 v - 1 at v (m,); exact beside v = 0.
+    """Chebyshev polynomials (..., n) in 2 v - 1 at v (...); exact beside v = 0.
 
-    By the angle: v = sin^2(a / 2), and T_k(2 v - 1) = (-1)^k cos k a.
+    Real parts of the powers of a number on the unit circle, whose argument is exact there; each
+    half of them is the half before it times one power.
     """
-    found = np.cos(np.multiply.outer(2 * np.arcsin(np.sqrt(v)), np.arange(n)))
-    found[..., 1::2] *= -1
-    return found
+    v = np.asarray(v)
+    z = (2 * v - 1) + 2j * np.sqrt(v * (1 - v))
+    found = np.empty((*v.shape, n), dtype=z.dtype)
+    found[..., 0] = 1
+    done = 1
+    while done < n:
+        more = min(done, n - done)
+        np.multiply(found[..., :more], z[..., None], out=found[..., done : done + more])
+        z, done = z * z, 2 * done
+    return found.real
 
 
 def node_places(n: int, kind: Any = np.float64) -> Any:
@@ -53,15 +61,22 @@ class Rule(NamedTuple):
     """n nodes v on (0, 1), and what turns values there into integrals.
 
     v : (n,) the nodes
+    powers : (4, n) v^(p-1) at the nodes, for each kind of panel
     to_series : (n, n) values -> Chebyshev coefficients in 2 v - 1
-    average : p -> (n + 1, n) averages over [0, v_i], and [0, 1], with weight p s^(p-1)
+    average : (n + 1, n) values -> averages over [0, v_i], and [0, 1]
+    energy : (4, n + 1, n) w -> K per unit of way at the nodes and at the end that is not known,
+        for each kind of panel. Towards a dead centre 2 v w is smooth, not w
     clock : (n + 1, n) coefficients of a series -> those of its integral from v = 0
+    known : (n + 2, n + 1) polynomials at 0, the nodes, and 1
     """
 
     v: Floats
+    powers: Floats
     to_series: Floats
-    average: dict[int, Floats]
+    average: Floats
+    energy: Floats
     clock: Floats
+    known: Floats
 
 
 @cache
@@ -74,15 +89,40 @@ def rule(n: int) -> Rule:
     v = node_places(n, np.longdouble)
     to_series = basis(v, n).T * (2 / np.longdouble(n))
     to_series[0] /= 2
-    x, weights = leggauss(n + 1)
-    s = (x.astype(np.longdouble) + 1) / 2
-    values = basis(np.append(v, 1)[:, None] * s, n)  # (n + 1, gauss, n)
-    average: dict[int, Floats] = {}
-    for p in (1, 2):
-        rows = np.einsum("g,igk->ik", weights / 2 * p * s ** (p - 1), values) @ to_series
-        average[p] = rows.astype(np.float64)
-    clock = np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2)
-    return Rule(v.astype(np.float64), to_series.astype(np.float64), average, clock)
+    x, weights = _gauss(n + 1)
+    s = (x + 1) / 2
+    ends = np.append(v, 1)[:, None]
+    values = basis(ends * s, n)  # (n + 1, gauss, n)
+
+    def average(p: int) -> Any:
+        return np.einsum("g,igk->ik", weights / 2 * p * s ** (p - 1), values) @ to_series
+
+    plain, rest = ends * average(1), ends**2 * average(2)
+    limit = (plain - plain[-1]) * (2 * v)
+    limit[-1] = -plain[-1] * (2 * v)
+    places = np.concatenate([[0], v, [1]])
+
+    def narrow(x: Any) -> Floats:
+        return np.asarray(x, dtype=np.float64)
+
+    return Rule(
+        narrow(v),
+        narrow(v ** (P[:, None] - 1)),
+        narrow(to_series),
+        narrow(average(1)),
+        narrow([plain, rest, rest, limit]),
+        np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2),
+        narrow(basis(places, n + 1)),
+    )
+
+
+def _gauss(n: int) -> tuple[Any, Any]:
+    """Places and weights of Gauss's rule on [-1, 1], by a step of Newton's from NumPy's."""
+    p = np.zeros(n + 1, dtype=np.longdouble)
+    p[-1] = 1
+    x, slope = legendre.leggauss(n)[0].astype(np.longdouble), legendre.legder(p)
+    x = x - legendre.legval(x, p) / legendre.legval(x, slope)
+    return x, 2 / ((1 - x * x) * legendre.legval(x, slope) ** 2)
 
 
 def roots(series: Floats) -> Floats:
@@ -99,232 +139,226 @@ def roots(series: Floats) -> Floats:
     return np.sort((np.clip(real, -1.0, 1.0) + 1) / 2)
 
 
-# -- the place -----------------------------------------------------------------------------
-
-
-def place(low: float, high: float, limit: int, v: Floats) -> Floats:
-    """Driver coordinates of values v of a piece's variable; towards a limit in v^2."""
-    length = high - low
-    if limit > 0:
-        return np.asarray(high - length * v * v)
-    return np.asarray(low + length * (v * v if limit else v))
-
-
 @dataclass(frozen=True)
-class PlaceData:
-    """Series over a piece of the path from low to high [rad or m].
+class Spans:
+    """Where panels lie.
 
-    limit : -1 or +1 where the low or the high end is a dead centre, else 0. The series are
-        then in v, (way to the limit) = (high - low) v^2, and J v^2 and tau v stand for J and
-        tau, which grow without bound
-    rows : (r, n) values at the nodes: J, tau, margin, and what else depends on the place
+    begin, end : (m,) [rad or m]
+    energy : (m,) [J] at the anchor, or at v = 1 where the anchor is a dead centre
+    kind : (m,)
     """
 
-    low: float
-    high: float
-    limit: int
-    rows: Floats
-
-    @property
-    def length(self) -> float:
-        """[rad or m]"""
-        return self.high - self.low
+    begin: Floats
+    end: Floats
+    energy: Floats
+    kind: Ints
 
     @cached_property
-    def series(self) -> Floats:
-        """Chebyshev coefficients (r, n)."""
-        found: Floats = self.rows @ rule(self.rows.shape[1]).to_series.T
-        return found
+    def backward(self) -> NDArray[np.bool_]:
+        """Whether the anchors (m,) are where they end."""
+        return np.asarray(self.kind >= TO_REST)
 
     @cached_property
-    def tails(self) -> Floats:
-        """(r,) what the series leave out, relative; none below the rounding of rates and inertia.
+    def anchor(self) -> Floats:
+        """(m,) [rad or m] the places v = 0."""
+        return np.where(self.backward, self.end, self.begin)
 
-        A margin m is exact to rounding, they are to 1 / m of it.
-        """
-        left, least = tail(self.series), float(self.rows[2].min())
-        known = NOTHING / least if least > 0 else math.inf
-        found: Floats = np.where(left <= known, 0.0, left)
-        return found
-
-    @property
-    def tail(self) -> float:
-        """The largest of them but for the margin: the smallest of several margins has kinks."""
-        return float(np.delete(self.tails, 2).max())
-
-    def at(self, q: Floats) -> Floats:
-        """All rows (r, m) at places (m,) inside."""
-        way = self.high - q if self.limit > 0 else q - self.low
-        v = np.clip(way / self.length, 0.0, 1.0)
-        v = np.sqrt(v) if self.limit else v
-        found: Floats = self.series @ basis(v, self.series.shape[1]).T
-        if self.limit:
-            v = np.maximum(v, EPS)
-            found[0] /= v * v
-            found[1] /= v
-        return found
-
-    def zeros(self, row: int) -> list[float]:
-        """Places at which a row is zero, ascending."""
-        values = self.rows[row]
-        if np.ptp(values) < np.abs(values).min():  # all of one sign, and far from zero
-            return []
-        found = place(self.low, self.high, self.limit, roots(self.series[row]))
-        return sorted(found.tolist())
-
-    def touches(self, row: int, level: float) -> list[float]:
-        """Places at which a row that is not negative comes down to a level, or nearly.
-
-        A series of n terms that touches zero is, by Bernstein's inequality, below
-        (pi / 8)^2 / 2 of its largest value at one of 4 n nodes; only then its minima are found.
-        """
-        series = self.series[row]
-        values = _finer(series.size) @ series
-        if values.min() > (math.pi / 8) ** 2 / 2 * np.abs(values).max():
-            return []
-        v = np.concatenate([[0.0], roots(chebyshev.chebder(series)), [1.0]])
-        low = v[basis(v, series.size) @ series <= level]
-        found: list[float] = place(self.low, self.high, self.limit, low).tolist()
-        return found
-
-
-@cache
-def _finer(n: int) -> Floats:
-    """Values at 4 n nodes from n coefficients."""
-    return np.asarray(basis(node_places(4 * n), n))
-
-
-# -- the motion ----------------------------------------------------------------------------
-
-
-class Span(NamedTuple):
-    """Where a panel lies: u = length v^p from its anchor.
-
-    sign : direction of the motion
-    energy : [J] at the anchor, or at v = 1 where the anchor is a limit
-    backward : whether v is measured from its end
-    limit : whether the anchor is a dead centre ahead; 2 v w is smooth then, not w
-    """
-
-    anchor: float
-    length: float
-    sign: int
-    energy: float
-    p: int = 1
-    backward: bool = False
-    limit: bool = False
+    @cached_property
+    def way(self) -> Floats:
+        """(m,) [rad or m] from the anchors to v = 1."""
+        return np.where(self.backward, self.begin - self.end, self.end - self.begin)
 
     def places(self, v: Floats) -> Floats:
-        """Driver coordinates of v."""
-        way = self.sign * self.length * v**self.p
-        return np.asarray(self.anchor - way if self.backward else self.anchor + way)
+        """Driver coordinates (m, k) of v (k,)."""
+        ways = np.where(self.kind[:, None] == PLAIN, v, v * v)
+        return np.asarray(self.anchor[:, None] + self.way[:, None] * ways)
+
+    def of(self, which: Any) -> Spans:
+        """Some of them."""
+        return Spans(*(x[which] for x in (self.begin, self.end, self.energy, self.kind)))
 
     def slopes(self, n: int) -> Floats:
-        """dK/dw (n + 1, n) at the nodes, and at the end that is not known."""
-        return self.length * _slopes(n, self.p, self.backward, self.limit)
+        """dK/dw (m, n + 1, n) at the nodes, and at the end that is not known."""
+        return np.asarray(self.way[:, None, None] * rule(n).energy[self.kind])
 
 
-@cache
-def _slopes(n: int, p: int, backward: bool, limit: bool) -> Floats:
-    r = rule(n)
-    ends = np.append(r.v, 1.0)[:, None]
-    if limit:  # from v = 1 down to v, of 2 v w
-        found: Floats = r.average[1] * (2 * r.v)
-        inner = np.vstack([ends[:-1] * found[:-1], np.zeros(n)])
-        return np.asarray(found[-1] - inner)
-    return np.asarray((-1.0 if backward else 1.0) * ends**p * r.average[p])
+def span(begin: float, end: float, energy: float, kind: int = PLAIN) -> Spans:
+    """A single one."""
+    return Spans(*map(np.atleast_1d, (begin, end, energy, kind)))
 
 
 @dataclass(frozen=True)
-class Panel:
-    """A piece of the motion in one direction.
+class Panels:
+    """Panels that follow each other, m of them with n nodes each.
 
-    t0 : [s] when it begins
-    q0, q1 : [rad or m] where it begins and ends
-    K0, K1 : [J] kinetic energy there
-    p : exponent of the map
-    backward : whether v is measured from its end
-    w, K, J : (n,) dK/du along the motion, kinetic energy and inertia at the nodes
-    lost : (n,) dW/du that friction takes, at the nodes; None without friction
+    t0 : [s] when the first begins
+    w, J : (m, n) dK/dq and inertia at the nodes
+    K : (m, n + 1) [J] kinetic energy there, and at the end that is not known
+    lost : (m, n) magnitude of dW/dq that friction takes
     """
 
     t0: float
-    q0: float
-    q1: float
-    K0: float
-    K1: float
-    p: int
-    backward: bool
+    spans: Spans
     w: Floats
     K: Floats
     J: Floats
-    lost: Floats | None = None
-
-    @property
-    def length(self) -> float:
-        """[rad or m]"""
-        return abs(self.q1 - self.q0)
+    lost: Floats
 
     @cached_property
     def rate(self) -> Floats:
-        """Chebyshev coefficients (n,) of dt/dv."""
-        r = rule(self.w.size)
+        """Chebyshev coefficients (m, n) of dt/dv."""
+        r, kind = rule(self.w.shape[1]), self.spans.kind
         with np.errstate(all="ignore"):
-            slope = np.sqrt(self.J / (2 * self.K)) * (self.p * self.length)
-        found: Floats = r.to_series @ (slope * r.v if self.p == 2 else slope)
+            slope = np.sqrt(self.J / (2 * self.K[:, :-1])) * r.powers[kind]
+        return np.asarray((slope @ r.to_series.T) * (P[kind] * np.abs(self.spans.way))[:, None])
+
+    @cached_property
+    def clock(self) -> Floats:
+        """Coefficients (m, n + 1) of the time since v = 0."""
+        found: Floats = self.rate @ rule(self.w.shape[1]).clock.T
         return found
 
     @property
     def work(self) -> Floats:
-        """Chebyshev coefficients (n,) of dK/du."""
-        found: Floats = rule(self.w.size).to_series @ self.w
+        """Chebyshev coefficients (m, n) of dK/dq."""
+        found: Floats = self.w @ rule(self.w.shape[1]).to_series.T
         return found
 
     @cached_property
-    def clock(self) -> Floats:
-        """Coefficients (n + 1,) of the time since v = 0."""
-        found: Floats = rule(self.w.size).clock @ self.rate
-        return found
-
-    @cached_property
-    def duration(self) -> float:
-        """[s]"""
-        return float(self.clock.sum())
+    def times(self) -> Floats:
+        """(m + 1,) [s] when they begin, and when the last ends."""
+        return np.asarray(self.t0 + np.append(0.0, np.cumsum(self.clock.sum(axis=1))))
 
     @property
     def t1(self) -> float:
-        """[s] when it ends."""
-        return self.t0 + self.duration
+        """[s] when the last ends."""
+        return float(self.times[-1])
+
+    @property
+    def size(self) -> float:
+        """[J] of all the work to and fro."""
+        return float((np.abs(self.w).mean(axis=1) * np.abs(self.spans.way)).sum())
+
+    def at_end(self) -> tuple[float, float]:
+        """Place [rad or m] and kinetic energy [J] at the end of the last."""
+        q = float(self.spans.end[-1])
+        return q, 0.0 if self.spans.kind[-1] == TO_REST else max(float(self.K[-1, -1]), 0.0)
+
+    def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
+        """The same panels at another time and with more kinetic energy [J]."""
+        spans = replace(self.spans, energy=self.spans.energy + energy)
+        return replace(self, t0=t0, spans=spans, K=self.K + energy)
+
+    def first(self, count: int) -> Panels:
+        """The first ones of them."""
+        parts = (x[:count] for x in (self.w, self.K, self.J, self.lost))
+        return Panels(self.t0, self.spans.of(slice(count)), *parts)
+
+    def smooth(self, J0: Floats, tolerance: float, work: bool) -> NDArray[np.bool_]:
+        """Whether the time of each (m,), and its work, are smooth enough for its nodes.
+
+        J0 : (m,) at the anchors. Of a plain panel dt/dv begins with the rate that is known
+        there, else a layer hides between the nodes.
+        """
+        good = (self.K[:, :-1] > 0).all(axis=1) & (tail(self.rate) <= tolerance)
+        if work:
+            good &= tail(self.work) <= tolerance
+        size = np.abs(self.rate)
+        with np.errstate(all="ignore"):
+            known = np.abs(self.spans.way) * np.sqrt(J0 / (2 * self.spans.energy))
+            begins = self.rate[:, ::2].sum(axis=1) - self.rate[:, 1::2].sum(axis=1)
+            left = np.maximum(size[:, -(size.shape[1] // 4) :].max(axis=1), tolerance * size.max(1))
+            fits = np.abs(begins - known) <= size.shape[1] * left
+        return np.asarray(good & (fits | (self.spans.kind != PLAIN)))
+
+    # -- the state at a time -------------------------------------------------------
+
+    @cached_property
+    def _table(self) -> tuple[Floats, Floats, Floats]:
+        """Rising arguments 2 i + (share of the time of panel i), v there, and dv by them."""
+        r, m = rule(self.w.shape[1]), len(self.w)
+        times, slope = self.clock @ r.known.T, self.rate @ r.known[:, :-1].T
+        whole = np.maximum(times[:, -1:], SMALLEST)
+        share = np.clip(np.maximum.accumulate(times, axis=1) / whole, 0.0, 1.0)
+        with np.errstate(all="ignore"):
+            rise = np.where(slope > 0, whole / slope, 0.0)
+        v = np.concatenate([[0.0], r.v, [1.0]])
+        return (2.0 * np.arange(m)[:, None] + share).ravel(), np.tile(v, m), rise.ravel()
+
+    def _near(self, x: Floats) -> Floats:
+        """v at arguments of the table, by cubics between its rows."""
+        known, v, rise = self._table
+        j = np.clip(np.searchsorted(known, x, "right") - 1, 0, known.size - 2)
+        h = np.maximum(known[j + 1] - known[j], SMALLEST)
+        s, dv = (x - known[j]) / h, v[j + 1] - v[j]
+        bend = (1 - s) * (h * rise[j] - dv) - s * (h * rise[j + 1] - dv)
+        return np.asarray(np.clip(v[j] + s * (dv + (1 - s) * bend), 0.0, 1.0))
+
+    def _found(self, t: Floats) -> tuple[Ints, Floats, Floats]:
+        """At times (k,): the panels, v, and dt/dv, by Newton's method kept within a bracket."""
+        i = np.clip(np.searchsorted(self.times, t, "right") - 1, 0, len(self.w) - 1)
+        duration = self.clock.sum(axis=1)[i]
+        since = np.where(self.spans.backward[i], self.times[i + 1] - t, t - self.times[i])
+        since = np.clip(since, 0.0, duration)
+        clock, rate = self.clock[i], self.rate[i]
+        v = self._near(2.0 * i + since / np.maximum(duration, SMALLEST))
+        low, high = np.zeros(since.shape), np.ones(since.shape)
+        for _ in HALVINGS:
+            known = basis(v, clock.shape[1])
+            miss = np.einsum("kn,kn->k", known, clock) - since
+            slope = np.einsum("kn,kn->k", known[:, :-1], rate)
+            low, high = np.where(miss <= 0, v, low), np.where(miss >= 0, v, high)
+            with np.errstate(all="ignore"):
+                new = v - miss / slope
+            new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
+            near = np.abs(new - v) <= math.sqrt(EPS) * v + EPS  # the next step is below rounding
+            v = new
+            if near.all():
+                break
+        return i, v, np.einsum("kn,kn->k", basis(v, rate.shape[1]), rate)
+
+    def state(self, t: Floats) -> tuple[Floats, Floats]:
+        """Driver coordinate and rate (k,) at times (k,) [s]; after the end those of the end."""
+        i, v, slope = self._found(t)
+        kind, way = self.spans.kind[i], self.spans.way[i]
+        lead = np.where(kind == PLAIN, 1.0, v)
+        with np.errstate(all="ignore"):
+            speed = np.where(slope > 0, P[kind] * way * lead / slope, 0.0)
+        return self.spans.anchor[i] + way * v * lead, np.where(
+            self.spans.backward[i], -speed, speed
+        )
+
+    def taken(self, t: float) -> float:
+        """Work [J] that friction has taken until a time [s]."""
+        if not self.lost.any():
+            return 0.0
+        r, kind, way = rule(self.w.shape[1]), self.spans.kind, np.abs(self.spans.way)
+        density = self.lost * r.powers[kind] * (P[kind] * way)[:, None]
+        series = density @ r.to_series.T @ r.clock.T
+        whole = series.sum(axis=1)
+        (i,), v, _ = self._found(np.array([t]))
+        since = float((basis(v, series.shape[1]) @ series[i])[0])
+        return float(whole[:i].sum()) + (
+            float(whole[i]) - since if self.spans.backward[i] else since
+        )
 
     def at_place(self, q: float) -> float:
-        """Time [s] at which it passes a place."""
-        share = abs(self.q1 - q if self.backward else q - self.q0) / self.length
-        v = np.array([min(share, 1.0) ** (1 / self.p)])
-        since = float((basis(v, self.w.size + 1) @ self.clock)[0])
-        return self.t1 - since if self.backward else self.t0 + since
+        """Time [s] at which they pass a place."""
+        begin, end = self.spans.begin[0], self.spans.end
+        i = min(int(np.searchsorted(np.abs(end - begin), abs(q - begin))), len(end) - 1)
+        share = min(abs((q - self.spans.anchor[i]) / self.spans.way[i]), 1.0)
+        v = np.array([share if self.spans.kind[i] == PLAIN else math.sqrt(share)])
+        since = float((basis(v, self.clock.shape[1]) @ self.clock[i])[0])
+        return float(self.times[i + 1] - since if self.spans.backward[i] else self.times[i] + since)
 
-    def taken(self, q: float) -> float:
-        """Work [J] that friction has taken when it passes a place."""
-        if self.lost is None:
-            return 0.0
-        r = rule(self.w.size)
-        series = r.clock @ (r.to_series @ (self.lost * self.p * r.v ** (self.p - 1) * self.length))
-        share = abs(self.q1 - q if self.backward else q - self.q0) / self.length
-        v = np.array([min(share, 1.0) ** (1 / self.p)])
-        since = float((basis(v, series.size) @ series)[0])
-        return float(series.sum()) - since if self.backward else since
 
-    def faster(self, energy: float, t: float) -> Panel:
-        """The same piece of the path at another time and with more kinetic energy [J]."""
-        K0, K1 = self.K0 + energy, self.K1 + energy
-        return replace(self, t0=t, K0=K0, K1=K1, K=self.K + energy)
-
-    def begins_known(self, J: float, tolerance: float) -> bool:
-        """Whether dt/dv begins with the rate that is known: no layer hides between the nodes."""
-        if self.p != 1:
-            return True
-        known = self.length * math.sqrt(J / (2 * self.K0))
-        size = np.abs(self.rate)
-        found = float(self.rate[::2].sum() - self.rate[1::2].sum())
-        left = max(float(size[-(size.size // 4) :].max()), tolerance * float(size.max()))
-        return abs(found - known) <= size.size * left
+def joined(row: Sequence[Panels]) -> Panels:
+    """Panels that follow each other as one."""
+    if len(row) == 1:
+        return row[0]
+    places = (p.spans for p in row)
+    columns = zip(*((x.begin, x.end, x.energy, x.kind) for x in places), strict=True)
+    spans = Spans(*map(np.concatenate, columns))
+    names = ("w", "K", "J", "lost")
+    parts = (np.concatenate([getattr(p, name) for p in row]) for name in names)
+    return Panels(row[0].t0, spans, *parts)

@@ -28,6 +28,7 @@ from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
     DEAD_CENTRE,
+    END_STOP,
     INTERRUPTED,
     REST,
     SELF_LOCKED,
@@ -37,16 +38,17 @@ from blockmech.dynamics.motion import (
     Status,
     Still,
 )
-from blockmech.dynamics.panels import Floats, Panel
-from blockmech.dynamics.rest import equilibrium, start_failure
+from blockmech.dynamics.panels import Floats, Panels, joined
+from blockmech.dynamics.rest import equilibrium, failure_at
 from blockmech.dynamics.road import CLOSE, Piece, Road
-from blockmech.dynamics.track import Leg, PathTrack, Pattern, Row
+from blockmech.dynamics.swing import Swing
+from blockmech.dynamics.track import Leg, PathTrack, Pattern
 from blockmech.plane import EPS
 from blockmech.series import tail
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
-    from blockmech.dynamics.system import System
+    from blockmech.dynamics.system import Sample, System
 
 TURN = 2 * math.pi
 SIZES = ((32, 48), (40, 56))  # nodes of a panel of the two runs, and of two finer ones
@@ -65,13 +67,14 @@ class PathRun:
 
     system: System
     request: SimulationRequest
+    start: Sample
     n: int
     beside: bool = False
     t: float = 0.0
     q: float = 0.0
     K: float = 0.0
     sign: int = 0
-    panels: list[Panel] = field(default_factory=list)  # since the last leg
+    panels: list[Panels] = field(default_factory=list)  # since the last leg
     legs: list[Leg] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     status: Status = "reached"
@@ -88,7 +91,8 @@ class PathRun:
         self.off = BESIDE if self.beside else 0
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
         self.q = q * (1 + self.off * EPS)
-        self.road = Road(self.system, self.q, self.n, tolerance, 2 * self.off)
+        # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
+        self.road = Road(self.system, self.q, self.n, tolerance, 4 * self.off)
         self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
         self.place_only = self.next.place_only
 
@@ -99,8 +103,7 @@ class PathRun:
         rate = float(self.request.start.rate) * (1 + self.off * EPS)
         try:
             if rate:
-                J = float(self.system.sample(np.array([self.q])).J[0])
-                self.sign, self.K = (1 if rate > 0 else -1), J * rate**2 / 2
+                self.sign, self.K = (1 if rate > 0 else -1), float(self.start.J[0]) * rate**2 / 2
                 self.mark = (0, self.at)
             else:
                 self.leave()
@@ -148,7 +151,7 @@ class PathRun:
                 self.rest(REST)
             self.sign = found.moves
         else:
-            tau = float(system.sample(np.array([q])).tau[0])
+            tau = float((system.sample(np.array([q])) if self.count else self.start).tau[0])
             if abs(tau) <= 8 * EPS * system.load_size(q):  # a sum of some ten terms
                 kind, facts, notes = equilibrium(system, q)
                 self.facts.update(facts)
@@ -169,7 +172,8 @@ class PathRun:
 
     def advance(self) -> None:
         """One panel further."""
-        piece = self.road.ahead(self.q, self.sign)
+        stop = self.system.stops[0][self.sign > 0]
+        piece = END_STOP if self.sign * (self.q - stop) >= 0 else self.road.ahead(self.q, self.sign)
         if isinstance(piece, str):
             self.arrive(piece)
             return
@@ -181,13 +185,18 @@ class PathRun:
             elif piece.what_ends(self.sign):
                 self.arrive(piece.what_ends(self.sign))
             return
-        ahead = [*piece.cuts, *self.goal_places()]
+        goals = [stop, *self.goal_places()]
         if self.mark is not None and self.system.period is not None:
-            ahead.append(self.turned(self.system.period))
-        ahead = [x for x in ahead if self.sign * (x - self.q) > 0 and not self.here(x)]
-        end = min([end, *ahead], key=lambda x: self.sign * x)
-        panel = self.next.panel(self.at, piece, end)
-        if isinstance(panel, Panel):
+            goals.append(self.turned(self.system.period))
+        goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
+        goal = min(goals, key=lambda x: self.sign * x, default=self.sign * math.inf)
+        panel: Panels | Obstacle | None = self.at_once(piece, goal)
+        if panel is None:
+            cuts = (x for x in piece.cuts if self.sign * (x - self.q) > 0 and not self.here(x))
+            panel = self.next.panel(
+                self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
+            )
+        if isinstance(panel, Panels):
             self.take(panel)
             self.passed(piece)
         elif panel.end == STANDSTILL:
@@ -195,6 +204,24 @@ class PathRun:
             self.stand()
         elif panel.end:
             self.obstructed(panel)
+
+    def at_once(self, piece: Piece, goal: float) -> Panels | None:
+        """All panels until a standstill or a goal; None where that is not for all at once."""
+        sign, end, following = self.sign, self.q, piece
+        pieces: list[Piece] = []
+        while self.place_only and len(pieces) < len(self.road.pieces):
+            if following.data.limit or following.what_ends(sign):
+                break
+            pieces.append(following)
+            end = following.end(sign)
+            if sign * (end - goal) >= 0:
+                end = goal
+                break
+            known = self.road.known(end, sign)
+            if known is None:
+                break
+            following = known
+        return Swing(self.next, self.at, pieces, end).panels() if pieces else None
 
     def obstructed(self, by: Obstacle) -> None:
         """The end, where no panel goes on."""
@@ -214,15 +241,15 @@ class PathRun:
         assert self.mark is not None
         return self.mark[1].q + self.sign * period
 
-    def take(self, panel: Panel) -> None:
-        """The motion goes over a panel."""
-        self.panels.append(panel)
-        self.count += 1
-        self.t, self.q, self.K = panel.t1, panel.q1, max(panel.K1, 0.0)
-        if self.beside and self.K > 0:
-            self.K += self.rounding * panel.length * float(np.abs(panel.w).mean())
+    def take(self, panel: Panels) -> None:
+        """The motion goes over panels."""
         if self.system.progress is not None:
             self.system.progress("moving", self.t, self.t_goal if self.t_goal < math.inf else None)
+        self.panels.append(panel)
+        self.count += len(panel.w)
+        self.t, (self.q, self.K) = panel.t1, panel.at_end()
+        if self.beside and self.K > 0:
+            self.K += self.rounding * panel.size
 
     def passed(self, piece: Piece) -> None:
         """What happens at the end of a panel."""
@@ -273,17 +300,17 @@ class PathRun:
 
     # -- patterns ------------------------------------------------------------
 
-    def since_mark(self) -> tuple[float, tuple[Panel, ...]]:
+    def since_mark(self) -> tuple[float, Panels]:
         """When [s] a pattern began, and its panels with times counted from there."""
         assert self.mark is not None
         first, (t, *_) = self.mark
-        return t, tuple(replace(p, t0=p.t0 - t) for p in self.panels[first:])
+        return t, joined(self.panels[first:]).taken_from(0.0)
 
     def repeats(self, pattern: Pattern) -> None:
         """A pattern takes the place of its first repetition."""
         assert self.mark is not None
         before = self.panels[: self.mark[0]]
-        self.legs += [Row(tuple(before)), pattern] if before else [pattern]
+        self.legs += [joined(before), pattern] if before else [pattern]
         self.panels, self.mark = [], None
 
     def repeat_swing(self) -> None:
@@ -299,7 +326,7 @@ class PathRun:
             more, status = until.value - self.standstills, "reached"
         elif self.t_goal < math.inf:
             more, status = math.floor((self.t_goal - t) / swing.duration) - 1, "reached"
-        places = self.q, panels[0].q0
+        places = self.q, float(panels.spans.begin[0])
         for k in range(int(more)):
             when = swing.begins(k + 2)
             if when <= self.t_goal:
@@ -327,9 +354,8 @@ class PathRun:
         assert self.mark is not None
         start = self.mark[1]
         t, panels = self.since_mark()
-        size = sum(p.length * float(np.abs(p.w).mean()) for p in panels)
         gain = self.K - start.K
-        if self.system.lossless or abs(gain) <= 16 * self.rounding * size:  # of some panels
+        if self.system.lossless or abs(gain) <= 16 * self.rounding * panels.size:  # of some panels
             gain = 0.0
         turn = Pattern(t, panels, self.sign * period, gain)
         again = start.K > 0 and (gain == 0 or self.place_only)
@@ -352,15 +378,14 @@ class PathRun:
     def turns_ahead(self, turn: Pattern) -> int:
         """How many turns may follow like this one: while there is energy, or until the goal."""
         if turn.gain < 0:
-            least = min(float(p.K.min()) for p in turn.panels)
-            low, high = 0, int(least / -turn.gain)
+            low, high = 0, int(float(turn.panels.K.min()) / -turn.gain)
             while high - low > 0:  # later turns are slow somewhere, where panels do not resolve
                 middle = (low + high + 1) // 2
-                fits = all(tail(p.rate) <= self.road.tolerance for p in turn.repetition(middle))
+                fits = (tail(turn.repetition(middle).rate) <= self.road.tolerance).all()
                 low, high = (middle, high) if fits else (low, middle - 1)
             return low
         count = 1
-        ways = [abs(x - turn.panels[0].q0) for x in self.goal_places()]
+        ways = [abs(x - float(turn.panels.spans.begin[0])) for x in self.goal_places()]
         if ways:
             return math.ceil(max(ways) / abs(turn.step)) + 1
         if self.t_goal == math.inf:
@@ -398,12 +423,13 @@ class PathRun:
     def motion(self) -> Motion:
         """The motion of a run that has ended; its error is not known yet."""
         request, system, t0 = self.request, self.system, self.request.start.t
-        legs = [*self.legs, Row(tuple(self.panels))] if self.panels else self.legs
+        legs = [*self.legs, joined(self.panels)] if self.panels else self.legs
         track = PathTrack(tuple(legs), t0) if legs else Still(self.q)
-        q, qd = (float(x[0]) for x in track.state(np.array([t0 + self.t])))
         if self.events and self.events[-1].t == self.t:
             q, qd = self.events[-1].q, self.events[-1].qd
-        elif self.end == request.until.goal and any(map(self.here, self.goal_places())):
+        else:
+            q, qd = (float(x[0]) for x in track.state(np.array([t0 + self.t])))
+        if self.end == request.until.goal and any(map(self.here, self.goal_places())):
             q = self.q
         if system.friction is not None:
             self.facts["friction_work"] = math.fsum(leg.taken(self.t) for leg in legs)
@@ -434,10 +460,11 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     Of two runs the coarser has fewer nodes and is some ulps beside, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
-    failure = start_failure(system, float(request.start.q), float(request.start.rate))
+    start = system.sample(np.array([float(request.start.q)]), float(request.start.rate))
+    failure = failure_at(start)
     best = None
     for few, many in SIZES:
-        run = PathRun(system, request, many)
+        run = PathRun(system, request, start, many)
         if failure:
             run.stop(failure, "failed")
             return replace(run.motion(), error=math.inf, time_error=math.inf)
@@ -447,7 +474,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
             return stopped(fine, best)
         if not run.panels and not run.legs:
             return replace(fine, error=0.0)
-        run = PathRun(system, request, few, True)
+        run = PathRun(system, request, start, few, True)
         run.run()
         coarse = run.motion()
         if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:

@@ -10,15 +10,19 @@ import numpy as np
 from blockmech.dynamics.motion import IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.system import System
+    from blockmech.dynamics.system import Sample, System
 
 STEP = 1e-3  # [rad] or share of the span: of a fourth-order difference, whose error it makes 1e-12
 
 
 def start_failure(system: System, q: float, rate: float, t: float = 0.0) -> str:
     """Why nothing can start at a place; empty where it can."""
-    found = system.sample(np.array([q]), rate, t)
-    J, tau, margin = (float(x[0]) for x in found)
+    return failure_at(system.sample(np.array([q]), rate, t))
+
+
+def failure_at(start: Sample) -> str:
+    """Why nothing can start at a place with that sample; empty where it can."""
+    J, tau, margin = (float(x[0]) for x in start)
     if not (margin > 0 and math.isfinite(J)):
         return IMPOSSIBLE
     if not J > 0:

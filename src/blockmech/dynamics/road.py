@@ -1,9 +1,9 @@
 """The road: place data along the driver's path, made where a motion comes to and kept.
 
-A piece ends where its series would not be smooth: at kinks of loads, end stops, dead centres,
+A piece ends where its series would not be smooth: at kinks of loads, dead centres,
 places without inertia. It is halved until its series are resolved, so pieces crowd only where
-the mechanism asks for it. In a periodic scene the pieces of one period serve all turns, and the
-first samples of all of them are taken in one batch.
+the mechanism asks for it. In a periodic scene the pieces of one period serve all turns and all
+runs of a mechanism; they are made at once.
 """
 
 from __future__ import annotations
@@ -15,9 +15,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.dynamics.motion import DEAD_CENTRE, END_STOP, IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
-from blockmech.dynamics.panels import NOTHING, Floats, PlaceData, place, rule
-from blockmech.dynamics.track import HALVINGS
+from blockmech.dynamics.motion import DEAD_CENTRE, IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
+from blockmech.dynamics.panels import HALVINGS, Floats, rule
+from blockmech.dynamics.place import (
+    MARGIN,
+    NOTHING,
+    SLIPS,
+    TAU,
+    J,
+    PlaceData,
+    mesh,
+    place,
+    possible,
+)
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
@@ -26,7 +36,6 @@ if TYPE_CHECKING:
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
 PARTS = 16  # a search for the last possible pose asks at that many places at a time
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
-J, TAU, MARGIN, SLIPS = 0, 1, 2, 3  # rows of place data; slips and what follows with friction
 
 
 @dataclass(frozen=True)
@@ -34,7 +43,7 @@ class Piece:
     """Place data in the coordinate of the motion.
 
     ends : what ends the road at the low and the high end, "" where it goes on
-    cuts : places inside at which a pair with friction reverses, or an end stop is
+    cuts : places inside at which a pair with friction reverses
     shift : [rad] whole periods between the two coordinates
     """
 
@@ -55,6 +64,11 @@ class Piece:
         """Place data (r, m) at places of the motion."""
         return self.data.at(q - self.shift)
 
+    def shifted(self, by: float) -> Piece:
+        """The same some periods further on."""
+        cuts = tuple(x + by for x in self.cuts)
+        return replace(self, shift=self.shift + by, cuts=cuts) if by else self
+
 
 @dataclass
 class Road:
@@ -68,48 +82,77 @@ class Road:
     n: int
     tolerance: float
     beside: int = 0
-    pieces: list[Piece] = field(default_factory=list)
+    pieces: list[Piece] = field(init=False)
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
+
+    def __post_init__(self) -> None:
+        self.pieces = []
+        period = self.system.period
+        if period is None:
+            return
+        kept, key = self.system.kept, ("mesh", self.n, self.system.friction is None)
+        if key not in kept:
+            made = mesh(
+                self._values,
+                self._edges_from(self._half_a_period_before(0.0)),
+                self.n,
+                self.tolerance,
+            )
+            kept[key] = [self._piece(data) for data in made]
+        for piece in kept[key]:
+            turns = math.ceil((self.first - piece.data.low) / period - CLOSE)
+            self.pieces.append(piece.shifted(turns * period))
+
+    @cached_property
+    def first(self) -> float:
+        """Where the period begins whose pieces serve all turns."""
+        return self._half_a_period_before(self.start)
+
+    def _half_a_period_before(self, q: float) -> float:
+        """An edge of the pieces.
+
+        They keep clear of quarters of a turn, where much that is symmetric is in equilibrium.
+        """
+        assert self.system.period is not None
+        part = self.system.period / PIECES
+        return part * (math.floor(q / part - PIECES / 2) + 0.5)
+
+    def known(self, q: float, sign: int) -> Piece | None:
+        """The piece ahead of a place; None where none was made yet."""
+        shift, near = self._turn(q, sign)
+        there = q - shift
+        for piece in self.pieces:
+            data = piece.data
+            ahead = ((data.high if sign > 0 else data.low) + piece.shift - there) * sign
+            if near < ahead <= data.length + near:
+                return piece.shifted(shift)
+        return None
 
     def ahead(self, q: float, sign: int, length: float = math.inf) -> Piece | str:
         """The piece ahead of a place, no longer than asked if it is new; or why there is none."""
-        low, high = self.system.stops[0]
-        if (q >= high and sign > 0) or (q <= low and sign < 0):
-            return END_STOP
-        period = self.system.period
-        near = CLOSE * max(abs(q), abs(self.start))
-        shift = 0.0
-        if period is not None:
-            shift = period * math.floor((q + sign * near - self.start) / period + 0.5)
-        near += CLOSE * abs(shift)
-        there = q - shift
-        for piece in self.pieces:
-            ahead = (piece.end(sign) - there) * sign
-            if near < ahead <= piece.data.length + near:
-                return self._placed(piece, shift)
-        there = next((x for x in self._edges if abs(x - there) <= near), there)
+        found = self.known(q, sign)
+        if found is not None:
+            return found
+        shift, near = self._turn(q, sign)
+        there = next((x for x in self._edges if abs(x - (q - shift)) <= near), q - shift)
         made = self._made(there, sign, length)
         if isinstance(made, str):
             return made
         self.pieces.append(made)
-        return self._placed(made, shift)
+        return made.shifted(shift)
 
     def shorten(self, piece: Piece, q: float, sign: int, length: float) -> None:
         """A shorter piece from a place on instead of one that is too long for what happens."""
         self.pieces = [p for p in self.pieces if p.data is not piece.data]
         self.ahead(q, sign, length)
 
-    def _placed(self, piece: Piece, shift: float) -> Piece:
-        """A piece in the motion's coordinate: end stops end one turn and not all turns."""
-        cuts = [x + shift for x in piece.cuts]
-        ends = list(piece.ends)
-        placed = replace(piece, shift=shift)
-        for i, stop in enumerate(self.system.stops[0]):
-            if placed.end(-1) < stop < placed.end(1):
-                cuts.append(stop)
-            elif stop == placed.end(1 if i else -1):
-                ends[i] = END_STOP
-        return replace(placed, ends=(ends[0], ends[1]), cuts=tuple(cuts))
+    def _turn(self, q: float, sign: int) -> tuple[float, float]:
+        """Whole periods [rad] to the kept one, and a distance that is none but for rounding."""
+        period, near = self.system.period, CLOSE * max(abs(q), abs(self.start))
+        if period is None:
+            return 0.0, near
+        shift = period * math.floor((q + sign * near - self.first) / period)
+        return shift, near + CLOSE * abs(shift)
 
     # -- making a piece ------------------------------------------------------------
 
@@ -117,14 +160,12 @@ class Road:
         """A resolved piece from q on."""
         far, what = self._far(q, sign, length)
         limit = self._limit(sign, what)
-        for _ in range(HALVINGS):
+        for _ in HALVINGS:
             if far == q:
                 return what or IMPOSSIBLE
             low, high = (q, far) if sign > 0 else (far, q)
             data = PlaceData(low, high, limit, self._rows(low, high, limit))
-            rows = data.rows
-            possible = (rows[MARGIN] > 0) & (rows[J] > 0) & np.isfinite(rows[:MARGIN]).all(axis=0)
-            if not limit and not possible.all():
+            if not limit and not possible(data.rows):
                 far, what = self._last_possible(q, far)
                 far -= sign * self.beside * math.ulp(far) if far != q else 0.0
                 self.limits.append((far, sign, what))
@@ -134,7 +175,7 @@ class Road:
             if touched is not None and abs(touched[0] - far) > math.sqrt(EPS) * data.length:
                 far, what, limit = *touched, 0
             elif data.tail <= self.tolerance:
-                return self._finished(data, sign, what)
+                return self._piece(data, ("", what) if sign > 0 else (what, ""))
             else:
                 far, what, limit = (q + far) / 2, "", 0
         return IMPOSSIBLE
@@ -148,17 +189,21 @@ class Road:
 
     @cached_property
     def _edges(self) -> list[float]:
-        """Ends of the first pieces: of a period about the start, or of all that kinks bound."""
-        period, knots = self.system.period, self.system.knots
-        if period is None:
-            return list(knots)
+        """Ends of the first pieces: of a period, or of all that kinks bound."""
+        if self.system.period is None:
+            return list(self.system.knots)
+        return [float(x) for x in self._edges_from(self.first)]
+
+    def _edges_from(self, first: float) -> Floats:
+        """Ends of the pieces of a period from a place on."""
+        period = self.system.period
+        assert period is not None
         ways = {k / PIECES * period for k in range(PIECES + 1)}
-        ways |= {(x - self.start + period / 2) % period for x in knots}
-        apart = sorted(ways)
+        apart = sorted(ways | {(x - first) % period for x in self.system.knots})
         apart = [
             x for x, y in zip(apart, [*apart[1:], math.inf], strict=True) if y - x > CLOSE * period
         ]
-        return [self.start + (x - period / 2) for x in apart]
+        return first + np.array(apart)
 
     def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:
         """The farthest place that a new piece may reach, and what ends the road there."""
@@ -175,19 +220,8 @@ class Road:
         ahead = [x for x in found if sign * (x[0] - q) > near]
         return min(ahead, key=lambda x: sign * x[0], default=(q + sign * usual, ""))
 
-    @cached_property
-    def _sampled(self) -> dict[tuple[float, float], Floats]:
-        """Values of the first pieces of a period, taken in one batch."""
-        if self.system.period is None:
-            return {}
-        pairs = list(zip(self._edges, self._edges[1:], strict=False))
-        values = self._values(np.concatenate([place(*x, 0, rule(self.n).v) for x in pairs]))
-        return dict(zip(pairs, np.split(values, len(pairs), axis=1), strict=True))
-
     def _rows(self, low: float, high: float, limit: int) -> Floats:
         """Values of a piece at its nodes."""
-        if not limit and (low, high) in self._sampled:
-            return self._sampled[low, high]
         v = rule(self.n).v
         rows = self._values(place(low, high, limit, v))
         if limit:  # J and tau grow without bound there
@@ -204,7 +238,7 @@ class Road:
         good, bad = q, far
         if not self._possible_at(np.array([q]))[0]:
             return q, self._why(q, q)
-        for _ in range(HALVINGS):
+        for _ in HALVINGS:
             x = np.linspace(good, bad, PARTS + 1)[1:]
             x = x[(x != good) & (x != bad)]
             if not x.size:
@@ -239,8 +273,7 @@ class Road:
                 found += [(q, what) for q in data.touches(row, nothing)]
         return min(found, key=lambda x: sign * x[0]) if found else None
 
-    def _finished(self, data: PlaceData, sign: int, what: str) -> Piece:
-        ends = ("", what) if sign > 0 else (what, "")
+    def _piece(self, data: PlaceData, ends: tuple[str, str] = ("", "")) -> Piece:
         slips = () if self.system.friction is None else self.system.friction.names
         cuts = [x for k in range(len(slips)) for x in data.zeros(SLIPS + k)]
         return Piece(data, ends, tuple(x for x in cuts if data.low < x < data.high))

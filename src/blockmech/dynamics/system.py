@@ -95,6 +95,7 @@ class Programs:
 
     def __init__(self, compiled: Source) -> None:
         self.structure, self.scene = compiled.structure, compiled.scene
+        self.kept: dict[Any, Any] = {}  # what methods keep of it between runs
         self.drivers = self.structure.drivers
 
     def _schedule(self) -> Schedule:
@@ -225,6 +226,11 @@ class System:
     def equation_program(self) -> Program:
         """The program of the equation of motion at one state."""
         return self._programs.equation[0]
+
+    @property
+    def kept(self) -> dict[Any, Any]:
+        """What methods keep of a mechanism from one run to the next."""
+        return self._programs.kept
 
     @property
     def load_size(self) -> Callable[[float], float]:

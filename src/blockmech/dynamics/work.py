@@ -7,12 +7,14 @@ joint friction is solved with the reactions that follow.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.friction import JointFriction, Loads, Placed, Responses, Sides
-from blockmech.dynamics.panels import SMALLEST, Floats, Span
+from blockmech.dynamics.friction import JointFriction, Placed, Sides
+from blockmech.dynamics.panels import SMALLEST, Floats, Spans
+from blockmech.dynamics.place import TAU
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
@@ -23,88 +25,83 @@ FAST = 1 / 16  # by which a step falls while the matrix of Newton's method serve
 SLOWEST = 1e-40  # [rad/s or m/s] a rate that only says in which direction loads of the rate act
 
 
-class Work(Protocol):
-    """dK/du along the motion at the nodes of a panel, with the energy K (n,) there."""
+class Acting(NamedTuple):
+    """What acts at the nodes of a panel at some kinetic energy.
 
-    def __call__(self, K: Floats) -> Floats:
-        """dK/du (n,)."""
-        ...
-
-
-class OfRate:
-    """Loads that follow the rate as well."""
-
-    def __init__(self, system: System, q: Floats, J: Floats, sign: int) -> None:
-        self._system, self._q, self._J, self._sign = system, q, J, sign
-
-    def __call__(self, K: Floats) -> Floats:
-        """The effort at the rates that K means."""
-        rate = self._sign * np.sqrt(2 * np.maximum(K, 0.0) / self._J)
-        found = self._system.sample(self._q, np.where(rate == 0, self._sign * SLOWEST, rate))
-        return np.asarray(self._sign * found.tau)
-
-
-class OfFriction:
-    """Joint friction, with loads of the place and perhaps of the rate.
-
-    lost : (n,) what friction takes, dW/du, at the energy that was asked for last
-    loads : (n, m) on the pairs
+    w : (n,) dK/dq
+    lost : (n,) magnitude of dW/dq that friction takes
+    loads : (n, m) on the pairs with friction
     """
 
-    def __init__(
-        self, friction: JointFriction, q: Floats, rows: Floats, sign: int, sides: Sides
-    ) -> None:
-        self._friction, self._q, self._sign, self._sides = friction, q, sign, sides
-        self._placed = Placed.of(rows, len(sides))
-        self.lost = np.zeros(q.size)
-        self.loads = np.zeros((q.size, len(sides)), dtype=complex)
-        self.guides = friction.guides
+    w: Floats
+    lost: Any = 0.0
+    loads: Any = None
 
-    def _acting(self, qd2: Floats) -> Loads:
-        if not self._friction.program.rate_loads:
-            return self._placed.loads(qd2)
-        rate = self._sign * np.maximum(np.sqrt(np.maximum(qd2, 0.0)), SLOWEST)
-        return self._friction.loads(self._q, rate)
 
-    def __call__(self, K: Floats) -> Floats:
-        """Effort and friction at the rates that K means."""
-        r: Responses = self._placed.responses
+Work: TypeAlias = Callable[[Floats], Acting]  # from the kinetic energy (n,) at the nodes
+
+
+def of_rate(system: System, q: Floats, J: Floats, sign: int) -> Work:
+    """Loads that follow the rate as well: the effort at the rates that K means."""
+
+    def work(K: Floats) -> Acting:
+        rate = np.maximum(np.sqrt(2 * np.maximum(K, 0.0) / J), SLOWEST)
+        return Acting(system.sample(q, sign * rate).tau)
+
+    return work
+
+
+def of_friction(friction: JointFriction, q: Floats, rows: Floats, sign: int, sides: Sides) -> Work:
+    """Joint friction, with loads of the place and perhaps of the rate."""
+    placed = Placed.of(rows, len(sides))
+    r = placed.responses
+
+    def work(K: Floats) -> Acting:
         qd2 = 2 * K / r.J  # beyond a standstill it goes on smoothly, with a negative square
-        found = self._friction.solve(r, self._acting(qd2), self._sides)
-        slowed = (r.s * found.t).sum(axis=1)
-        self.lost, self.loads = -self._sign * slowed, found.F
-        return np.asarray(self._sign * (found.effort - self._placed.square.push * qd2))
+        if friction.program.rate_loads:
+            rate = np.maximum(np.sqrt(np.maximum(qd2, 0.0)), SLOWEST)
+            acting = friction.loads(q, sign * rate)
+        else:
+            acting = placed.loads(qd2)
+        found = friction.solve(r, acting, sides)
+        lost = -sign * (r.s * found.t).sum(axis=1)
+        return Acting(found.effort - placed.square.push * qd2, lost, found.F)
+
+    return work
 
 
-def settled(work: Work | None, w: Floats | None, span: Span, n: int) -> tuple[Floats, Floats]:
-    """w (n,) and K (n + 1,) of a panel that fit each other; NaN where none are found.
+def of_place(rows: Floats) -> Work:
+    """Loads of the place alone."""
+    acting = Acting(rows[TAU])
+    return lambda K: acting
 
-    ``w`` is what the place does alone, or a first guess. Newton's method on  w = work(K),
-    K = energy + G w; its matrix serves while steps fall fast. Steps that stop falling have met
-    rounding if they are below its root, as the next would be their square; else nothing is found.
+
+def settled(work: Work, span: Spans, n: int, guess: Floats | None) -> tuple[Acting, Floats]:
+    """What acts on a panel and K (n + 1,), which fit each other; NaN where none are found.
+
+    Newton's method on  w = work(K), K = energy + G w; its matrix serves while steps fall fast.
+    Steps that stop falling have met rounding if they are below its root, as the next would be
+    their square; else nothing is found.
     """
-    G = span.slopes(n)
-    if work is None:
-        assert w is not None
-        return w, span.energy + G @ w
-    w = work(np.full(n, span.energy)) if w is None else w
+    (G,), (energy,) = span.slopes(n), span.energy
+    w = work(np.full(n, energy)).w if guess is None else guess
     inverse, last = None, math.inf
     for _ in range(STEPS):
-        K = span.energy + G[:-1] @ w
-        there = work(K)
+        K = energy + G[:-1] @ w
+        acting = work(K)
         if inverse is None:
             step = math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + SMALLEST
-            matrix = np.eye(n) - ((work(K + step) - there) / step)[:, None] * G[:-1]
-            finite = np.isfinite(matrix).all()
-            inverse = np.linalg.inv(matrix) if finite else np.full((n, n), math.nan)
-            there = work(K)
-        change = inverse @ (there - w)
+            matrix = np.eye(n) - ((work(K + step).w - acting.w) / step)[:, None] * G[:-1]
+            if not np.isfinite(matrix).all():
+                break
+            inverse = np.linalg.inv(matrix)
+        change = inverse @ (acting.w - w)
         size = float(np.abs(change).max())
-        if not math.isfinite(size):
-            return np.full(n, math.nan), span.energy + G @ w
         w = w + change
         within = size / float(np.abs(w).max())
         if within <= 4 * EPS or (size >= last and within <= math.sqrt(EPS)):
-            return w, span.energy + G @ w
+            return acting._replace(w=w), energy + G @ w
+        if not math.isfinite(size):
+            break
         inverse, last = (inverse if size <= FAST * last else None), size
-    return np.full(n, math.nan), span.energy + G @ w
+    return Acting(np.full(n, math.nan)), np.full(n + 1, math.nan)

@@ -40,7 +40,7 @@ class LawOfMotion(Strictly):
         return 0.0
 
 
-class _Range(LawOfMotion):
+class OverRange(LawOfMotion):
     """Constant acceleration over a range of the coordinate; zero is a constant rate."""
 
     by_coordinate: ClassVar[bool] = True
@@ -90,7 +90,7 @@ class _Range(LawOfMotion):
         return t if math.isfinite(t) else math.inf
 
 
-class ConstantRate(_Range):
+class ConstantRate(OverRange):
     """Constant rate [rad/s or m/s] over a range of the coordinate."""
 
     law: Literal["constant_rate"] = "constant_rate"
@@ -101,7 +101,7 @@ class ConstantRate(_Range):
         return self.rate, 0.0
 
 
-class RateAcceleration(_Range):
+class RateAcceleration(OverRange):
     """Constant acceleration [rad/s2 or m/s2]; ``rate`` [rad/s or m/s] is the one at ``from``."""
 
     law: Literal["rate_acceleration"] = "rate_acceleration"

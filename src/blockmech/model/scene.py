@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
-from blockmech.model.laws_of_motion import AnyLaw
+from blockmech.model.laws_of_motion import AnyLaw, OverRange
 from blockmech.values import Number, Strictly, Vector, VectorGiven, default, mistake
 
 
@@ -56,6 +56,13 @@ class Scene(Strictly):
     drive: dict[str, AnyLaw] = {}
     initial: dict[str, Initial] = {}
     stops: dict[str, Stops] = {}
+
+    def begin(self, driver: str) -> float | None:
+        """Coordinate [rad or m] where a driver's law by coordinate, or its start, begins."""
+        law, initial = self.drive.get(driver), self.initial.get(driver)
+        if isinstance(law, OverRange):
+            return law.start
+        return initial.q if initial else None
 
     def address(self, section: str, driver: str = "") -> str:
         """Where a file says something of a driver: ``"scene.drive.crank"``."""

@@ -24,6 +24,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
+import networkx as nx
 import numpy as np
 
 from blockmech.errors import Problem, RequestError
@@ -62,7 +63,7 @@ class Connections:
     ----------
     nodes : driver coordinates [rad or m] at which all modes were computed
     modes : the modes at each of them, by rising angle of the platform
-    arcs : all arcs, by circuit
+    arcs : all arcs, circuit by circuit, each by its first pass
     passes : of each arc, the (node, mode) that it passes, in rising order of the driver
     places : of each arc, the driver coordinate [rad or m] of each pass, which may be a
         turn and more away from that of the node
@@ -321,7 +322,17 @@ class _Line:
                 of |= dict.fromkeys(walks[-1].passes, len(walks) - 1)
         merging = [[self._end(walk, way)[2] for way in (0, 1)] for walk in walks]
         beyond = [[of[at] if at else None for at in pair] for pair in merging]
-        order, circuits = _order(beyond, [min(walk.passes) for walk in walks])
+        met: nx.Graph[int] = nx.Graph(
+            (n, m) for n, pair in enumerate(beyond) for m in pair if m is not None
+        )
+        met.add_nodes_from(range(len(walks)))
+        parts = [
+            sorted(part, key=lambda n: min(walks[n].passes))
+            for part in nx.connected_components(met)
+        ]
+        parts.sort(key=lambda part: min(walks[part[0]].passes))
+        circuits = {n: k for k, part in enumerate(parts) for n in part}
+        order = [n for part in parts for n in part]
         arcs, shifts = [], []
         for n in order:
             walk = walks[n]
@@ -373,29 +384,6 @@ class _Line:
             step, other = self.merged[at, way]
             return p + step, DEAD, other
         return (TURN * way, RANGE, None) if at[0] == self.borders[way] else (p, LOST, None)
-
-
-def _order(
-    beyond: Sequence[Sequence[int | None]], first: Sequence[At]
-) -> tuple[list[int], dict[int, int]]:
-    """Arcs by circuit, along each from one dead centre to the next; and their circuits."""
-    order: list[int] = []
-    circuits: dict[int, int] = {}
-
-    def walk(start: int, way: int) -> tuple[list[int], bool]:
-        path = [start]
-        while (on := beyond[path[-1]][way]) is not None and on != start:
-            path.append(on)
-            way = 1 - way
-        return path, on is not None
-
-    for n in sorted(range(len(first)), key=lambda n: first[n]):
-        if n not in circuits:
-            path, ring = walk(n, 1)
-            path = path[1:] + path[:1] if ring else walk(n, 0)[0][:0:-1] + path
-            circuits |= dict.fromkeys(path, len(set(circuits.values())))
-            order += path
-    return order, circuits
 
 
 def _gaps(node: _Node) -> Floats:

@@ -9,13 +9,15 @@ the part of a body between its two pairs: a length, or the offset of a pin from 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import networkx as nx
 import numpy as np
 
+from blockmech.assur.groups import classify
 from blockmech.blocks.general import GeneralGroup, InnerPair
+from blockmech.blocks.general.block import SUPPORTS
 from blockmech.modes.triad import LegKind, Support, Triad
 from blockmech.plane import cross
 from blockmech.typing import Guide, LinkPosition
@@ -155,27 +157,26 @@ def outline(group: GeneralGroup) -> Outline | None:
     welded: nx.Graph[str] = nx.Graph()
     welded.add_nodes_from(group.link_names)
     welded.add_edges_from((*group.pairs[name].sides, {"pair": name}) for name in welds)
-    body_of = {
+    body_of = {SUPPORTS: SUPPORTS} | {
         link: min(part, key=group.link_names.index)
         for part in nx.connected_components(welded)
         for link in part
     }
-    pairs = {
-        name: [body_of[link] for link in pair.sides]
-        for name, pair in group.pairs.items()
-        if name not in welds
-    }
-    seats = {name: ends for name, ends in pairs.items() if len(ends) == 2}
-    platform = set.intersection(*map(set, seats.values())) if seats else set()
-    feet = {ends[0]: name for name, ends in pairs.items() if len(ends) == 1}
-    if len(set(body_of.values())) != 4 or len(pairs) != 6 or len(seats) != 3 or len(platform) != 1:
+    pairs = [
+        replace(p, first=body_of[p.first], second=body_of[p.second])
+        for p in group.structural
+        if p.name not in welds
+    ]
+    unit = classify({*body_of.values()} - {SUPPORTS}, pairs)
+    if unit.kind != "triad":
         return None
-    (center,) = platform
-    legs = sorted(set(body_of.values()) - platform, key=group.link_names.index)
-    seat_of = {body: name for name, ends in seats.items() for body in ends if body != center}
-    if set(feet) != set(legs) or set(seat_of) != set(legs):
+    platform, *legs = unit.links
+    legs.sort(key=group.link_names.index)
+    feet, seats = (
+        [next(p for p in pairs if leg in p.links) for leg in legs]
+        for pairs in (unit.outer, unit.inner)
+    )
+    if any(foot.kind == seat.kind == "P" for foot, seat in zip(feet, seats, strict=True)):
         return None
-    if any(group.pairs[feet[body]].type + group.pairs[seat_of[body]].type == "PP" for body in legs):
-        return None
-    joints, ends = tuple(feet[body] for body in legs), tuple(seat_of[body] for body in legs)
-    return Outline(group, welded, center, tuple(legs), joints, ends)
+    joints, ends = (tuple(p.name for p in pairs) for pairs in (feet, seats))
+    return Outline(group, welded, platform, tuple(legs), joints, ends)

@@ -79,7 +79,15 @@ def modes(
     RequestError for unknown names, and where nothing says where the drivers stand
     """
     drivers, still = mechanism.drivers, dict.fromkeys(mechanism.drivers, 0.0)
-    at = _begin(mechanism) if at is None else at
+    if at is None:
+        at = {d: mechanism.scene.begin(d) for d in drivers}
+        told, remedy = (
+            "nothing says where this driver stands",
+            "give its coordinate, or a law of motion by coordinate",
+        )
+        lost = [Problem("bad-request", d, told, "", remedy) for d in drivers if at[d] is None]
+        if lost:
+            raise RequestError(lost)
     taken = make_samples(mechanism, mechanism.scene, at, rates=still)
     rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(drivers)}
     samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
@@ -341,25 +349,6 @@ def _located(
         turns = TURN * round((q - place) / TURN)
         located[k] = _On(number, turns, None if then is None else same.get(then))
     return located
-
-
-def _begin(mechanism: Compiled) -> dict[str, float]:
-    """Where the drivers stand if nothing is said."""
-    found, problems = {}, []
-    for driver in mechanism.drivers:
-        law: Any = mechanism.scene.drive.get(driver)
-        initial = mechanism.scene.initial.get(driver)
-        if law is not None and law.by_coordinate:
-            found[driver] = float(law.start)
-        elif initial is not None:
-            found[driver] = float(initial.q)
-        else:
-            told = "nothing says where this driver stands"
-            remedy = "give its coordinate, or a law of motion by coordinate"
-            problems.append(Problem("bad-request", driver, told, "", remedy))
-    if problems:
-        raise RequestError(problems)
-    return found
 
 
 def _known(kind: str, wanted: Iterable[str], known: Sequence[str]) -> None:

@@ -13,10 +13,12 @@ Names: the block of a driver or a cylinder is named like the driver, a group's a
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from blockmech.assur.formation import Formation, formation
-from blockmech.assur.groups import Unit
+from blockmech.assur.groups import Unit, classify
 from blockmech.errors import GraphError, Problem, in_file
 from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME
@@ -130,10 +132,7 @@ def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:
             rest.append(unit)
     if not rest:
         return tuple(drivers)
-    links = sorted(link for unit in rest for link in unit.links)
-    pairs = sorted((p for unit in rest for p in unit.pairs), key=lambda p: p.name)
-    inside = set(links)
-    inner = tuple(p for p in pairs if p.first in inside and p.second in inside)
-    outer = tuple(p for p in pairs if p not in inner)
-    driven = tuple(sorted(name for unit in rest for name in unit.driven))
-    return (*drivers, Unit(tuple(links), inner, outer, driven, "group", 0))
+    links = [link for unit in rest for link in unit.links]
+    driven = [name for unit in rest for name in unit.driven]
+    one = classify(links, [p for unit in rest for p in unit.pairs], driven)
+    return (*drivers, replace(one, links=tuple(sorted(links)), kind="group", number=0))
