@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 from blockmech.analysis.scan import TURN, Span, bisect, runs, scan
 from blockmech.series import DOUBLE_ROOT, EPS, Floats
 
-SEAM = -math.pi / 2  # turns are cut there: arcs of symmetric mechanisms lie about 0 or pi
+# Turns are cut just before -90 degrees: arcs of symmetric mechanisms lie about 0 or pi, and what
+# is at the cut is told by one of its two names whatever its rounding.
+SEAM = -math.pi / 2 - DOUBLE_ROOT
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])

@@ -26,8 +26,10 @@ from blockmech.continuation import Curve, Point, advance, correct, crossing, poi
 from blockmech.friction.equations import Array, Equations
 from blockmech.plane import EPS
 
+# [-] of the arc: unknowns are on the unit sphere, lambda ends at 1. The first step from zero
+# friction and from a kink is short, as the path may bend there; below the smallest it has no more.
 STEP, LARGEST, SMALLEST = 0.05, 0.2, 1e-10
-MOST = 500  # steps
+MOST = 500  # steps, halvings included: a path takes some ten
 KINK = 64 * EPS  # of the largest load: what rounding may say about which edge presses
 
 

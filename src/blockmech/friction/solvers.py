@@ -27,9 +27,9 @@ from blockmech.friction.continuation import Outcome, continue_from_zero
 from blockmech.plane import EPS, NAN, hyp, maximum, mul, repair, some, sqrt, where
 from blockmech.typing import Complex, Real
 
-CAP = 100  # iterations of `successive` before it counts as not converged
+CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
 SMALL_CHANGE = 1e-7  # of the largest load: the paper's 1e-3 N at its reactions of 1e4 N
-NEWTON_CAP = 12
+NEWTON_CAP = 12  # steps: 5 from rounding on the square root of P on, others where edges change
 SETTLED = 4500.0  # [ulps] residual above which Newton was caught between contacts of guides
 
 
