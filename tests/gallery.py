@@ -6,10 +6,12 @@ links and joints; frames of the links, places and loads are the same in both.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import blockmech as bm
 from blockmech.mechanism import Mechanism
@@ -22,6 +24,18 @@ JOINTS = GRAPHS / "joints"
 def mechanism(name: str) -> Mechanism:
     """A graph of the gallery, compiled."""
     return bm.Graph.load(GRAPHS / f"{name}.json").compile()
+
+
+def document(name: str) -> dict[str, Any]:
+    """What stands in a graph's file, for changes; without the numbers that it expects."""
+    data: dict[str, Any] = json.loads((GRAPHS / f"{name}.json").read_text("utf-8"))
+    data.pop("expect", None)
+    return data
+
+
+def changed(data: dict[str, Any]) -> Mechanism:
+    """The mechanism of a changed file."""
+    return bm.Graph.from_json(json.dumps(data)).compile()
 
 
 @dataclass(frozen=True)

@@ -29,22 +29,10 @@ from blockmech.export import (
 )
 from blockmech.files import folder, writing
 from examples.wire_ruiz import fourbar
-from tests.analysis.linkages import fivebar
+from tests.analysis.linkages import fivebar, short_fourbar
 
 BAR = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
 GAP = 4.0  # [rad] crank angle at which `short_fourbar` cannot close
-
-
-def short_fourbar(name: str = "short", crank: str = "crank") -> bm.Graph:
-    """A four-bar whose dyad spans at most 5 m where up to 7.5 m are asked for."""
-    g = bm.Graph(name, drive={crank: bm.ConstantRate(rate=1.0)})
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
-    g.add(crank, bm.Crank(length=2.0))
-    bar = bm.Link(mass=1.0, inertia=0.1, cm=(1.0, 0.0))
-    g.add("dyad", bm.RRR(l_i=2.5, l_j=2.5, links={"i": bar, "j": bar}))
-    for wire in (("frame.A", f"{crank}.A"), (f"{crank}.B", "dyad.B"), ("frame.D", "dyad.D")):
-        g.connect(*wire)
-    return g
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +42,7 @@ def turn() -> Any:
 
 @pytest.fixture(scope="module")
 def gappy() -> Any:
-    return short_fourbar().compile().run(at=[0.0, 0.5, GAP, 6.0], on_gap="mark")
+    return short_fourbar(bar=BAR).compile().run(at=[0.0, 0.5, GAP, 6.0], on_gap="mark")
 
 
 def rows_of(text: str, separator: str = ",") -> list[list[str]]:

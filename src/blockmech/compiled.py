@@ -208,7 +208,7 @@ class Compiled:
         RequestError for unknown names or settings that do not fit
         AssemblyError, SingularError, FrictionError at gaps, unless marked
         """
-        taken = make_samples(self, self.scene, at, samples, times, rates, accelerations)
+        taken = make_samples(self.drivers, self.scene, at, samples, times, rates, accelerations)
         given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
         if accuracy is not None:
             given["precision"] = precision

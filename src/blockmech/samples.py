@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +16,6 @@ from blockmech.values import is_number
 
 Array = NDArray[np.float64]
 DEFAULT_SAMPLES = 361
-
-
-class Driven(Protocol):
-    """What has drivers: a mechanism, or its structure."""
-
-    @property
-    def drivers(self) -> tuple[str, ...]:
-        """Names of the drivers in formation order."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -100,7 +91,7 @@ def _forward(weights: Array) -> Array:
 
 
 def make_samples(
-    driven: Driven,
+    drivers: Sequence[str],
     scene: Scene,
     at: Any = None,
     samples: int | None = None,
@@ -117,14 +108,14 @@ def make_samples(
     if len(given) > 1:
         raise _error(listed(given), "name the samples in one way only", "at, samples or times")
     if is_number(at) and rates is None and accelerations is None:
-        one = _one_pose(driven, scene, at)
+        one = _one_pose(drivers, scene, at)
         if one is not None:
             return one
     if at is not None:
-        return _by_coordinate(driven, scene, at, rates, accelerations)
+        return _by_coordinate(drivers, scene, at, rates, accelerations)
     if rates is not None or accelerations is not None:
         raise _error("rates", "rates need coordinates", "give at= as well")
-    laws = _laws(driven, scene)
+    laws = _laws(drivers, scene)
     if times is not None:
         return _by_time(scene, laws, _column("times", times))
     n = DEFAULT_SAMPLES if samples is None else samples
@@ -136,31 +127,31 @@ def make_samples(
         raise _error("samples", f"{n} are more than memory holds", "ask for fewer") from None
 
 
-def _one_pose(driven: Driven, scene: Scene, q: float) -> Samples | None:
+def _one_pose(drivers: Sequence[str], scene: Scene, q: float) -> Samples | None:
     """The commonest request without arrays: one coordinate of one driver at constant rate."""
-    if len(driven.drivers) != 1:
+    if len(drivers) != 1:
         return None
-    law = scene.drive.get(driven.drivers[0])
+    law = scene.drive.get(drivers[0])
     if type(law) is ConstantRate:
         return Samples(1, {"q_0": [float(q)], "qd_0": [law.rate], "qdd_0": [0.0]}, clock=law)
     return Samples(1, {"q_0": [float(q)], "qd_0": [0.0], "qdd_0": [0.0]}) if law is None else None
 
 
 def _by_coordinate(
-    driven: Driven, scene: Scene, at: Any, rates: Any, accelerations: Any
+    drivers: Sequence[str], scene: Scene, at: Any, rates: Any, accelerations: Any
 ) -> Samples:
-    q = _per_driver(driven, "at", at)
-    qd = _per_driver(driven, "rates", rates) if rates is not None else {}
-    qdd = _per_driver(driven, "accelerations", accelerations) if accelerations is not None else {}
+    q = _per_driver(drivers, "at", at)
+    qd = _per_driver(drivers, "rates", rates) if rates is not None else {}
+    qdd = _per_driver(drivers, "accelerations", accelerations) if accelerations is not None else {}
     n = max((len(x) for part in (q, qd, qdd) for x in part.values()), default=1)
     motions, clock = {}, None
-    for driver in driven.drivers:
+    for driver in drivers:
         column = _stretched(driver, q[driver], n)
         law = scene.drive.get(driver)
         rate = acceleration = np.zeros(n)
         if isinstance(law, ConstantRate | RateAcceleration):
             _, rate, acceleration = law.at_coordinates(column)
-            if driver not in qd and len(driven.drivers) == 1:
+            if driver not in qd and len(drivers) == 1:
                 clock = law
         elif law is not None and driver not in qd:
             raise _error(
@@ -215,8 +206,8 @@ def _collected(
     return Samples(n, inputs, times, clock)
 
 
-def _laws(driven: Driven, scene: Scene) -> dict[str, LawOfMotion]:
-    missing = [d for d in driven.drivers if d not in scene.drive]
+def _laws(drivers: Sequence[str], scene: Scene) -> dict[str, LawOfMotion]:
+    missing = [d for d in drivers if d not in scene.drive]
     if missing:
         raise RequestError(
             Problem(
@@ -228,11 +219,10 @@ def _laws(driven: Driven, scene: Scene) -> dict[str, LawOfMotion]:
             )
             for d in missing
         )
-    return {d: scene.drive[d] for d in driven.drivers}
+    return {d: scene.drive[d] for d in drivers}
 
 
-def _per_driver(driven: Driven, what: str, raw: Any) -> dict[str, Array]:
-    drivers = driven.drivers
+def _per_driver(drivers: Sequence[str], what: str, raw: Any) -> dict[str, Array]:
     if not isinstance(raw, Mapping):
         if len(drivers) != 1:
             raise _error(

@@ -42,10 +42,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def _no_boolean(raw: Any) -> Any:
-    if isinstance(raw, bool):  # in Python True equals 1, in a file it is a slip
-        raise mistake("wrong-value", f"must be -1 or 1, got {shown(raw)}")
-    return raw
+def no_boolean(one: int, other: int) -> BeforeValidator:
+    """Refuse true and false for one of two numbers."""
+
+    def checked(raw: Any) -> Any:
+        if isinstance(raw, bool):  # in Python True equals 1, in a file it is a slip
+            raise mistake("wrong-value", f"must be {one} or {other}, got {shown(raw)}")
+        return raw
+
+    return BeforeValidator(checked)
 
 
 Number = Annotated[float, Strict(), AllowInfNan(False)]
@@ -58,9 +63,9 @@ Distance = Annotated[Number, Field(json_schema_extra={"unit": "m"})]
 Angle = Annotated[Number, Field(json_schema_extra={"unit": "rad"})]
 Mass = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg"})]
 Inertia = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg m2"})]
-Branch = Annotated[Literal[-1, 1], Field(description="assembly mode"), BeforeValidator(_no_boolean)]
+Branch = Annotated[Literal[-1, 1], Field(description="assembly mode"), no_boolean(-1, 1)]
 Sign = Annotated[
-    Literal[-1, 1], Field(description="which way the driver counts"), BeforeValidator(_no_boolean)
+    Literal[-1, 1], Field(description="which way the driver counts"), no_boolean(-1, 1)
 ]
 
 

@@ -28,6 +28,19 @@ def fourbar(crank: float, coupler: float, rocker: float, frame: float, branch: i
     return wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
 
 
+def short_fourbar(name: str = "short", crank: str = "crank", bar: bm.Link | None = None) -> Graph:
+    """A four-bar at 1 rad/s whose dyad, two links of 2.5 m, closes for cos q >= 9.25 / 22 only.
+
+    With B = 2 (cos q, sin q) and D = (5.5, 0), |BD|^2 = 34.25 - 22 cos q <= 25.
+    """
+    g = Graph(name, drive={crank: bm.ConstantRate(rate=1.0)})
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
+    g.add(crank, bm.Crank(length=2.0))
+    links = {"i": bar, "j": bar} if bar else {}
+    g.add("dyad", bm.RRR(l_i=2.5, l_j=2.5, links=links))
+    return wired(g, f"frame.A {crank}.A", f"{crank}.B dyad.B", "frame.D dyad.D")
+
+
 def slider_crank(crank: float, rod: float, offset: float = 0.0, law: object = None) -> Graph:
     """Guide parallel to x at y = offset; the slider's pin is ``dyad.C``."""
     g = Graph("slider_crank")

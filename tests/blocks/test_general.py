@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import json
 
 import jsonschema
@@ -11,125 +10,17 @@ import pytest
 
 import blockmech as bm
 from blockmech.model.schema import graph_schema
-from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
-from tests.blocks import machines
 from tests.blocks.platforms import HOME, REACH, platform, stacked, triad, two_drivers
 from tests.blocks.test_against_the_judge import ROUNDING, assert_the_judge_agrees, compared
 from tests.doors import graph_of as loads
 
-TURN = 2 * np.pi
-CLOSED_FORM = 1e-12  # [-] of the largest of its kind, times the conditioning
 TWO_ROUTES = 1e-12  # [-] what `verify` allows, times the conditioning
-BY_BLOCK = (".margin", ".transmission", ".mu")  # these are of the form, not of the mechanism
 
 
 def moving(mech, rate):
     """Rates and accelerations of all drivers."""
     drivers = mech.drivers
     return {"rates": dict.fromkeys(drivers, rate), "accelerations": dict.fromkeys(drivers, -rate)}
-
-
-# -- dyads as general groups ----------------------------------------------------------------
-
-
-def forced(graph, at):
-    """The graph with every dyad written as a general group, homes taken from its own pose."""
-    mech = graph.compile()
-    s = mech.structure
-    drivers = dict(zip(s.drivers, np.atleast_1d(at), strict=True))
-    links = [str(link) for link in s.links if link != s.frame_link]
-    want = [f"{link}.{x}" for link in links for x in ("p", "angle")]
-    pose = mech.run(at=drivers, rates=dict.fromkeys(drivers, 0.0), want=want)
-    made = bm.Graph(graph.name, gravity=graph.scene.gravity)
-    for name, block in graph.blocks.items():
-        if block.type_name.startswith("dyad."):
-            upstream = {d: drivers[d] for d in s.upstream[name]}
-            made.add(name, as_general(name, block, pose, upstream))
-        else:
-            made.add(name, block)
-    for wire in graph.wires:
-        made.connect(wire.source, wire.target)
-    return made
-
-
-def as_general(name, block, pose, upstream):
-    """A dyad's links, joints and markers in the words of the general group."""
-    links, poses = {}, {}
-    built_in = {m.link: {} for m in block.built_in.values()}
-    for marker, m in block.built_in.items():
-        if marker not in block.joints:
-            x = getattr(block, m.along) if m.along else 0.0
-            built_in[m.link][marker] = bm.Marker(at=(x, 0.0))
-    for link, given in block.links_or_default().items():
-        markers = {**given.markers, **built_in.get(link, {})}
-        links[link] = given.model_copy(update={"markers": markers})
-        p = pose[f"{name}.{link}.p"][0]
-        poses[link] = (p.real, p.imag, float(pose[f"{name}.{link}.angle"][0]))
-    pairs = {}
-    for joint in block.joints.values():
-        sides = [joint.link] if joint.outer else list(joint.links)
-        places, angles = zip(*(_side(block, joint, link) for link in sides), strict=True)
-        pair = {"type": joint.kind}
-        pair |= {"link": sides[0]} if joint.outer else {"links": tuple(sides)}
-        pair["at"] = places[0] if joint.outer else places
-        if joint.kind == "P":
-            pair["angle"] = angles[0] if joint.outer else angles
-            later = block.slider_owner(joint.name) == "later"
-            words = ("later", "earlier") if joint.outer else ("j", "i")
-            pair["slider"] = words[0 if later else 1]
-        pairs[joint.name] = pair
-    return bm.GeneralGroup(
-        links=links,
-        pairs=pairs,
-        friction=block.friction,
-        home={"drivers": upstream, "poses": poses},
-    )
-
-
-def _side(block, joint, link):
-    if joint.kind == "P":
-        z, (_, u) = block.slider_place(joint.name, link), block.guide_line(joint.name, link)
-        return (z.real, z.imag), cmath.phase(u)
-    for marker in (joint.name, f"{joint.name}j"):
-        found = block.built_in.get(marker)
-        if found and found.link == link:
-            return ((getattr(block, found.along) if found.along else 0.0), 0.0), 0.0
-    raise LookupError(joint.name)
-
-
-DYADS = {
-    "slider-crank": (machines.slider_crank(), 0.3),
-    "whitworth": (machines.whitworth(branch=-1), 0.3),
-    "slotted crank": (machines.slotted_crank(), 0.3),
-    "yoke": (machines.yoke({"S1": "i", "S": "earlier"}, beta=-1.1), 0.3),
-    "shaper": (machines.shaper(), 1.1),
-    "stacked": (machines.stacked(), (4.0, 0.24)),
-}
-
-
-@pytest.mark.parametrize(("graph", "home"), DYADS.values(), ids=list(DYADS))
-@pytest.mark.parametrize("friction", ["none", "newton"])
-def test_dyads_forced_into_general_groups_agree_with_their_closed_forms(graph, home, friction):
-    dyads, general = graph.compile(), forced(graph, home).compile()
-    drivers = dyads.drivers
-    span = np.linspace(0.0, TURN if len(drivers) == 1 else 0.3, 41)
-    at = {d: q + span for d, q in zip(drivers, np.atleast_1d(home), strict=True)}
-    given = {"at": at, **moving(dyads, 2.0), "friction": friction}
-    a, b = (m.run(**given, on_gap="mark", want="*") for m in (dyads, general))
-    # Beyond a dead centre a path ends, where a closed form begins anew.
-    both = [x == y == "ok" for x, y in zip(a.quality.status, b.quality.status, strict=True)]
-    assert sum(both) >= 20
-    singular = np.max([1 / m[both] for m in b.quality.margin.values()], axis=0)
-    names = [n for n in a if n in b and np.size(a[n]) == 41 and not n.endswith(BY_BLOCK)]
-    assert len(names) >= 50
-    for kind in sorted({n.rsplit(".", 1)[1] for n in names}):
-        same = [n for n in names if n.endswith(f".{kind}")]
-        scale = max(np.abs(a[n][both]).max() for n in same) or 1.0
-        for n in same:
-            off = np.abs(a[n][both] - b[n][both])
-            if kind == "angle":
-                off = np.abs(np.exp(1j * (a[n][both] - b[n][both])) - 1)
-            assert (off / singular).max() <= CLOSED_FORM * scale, n
 
 
 # -- against the judge --------------------------------------------------------------------
@@ -352,22 +243,3 @@ def test_simulation_by_energy_is_the_integrated_one():
     a = mech.simulate(**given, method="energy")
     b = mech.simulate(**given, method="dop853")
     assert a["crank.rate"][-1] == pytest.approx(b["crank.rate"][-1], rel=1e-7)
-
-
-# -- random ones -----------------------------------------------------------------------------
-
-RANDOM = Options(
-    groups=(1, 3),
-    drivers=(1, 2),
-    kinds=(*KINDS, "group.general", "group.general"),
-    least_margin=1e-2,
-)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_random_mechanisms_balance(seed):
-    case = random_mechanism(Seeded(seed), RANDOM)
-    mech = case.graph.compile()
-    # Some jam: no samples are left of them then.
-    jams = mech.run(**case.request, on_gap="mark").quality.status != ("ok",)
-    assert mech.verify(**case.request, friction="none" if jams else "newton").ok

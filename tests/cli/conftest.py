@@ -49,14 +49,8 @@ def ruiz(tmp_path: Path) -> Path:
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
     """A file of a four-bar whose dyad is too short for half of the turn."""
-    g = bm.Graph("short", drive={"crank": bm.ConstantRate(rate=1.0)})
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
-    g.add("crank", bm.Crank(length=2.0))
-    g.add("dyad", bm.RRR(l_i=2.5, l_j=2.5))
-    for wire in (("frame.A", "crank.A"), ("crank.B", "dyad.B"), ("frame.D", "dyad.D")):
-        g.connect(*wire)
     path = tmp_path / "short.json"
-    g.save(path)
+    linkages.short_fourbar().save(path)
     return path
 
 

@@ -8,24 +8,15 @@ but the system that the numbers are handed over in.
 from __future__ import annotations
 
 import cmath
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tests.dynamics.synthetic import Synthetic
-
-DATA = Path(__file__).resolve().parents[1] / "data"
-
-
-def recorded(name: str) -> Any:
-    """Reference numbers of a mechanism, made outside the project."""
-    return json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
 
 
 def _root(x: float) -> float:

@@ -23,13 +23,19 @@ LOWEST = -math.pi / 2  # [rad] the rod hanging
 ON_ROD = {"a": "frame.A", "b": "crank.crank"}
 
 
-def rod(*laws, gravity=9.81):
-    """A uniform rod on a pivot, with moments by laws."""
+def bare_rod(gravity=9.81, **markers):
+    """A uniform rod on a pivot, and further markers of the frame."""
     graph = bm.Graph("rod", gravity=(0.0, -gravity))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), **markers}))
     link = bm.Link(mass=MASS, inertia=MASS * LENGTH**2 / 12, cm=(LENGTH / 2, 0.0))
     graph.add("crank", bm.Crank(length=LENGTH, links={"crank": link}))
     graph.connect("frame.A", "crank.A")
+    return graph
+
+
+def rod(*laws, gravity=9.81):
+    """The rod with moments by laws."""
+    graph = bare_rod(gravity)
     for i, law in enumerate(laws):
         graph.add(f"load{i}", bm.Motor(law=law))
         for terminal, marker in ON_ROD.items():

@@ -27,6 +27,7 @@ class Synthetic(System):
     span = TURN
     lossless = False
     friction = None
+    table = None
     drivers = ("q",)
     rotary = (True,)
 

@@ -16,11 +16,11 @@ from tests.dynamics.linkages import (
     fourbar,
     guided,
     pendulum,
-    recorded,
     smooth,
     watt,
 )
 from tests.dynamics.synthetic import Synthetic, move
+from tests.wiring import recorded
 
 WATT = recorded("watt_sixbar")
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -198,20 +198,6 @@ def test_dead_centre_is_reached_in_the_exact_time():
     assert abs(motion.q_end - float(stop)) <= 1e-15
     assert abs(motion.t_end - exact_time) <= min(motion.time_error, 5e-12)
     assert motion.qd_end == pytest.approx(0.0, abs=1e-12)
-
-
-def test_equilibria_say_whether_they_are_stable():
-    stable, unstable = run(pendulum(), 0.0, "standstill"), run(pendulum(), math.pi, "standstill")
-    assert stable.end == "stable equilibrium"
-    assert stable.facts["frequency"] == pytest.approx(1.0, abs=1e-10)
-    assert unstable.end == "unstable equilibrium"
-    assert unstable.facts["rate"] == pytest.approx(1.0, abs=1e-10)
-    assert unstable.at(unstable.t_end).q == math.pi
-
-
-def test_an_impossible_start_is_no_motion():
-    motion = run(fourbar(), 2.5, "time=1")
-    assert (motion.status, motion.end) == ("failed", "impossible pose")
 
 
 # -- drivers without a period ----------------------------------------------------------------

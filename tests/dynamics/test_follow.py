@@ -19,7 +19,6 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics.change_points import system_of
 from blockmech.errors import FormatError, GraphError, SingularError
-from blockmech.loads.laws import DC
 from tests.doors import graph_of as loads
 from tests.dynamics import machines
 
@@ -168,33 +167,6 @@ def test_forty_four_bars_change_at_the_same_two_places():
     assert off(r["loop40.j.omega"], 1.0) < 40 * RATE
 
 
-def test_reactions_of_two_loops_grow_without_bound_at_a_change_point_and_of_one_do_not():
-    """End rods and middle rods alone would fall unlike; couplers on one line cannot even it out.
-
-    Of one loop both rods are alike, and nothing has to pass along the line.
-    """
-    sizes = {}
-    for n in (1, 2):
-        graph = with_crank(1.0, **{f"P{k}": (float(k), 0.0) for k in range(1, n + 1)})
-        before = "crank.B"
-        for k in range(1, n + 1):
-            links = {"i": rod(1.0), "j": rod(1.0)}
-            loop = bm.RRR(l_i=1.0, l_j=1.0, branch="follow", home=home(*UPRIGHT), links=links)
-            graph.add(f"loop{k}", loop)
-            graph.connect(before, f"loop{k}.B")
-            graph.connect(f"frame.P{k}", f"loop{k}.D")
-            before = f"loop{k}.C"
-        d = np.array([0.02, 0.01, 0.005])
-        J, w = (n + 1) / 3 + n, 9.81 * ((n + 1) / 2 + n)
-        at = {"at": d, "rates": 0.0, "accelerations": -w * np.cos(d) / J}
-        found = graph.compile().run(**at, want=["loop1.B.reaction"])["loop1.B.reaction"]
-        sizes[n] = np.abs(found)
-    assert np.ptp(sizes[1]) < 0.05 * sizes[1].max()
-    # the middle rod's share of the moment, over the height d of the couplers' line
-    middle = 9.81 * 1.5 - 4 / 3 * 9.81 * 3.5 / 3
-    assert sizes[2] * d == pytest.approx(abs(middle) / 2, rel=0.1)
-
-
 def test_the_answer_depends_on_the_sample_alone():
     mech = kite().compile()
     want = ["dyad.j.angle", "dyad.j.omega"]
@@ -290,30 +262,6 @@ def test_the_benchmark_turns_for_twenty_seconds(method):
     assert off(r["crank.q"], q) < tolerance
     assert off(r["crank.rate"], rate) < 10 * tolerance  # it speeds up at up to 11 rad/s2
     assert off(r["crank.q"], q) <= r.motion.error
-
-
-def test_a_motor_and_a_damper_turn_a_parallelogram():
-    """All links alike: J q'' = stall (1 - q'/free) + weights, one equation for the judge."""
-    from scipy.integrate import solve_ivp
-
-    a, b = 0.25, 0.4
-    graph = parallelogram(a, b)
-    graph.add("motor", bm.Motor(law=DC(stall_moment=8.0, no_load_speed=20.0)))
-    graph.connect("frame.A", "motor.a")
-    graph.connect("crank.crank", "motor.b")
-    J, w = 2 * a * a / 3 + a * a, 9.81 * (a + a)
-
-    def slope(t, y):
-        return [y[1], (8.0 * (1 - y[1] / 20.0) - w * math.cos(y[0])) / J]
-
-    times = np.linspace(0, 2, 9)
-    judge = solve_ivp(
-        slope, (0, 2), [0.3, 0.0], method="DOP853", rtol=1e-12, atol=1e-12, t_eval=times
-    )
-    for method in ("auto", "dop853"):
-        r = graph.compile().simulate(times=times, method=method, start={"crank": (0.3, 0.0)})
-        assert off(r["crank.q"], judge.y[0]) < 1e-8
-    assert judge.y[0][-1] > 3 * TURN
 
 
 def test_a_given_branch_turns_back_at_the_same_place():

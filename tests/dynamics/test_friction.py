@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +10,8 @@ from scipy.optimize import brentq
 
 import blockmech as bm
 from blockmech.errors import RequestError
-from tests.doors import graph_of as loads
+from tests.gallery import changed, document
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 G = 9.81  # [m/s2]
 LOWEST = -math.pi / 2  # [rad] the pendulum hanging
 METHODS = pytest.mark.parametrize(("method", "accuracy"), [("auto", 1e-10), ("dop853", 1e-7)])
@@ -79,19 +76,14 @@ def test_a_pendulum_on_a_pin_stands_still_where_the_closed_form_says(method, acc
 
 @METHODS
 def test_the_papers_linkage_swings_out_where_the_prototype_said(method, accuracy):
-    data = json.loads((GRAPHS / "ruiz_fourbar.json").read_text("utf-8"))
+    data = document("ruiz_fourbar")
     for block in ("crank", "dyad"):
         for law in data["blocks"][block]["friction"].values():
             law.update(coefficient=1.0, radius=0.05)
     del data["blocks"]["weightlike"], data["blocks"]["couple"], data["wires"][3:]
     data["scene"]["gravity"] = [0.0, -G]
-    data.pop("expect", None)
-    motion = (
-        loads(json.dumps(data))
-        .compile()
-        .simulate("time=100", start={"crank": (1.0, 0.0)}, method=method, accuracy=accuracy)
-        .motion
-    )
+    request = {"start": {"crank": (1.0, 0.0)}, "method": method, "accuracy": accuracy}
+    motion = changed(data).simulate("time=100", **request).motion
     kinds = [e.kind for e in motion.events]
     assert (kinds.count("standstill"), kinds[-1]) == (9, "rest")
     assert "joint reverses" in kinds
@@ -177,11 +169,10 @@ def test_methods_without_friction_refuse_it(method):
 
 
 def test_several_drivers_with_friction_are_refused_by_name():
-    data = json.loads((GRAPHS / "fivebar_falling.json").read_text("utf-8"))
+    data = document("fivebar_falling")
     law = {"law": "coulomb", "coefficient": 0.2, "radius": 0.01}
     data["blocks"]["left"]["friction"] = {"A": law}
-    data.pop("expect", None)
-    mech = loads(json.dumps(data)).compile()
+    mech = changed(data)
     with pytest.raises(RequestError, match="one driver") as caught:
         mech.simulate("time=0.1")
     assert "left.A" in str(caught.value)

@@ -7,25 +7,17 @@ import signal
 import subprocess
 import sys
 import time
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import blockmech as bm
 from blockmech.cli import terminal
 from blockmech.dynamics import time as integrators
+from tests.gallery import GRAPHS, mechanism
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 ENERGY, PANELS = 1e-12, 1e-9  # [rad] of the methods that judge themselves as they go
 COARSE = 1e-2  # [rad] of an integration at its first tolerance
 LONG = 50.0  # [s] of the six-bar
-
-
-@cache
-def mechanism(name):
-    return bm.Graph.load(GRAPHS / f"{name}.json").compile()
 
 
 class Stopping:

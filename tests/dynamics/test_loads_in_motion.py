@@ -15,26 +15,20 @@ from scipy.interpolate import CubicSpline
 
 import blockmech as bm
 from blockmech.dynamics.system import System
+from tests.dynamics import scenes
+from tests.dynamics.scenes import TURN, WEIGHT, J
 
-MASS, LENGTH = 1.0, 1.0
-J = MASS * LENGTH**2 / 3  # [kg m2] about the pivot
-WEIGHT = MASS * 9.81 * LENGTH / 2  # [N m]
 TIMES = [0.3, 0.7, 1.1, 1.5]
 AGREES = 1e-8  # [rad] of two integrations in time, the judge's at 1e-12
-TURN = 2 * math.pi
 
 
-def rod(**elements):
-    """The rod with elements between frame (a, or from) and crank (b, or to)."""
-    graph = bm.Graph("rod", gravity=(0.0, -9.81))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "K": (0.5, 1.5)}))
-    link = bm.Link(mass=MASS, inertia=MASS * LENGTH**2 / 12, cm=(LENGTH / 2, 0.0))
-    graph.add("crank", bm.Crank(length=LENGTH, links={"crank": link}))
-    graph.connect("frame.A", "crank.A")
-    for name, (element, wires) in elements.items():
-        graph.add(name, element)
-        for terminal, marker in wires.items():
-            graph.connect(marker, f"{name}.{terminal}")
+def rod(load):
+    """The rod with an element between frame (a, or from) and crank (b, or to)."""
+    element, wires = load
+    graph = scenes.bare_rod(K=(0.5, 1.5))
+    graph.add("load", element)
+    for terminal, marker in wires.items():
+        graph.connect(marker, f"load.{terminal}")
     return graph.compile()
 
 
@@ -145,7 +139,7 @@ CASES = {
 @pytest.mark.parametrize("start", [(0.2, 0.0), (1.0, 9.0)])
 def test_the_motion_is_that_of_the_loads_own_formula(name, start):
     load, moment, knots = CASES[name]
-    mech = rod(load=load)
+    mech = rod(load)
     r = mech.simulate(times=TIMES, accuracy=1e-9, start={"crank": start})
     error = np.abs(r["crank.q"] - judged(moment, *start, knots)).max()
     assert error <= r.motion.error + AGREES
@@ -154,10 +148,10 @@ def test_the_motion_is_that_of_the_loads_own_formula(name, start):
 def test_a_force_that_follows_the_time_on_the_frames_axis_needs_the_kernels():
     law = {"kind": "fourier", "of": "time", "period": 0.9, "cosines": [5.0]}
     load = (bm.Thrust(law=law, direction=(0.0, 1.0)), {"a": "frame.A", "b": "crank.B"})
-    mech = rod(load=load)
+    mech = rod(load)
 
     def moment(q, w, t):
-        return 5.0 * math.cos(TURN * t / 0.9) * LENGTH * math.cos(q)
+        return 5.0 * math.cos(TURN * t / 0.9) * math.cos(q)
 
     r = mech.simulate(times=TIMES, accuracy=1e-9, start={"crank": (0.2, 0.0)})
     assert np.abs(r["crank.q"] - judged(moment, 0.2, 0.0)).max() <= r.motion.error + AGREES
@@ -165,7 +159,7 @@ def test_a_force_that_follows_the_time_on_the_frames_axis_needs_the_kernels():
 
 def test_a_damped_spring_to_a_point_is_damping_that_changes_with_the_angle():
     spring = bm.Spring(stiffness=30.0, free_length=0.4, damping=2.0)
-    mech = rod(load=(spring, {"a": "frame.K", "b": "crank.B"}))
+    mech = rod((spring, {"a": "frame.K", "b": "crank.B"}))
 
     def moment(q, w, t):
         tip = np.exp(1j * q)
@@ -180,20 +174,20 @@ def test_a_damped_spring_to_a_point_is_damping_that_changes_with_the_angle():
 
 def test_kinks_of_tables_and_of_wrapped_angles_are_known_to_the_methods():
     by_driver = bm.Motor(law=table("coordinate", ANGLES, turns=2), driver="crank")
-    system = System(rod(load=(by_driver, ON_CRANK)))
+    system = System(rod((by_driver, ON_CRANK)))
     assert system.period == 2 * TURN
     assert system.knots == pytest.approx(ANGLES[0])
     spring = bm.TorsionSpring(stiffness=1.0, rest_angle=0.5)
-    assert System(rod(load=(spring, ON_CRANK))).knots == pytest.approx([0.5 + math.pi])
+    assert System(rod((spring, ON_CRANK))).knots == pytest.approx([0.5 + math.pi])
     own = bm.Motor(law=table("coordinate", ([-1.0, 0.0, 2.0], [0.0, 1.0, 0.0]), turns=1))
-    knots = System(rod(load=(own, ON_CRANK))).knots
+    knots = System(rod((own, ON_CRANK))).knots
     assert knots == pytest.approx([0.0, 2.0, TURN - 1.0], abs=1e-12)
 
 
 def test_a_law_of_a_driver_that_counts_turns_has_no_period():
     law = {"kind": "polynomial", "of": "coordinate", "coefficients": [0.0, -0.5]}
-    assert System(rod(load=(bm.Motor(law=law, driver="crank"), ON_CRANK))).period is None
-    r = rod(load=(bm.Motor(law=law, driver="crank"), ON_CRANK)).simulate(
+    assert System(rod((bm.Motor(law=law, driver="crank"), ON_CRANK))).period is None
+    r = rod((bm.Motor(law=law, driver="crank"), ON_CRANK)).simulate(
         times=TIMES, start={"crank": (1.0, 9.0)}
     )
     wanted = judged(lambda q, w, t: -0.5 * q, 1.0, 9.0)

@@ -10,17 +10,13 @@ with the slide again (q = -pi): the driver has no inertia there, and runs end by
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import blockmech as bm
-from tests.doors import graph_of as loads
+from tests.gallery import changed, document, mechanism
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 MASS, RADIUS, FORCE = 2.0, 0.1, 100.0  # [kg], [m], [N], as in the graph
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 FINDER = (-3.607395343535843e-07, -0.02674149778375093)  # a start that showed it wrong
@@ -57,7 +53,7 @@ def exact(q, rate, t):
 
 @pytest.fixture(scope="module")
 def yoke():
-    return bm.Graph.load(GRAPHS / "scotch_yoke.json").compile()
+    return mechanism("scotch_yoke")
 
 
 @pytest.mark.parametrize(("q", "rate"), STARTS)
@@ -94,8 +90,7 @@ def test_runs_that_stop_before_it_are_honest_too(request, yoke, method, share):
 @pytest.mark.parametrize("method", ["lsoda", "radau"])
 def test_a_long_step_does_not_pass_the_whole_place(method):
     """A motor brings the yoke there at its own speed; LSODA's steps were wider than the place."""
-    data = json.loads((GRAPHS / "scotch_yoke.json").read_text("utf-8"))
-    del data["expect"]
+    data = document("scotch_yoke")
     data["blocks"]["motor"] = {
         "type": "load.motor",
         "law": {"kind": "dc", "stall_moment": 15.2, "no_load_speed": 21.8},
@@ -104,7 +99,7 @@ def test_a_long_step_does_not_pass_the_whole_place(method):
         {"from": "frame.O", "to": "motor.a"},
         {"from": "crank.crank", "to": "motor.b"},
     ]
-    driven = loads(json.dumps(data)).compile()
+    driven = changed(data)
     ends = []
     for target in (1e-3, 1e-6):
         found = driven.simulate(

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import cmath
-import json
 import math
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from blockmech.dynamics import steady
 from blockmech.dynamics.request import Start
 from blockmech.errors import RequestError
-from tests.doors import graph_of as loads
 from tests.dynamics.linkages import fourbar
 from tests.dynamics.scenes import (
     JUDGE,
@@ -37,9 +35,7 @@ from tests.dynamics.scenes import (
 )
 from tests.dynamics.synthetic import move
 from tests.dynamics.test_integrators import double_pendulum
-
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
-
+from tests.gallery import changed, document
 
 # -- loads of the time ------------------------------------------------------------------------
 
@@ -65,12 +61,16 @@ def test_forced_oscillator_has_the_amplitude_phase_and_multipliers_of_the_textbo
         assert math.cos(found) == pytest.approx(math.cos(cmath.phase(multipliers[0])), abs=1e-9)
 
 
-def test_without_damping_the_forced_oscillator_is_neutral_and_at_resonance_there_is_none():
+def test_without_damping_the_forced_oscillator_is_neutral_and_at_resonance_there_is_none(
+    monkeypatch,
+):
     start = at_rest(0.0, "slider")
     motion = slide(M, K, 0.0, wave(T, F)).simulate("steady", start=start).motion
     assert motion.q_end == pytest.approx(F / (K - M * (TURN / T) ** 2), abs=motion.error)
     assert motion.facts["multiplier"] == pytest.approx(1.0, abs=MULTIPLIER)
     assert motion.regime == "neutral periodic motion"
+    monkeypatch.setattr(steady, "TIMES", 1)
+    monkeypatch.setattr(steady, "PERIODS", (1,))
     natural = TURN / math.sqrt(K / M)
     assert "no periodic motion was found" in refused(
         slide(M, K, 0.0, wave(natural, F)), start=start
@@ -125,10 +125,10 @@ def test_a_forced_pendulum_settles_to_it_at_the_rate_of_its_multipliers():
 
 @cache
 def pump(**law):
-    data = json.loads((GRAPHS / "pump.json").read_text("utf-8"))
+    data = document("pump")
     if law:
         data["blocks"]["motor"]["law"] = law
-    return loads(json.dumps(data)).compile()
+    return changed(data)
 
 
 def test_a_crank_under_a_table_of_the_time_equals_the_long_run_through_its_kinks():

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import cmath
-import json
 import math
-from pathlib import Path
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from scipy.integrate import solve_ivp
 
 from blockmech.dynamics.request import Start
 from blockmech.errors import RequestError
-from tests.doors import graph_of as loads
 from tests.dynamics.linkages import fourbar, motored, pendulum
 from tests.dynamics.scenes import (
     JUDGE,
@@ -34,20 +32,19 @@ from tests.dynamics.scenes import (
 )
 from tests.dynamics.synthetic import move
 from tests.dynamics.test_integrators import double_pendulum
-
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
-
+from tests.gallery import changed, document
 
 # -- loads of place and rate ------------------------------------------------------------------
 
 
-def steady(**more):
-    return move(motored(), Start(0.5), "steady", accuracy=1e-10, **more)
+@cache
+def steady():
+    return move(motored(), Start(0.5), "steady", accuracy=1e-10)
 
 
 def test_steady_rotation_equals_the_long_run():
     motion = steady()
-    long = move(motored(), Start(0.5), "turns=60", accuracy=1e-11)
+    long = move(motored(), Start(0.5), "turns=45", accuracy=1e-11)
     assert motion.at(0.0).qd == pytest.approx(long.qd_end, rel=1e-10)
     assert motion.q_end == 0.5 + TURN
     assert (motion.method, motion.regime) == ("return map", "steady state")
@@ -198,7 +195,7 @@ def test_several_drivers_come_to_rest():
 
 def held_five_bar():
     """The five-bar of the gallery with springs and heavy dampers at both cranks."""
-    data = json.loads((GRAPHS / "fivebar_falling.json").read_text("utf-8"))
+    data = document("fivebar_falling")
     pivot = "frame." + next(iter(data["blocks"]["frame"]["markers"]))
     for crank, angle in (("left", 1.2), ("right", 2.2)):
         data["blocks"][f"{crank}_drag"] = {"type": "load.motor", "law": of_rate(-60.0)}
@@ -207,7 +204,7 @@ def held_five_bar():
         for load in ("drag", "spring"):
             data["wires"].append({"from": pivot, "to": f"{crank}_{load}.a"})
             data["wires"].append({"from": f"{crank}.crank", "to": f"{crank}_{load}.b"})
-    return loads(json.dumps(data)).compile()
+    return changed(data)
 
 
 def test_two_cranks_come_to_rest_unless_a_stop_is_in_the_way():

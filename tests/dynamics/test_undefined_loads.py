@@ -6,18 +6,15 @@ its motion under a constant moment is a parabola in time.
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.doors import graph_of as loads
 from tests.dynamics.scenes import J, at_rest, motor, rod, slide
+from tests.gallery import changed, document
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 START = 0.5  # [rad]
 IN_TIME = ("auto", "dop853", "lsoda", "radau", "rk4")
 OF_PLACE = (*IN_TIME, "energy", "euler_q")
@@ -114,26 +111,6 @@ def test_a_force_that_ends():
     assert "force gives no value beyond t = 0.3 s" in found.notes
 
 
-def test_links_that_do_not_reach_are_no_matter_of_loads():
-    """A table that is defined everywhere it comes to, and a mechanism that is not."""
-    graph = bm.Graph("short", gravity=(0.0, -9.81))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (1.9, 0.0)}))
-    body = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
-    graph.add("crank", bm.Crank(length=1.0, links={"crank": body}))
-    graph.add("dyad", bm.RRR(l_i=0.7, l_j=0.6, links={"i": body, "j": body}))
-    graph.add("motor", bm.Motor(law=linear("time", 10.0)))
-    for pair in (
-        ("frame.A", "crank.A"),
-        ("crank.B", "dyad.B"),
-        ("frame.D", "dyad.D"),
-        ("frame.A", "motor.a"),
-        ("crank.crank", "motor.b"),
-    ):
-        graph.connect(*pair)
-    found = graph.compile().simulate("time=5", start={"crank": (0.3, 3.0)}).motion
-    assert found.end == "dead centre"
-
-
 @pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
 @pytest.mark.parametrize("pull", [1.0, -1.0])
 def test_a_start_at_rest_on_a_kink_of_a_load_leaves_it(method, pull):
@@ -152,8 +129,7 @@ def test_a_start_at_rest_on_a_kink_of_a_load_leaves_it(method, pull):
 
 @pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
 def test_several_drivers(method):
-    data = json.loads((GRAPHS / "fivebar_falling.json").read_text("utf-8"))
-    del data["expect"]
+    data = document("fivebar_falling")
     data["blocks"]["motor"] = {"type": "load.motor", "law": linear("time", 0.05)}
     ((link, _),) = data["blocks"]["left"]["links"].items()
     data["wires"] += [
@@ -161,7 +137,7 @@ def test_several_drivers(method):
         {"from": f"left.{link}", "to": "motor.b"},
     ]
     start = {"left": (1.2, 0.0), "right": (2.2, 0.0)}
-    found = loads(json.dumps(data)).compile().simulate("time=1", method=method, start=start).motion
+    found = changed(data).simulate("time=1", method=method, start=start).motion
     assert (found.status, found.end) == ("ended", "undefined load")
     assert found.t_end == pytest.approx(0.05, rel=1e-9)
     assert found.error < 1e-6
@@ -183,10 +159,3 @@ def test_a_spring_of_no_length_has_no_direction():
     assert found.notes[0] == "undefined load at the start"
     assert any("spring gives no value" in note for note in found.notes)
     assert found.error == math.inf
-
-
-@pytest.mark.parametrize("until", ["time=1", "standstill", "swings=2", "turns=1"])
-def test_rk4_ends_where_the_load_does_whatever_the_goal(until):
-    found = rod(linear("time", 0.2)).simulate(until, method="rk4", start=at_rest(START)).motion
-    assert (found.status, found.end) == ("ended", "undefined load")
-    assert found.t_end == pytest.approx(0.2, rel=1e-9)

@@ -2,8 +2,8 @@
 
 The same mechanism is written in other orders, with the links of a joint named the other way
 round, guides pointed back and frames moved; outputs then change by what was said differently
-and by nothing else. Whether they are right is told by equilibrium and kinematics of the
-document's own links, and by graphs wired by hand.
+and by nothing else. Whether they are right is told by `tests/proof/test_joint_documents.py` and by
+graphs wired by hand.
 """
 
 from __future__ import annotations
@@ -141,112 +141,12 @@ def test_a_frame_that_is_moved_on_its_link_moves_its_own_outputs_only(name, link
 # -- right by the document's own links ----------------------------------------------------
 
 
-def acting(document, result, link):
-    """Force, place and couple of everything that acts on a link, from outputs alone."""
-    n, zero = result.n, np.zeros(result.n)
-
-    def placed(owner, at):
-        if owner == "frame":
-            return np.full(n, complex(*at))
-        o, e = result[f"link.{owner}.p"], np.exp(1j * result[f"link.{owner}.angle"])
-        place = cmath.rect(*at["polar"]) if isinstance(at, dict) else complex(*at)
-        return o + e * place
-
-    said = document["links"][link]
-    if said.get("mass"):
-        cm = said.get("cm", [0, 0])
-        place = cmath.rect(*cm["polar"]) if isinstance(cm, dict) else complex(*cm)
-        arm = np.exp(1j * result[f"link.{link}.angle"]) * place
-        al, om = result[f"link.{link}.alpha"], result[f"link.{link}.omega"]
-        a = result[f"link.{link}.a"] + (1j * al - om**2) * arm
-        g = complex(*document.get("gravity", [0, 0]))
-        yield said["mass"] * (g - a), placed(link, cm), -said["inertia"] * al
-    for load in document["loads"].values():
-        if load["link"] == link and "force" in load:
-            yield np.full(n, complex(*load["force"])), placed(link, load["at"]), zero
-        elif load["link"] == link:
-            yield zero + 0j, placed(link, [0, 0]), np.full(n, load["moment"])
-    for joint, said in document["joints"].items():
-        for k, other in enumerate(said["links"][1:], start=1):
-            ends = (said["links"][0], other)
-            if link not in ends:
-                continue
-            sign = 1 if link == other else -1
-            name = f"joint.{joint}" if len(said["links"]) == 2 else f"joint.{joint}.{other}"
-            effort = np.asarray(result[f"{name}.friction"])
-            driver = driver_of(document, joint)
-            effort = effort + (result[f"driver.{driver}.drive"] if driver else 0.0)
-            force = result[f"{name}.reaction"]
-            if said["type"] == "R":
-                yield sign * force, placed(other, said["at"][k]), sign * effort
-                continue
-            u = guide(document, result, joint)
-            owner = said.get("slider", 1)
-            point = placed(said["links"][owner], said["at"][owner])
-            yield sign * (force + effort * u), point, sign * result[f"{name}.C"]
-
-
 def guide(document, result, joint):
     """Unit direction (n,) of the directed line of a P joint on its first link."""
     said = document["joints"][joint]
     first, angle = said["links"][0], said["angle"][0]
     turn = 0.0 if first == "frame" else result[f"link.{first}.angle"]
     return np.exp(1j * (turn + angle)) * np.ones(result.n)
-
-
-@pytest.mark.parametrize("name", DOCUMENTS)
-@pytest.mark.parametrize("other_way", [False, True], ids=["as given", "all joints the other way"])
-def test_forces_and_moments_on_every_link_are_in_balance(name, other_way):
-    document = DOCUMENTS[name]()
-    for joint, said in document["joints"].items():
-        if other_way and len(said["links"]) == 2:
-            document = flipped(document, joint)
-    result = run(document)
-    for link in document["links"]:
-        terms = list(acting(document, result, link))
-        o = result[f"link.{link}.p"]
-        forces = np.array([f for f, _, _ in terms])
-        moments = np.array([c + (np.conj(p - o) * f).imag for f, p, c in terms])
-        sizes = np.array([np.abs(c) + np.abs(p - o) * np.abs(f) for f, p, c in terms])
-        assert np.abs(forces.sum(axis=0)).max() <= ROUNDING * np.abs(forces).max()
-        assert np.abs(moments.sum(axis=0)).max() <= ROUNDING * sizes.max()
-
-
-@pytest.mark.parametrize(("name", "joint"), list(joints_of("P")))
-def test_normal_force_and_slip_follow_the_guide_of_the_document(name, joint):
-    document = DOCUMENTS[name]()
-    for made in (document, flipped(document, joint), pointed_back(document, joint)):
-        result, said = run(made), made["joints"][joint]
-        u = guide(made, result, joint)
-        N = (result[f"joint.{joint}.reaction"] * np.conj(1j * u)).real
-        assert np.abs(result[f"joint.{joint}.N"] - N).max() <= ROUNDING * np.abs(N).max()
-
-        def speed(k, said=said, result=result):
-            link, place = said["links"][k], complex(*said["at"][k])
-            if link == "frame":
-                return 0.0
-            arm = np.exp(1j * result[f"link.{link}.angle"]) * place
-            return result[f"link.{link}.v"] + 1j * result[f"link.{link}.omega"] * arm
-
-        # The two points are on one line that turns: what is left along it is the slip.
-        slip = ((speed(1) - speed(0)) * np.conj(u)).real
-        found = result[f"joint.{joint}.slip"]
-        assert np.abs(found - slip).max() <= ROUNDING * max(np.abs(slip).max(), 1.0)
-
-
-@pytest.mark.parametrize("name", DOCUMENTS)
-def test_the_slip_of_a_pin_is_the_rate_of_its_second_link_less_that_of_its_first(name):
-    document = DOCUMENTS[name]()
-    result = run(document)
-    for joint, said in document["joints"].items():
-        for other in said["links"][1:] if said["type"] == "R" else ():
-            pin = f"joint.{joint}" if len(said["links"]) == 2 else f"joint.{joint}.{other}"
-            rates = [
-                0.0 if link == "frame" else result[f"link.{link}.omega"]
-                for link in (said["links"][0], other)
-            ]
-            off = np.abs(result[f"{pin}.slip"] - (rates[1] - rates[0])).max()
-            assert off <= ROUNDING * largest(result)["rad/s"]
 
 
 # -- what can be asked for, and what is said ------------------------------------------------

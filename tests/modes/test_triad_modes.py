@@ -12,7 +12,7 @@ import pytest
 
 from blockmech.errors import RequestError
 from blockmech.modes.closing import triad_modes
-from blockmech.modes.elimination import coefficients, directions, eliminant
+from blockmech.modes.elimination import eliminant
 from blockmech.modes.triad import Triad, placed
 from blockmech.typing import Guide
 from tests.modes import chance
@@ -60,28 +60,6 @@ def test_number_of_modes_of_fifty_triads_agrees_with_an_exact_count(seed):
             assert max(misses(mode, pivots, lengths, pins)) <= ROUNDING * 10, given
             assert mode.residual <= ROUNDING, given
             assert abs(abs(mode.e) - 1) <= 4 * EPS
-
-
-def test_all_six_complex_directions_are_found_and_come_in_pairs():
-    rng = np.random.default_rng(11)
-    for _ in range(50):
-        pivots, lengths, pins, _ = chance.triad(rng)
-        held = placed(Triad.rrr(lengths, pins), pivots)
-        found = directions(coefficients(held)[0])
-        assert len(found) == 6
-        for z in found:
-            assert min(abs(found - 1 / z.conjugate())) <= 1e-6 * abs(1 / z)
-
-
-def test_the_eliminant_is_a_trigonometric_polynomial_of_degree_three_for_every_mix_of_legs():
-    rng = np.random.default_rng(12)
-    for kinds in MIXES:
-        triad, supports, _ = mixed(rng, kinds)
-        held = placed(triad, supports)
-        (f,) = coefficients(held)
-        e = np.exp(1j * rng.uniform(0, 7, size=20))
-        sums = sum(f[k + 3] * e**k for k in range(-3, 4))
-        assert np.abs(sums - eliminant(held, e[None])[0][0]).max() <= ROUNDING * np.abs(f).sum()
 
 
 def test_half_the_modes_stand_on_either_side_of_dead_centres():

@@ -22,7 +22,7 @@ from blockmech.testing.strategies import EVERY, Case, Options, Seeded, random_me
 from tests.blocks.twin import Comparison
 from tests.wiring import swept
 
-SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "120")))
+SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "80")))
 OPTIONS = Options(groups=(0, 5), drivers=(1, 2), twists=True, least_margin=1e-3)
 GENERAL = replace(OPTIONS, groups=(1, 4), kinds=EVERY)
 GENERAL_SEEDS = range(len(SEEDS) // 4)

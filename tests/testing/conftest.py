@@ -10,6 +10,7 @@ import pytest
 
 import blockmech as bm
 from examples.wire_ruiz import fourbar
+from tests.analysis.linkages import short_fourbar
 
 REFERENCE = Path(__file__).parents[1] / "data" / "ruiz_fourbar.json"
 
@@ -60,19 +61,8 @@ def ruiz() -> bm.Graph:
 
 @pytest.fixture
 def short() -> bm.Graph:
-    """A four-bar whose dyad, two links of 2.5 m, cannot reach while B is over 5 m from D.
-
-    With B = 2 (cos q, sin q) and D = (5.5, 0), |BD|^2 = 34.25 - 22 cos q, so it closes for
-    cos q >= 9.25 / 22.
-    """
-    g = bm.Graph("short", drive={"crank": bm.ConstantRate(rate=1.0)})
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
-    g.add("crank", bm.Crank(length=2.0))
-    g.add("dyad", bm.RRR(l_i=2.5, l_j=2.5))
-    g.connect("frame.A", "crank.A")
-    g.connect("crank.B", "dyad.B")
-    g.connect("frame.D", "dyad.D")
-    return g
+    """A four-bar that cannot turn fully."""
+    return short_fourbar()
 
 
 @pytest.fixture(scope="session")

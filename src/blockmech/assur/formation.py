@@ -150,11 +150,8 @@ def _give(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
             left[e] -= taken
             lacking[v] -= taken
             waits.add_edges_from((v, w) for w in edges[e][:2] if w not in (None, v))
-    return _Given(waits, takers, _which(left), _which(lacking))
-
-
-def _which(numbers: Iterable[int]) -> list[int]:
-    return [k for k, number in enumerate(numbers) if number]
+    spare, short = ([k for k, number in enumerate(rest) if number] for rest in (left, lacking))
+    return _Given(waits, takers, spare, short)
 
 
 def _in_order(parts: nx.DiGraph[int], rank: Mapping[int, object]) -> list[int]:
@@ -189,13 +186,11 @@ def reseat(
 ) -> tuple[Pair, ...]:
     """Seat every pin of three links and more on the link that is placed first.
 
-    A pin of m links is m - 1 pairs of one axis, and which links they join is free: the
-    motion is the same. A poor choice makes dyads wait for each other, as if they were a
-    group of a higher class; this choice leaves the smallest groups. A pair that joins the
-    same links as before keeps its name, others take the names left over. Driven pairs
-    stay. The force of the old pair from a to b is the sum over the new pairs from the
-    links at a's side to those at b's side, the old pair cut; friction belongs to the pairs
-    as they were, so a pin with friction is better left alone (give its pairs no axis).
+    A pin of m links is m - 1 pairs of one axis, and which links they join is free; this choice
+    leaves the smallest groups. A pair that joins the same links as before keeps its name,
+    others take the names left over. Driven pairs stay. The force of the old pair from a to b
+    is the sum over the new pairs across the cut that removing it leaves; a pin with friction
+    is better left alone (give its pairs no axis).
     """
     moving, ordered = sorted_parts(links, pairs, earlier, drivers)
     index = {a: v for v, a in enumerate(moving)}

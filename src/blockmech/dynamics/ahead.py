@@ -20,6 +20,7 @@ from blockmech.dynamics.panels import (
     TO_LIMIT,
     TO_REST,
     Floats,
+    P,
     Panels,
     Spans,
     basis,
@@ -29,7 +30,7 @@ from blockmech.dynamics.panels import (
 )
 from blockmech.dynamics.place import SHORT, SLIPS, J
 from blockmech.dynamics.road import CLOSE, Piece, Road
-from blockmech.dynamics.work import STEPS, Acting, Work, of_friction, of_place, of_rate, settled
+from blockmech.dynamics.work import Acting, Work, of_friction, of_place, of_rate, settled
 from blockmech.plane import EPS
 
 ROUGH = 1 / 64  # of a piece's inertia: what is below has two digits less
@@ -63,11 +64,13 @@ class Ahead:
         self.system, self.tolerance = road.system, road.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
         self.largest = 0.0  # [J] kinetic energy that a panel began with
+        self.longest = math.inf  # [rad or m] that may be smooth: twice what was, after halvings
 
     def panel(self, at: At, piece: Piece, end: float) -> Panels | Obstacle:
         """The next panel towards a place."""
         q, sign = at.q, at.sign
         self.largest = max(self.largest, at.K)
+        end, self.longest = q + sign * min(abs(end - q), self.longest), math.inf
         while True:
             if abs(end - q) <= CLOSE * max(abs(q), abs(end)):
                 return self._too_short(at, end)
@@ -91,8 +94,9 @@ class Ahead:
                 panel = self._made(at, lies, acting, K, inertia)
                 if panel.smooth(inertia[-1:], self.tolerance, not self.place_only)[0]:
                     return self._until_kink(at, piece, panel, acting)
+            self.longest = abs(end - q)
             end = q + 0.5 * (end - q)
-            rough = inertia.min() < ROUGH * piece.data.most_inertia
+            rough = inertia.min() < ROUGH * piece.data.largest[J]
             if rough and self._shortened(at, piece, abs(end - q)):
                 return Obstacle()
 
@@ -108,7 +112,7 @@ class Ahead:
         friction, (q,) = self.system.friction, lies.places(np.append(rule(self.n).v, 0.0))
         rows = piece.rows(q)
         if self.rounding:
-            rows[J] += self.rounding * piece.data.most_inertia
+            rows[J] += self.rounding * piece.data.largest[J]
         inertia, q, rows = rows[J], q[:-1], rows[:, :-1]
         if self.place_only:
             return of_place(rows), inertia
@@ -163,15 +167,10 @@ class Ahead:
         if kind == TO_LIMIT:
             return float(end + 0.5 * (begin - end))  # closer first
         i = int(np.argmax(K <= 0))
-        v = np.append(rule(self.n).v, 1.0)
-        if energy == 0:  # from rest the mean effort K / u is nearly a line
-            a, b = (i - 1, i) if i else (0, 1)
-            mean = K / v**2
-            v2 = v[a] ** 2 - mean[a] * (v[b] ** 2 - v[a] ** 2) / (mean[b] - mean[a])
-            return float(begin + (end - begin) * np.clip(v2, v[0] ** 4, v[b] ** 2))
-        before, at_before = (float(K[i - 1]), v[i - 1]) if i else (energy, 0.0)
-        share = before / (before - float(K[i]))
-        return float(begin + (end - begin) * (at_before + share * (v[i] - at_before)))
+        u = np.append(rule(self.n).v, 1.0) ** P[kind]
+        before, at_before = (float(K[i - 1]), u[i - 1]) if i else (energy, 0.0)
+        share = before / (before - float(K[i])) if before else 0.5
+        return float(begin + (end - begin) * (at_before + share * (u[i] - at_before)))
 
     def _to_standstill(self, at: At, piece: Piece, guess: float) -> Panels | Obstacle | None:
         """The panel that ends at a standstill; None where it is not resolved.
@@ -180,7 +179,7 @@ class Ahead:
         """
         last, guessed = math.inf, None
         before: tuple[float, float] | None = None  # an end, and what energy that leaves over
-        for _ in range(STEPS):
+        while True:
             length = at.sign * (guess - at.q)
             if length <= CLOSE * max(abs(at.q), 1.0) and 1e3 * EPS * self.largest >= at.K:
                 return Obstacle(STANDSTILL)
@@ -202,8 +201,6 @@ class Ahead:
                 break
             before = guess, left
             last, guess, guessed = abs(step), guess + step, acting.w
-        else:
-            return None
         lies = span(at.q, guess, 0.0, TO_REST)
         panel = self._made(at, lies, acting, K, inertia)
         if not panel.smooth(inertia[-1:], self.tolerance, not self.place_only)[0]:

@@ -127,6 +127,8 @@ def _series(plain: System, place: float, reach: float, n: int) -> Series | None:
 class FollowingSystem(System):
     """A system that reads inertia and effort from series near its change points."""
 
+    table = None
+
     @property
     def noise(self) -> float:
         """What the series leave out."""

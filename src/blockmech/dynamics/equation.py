@@ -11,6 +11,7 @@ directions of slip are given from outside, and so the right-hand side is smooth 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -34,25 +35,27 @@ class Equation:
 
     system: System
     q0: Any
-    most: float = math.inf  # kernel evaluations
+    most: float = math.inf  # evaluations
+    spent: int = 0
     sides: tuple[int, ...] = ()
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
 
-    @property
+    @cached_property
     def drivers(self) -> int:
         """Number k of drivers."""
         return len(self.system.drivers)
 
     def __call__(self, t: float, y: Any) -> Any:
         """y' at a state; NaN where there is no pose."""
-        if self.system.singles > self.most:
+        self.spent += 1
+        if self.spent > self.most:
             self.most = math.inf  # once: what is kept of the run is still looked at
             raise TooMany
         if self.drivers > 1:
             return self._several(t, y)
         q, qd = float(y[0]), float(y[1])
-        J, tau, dJ, margin = self.system.one(q, qd, t)
+        J, tau, dJ, margin = self.one(q, qd, t)
         self._last = q, margin, J
         if not margin > 0:
             return (math.nan,) * len(y)
@@ -60,6 +63,12 @@ class Equation:
             found = self.resisted(q, qd, t)
             return qd, found.qdd, tau * qd, found.power
         return qd, (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan, tau * qd
+
+    @cached_property
+    def one(self) -> Callable[[float, float, float], Any]:
+        """J, tau, dJ/dq and the margin at a state of the only driver."""
+        table = self.system.table
+        return self.system.one if table is None else table.one
 
     def _several(self, t: float, y: Floats) -> Floats:
         k = self.drivers
@@ -73,6 +82,7 @@ class Equation:
     def resisted(self, q: float, qd: float, t: float) -> Resisted:
         """Acceleration and friction of the pairs at a state."""
         assert self.system.friction is not None
+        self.spent += 2 + len(self.sides)  # of the force pass
         return self.system.friction.at(q, qd, t, self.sides)
 
     def pair_loads(self, t: float, y: Floats) -> Any:
@@ -96,8 +106,8 @@ class Equation:
         here = float(y[0]) if k == 1 else tuple(y[:k])
         if self._last[0] != here:
             if k == 1:
-                one = self.system.one(float(y[0]))
-                self._last = here, one.margin, one.J
+                J, _, _, margin = self.one(float(y[0]), 0.0, 0.0)
+                self._last = here, margin, J
             else:
                 self._last = here, self.system.terms(y[:k], 0 * y[:k]).margin, math.nan
         _, margin, J = self._last

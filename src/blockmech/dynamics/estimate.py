@@ -20,8 +20,11 @@ from blockmech.plane import EPS
 
 Setting = TypeVar("Setting")
 
+TARGET = 1e-9  # [rad or m] of the error if none is given
 COMPARED = 129  # times spread over a run at which two runs are compared, beside those wanted
-ROUNDING = 8 * EPS  # of |q| or t: what rounding leaves of a sum of some tens of either
+# Of |q| or t: a value is a sum of some fifty terms of a series, which is the integral of one that
+# values were summed to. Roundings of up to EPS / 2 each, added like a random walk, twice that.
+ROUNDING = math.sqrt(3 * 50) * EPS
 PARTED = math.radians(1)  # [rad or m], or of its duration: what parts two motions
 
 

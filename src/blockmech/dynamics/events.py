@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 TURN = 2 * math.pi
-Value: TypeAlias = Callable[[float, Any], float]
+Value: TypeAlias = Callable[[Any, Any], Any]
 
 STANDSTILL, KINK, GOAL = "standstill", "kink", "goal"
 REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
@@ -51,6 +51,7 @@ class EventRule:
     terminal : whether the integration stops there (to end, or to go on with another equation)
     parts : of a step that are looked at; 1: only its end, of values that cost kernels
     dips : whether it also happens where the value only dips below zero
+    many : whether the value takes many times and states (n, m) at once
     index : of the pair with friction that it is about
     """
 
@@ -60,7 +61,15 @@ class EventRule:
     terminal: bool = True
     parts: int = PARTS
     dips: bool = False
+    many: bool = False
     index: int = -1
+
+    def among(self, t: Floats, y: Floats) -> list[float]:
+        """Values at times (m,) and states (n, m)."""
+        if self.many:
+            found: list[float] = self.value(t, y).tolist()
+            return found
+        return [self.value(s, x) for s, x in zip(t.tolist(), y.T, strict=True)]
 
 
 class Hit(NamedTuple):
@@ -75,7 +84,7 @@ class Hit(NamedTuple):
 
 def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> EventRule:
     """A driver's coordinate reaches q [rad or m]."""
-    return EventRule(kind, lambda t, y: float(y[driver]) - q, direction)
+    return EventRule(kind, lambda t, y: y[driver] - q, direction, many=True)
 
 
 def general_rules(
@@ -99,7 +108,7 @@ def general_rules(
         return found
     found += [driver_at(GOAL, q) for q in goal_places(request)]
     ends_run = request.until.goal in ("standstill", "swings") or system.friction is not None
-    return [*found, EventRule(STANDSTILL, lambda t, y: float(y[1]), terminal=ends_run)]
+    return [*found, EventRule(STANDSTILL, lambda t, y: y[1], terminal=ends_run, many=True)]
 
 
 def goal_places(request: SimulationRequest) -> list[float]:
@@ -178,6 +187,7 @@ class Lookout:
     spans: Sequence[float]
     y: Floats  # state at the end of the last step, and the rules' values there
     values: list[float]
+    simple: bool = False  # whether all rules of more than ends are those of the driver
 
     @classmethod
     def at(
@@ -195,38 +205,49 @@ class Lookout:
         for i, r in enumerate(rules):
             if fired is not None and (r.kind, r.index) == (fired.kind, fired.index):
                 values[i] = 0.0 if r.kind != KINK or abs(values[i]) <= near else values[i]
-        return cls(rules, parts, spans, y, values)
+        simple = len(spans) == 1 and all(r.many or r.parts == 1 for r in rules)
+        return cls(rules, parts, spans, y, values, simple)
 
     def in_step(self, t0: float, t1: float, y1: Floats, dense: Callable[[Any], Any]) -> list[Hit]:
         """Events of a step in order, up to the first that stops the integration."""
-        way = TURN * max(abs(a - b) / s for a, b, s in zip(y1, self.y, self.spans, strict=False))
-        near = min(NEAR, PARTS * way)  # no margin falls by more on so short a way
-        values, self.y = self.values, y1
+        values, before, self.y = self.values, self.y, y1
         self.values = [rule.value(t1, y1) for rule in self.rules]
+        ways = [abs(a - b) / s for a, b, s in zip(y1, before, self.spans, strict=False)]
+        near = min(NEAR, PARTS * TURN * max(ways))  # no margin falls by more on so short a way
         quiet = (
             not _turned(a, b, rule.direction) and not (rule.dips and min(a, b) < near)
             for rule, a, b in zip(self.rules, values, self.values, strict=True)
         )
-        if self.parts == 1 and all(quiet):
+        if (self.parts == 1 or self._steady(t1 - t0, before, y1)) and all(quiet):
             return []
         found: list[Hit] = []
-        t = np.linspace(t0, t1, self.parts + 1)
-        inner = list(np.asarray(dense(t[1:-1])).T)
-        for rule, before, after in zip(self.rules, values, self.values, strict=True):
-            dips = rule.dips and min(before, after) < near
+        t: Floats = t0 + (t1 - t0) / self.parts * np.arange(self.parts + 1.0)
+        t[-1] = t1
+        inner = np.asarray(dense(t[1:-1]))
+        for rule, low, high in zip(self.rules, values, self.values, strict=True):
+            dips = rule.dips and min(low, high) < near
             parts = min(max(rule.parts, PARTS // 2 if dips else 1), self.parts)
             each = self.parts // parts
-            between = zip(t[each:-1:each], inner[each - 1 :: each], strict=False)
-            row = [before, *(rule.value(float(s), y) for s, y in between), after]
+            row = [low, *rule.among(t[each:-1:each], inner[:, each - 1 :: each]), high]
+            if (min(row) > 0 or max(row) < 0) and not dips:
+                continue
 
             def value(s: float, rule: EventRule = rule) -> float:
-                return rule.value(s, dense(s))
+                return float(rule.value(s, dense(s)))
 
             times = crossings(rule.direction, t[::each], row, value)
-            if dips and not times and min(row) < near:
+            if dips and not times:
                 times = _dip(t[::each], row, value)
             found += [Hit(rule, s) for s in times]
         return until_terminal(found)
+
+    def _steady(self, h: float, y0: Floats, y1: Floats) -> bool:
+        """Whether nothing turns within a step: rates at both ends and between are alike."""
+        if not self.simple:
+            return False
+        a, b, mean = float(y0[1]), float(y1[1]), float(y1[0] - y0[0]) / h
+        low, high = min(a, b, mean), max(a, b, mean)
+        return 0 < high < 2 * low or 0 > low > 2 * high
 
 
 def until_terminal(hits: list[Hit]) -> list[Hit]:
@@ -261,9 +282,15 @@ def _root(value: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _dip(t: Floats, values: Sequence[float], value: Callable[[float], float]) -> list[float]:
-    """Where a value that is positive at all times given falls below zero between them."""
+    """Where a value that is positive at all times given falls below zero between them.
+
+    It cannot where it changes by less than itself from the least of them to its neighbours.
+    """
     i = int(np.argmin(values))
-    low, high = float(t[max(i - 1, 0)]), float(t[min(i + 1, t.size - 1)])
+    first, last = max(i - 1, 0), min(i + 1, t.size - 1)
+    if max(values[first], values[last]) < 2 * values[i]:
+        return []
+    low, high = float(t[first]), float(t[last])
     lowest = minimize_scalar(value, bounds=(low, high), method="bounded")
     return [_root(value, low, float(lowest.x))] if lowest.fun < 0 else []
 
@@ -289,7 +316,7 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
         values = [rule.value(s, y) for s, y in zip(t.tolist(), states, strict=True)]
 
         def value(s: float, rule: EventRule = rule) -> float:
-            return rule.value(s, state(s))
+            return float(rule.value(s, state(s)))
 
         hits += [Hit(rule, s) for s in crossings(rule.direction, t, values, value)]
     hits = until_terminal(hits)

@@ -243,14 +243,6 @@ class JointFriction:
             margin.reshape(shape),
         )
 
-    def responses(self, q: Floats) -> Responses:
-        """Inertia, slips and influences at places (n,)."""
-        m = len(self.names)
-        units = [State(qdd=1.0), *(State(pair=k) for k in range(m))]
-        found = self._columns(q, units)
-        s = -np.moveaxis(found.drive[1:], 0, -1)
-        return Responses(found.drive[0], s, found.F[0], np.moveaxis(found.F[1:], 0, -1))
-
     def loads(self, q: Floats, qd: Any, t: float = 0.0) -> Loads:
         """What loads and rates do at states (n,)."""
         found = self._columns(q, [State(qd=qd, share=1.0, t=t)])
@@ -349,7 +341,8 @@ class JointFriction:
     def rest(self, q: float, t: float = 0.0, size: float = 0.0) -> Rest:
         """What a standstill at q leads to; ``size`` [N m or N] is that of the loads' efforts."""
         place = np.array([q])
-        r, loads = self.responses(place), self.loads(place, 0.0, t)
+        r = Placed.of(self.rows(place), len(self.names)).responses
+        loads = self.loads(place, 0.0, t)
         holding = []
         for direction in (-1, 1):
             found = self.solve(r, loads, self.sides(q, direction), moving=False)

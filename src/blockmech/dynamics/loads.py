@@ -16,9 +16,10 @@ from scipy.optimize import brentq
 
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.loads.contract import VELOCITY_READS, Element, Following
+from blockmech.loads.contract import VELOCITY_READS, Element, Following, read_by
 from blockmech.loads.force import Force
-from blockmech.loads.laws import Constant, Fourier, Table
+from blockmech.loads.functions import Function
+from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Table
 from blockmech.loads.motor import Motor
 from blockmech.loads.spring import Spring
 from blockmech.loads.torsion_spring import TorsionSpring, twist
@@ -46,6 +47,23 @@ def depends_on(structure: Structure) -> frozenset[str]:
             found |= {"rate"} if RATE_READS & set(reads) else set()
             found |= {"time"} if "t" in reads else set()
     return frozenset(found)
+
+
+def straight_in_rate(structure: Structure) -> bool:
+    """Whether every load is a straight line in the rates, free of the time, and no user's code."""
+
+    def straight(element: Element) -> bool:
+        reads = {what for row in element.reads().values() for what in row}
+        law = _law(element)
+        if isinstance(law, Function):
+            return False
+        if not reads & {*RATE_READS, "t"} or isinstance(element, Spring | TorsionSpring):
+            return True
+        line = isinstance(law, DC) or (isinstance(law, Polynomial) and len(law.coefficients) <= 2)
+        own = {what for row in read_by(element.kernel()).values() for what in row}
+        return line and law.variables() == ("rate",) and not own & {*RATE_READS, "t"}
+
+    return all(map(straight, structure.elements.values()))
 
 
 def lossless(structure: Structure) -> bool:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import ON, watched
 from blockmech.dynamics.motion import (
     END_STOP,
@@ -38,7 +39,7 @@ from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import equilibrium, start_failure
 from blockmech.dynamics.steady import steady_motion
-from blockmech.dynamics.time import SOLVERS, TARGET, in_fixed_steps, in_time
+from blockmech.dynamics.time import SOLVERS, in_fixed_steps, in_time
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.plane import EPS
 

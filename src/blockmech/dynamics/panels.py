@@ -49,7 +49,7 @@ def basis(v: Any, n: int) -> Any:
         more = min(done, n - done)
         np.multiply(found[..., :more], z[..., None], out=found[..., done : done + more])
         z, done = z * z, 2 * done
-    return found.real
+    return np.ascontiguousarray(found.real)
 
 
 def node_places(n: int, kind: Any = np.float64) -> Any:

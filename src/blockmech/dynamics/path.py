@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import difference, judged, missed, stopped
+from blockmech.dynamics.estimate import TARGET, difference, judged, missed, stopped
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -129,6 +129,12 @@ class PathRun:
         until = self.request.until
         return until.value if until.goal == "time" else math.inf
 
+    @property
+    def wanted(self) -> float:
+        """Standstills after the start at which the run ends; infinite without such a goal."""
+        until = self.request.until
+        return {"standstill": 1.0, "swings": until.value}.get(until.goal, math.inf)
+
     def goal_places(self) -> list[float]:
         """Driver coordinates at which the run ends."""
         until = self.request.until
@@ -209,7 +215,7 @@ class PathRun:
         """All panels until a standstill or a goal; None where that is not for all at once."""
         sign, end, following = self.sign, self.q, piece
         pieces: list[Piece] = []
-        while self.place_only and len(pieces) < len(self.road.pieces):
+        while self.place_only and len(pieces) <= len(self.road.pieces):
             if following.data.limit or following.what_ends(sign):
                 break
             pieces.append(following)
@@ -278,12 +284,10 @@ class PathRun:
         """A standstill: the goal, or on from there."""
         self.events.append(Event(STANDSTILL, self.t, self.q, 0.0))
         self.standstills += 1
-        until = self.request.until
-        wanted = {"standstill": 1.0, "swings": until.value}.get(until.goal, math.inf)
-        if self.standstills >= wanted:
+        if self.standstills >= self.wanted:
             if self.regime == "one way":
                 self.regime = "to a standstill"
-            self.stop(until.goal, "reached")
+            self.stop(self.request.until.goal, "reached")
         elif self.place_only and self.mark is not None and self.mark[1].K == 0:
             self.repeat_swing()
         else:
@@ -320,26 +324,16 @@ class PathRun:
         self.repeats(swing)
         self.regime = "libration"
         self.facts.update(swing_time=swing.duration, period=2 * swing.duration)
-        until = self.request.until
-        more, status = 0.0, "ended"
-        if until.goal in ("standstill", "swings"):
-            more, status = until.value - self.standstills, "reached"
-        elif self.t_goal < math.inf:
-            more, status = math.floor((self.t_goal - t) / swing.duration) - 1, "reached"
-        places = self.q, float(panels.spans.begin[0])
-        for k in range(int(more)):
-            when = swing.begins(k + 2)
-            if when <= self.t_goal:
-                self.events.append(Event(STANDSTILL, when, places[(k + 1) % 2], 0.0))
-        if status == "ended":
+        more = min(self.wanted - self.standstills, (self.t_goal - t) / swing.duration - 1)
+        if more == math.inf:
             self.never(swing)
-        elif until.goal == "time":
-            self.t = self.t_goal
-            self.stop("time", "reached")
-        else:
-            self.t = swing.begins(int(1.0 + more))
-            self.standstills = int(until.value)
-            self.stop(until.goal, "reached")
+            return
+        places = self.q, float(panels.spans.begin[0])
+        for n in range(1, int(more) + 1):
+            self.events.append(Event(STANDSTILL, swing.begins(n + 1), places[n % 2], 0.0))
+        timed = self.t_goal < math.inf
+        self.t = self.t_goal if timed else swing.begins(int(more) + 1)
+        self.stop(self.request.until.goal, "reached")
 
     def never(self, pattern: Pattern) -> None:
         """The goal is not on the way of a motion that repeats."""
@@ -399,19 +393,14 @@ class PathRun:
 
     def go_round(self, turn: Pattern, start: At) -> None:
         """The end of a motion that turns for ever, or where it goes on otherwise."""
-        places = [x for x in self.goal_places() if turn.step * (x - start.q) > 0]
+        ways = [x - start.q for x in self.goal_places() if turn.step * (x - start.q) > 0]
         count = math.inf if turn.starts is None else turn.starts.size - 1
-        way = min((abs(x - start.q) for x in places), default=math.inf)
+        ends = [(turn.at_way(x), self.request.until.goal) for x in ways if x / turn.step <= count]
+        t, goal = min([*ends, (self.t_goal, "time")])
         last = turn.begins(int(count)) if count < math.inf else math.inf
-        there = math.inf
-        if way < math.inf and way <= count * abs(turn.step):
-            there = turn.at_way(math.copysign(way, turn.step))
-        if there < self.t_goal:
-            self.t = there
-            self.stop(self.request.until.goal, "reached")
-        elif self.t_goal <= last and self.t_goal < math.inf:
-            self.t = self.t_goal
-            self.stop("time", "reached")
+        if t <= last and t < math.inf:
+            self.t = t
+            self.stop(goal, "reached")
         elif turn.gain < 0:
             self.t, self.q = last, start.q + count * turn.step
             self.K = start.K + count * turn.gain
@@ -482,7 +471,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
         found = judged(coarse, fine, difference(coarse, fine, request.times), request.times)
         if best is None or best.status == "failed" or found.error < best.error:
             best = found
-        if best.error <= (request.accuracy or RESOLVED) and best.status != "failed":
+        if best.error <= (request.accuracy or TARGET) and best.status != "failed":
             break
     assert best is not None
     return best if request.accuracy is None else missed(best, request.accuracy)

@@ -80,10 +80,17 @@ class PlaceData:
         found: Floats = self.rows @ rule(self.rows.shape[1]).to_series.T
         return found
 
+    def over_all(self, sign: int) -> Floats:
+        """J and tau (2, n + 1) at the nodes in a direction, and where it begins."""
+        found, series = self.rows[: TAU + 1], self.series[: TAU + 1]
+        begin = series.sum(axis=1) if sign < 0 else series[:, ::2].sum(1) - series[:, 1::2].sum(1)
+        return np.column_stack([found[:, ::sign], begin])
+
     @cached_property
-    def most_inertia(self) -> float:
-        """The largest at the nodes: a series is as exact as its largest value."""
-        return float(self.rows[J].max())
+    def largest(self) -> Floats:
+        """(r,) magnitudes at the nodes: a series is as exact as its largest value."""
+        found: Floats = np.abs(self.rows).max(axis=1)
+        return found
 
     @cached_property
     def tails(self) -> Floats:

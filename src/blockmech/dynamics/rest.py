@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.motion import IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
+from blockmech.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import Sample, System
 
-STEP = 1e-3  # [rad] or share of the span: of a fourth-order difference, whose error it makes 1e-12
+# [rad] or share of the span, of a fourth-order difference: its error is as large as its rounding.
+STEP = EPS ** (1 / 5)
 
 
 def start_failure(system: System, q: float, rate: float, t: float = 0.0) -> str:

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
-PARTS = 16  # a search for the last possible pose asks at that many places at a time
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
 
 
@@ -82,26 +81,21 @@ class Road:
     n: int
     tolerance: float
     beside: int = 0
-    pieces: list[Piece] = field(init=False)
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
 
-    def __post_init__(self) -> None:
-        self.pieces = []
+    @cached_property
+    def pieces(self) -> list[Piece]:
+        """Those that are there, in no order: to begin with, of a period those that are kept."""
         period = self.system.period
         if period is None:
-            return
+            return []
         kept, key = self.system.kept, ("mesh", self.n, self.system.friction is None)
         if key not in kept:
-            made = mesh(
-                self._values,
-                self._edges_from(self._half_a_period_before(0.0)),
-                self.n,
-                self.tolerance,
-            )
+            edges = self._edges_from(self._half_a_period_before(0.0))
+            made = mesh(self._values, edges, self.n, self.tolerance)
             kept[key] = [self._piece(data) for data in made]
-        for piece in kept[key]:
-            turns = math.ceil((self.first - piece.data.low) / period - CLOSE)
-            self.pieces.append(piece.shifted(turns * period))
+        turns = [math.ceil((self.first - x.data.low) / period - CLOSE) for x in kept[key]]
+        return [x.shifted(n * period) for x, n in zip(kept[key], turns, strict=True)]
 
     @cached_property
     def first(self) -> float:
@@ -239,7 +233,7 @@ class Road:
         if not self._possible_at(np.array([q]))[0]:
             return q, self._why(q, q)
         for _ in HALVINGS:
-            x = np.linspace(good, bad, PARTS + 1)[1:]
+            x = np.linspace(good, bad, self.n + 1)[1:]
             x = x[(x != good) & (x != bad)]
             if not x.size:
                 break

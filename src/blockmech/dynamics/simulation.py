@@ -53,7 +53,6 @@ if TYPE_CHECKING:
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
 OUTPUTS = 201  # output times where none are named
 ACTIONS = (".couple", ".force")  # outputs of a load
-NEARBY = 1e-6  # of the run: how long before its end it is looked at which way rates go
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
 
 
@@ -245,7 +244,7 @@ def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
 def _ahead(motion: Motion) -> tuple[Floats, Floats, Floats]:
     """States from the end on: coordinates and rates (n, k), times (n,)."""
     end, rate = (np.atleast_1d(x).astype(float) for x in (motion.q_end, motion.qd_end))
-    before = motion.at(motion.t_end - NEARBY * (motion.t_end - motion.t_start)).qd
+    before = motion.at(motion.t_end - AHEAD[-2] * (motion.t_end - motion.t_start)).qd
     grows = np.sign(rate - np.atleast_1d(before))
     far = np.array(AHEAD)[:, None]
     q = end + far * np.sign(rate) * np.maximum(np.abs(end), 1.0)

@@ -29,6 +29,7 @@ from scipy.optimize import brentq
 
 from blockmech.dynamics import loads
 from blockmech.dynamics.equation import Equation, scales
+from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import STANDSTILL, watched
 from blockmech.dynamics.motion import IMPOSSIBLE, INTERRUPTED, REST, Floats, Motion
 from blockmech.dynamics.path import along_path
@@ -44,7 +45,7 @@ from blockmech.dynamics.periodic import (
     resting,
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
-from blockmech.dynamics.time import SOLVERS, TARGET, Run, in_time
+from blockmech.dynamics.time import SOLVERS, Run, in_time
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial

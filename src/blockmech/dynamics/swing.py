@@ -8,18 +8,20 @@ at the same time.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics.ahead import Ahead, At
+from blockmech.dynamics.ahead import ROUGH, Ahead, At
 from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, Floats, Panels, Spans, basis, rule
-from blockmech.dynamics.place import SHORT, TAU, J
+from blockmech.dynamics.place import SHORT, TAU, J, PlaceData
 from blockmech.dynamics.road import CLOSE, Piece
-from blockmech.dynamics.work import STEPS
 from blockmech.plane import EPS
+
+Key: TypeAlias = tuple[float, float, int]  # where a panel begins and ends, and its kind
 
 
 class Swing:
@@ -35,22 +37,28 @@ class Swing:
         self.at, self.stands = at, False
         self.edges = [at.q, *(p.end(at.sign) for p in pieces[:-1]), end]
         self.pieces = list(pieces)
-        self.known: dict[tuple[float, float, int], Floats] = {}
+        self.known: dict[Key, Floats] = {}
+        whole = [
+            x for x in pieces if x.end(-at.sign) in self.edges and x.end(at.sign) in self.edges
+        ]
+        keys = [(x.end(-at.sign), x.end(at.sign), PLAIN) for x in whole]
+        self._know(keys, (x.data.over_all(at.sign) for x in whole), (x.data for x in whole))
 
     def panels(self) -> Panels | None:
         """The panels, or the first ones of them: those that need no shorter road."""
         for _ in range(SHORT // 2):
             panels, J0 = self._over_edges()
+            good = panels.smooth(J0, self.tolerance, False)
             low = np.flatnonzero(self._used_up(panels).any(axis=1))
             if low.size and not self.stands:
+                good = good[: low[0]]
                 if not self._stopped(panels, int(low[0])):
-                    return self._good(panels, J0, int(low[0]))
-                continue
-            good = panels.smooth(J0, self.tolerance, False)
-            if good.all():
+                    break
+            elif good.all():
                 return panels
             self._halved(np.flatnonzero(~good).tolist())
-        return self._good(panels, J0, len(good))
+        count = int(np.argmin(np.append(good, False)))
+        return panels.first(count) if count else None
 
     def _used_up(self, panels: Panels) -> NDArray[np.bool_]:
         """Where (m, n + 1) no energy is left, at ends but for rounding."""
@@ -58,12 +66,6 @@ class Swing:
         braked = np.maximum(-self.at.sign * panels.w[:, -1], 0.0) * np.abs(panels.spans.way)
         found[:, -1] |= panels.K[:, -1] < math.sqrt(EPS) * braked
         return found
-
-    def _good(self, panels: Panels, J0: Floats, count: int) -> Panels | None:
-        """The first panels that are smooth, of so many."""
-        good = panels.smooth(J0, self.tolerance, False)
-        count = min(count, int(np.argmin(np.append(good, False))))
-        return panels.first(count) if count else None
 
     def _halved(self, which: list[int]) -> None:
         """Two panels each in place of some."""
@@ -100,9 +102,7 @@ class Swing:
 
     def _rows(self, spans: Spans) -> Floats:
         """Inertia and effort (m, 2, n + 1) at the nodes and the anchors of panels."""
-        keys = list(
-            zip(spans.anchor.tolist(), spans.way.tolist(), spans.kind.tolist(), strict=True)
-        )
+        keys = list(zip(spans.begin.tolist(), spans.end.tolist(), spans.kind.tolist(), strict=True))
         new = [i for i, key in enumerate(keys) if key not in self.known]
         if new:
             data = [self.pieces[i].data for i in new]
@@ -110,18 +110,21 @@ class Swing:
             length = np.array([x.length for x in data])
             v = np.append(rule(self.n).v, 0.0)
             share = (spans.of(new).places(v) - low[:, None]) / length[:, None]
-            series = np.array([x.series[[J, TAU]] for x in data])
-            rows = series @ np.swapaxes(basis(np.clip(share, 0.0, 1.0), self.n), 1, 2)
-            rows[:, J] += self.rounding * np.array([[x.most_inertia] for x in data])
-            self.known.update(zip([keys[i] for i in new], rows, strict=True))
+            series = np.array([x.series[: TAU + 1].T for x in data])
+            rows = np.swapaxes(basis(np.clip(share, 0.0, 1.0), self.n) @ series, 1, 2)
+            self._know([keys[i] for i in new], rows, data)
         return np.array([self.known[key] for key in keys])
+
+    def _know(self, keys: Iterable[Key], rows: Iterable[Floats], data: Iterable[PlaceData]) -> None:
+        for key, row, piece in zip(keys, rows, data, strict=True):
+            row[J] += self.rounding * piece.largest[J]
+            self.known[key] = row
 
     def _stopped(self, panels: Panels, i: int) -> bool:
         """Whether a panel was cut at its standstill; not where that needs a shorter road."""
-        begin, data = self.edges[i], self.pieces[i].data
         stop = self._standstill(panels, i)
-        if stop is None or abs(stop - begin) < data.length / SHORT:
-            return False  # series are as exact as their largest values
+        if stop is None:
+            return False
         self.edges, self.pieces = [*self.edges[: i + 1], stop], self.pieces[: i + 1]
         self.stands = True
         if i == 0 and self.at.K == 0:
@@ -138,7 +141,7 @@ class Swing:
         stop = float(at_before + (nodes[j] - at_before) * before / (before - K[j]))
         last = math.inf
         v = np.append(r.v, 1.0)
-        for _ in range(STEPS):
+        while True:
             way = stop - begin
             share = (begin + way * v - piece.data.low - piece.shift) / piece.data.length
             tau = basis(np.clip(share, 0.0, 1.0), self.n) @ piece.data.series[TAU]
@@ -148,7 +151,7 @@ class Swing:
             if abs(step) <= EPS * abs(stop) or abs(step) >= last:
                 break
             last, stop = abs(step), stop + step
-        inside = (
-            sign * (stop - begin) > CLOSE * abs(stop) and sign * (self.edges[i + 1] - stop) >= 0
-        )
-        return stop if inside else None
+        beyond = sign * (stop - self.edges[i + 1]) > math.sqrt(EPS) * abs(stop - begin)
+        rough = abs(tau[-1]) < ROUGH * piece.data.largest[TAU]  # a small part of a long series
+        least = piece.data.length / SHORT if rough else CLOSE * abs(stop)
+        return None if beyond or sign * (stop - begin) < least else stop

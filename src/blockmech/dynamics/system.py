@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from blockmech.dynamics import loads
 from blockmech.dynamics.friction import JointFriction, MotionProgram
 from blockmech.dynamics.motion import Cost
+from blockmech.dynamics.table import PlaceTable
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.model.scene import Scene
@@ -212,6 +213,14 @@ class System:
         return TURN if self.rotary[0] else loads.largest_length(self.compiled.structure)
 
     @cached_property
+    def table(self) -> PlaceTable | None:
+        """Polynomials of the place, where all repeats and loads are straight lines in the rate."""
+        structure = self.compiled.structure
+        if self.period is None or not loads.straight_in_rate(structure):
+            return None
+        return PlaceTable(self, self.period)
+
+    @cached_property
     def lossless(self) -> bool:
         """Whether the loads have a potential with the period, and no joint has friction."""
         free = self.friction is None and self.period is not None
@@ -270,6 +279,16 @@ class System:
         self._count(1, False)
         J, tau, dJ, *rest = engine.one(inputs(program, {"q_0": q, "qd_0": qd, "t": t}))
         return One(J, tau, dJ, least(rest))
+
+    def with_slopes(self, q: Floats) -> Floats:
+        """J, tau at rest, dJ/dq and the margin (4, n) at places (n,)."""
+        program = self.equation_program
+        self._count(q.size, True)
+        given = {"q_0": q, "qd_0": np.zeros(q.size), "t": np.zeros(q.size)}
+        with np.errstate(all="ignore"):
+            values = NumpyEngine(program).run({n: given[n] for n in program.inputs}, q.size)
+            margin = np.minimum.reduce([np.ones(q.size), *values[3:]])
+        return np.array([*(np.broadcast_to(x, q.size) for x in values[:3]), margin])
 
     def terms(self, q: Floats, qd: Floats, t: float = 0.0) -> Terms:
         """The equation of motion of several drivers at one state."""

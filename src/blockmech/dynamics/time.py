@@ -16,7 +16,7 @@ from scipy.integrate import DOP853, LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import loads
 from blockmech.dynamics.equation import Equation, TooMany, scales
-from blockmech.dynamics.estimate import missed, refined
+from blockmech.dynamics.estimate import TARGET, missed, refined
 from blockmech.dynamics.events import (
     GOAL,
     GUIDE_SIDE,
@@ -67,7 +67,6 @@ if TYPE_CHECKING:
 
 SOLVERS = {"dop853": DOP853, "lsoda": LSODA, "radau": Radau}
 STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
-TARGET = 1e-9  # [rad or m] if none is given
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
 SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
@@ -136,7 +135,7 @@ class Run:
         works = [0.0, 0.0] if rubs else [0.0]
         self.y = np.concatenate([np.atleast_1d(q), np.atleast_1d(rate), works]).astype(float)
         self.times.append(self.t)
-        self.equation = Equation(self.system, q, self.system.singles + EVALUATIONS)
+        self.equation = Equation(self.system, q, EVALUATIONS)
         if self.method in STEPPERS and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = min(self.request.t_last, self.request.start.t + FOREVER)

@@ -20,9 +20,8 @@ from blockmech.plane import EPS
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-STEPS = 20  # of Newton: it ends by itself where steps no longer fall, after 4 to 8
 FAST = 1 / 16  # by which a step falls while the matrix of Newton's method serves: a digit and more
-SLOWEST = 1e-40  # [rad/s or m/s] a rate that only says in which direction loads of the rate act
+SLOWEST = math.sqrt(SMALLEST)  # [rad/s or m/s] only says in which direction loads of the rate act
 
 
 class Acting(NamedTuple):
@@ -80,16 +79,16 @@ def settled(work: Work, span: Spans, n: int, guess: Floats | None) -> tuple[Acti
     """What acts on a panel and K (n + 1,), which fit each other; NaN where none are found.
 
     Newton's method on  w = work(K), K = energy + G w; its matrix serves while steps fall fast.
-    Steps that stop falling have met rounding if they are below its root, as the next would be
-    their square; else nothing is found.
+    Steps that a new matrix does not make fall have met rounding if they are below its root, as
+    the next would be their square; else nothing is found.
     """
     (G,), (energy,) = span.slopes(n), span.energy
     w = work(np.full(n, energy)).w if guess is None else guess
-    inverse, last = None, math.inf
-    for _ in range(STEPS):
+    inverse, last, new = np.empty(0), math.inf, True
+    while True:
         K = energy + G[:-1] @ w
         acting = work(K)
-        if inverse is None:
+        if new:
             step = math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + SMALLEST
             matrix = np.eye(n) - ((work(K + step).w - acting.w) / step)[:, None] * G[:-1]
             if not np.isfinite(matrix).all():
@@ -101,7 +100,7 @@ def settled(work: Work, span: Spans, n: int, guess: Floats | None) -> tuple[Acti
         within = size / float(np.abs(w).max())
         if within <= 4 * EPS or (size >= last and within <= math.sqrt(EPS)):
             return acting._replace(w=w), energy + G @ w
-        if not math.isfinite(size):
+        if not math.isfinite(size) or (new and size >= last):
             break
-        inverse, last = (inverse if size <= FAST * last else None), size
+        new, last = size > FAST * last, size
     return Acting(np.full(n, math.nan)), np.full(n + 1, math.nan)

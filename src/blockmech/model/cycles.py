@@ -8,8 +8,9 @@ links between the same two pins are one too many.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import networkx as nx
 
@@ -22,7 +23,6 @@ from blockmech.blocks.contract import Block, Joint, Moving
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, listed
 from blockmech.model.diagram import AnyBlock, Wire
-from blockmech.values import Marker
 
 MOST_LINKS = 1000
 """Links that are diagnosed in one graph, so that any file is answered soon."""
@@ -103,51 +103,43 @@ def _pairs(
     pairs, sides = [], list[Side]()
     for name, block in ring.items():
         for joint in block.joints.values():
-            where, later = f"{name}.{joint.name}", f"{name}.{joint.later}"
+            where = f"{name}.{joint.name}"
             if joint.outer and where not in sources:
                 continue
-            first = f"{name}.{joint.links[0]}"
-            if joint.outer:
-                support = _support(blocks, where, joint, sources[where])
-                sides.append(support)
-                first = support.link
-            pairs.append(Pair(where, first, later, joint.kind))
-            sides += _own_sides(name, block, joint)
+            ends = [_support(blocks, joint, sources[where])] if joint.outer else []
+            own = [joint.link] if joint.outer else joint.links
+            ends += [(f"{name}.{link}", _place(block, joint, link)) for link in own]
+            pairs.append(Pair(where, ends[0][0], ends[1][0], joint.kind))
+            sides += [Side(where, link, joint.kind, z) for link, z in ends if z is not None]
     size = max((block.largest_length() for block in ring.values()), default=0.0)
     axis = axes(sides, size or 1.0)
     return [replace(pair, axis=axis.get(pair.name, "")) for pair in pairs]
 
 
-def _own_sides(name: str, block: Moving, joint: Joint) -> Iterator[Side]:
-    """What the block's own links have of a joint, as far as its markers tell.
+End: TypeAlias = tuple[str, complex | None]
+"""A link, and the place of a pin or direction of a guide on it; None where it is not known."""
+
+
+def _place(block: Moving, joint: Joint, link: str) -> complex | None:
+    """Where a joint is on one of the block's own links.
 
     A revolute joint's marker is named after it; the one on the second link of an inner joint
     has the link's name added: C and Cj.
     """
-    for link in (joint.link,) if joint.outer else joint.links:
-        if joint.kind == "P":
-            at = block.guide_line(joint.name, link)[1]
-        elif isinstance(block, GeneralGroup):
-            at = block.pairs[joint.name].sides[link].at.z
-        else:
-            known = (block.built_in.get(marker) for marker in (joint.name, joint.name + link))
-            marker = next((m for m in known if m is not None and m.link == link), None)
-            if marker is None:
-                continue
-            at = block.place_of(marker)
-        yield Side(f"{name}.{joint.name}", f"{name}.{link}", joint.kind, at)
+    if joint.kind == "P":
+        return block.guide_line(joint.name, link)[1]
+    if isinstance(block, GeneralGroup):
+        return block.slider_place(joint.name, link)
+    known = (block.built_in.get(marker) for marker in (joint.name, joint.name + link))
+    return next((block.place_of(m) for m in known if m is not None and m.link == link), None)
 
 
-def _support(blocks: Mapping[str, AnyBlock], where: str, joint: Joint, source: str) -> Side:
-    """The side of the link that carries a marker; a marker of nothing known is its own link."""
+def _support(blocks: Mapping[str, AnyBlock], joint: Joint, source: str) -> End:
+    """The link that carries a marker; a marker of nothing known is its own link."""
     name, _, marker = source.partition(".")
     block = blocks.get(name)
-    markers = block.all_markers if isinstance(block, Block) else {}
-    if not isinstance(block, Block) or marker not in markers:
-        return Side(where, source, joint.kind, 0j if joint.kind == "R" else 1 + 0j)
-    link, place = markers[marker]
-    if joint.kind == "R":
-        at = block.place_of(place)
-    else:
-        at = place.direction if isinstance(place, Marker) else 1 + 0j
-    return Side(where, f"{name}.{link}", joint.kind, at)
+    if not isinstance(block, Block) or marker not in block.all_markers:
+        return source, 0j if joint.kind == "R" else 1 + 0j
+    link, at = block.all_markers[marker]
+    z = block.place_of(at) if joint.kind == "R" else getattr(at, "direction", 1 + 0j)
+    return f"{name}.{link}", z

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from blockmech.values import NotNegative, Number, Positive, Strictly, mistake
 
@@ -59,15 +58,19 @@ class Expectation(Strictly):
     @model_validator(mode="after")
     def _complete(self) -> Expectation:
         if (self.at is None) == (self.simulate is None):
-            raise _incomplete('an expectation has either "at" or "simulate"')
+            raise mistake("bad-expectation", 'an expectation has either "at" or "simulate"')
         if self.rtol is None and self.atol is None:
-            raise _incomplete('an expectation has a tolerance: "rtol", "atol" or both')
+            raise mistake(
+                "bad-expectation", 'an expectation has a tolerance: "rtol", "atol" or both'
+            )
         if self.at is not None and len({len(values) for values in self.at.values()}) != 1:
-            raise _incomplete('"at" has one or more drivers, with equally many values each')
+            raise mistake(
+                "bad-expectation", '"at" has one or more drivers, with equally many values each'
+            )
         for name, values in self.want.items():
             if len(values) not in (1, self.samples):
                 found = f"{name} has {len(values)} values, the number of samples is {self.samples}"
-                raise _incomplete(found)
+                raise mistake("bad-expectation", found)
         return self
 
     @property
@@ -76,7 +79,3 @@ class Expectation(Strictly):
         if self.simulate is not None:
             return len(self.simulate.times)
         return len(next(iter((self.at or {}).values())))
-
-
-def _incomplete(message: str) -> PydanticCustomError:
-    return mistake("bad-expectation", message)

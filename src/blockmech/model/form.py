@@ -137,25 +137,15 @@ def _identified(form: Form, raw: Mapping[str, Any]) -> Iterator[Problem]:
 
 @dataclass
 class Draft:
-    """What a file says as far as it can be read, and what is wrong with it.
-
-    Attributes
-    ----------
-    raw : the data of the file
-    odd : problems found in the text
-    content : all problems of the sections by themselves
-    fit : problems of how they fit each other
-    said : the sections without those that are wrong
-    wrong : names of these
-    """
+    """What a file says as far as it can be read, and what is wrong with it."""
 
     form: Form
-    raw: dict[str, Any]
-    odd: list[Problem]
-    content: list[Problem] = field(default_factory=list)
-    fit: list[Problem] = field(default_factory=list)
-    said: Any = None
-    wrong: set[str] = field(default_factory=set)
+    raw: dict[str, Any]  # the data of the file
+    odd: list[Problem]  # found in the text
+    content: list[Problem] = field(default_factory=list)  # of the sections by themselves
+    fit: list[Problem] = field(default_factory=list)  # of how they fit each other
+    said: Any = None  # the sections without those that are wrong
+    wrong: set[str] = field(default_factory=set)  # names of these
 
     def __post_init__(self) -> None:
         self.content += [*self.odd, *_identified(self.form, self.raw)]

@@ -169,29 +169,25 @@ class Graph(Document):
         Raises `GraphError` for what is not a law.
         """
         if not isinstance(law, LawOfMotion):
-            raise GraphError(
-                Problem(
-                    "not-a-law",
-                    f"scene.drive.{driver}",
-                    f"{type(law).__name__} is not a law of motion",
-                    "",
-                    f'e.g. drive("{driver}", ConstantRate(rate=10.0))',
-                )
-            )
-        self.scene = self.scene.model_copy(update={"drive": {**self.scene.drive, driver: law}})
+            where, found = f"scene.drive.{driver}", f"{type(law).__name__} is not a law of motion"
+            remedy = f'e.g. drive("{driver}", ConstantRate(rate=10.0))'
+            raise GraphError(Problem("not-a-law", where, found, "", remedy))
+        self._give("drive", driver, law)
 
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
-        initial = {**self.scene.initial, driver: Initial(q=q, rate=rate)}
-        self.scene = self.scene.model_copy(update={"initial": initial})
+        self._give("initial", driver, Initial(q=q, rate=rate))
 
     def stop(self, driver: str, low: float | None = None, high: float | None = None) -> None:
         """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
 
         Raises `GraphError` where neither is given or they are in the wrong order.
         """
-        made = Stops(**{"from": low, "to": high})
-        self.scene = self.scene.model_copy(update={"stops": {**self.scene.stops, driver: made}})
+        self._give("stops", driver, Stops(**{"from": low, "to": high}))
+
+    def _give(self, section: str, driver: str, item: Any) -> None:
+        given = {**getattr(self.scene, section), driver: item}
+        self.scene = self.scene.model_copy(update={section: given})
 
     # -- checking ---------------------------------------------------------
 

@@ -142,11 +142,10 @@ class Structure:
     @cached_property
     def upstream(self) -> Mapping[str, frozenset[str]]:
         """Drivers on which each block's motion depends."""
-        found: dict[str, frozenset[str]] = {self.frame: frozenset()}
-        for name in self.blocks:
-            own = frozenset(self.drivers_of(name))
-            found[name] = own.union(*(found[s] for s in self.supports(name)))
-        return found
+        return {
+            name: frozenset(d for d, joint in self.driven.items() if joint.block in above)
+            for name, above in self._ancestors.items()
+        }
 
     @cached_property
     def carried(self) -> Mapping[LinkRef, tuple[JointRef, ...]]:
@@ -214,15 +213,7 @@ class Structure:
 
     def properties(self, link: LinkRef) -> Link:
         """Mass properties of a link."""
-        return self._properties[link]
-
-    @cached_property
-    def _properties(self) -> Mapping[LinkRef, Link]:
-        return {
-            LinkRef(name, link): properties
-            for name in (self.frame, *self.blocks)
-            for link, properties in self.block(name).links_or_default().items()
-        }
+        return self.block(link.block).links_or_default()[link.link]
 
     def earlier_link(self, ref: JointRef) -> LinkRef:
         """The earlier link of a pair: the support, or link i of an inner pair."""

@@ -167,23 +167,16 @@ class _Walk(NamedTuple):
 
 @dataclass
 class _Line:
-    """The line of the driver: its nodes, and what is known between them.
+    """The line of the driver: its nodes, and what is known between them."""
 
-    Attributes
-    ----------
-    held : p (n,) -> the triad there
-    turn : whether the line closes
-    right : a mode at a node -> the same mode at the next one, and the step to it
-    passed : a mode at a node -> the step to a change point before the next one
-    merged : a mode and a way (0 back, 1 ahead) -> the step to a dead centre before the next
-        node, and the mode that merges with it
-    """
-
-    held: Callable[[Floats], Placed]
-    turn: bool
+    held: Callable[[Floats], Placed]  # p (n,) -> the triad there
+    turn: bool  # whether the line closes
     nodes: list[_Node] = field(default_factory=list)
+    # a mode at a node -> the same mode at the next one, and the step to it
     right: dict[At, tuple[At, float]] = field(default_factory=dict)
+    # a mode at a node -> the step to a change point before the next one
     passed: dict[At, float] = field(default_factory=dict)
+    # a mode and a way (0 back, 1 ahead) -> the step to a dead centre, and what merges there
     merged: dict[tuple[At, int], tuple[float, At]] = field(default_factory=dict)
     borders: tuple[int, int] = (-1, -1)  # nodes where a range begins and ends
 
@@ -314,56 +307,43 @@ class _Line:
         """All arcs in the driver's coordinate."""
         every = [(n, k) for n, node in enumerate(self.nodes) for k in range(len(node.sign))]
         entered = {at for at, _ in self.right.values()}
-        walks: list[_Walk] = []
-        of: dict[At, int] = {}
+        walk_of: dict[At, _Walk] = {}
         for at in sorted(every, key=lambda at: at in entered):  # rings at last
-            if at not in of:
-                walks.append(self._walk(at))
-                of |= dict.fromkeys(walks[-1].passes, len(walks) - 1)
-        merging = [[self._end(walk, way)[2] for way in (0, 1)] for walk in walks]
-        beyond = [[of[at] if at else None for at in pair] for pair in merging]
-        met: nx.Graph[int] = nx.Graph(
-            (n, m) for n, pair in enumerate(beyond) for m in pair if m is not None
+            if at not in walk_of:
+                walk = self._walk(at)
+                walk_of |= dict.fromkeys(walk.passes, walk)
+        of: dict[At, At] = {at: min(walk.passes) for at, walk in walk_of.items()}
+        met: nx.Graph[At] = nx.Graph(
+            (of[at], of[other]) for (at, _), (_, other) in self.merged.items()
         )
-        met.add_nodes_from(range(len(walks)))
-        parts = [
-            sorted(part, key=lambda n: min(walks[n].passes))
-            for part in nx.connected_components(met)
-        ]
-        parts.sort(key=lambda part: min(walks[part[0]].passes))
-        circuits = {n: k for k, part in enumerate(parts) for n in part}
-        order = [n for part in parts for n in part]
-        arcs, shifts = [], []
-        for n in order:
-            walk = walks[n]
-            (low, how, _), (high, last, _) = (self._end(walk, way) for way in (0, 1))
-            turns = round(high / TURN) if walk.ring else 0
+        met.add_nodes_from(of.values())
+        circuits = sorted(map(sorted, nx.connected_components(met)))
+        number = {at: n for n, at in enumerate(itertools.chain.from_iterable(circuits))}
+        arcs, passes, places = [], [], []
+        for circuit, first in ((k, at) for k, part in enumerate(circuits) for at in part):
+            walk = walk_of[first]
+            (low, *_), (high, *_) = found = [self._end(walk, way) for way in (0, 1)]
             # The middle of one that ends is on the first turn.
             whole = self.turn and not walk.ring
-            shifts.append(TURN * math.floor((low + high) / 2 / TURN) if whole else 0.0)
+            shift = TURN * math.floor((low + high) / 2 / TURN) if whole else 0.0
             start, end = (
-                ArcEnd(
-                    q(p - shifts[-1]),
-                    ends if h == RANGE else h,
-                    None if b is None else order.index(b),
-                )
-                for p, h, b in zip((low, high), (how, last), beyond[n], strict=True)
+                ArcEnd(q(p - shift), ends if how == RANGE else how, at and number[of[at]])
+                for p, how, at in found
             )
             steps = zip(walk.passes, walk.places, strict=True)
-            changes = [p + self.passed[at] for at, p in steps if at in self.passed]
-            passed = tuple(q(p - shifts[-1]) for p in changes)
+            passed = tuple(q(p + self.passed[at] - shift) for at, p in steps if at in self.passed)
             signs = {self.nodes[n].sign[mode] for n, mode in walk.passes}
             sign = signs.pop() if len(signs) == 1 else 0
-            arcs.append(Arc(start, end, None, sign, turns, passed, circuits[n]))
+            turns = round(high / TURN) if walk.ring else 0
+            arcs.append(Arc(start, end, None, sign, turns, passed, circuit))
+            passes.append(tuple(walk.passes))
+            places.append(tuple(q(p - shift) for p in walk.places))
         return Connections(
             tuple(q(node.p) for node in self.nodes),
             tuple(modes_of(node.held, node.found) for node in self.nodes),
             tuple(arcs),
-            tuple(tuple(walks[n].passes) for n in order),
-            tuple(
-                tuple(q(p - shift) for p in walks[n].places)
-                for n, shift in zip(order, shifts, strict=True)
-            ),
+            tuple(passes),
+            tuple(places),
             self.turn,
         )
 

@@ -35,7 +35,6 @@ from blockmech.errors import Problem, RequestError
 from blockmech.modes.triad import Floats, Placed, Vectors
 from blockmech.plane import EPS, cross, dot
 
-DEGREE = 3
 CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16)  # 7 samples are needed, more halve rounding
 NEGLIGIBLE = 32 * EPS  # of the largest coefficient: a leading one below it is rounding
 
@@ -92,17 +91,12 @@ def coefficients(held: Placed) -> Vectors:
     """
     f, terms = eliminant(held, np.broadcast_to(CIRCLE, (len(held.pins), len(CIRCLE))))
     spectrum = np.fft.fft(f) / len(CIRCLE)
-    found = spectrum[:, np.arange(-DEGREE, DEGREE + 1)]
+    found = spectrum[:, np.arange(-3, 4)]
     if np.any(np.abs(found).max(axis=1) <= NEGLIGIBLE * terms.max(axis=1)):
-        raise RequestError(
-            Problem(
-                "bad-triad",
-                "legs",
-                "the platform can move although its supports stand",
-                "three legs hold it if none is the same as another or all are parallel guides",
-                "leave one leg out, or place its joints elsewhere",
-            )
-        )
+        told = "the platform can move although its supports stand"
+        valid = "three legs hold it if none is the same as another or all are parallel guides"
+        remedy = "leave one leg out, or place its joints elsewhere"
+        raise RequestError(Problem("bad-triad", "legs", told, valid, remedy))
     return np.asarray((found + found[:, ::-1].conj()) / 2)
 
 

@@ -27,16 +27,12 @@ Body = Mapping[str, LinkPosition]
 
 
 class LegBody(NamedTuple):
-    """The body of a leg: places [m] and directions of its pairs.
-
-    foot, head : its outer pair and its pair at the platform, on the body
-    seat : the latter on the platform
-    """
+    """The body of a leg: places [m] and directions of its pairs."""
 
     kind: LegKind
-    foot: LinkPosition
-    head: LinkPosition
-    seat: LinkPosition
+    foot: LinkPosition  # its outer pair, on the body
+    head: LinkPosition  # its pair at the platform, on the body
+    seat: LinkPosition  # the same on the platform
 
     def reach(self) -> Any:
         """Its length, or the offset of its pin from the guide [m]."""
@@ -60,14 +56,10 @@ class LegBody(NamedTuple):
 
 
 class TriadOfLinks(NamedTuple):
-    """The triad that a group is at given coordinates of its own drivers.
-
-    legs : their bodies
-    bodies : the platform, then each leg
-    """
+    """The triad that a group is at given coordinates of its own drivers."""
 
     legs: tuple[LegBody, ...]
-    bodies: tuple[Body, ...]
+    bodies: tuple[Body, ...]  # the platform, then each leg
 
     @property
     def triad(self) -> Triad:
@@ -91,24 +83,14 @@ class TriadOfLinks(NamedTuple):
 
 @dataclass(frozen=True)
 class Outline:
-    """Which links of a general group are the platform and the legs of a triad.
-
-    Attributes
-    ----------
-    group : the block
-    welded : its links, joined by driven pairs
-    platform : the first link of the platform, which is its frame
-    legs : the first link of each leg
-    joints : the outer joint of each leg
-    seats : the pair of each leg at the platform
-    """
+    """Which links of a general group are the platform and the legs of a triad."""
 
     group: GeneralGroup
-    welded: nx.Graph[str]
-    platform: str
-    legs: tuple[str, ...]
-    joints: tuple[str, ...]
-    seats: tuple[str, ...]
+    welded: nx.Graph[str]  # its links, joined by driven pairs
+    platform: str  # the first link of the platform, which is its frame
+    legs: tuple[str, ...]  # the first link of each
+    joints: tuple[str, ...]  # the outer joint of each leg
+    seats: tuple[str, ...]  # the pair of each leg at the platform
 
     def at(self, q: Sequence[Any] = ()) -> TriadOfLinks:
         """The triad at coordinates [rad or m] of the group's own drivers; floats or (n,)."""

@@ -88,7 +88,7 @@ def modes(
         lost = [Problem("bad-request", d, told, "", remedy) for d in drivers if at[d] is None]
         if lost:
             raise RequestError(lost)
-    taken = make_samples(mechanism, mechanism.scene, at, rates=still)
+    taken = make_samples(mechanism.drivers, mechanism.scene, at, rates=still)
     rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(drivers)}
     samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
     _known("driver", [] if driver is None or not arcs else [driver], drivers)

@@ -6,9 +6,7 @@ made from the registry when they are asked for; nothing is said twice.
 
 from __future__ import annotations
 
-import cmath
 import functools
-import math
 from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import ConfigDict, Field, create_model, model_validator
@@ -26,12 +24,14 @@ from blockmech.model.scene import Initial, Stops
 from blockmech.values import (
     Angle,
     Link,
+    Marker,
     Number,
     Place,
     Strictly,
     Vector,
     default,
     mistake,
+    no_boolean,
 )
 
 FRAME = "frame"
@@ -100,15 +100,7 @@ class GuideGiven(_Joint):
     links: Annotated[list[str], TWO]
     angle: Annotated[list[Angle], TWO] | None = None
     dir: Annotated[list[Vector], TWO] | None = None
-    slider: Literal[0, 1] = 1
-
-    @model_validator(mode="before")
-    @classmethod
-    def _slider_is_a_number(cls, raw: Any) -> Any:
-        if isinstance(raw, dict) and isinstance(raw.get("slider"), bool):
-            wrong = mistake("wrong-value", "must be 0 or 1: which of the two links carries S")
-            refuse(cls.__name__, [(("slider",), wrong)])
-        return raw
+    slider: Annotated[Literal[0, 1], no_boolean(0, 1)] = 1
 
     @model_validator(mode="after")
     def _two_lines(self) -> Any:
@@ -123,16 +115,10 @@ class GuideGiven(_Joint):
     @property
     def directions(self) -> tuple[complex, complex]:
         """Unit directions [-] of the line in the frames of both links."""
-        if self.dir is not None:
-            first, second = (_unit(d.z) for d in self.dir)
-        else:
-            first, second = (cmath.rect(1.0, angle) for angle in self.angle or (0.0, 0.0))
+        none = (None, None)
+        lines = zip(self.at, self.angle or none, self.dir or none, strict=True)
+        first, second = (Marker(at=at, angle=angle, dir=u).direction for at, angle, u in lines)
         return first, second
-
-
-def _unit(z: complex) -> complex:
-    r = math.hypot(z.real, z.imag)
-    return complex(z.real / r, z.imag / r)
 
 
 JointGiven: TypeAlias = PinGiven | GuideGiven

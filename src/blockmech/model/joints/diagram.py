@@ -31,17 +31,10 @@ MOST_IN_NAME = 3  # links that a group is named after
 
 @dataclass(frozen=True)
 class Sequence:
-    """A document taken apart, its joints closed, nothing of it made into blocks yet.
+    """A document taken apart, its joints closed, nothing of it made into blocks yet."""
 
-    Attributes
-    ----------
-    layout : the document, its pairs as it names them
-    pairs : the pairs as the formation sequence takes them
-    sums : pairs whose forces add to that of one of the document, see `seated`
-    """
-
-    layout: Layout
-    pairs: Connections
+    layout: Layout  # its pairs as the document names them
+    pairs: Connections  # as the formation sequence takes them
     sums: Sums
     formation: Formation
     poses: Poses

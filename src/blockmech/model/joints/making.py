@@ -257,7 +257,15 @@ def general_group(unit: Unit, pairs: Connections) -> Made:
         inner = c.first in own and c.second in own
         later = c.second if inner or c.second in own else c.first
         turned = driven and c.kind == "P" and later == c.first
-        data[name] = _inner(c) if inner else _outer(c, later, turned)
+        data[name] = {"type": c.kind, "links": list(c.links), "at": [xy(z) for z in c.at]}
+        guides: Any = [cmath.phase(u) for u in c.along]
+        owner = "j" if c.slider else "i"
+        if not inner:
+            data[name] = {"type": c.kind, "link": later, "at": xy(c.on(later))}
+            guides = cmath.phase(-c.guide(later) if turned else c.guide(later))
+            owner = "later" if c.owner == later else "earlier"
+        if c.kind == "P":
+            data[name] |= {"angle": guides, "slider": owner}
         if driven:
             data[name]["driven"] = True
             if c.kind == "R" and later == c.first:
@@ -269,23 +277,6 @@ def general_group(unit: Unit, pairs: Connections) -> Made:
     seats = {link: Seat("", link) for link in unit.links}
     points.update({(link, 0j): link for link in unit.links})
     return Made(GENERAL, {"pairs": data}, seats, ends, points, tuple(drivers))
-
-
-def _inner(c: Connection) -> dict[str, Any]:
-    data: dict[str, Any] = {"type": c.kind, "links": list(c.links)}
-    data["at"] = [xy(z) for z in c.at]
-    if c.kind == "P":
-        data["angle"] = [cmath.phase(u) for u in c.along]
-        data["slider"] = "j" if c.slider else "i"
-    return data
-
-
-def _outer(c: Connection, own: str, turned: bool) -> dict[str, Any]:
-    data: dict[str, Any] = {"type": c.kind, "link": own, "at": xy(c.on(own))}
-    if c.kind == "P":
-        data["angle"] = cmath.phase(-c.guide(own) if turned else c.guide(own))
-        data["slider"] = "later" if c.owner == own else "earlier"
-    return data
 
 
 def xy(z: complex) -> list[float]:

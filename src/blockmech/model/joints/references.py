@@ -16,18 +16,12 @@ Known: TypeAlias = Mapping[str, Collection[str]]
 
 
 class Reference(NamedTuple):
-    """A part of a document that names another one.
+    """A part of a document that names another one."""
 
-    what : "link", "joint" or "driver"
-    name : the one that is named
-    path : where
-    does : of a joint, what is done to its two links
-    """
-
-    what: str
+    what: str  # "link", "joint" or "driver"
     name: str
     path: tuple[str | int, ...]
-    does: str = ""
+    does: str = ""  # of a joint: what is done to its two links
 
 
 def _references(linkage: Any) -> Iterator[Reference]:
