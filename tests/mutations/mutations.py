@@ -1,0 +1,56 @@
+"""Single mistakes in kernels, passes, friction and loads: one sign, term or factor each.
+
+A mutation replaces a piece of a function's text, which must occur there exactly once, and
+gives the code to the function itself, so that whoever holds the function runs the mistake.
+"""
+
+from __future__ import annotations
+import __future__
+
+import inspect
+import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import NamedTuple
+
+from blockmech.engines.binding import Binder
+
+
+class Mutation(NamedTuple):
+    """A mistake, and a graph of the gallery on which it shows."""
+
+    what: str
+    function: str  # module.function, below blockmech
+    right: str
+    wrong: str
+    graph: str
+
+
+@contextmanager
+def made(mutation: Mutation) -> Iterator[None]:
+    """The package with the mistake in it."""
+    name, _, function = mutation.function.rpartition(".")
+    module = import_module(f"blockmech.{name}")
+    target = getattr(module, function)
+    text = textwrap.dedent(inspect.getsource(target))
+    assert text.count(mutation.right) == 1, f"{mutation.what}: the text has changed, write it anew"
+    flags = __future__.annotations.compiler_flag
+    space = dict(vars(module))
+    exec(compile(text.replace(mutation.right, mutation.wrong), function, "exec", flags), space)
+    right, bound = target.__code__, Binder._kept
+    target.__code__, Binder._kept = space[function].__code__, {}
+    try:
+        yield
+    finally:
+        target.__code__, Binder._kept = right, bound
+
+
+def table() -> Iterator[Mutation]:
+    """The mistakes of the file: what | function | right | wrong | graph."""
+    for line in (Path(__file__).parent / "mistakes.txt").read_text("utf-8").splitlines():
+        yield Mutation(*(cell.strip() for cell in line.split(" | ")))
+
+
+MUTATIONS = tuple(table())

@@ -1,0 +1,112 @@
+"""`verify` catches every single mistake of a table, and none where there is none."""
+
+import json
+from functools import cache
+
+import pytest
+
+import blockmech as bm
+from blockmech.testing.strategies import EVERY, Options, Seeded, random_mechanism
+from tests.gallery import GRAPHS
+from tests.mutations.mutations import MUTATIONS, made
+
+ALL = Options(groups=(1, 4), drivers=(1, 3), kinds=EVERY, twists=True)
+SEEDS = 60  # tests/campaigns/mistakes.py runs as many as wanted
+COULOMB = {"law": "coulomb", "coefficient": 0.1}
+BENCH = {
+    "twist": {"type": "load.torsion_spring", "stiffness": 30.0, "rest_angle": 0.4, "damping": 2.0},
+    "servo": {"type": "load.motor", "law": {"kind": "polynomial", "coefficients": [3.0, 2.0]}},
+    "shock": {
+        "type": "load.thrust",
+        "direction": [0.0, 2.0],
+        "law": {"kind": "polynomial", "of": "rate", "coefficients": [0.0, -40.0, 7.0]},
+    },
+    "cushion": {
+        "type": "load.thrust",
+        "direction": [3.0, 0.0],
+        "law": {"kind": "polynomial", "coefficients": [5.0, -90.0]},
+    },
+    "shaker": {
+        "type": "load.thrust",
+        "direction": [1.0, 0.0],
+        "law": {"kind": "fourier", "of": "time", "cosines": [60.0], "period": 0.7},
+    },
+}
+BENCH_WIRES = (
+    ("frame.frame", "twist.a"),
+    ("crank.crank", "twist.b"),
+    ("crank.crank", "servo.a"),
+    ("lever.j", "servo.b"),
+    ("crank.A", "shock.a"),
+    ("lever.T", "shock.b"),
+    ("frame.G", "cushion.a"),
+    ("ram.C", "cushion.b"),
+    ("frame.G", "shaker.a"),
+    ("lever.T", "shaker.b"),
+)
+
+
+def with_masses(block, *links):
+    """A block of a document whose links have mass."""
+    heavy = {"mass": 2.0, "inertia": 0.1, "cm": [0.1, 0.02]}
+    given = block.get("links", {})
+    return block | {"links": given | {link: given.get(link, {}) | heavy for link in links}}
+
+
+@cache
+def document(name):
+    """A graph of the gallery as data; the bench is a shaper with every kind of load."""
+    known = {"bench": "whitworth_shaper", "trammel": "elliptic_trammel"}.get(name, name)
+    data = json.loads((GRAPHS / f"{known}.json").read_text("utf-8"))
+    blocks = data["blocks"]
+    if name == "trammel":
+        blocks["bar"] = with_masses(blocks["bar"], "i", "j")
+    if name == "bench":
+        rubbed = {"S": COULOMB | {"guide_length": 0.05}, "C": COULOMB | {"radius": 0.02}}
+        blocks["ram"] |= {"h": 0.02, "x_S": 0.05, "friction": rubbed}
+        blocks["lever"] |= {"h_i": 0.03, "slider": "i", "x_S": 0.02}
+        blocks |= {name: with_masses(blocks[name], "i", "j") for name in ("ram", "lever")} | BENCH
+        data["wires"] += [{"from": a, "to": b} for a, b in BENCH_WIRES]
+    return data | {"expect": []} if known != name else data
+
+
+def checked(name, samples=4):
+    """The verification of a graph, at a few samples of its law, or of places about its start."""
+    mechanism = bm.Graph.from_json(json.dumps(document(name))).compile()
+    if mechanism.scene.drive:
+        return mechanism.verify(samples=samples)
+    starts = {d: mechanism.scene.initial[d].q for d in mechanism.drivers}
+    at = {d: [q + 0.05, q + 0.4] for d, q in starts.items()}
+    return mechanism.verify(at=at, rates=dict.fromkeys(at, 2.0))
+
+
+@pytest.mark.parametrize(
+    "name", [*sorted(p.stem for p in GRAPHS.glob("*.json")), "bench", "trammel"]
+)
+def test_right_graph_is_verified(name):
+    found = checked(name)
+    assert found.ok, str(found)
+
+
+@pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda m: m.what.replace(" ", "_"))
+def test_a_mistake_is_caught(mutation):
+    with made(mutation):
+        found = checked(mutation.graph)
+    assert not found.ok, str(found)
+
+
+def test_the_package_is_whole_again_after_a_mistake():
+    mutation = MUTATIONS[0]
+    with made(mutation):
+        assert not checked(mutation.graph).ok
+    assert checked(mutation.graph).ok
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_random_mechanism_is_verified(seed):
+    case = random_mechanism(Seeded(seed), ALL)
+    mechanism = case.graph.compile()
+    found = mechanism.verify(**case.request)
+    if found.samples == 0:  # no friction solution
+        found = mechanism.verify(**case.request, friction="none")
+    assert found.ok, f"seed {seed}: {found}"
