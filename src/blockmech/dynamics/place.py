@@ -38,9 +38,9 @@ def place(low: Any, high: Any, limit: int, v: Floats) -> Floats:
 
 
 def possible(rows: Floats) -> NDArray[np.bool_]:
-    """Whether there is a pose, an inertia and an effort at all nodes of rows (..., r, n)."""
+    """Whether (..., n) there is a pose, an inertia and an effort, from rows (..., r, n)."""
     there = (rows[..., MARGIN, :] > 0) & (rows[..., J, :] > 0)
-    return np.asarray((there & np.isfinite(rows[..., :MARGIN, :]).all(axis=-2)).all(axis=-1))
+    return np.asarray(there & np.isfinite(rows[..., :MARGIN, :]).all(axis=-2))
 
 
 def tails(rows: Floats, series: Floats) -> Floats:
@@ -162,7 +162,7 @@ def mesh(
         rows = values(place(low[:, None], high[:, None], 0, rule(n).v).ravel())
         rows = np.moveaxis(rows.reshape(len(rows), -1, n), 1, 0)
         series = rows @ rule(n).to_series.T
-        there = possible(rows) & ~near_zero(series[:, [MARGIN, J]]).any(axis=1)
+        there = possible(rows).all(axis=-1) & ~near_zero(series[:, [MARGIN, J]]).any(axis=1)
         fine = (np.delete(tails(rows, series), MARGIN, axis=1) <= tolerance).all(axis=1)
         for i in np.flatnonzero(there & fine).tolist():
             kept.append(PlaceData(float(low[i]), float(high[i]), 0, rows[i]))

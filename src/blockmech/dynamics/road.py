@@ -159,8 +159,10 @@ class Road:
                 return what or TOO_MANY
             low, high = (q, far) if sign > 0 else (far, q)
             data = PlaceData(low, high, limit, self._rows(low, high, limit))
-            if not limit and not possible(data.rows):
-                far, what = self._last_possible(q, far)
+            bad = ~possible(data.rows)
+            if not limit and bad.any():
+                nearest = min(place(low, high, 0, rule(self.n).v)[bad], key=lambda x: sign * x)
+                far, what = self._last_possible(q, float(nearest))
                 far -= sign * self.beside * math.ulp(far) if far != q else 0.0
                 self.limits.append((far, sign, what))
                 limit = self._limit(sign, what)
