@@ -15,7 +15,7 @@ from blockmech.model.scene import Scene
 from blockmech.values import is_number
 
 Array = NDArray[np.float64]
-DEFAULT_SAMPLES = 361
+DEFAULT_SAMPLES = 361  # of a turn: every degree, and the end
 
 
 @dataclass(frozen=True)
