@@ -25,7 +25,7 @@ from blockmech.outputs import Catalogue
 from blockmech.plan import Plan
 from blockmech.result import Result
 from blockmech.samples import Samples, make_samples
-from blockmech.settings import check_chunk, friction_asked, unknown_engine
+from blockmech.settings import check_chunk, check_switch, friction_asked, unknown_engine
 
 T = TypeVar("T")
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
@@ -151,7 +151,8 @@ class Compiled:
         Raises `RequestError` for unknown names or settings that do not fit.
         """
         names = (want,) if isinstance(want, str) else tuple(want)
-        key = (names, friction, tolerance, iterations, static)
+        check_switch("static", static)
+        key = (names, str(friction), tolerance, iterations, static)
         if key not in self._plans:
             how = friction_asked(friction, tolerance, iterations)
             self._plans[key] = self.outputs.plan(self.scene, names, how, static)
@@ -213,7 +214,8 @@ class Compiled:
             given["precision"] = precision
             result = self.run_to(accuracy, given, taken, want, static, engine, chunk)
         else:
-            settings: dict[str, Any] = given | {"friction": friction or "newton", "static": static}
+            settings: dict[str, Any] = given | {"static": static}
+            settings["friction"] = "newton" if friction is None else friction
             plan = self.plan(want, **settings)
             values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
             result = Result(self, plan, taken, values, name, settings)

@@ -15,7 +15,7 @@ from blockmech.model.scene import Scene
 from blockmech.values import is_number
 
 Array = NDArray[np.float64]
-DEFAULT_SAMPLES = 361
+DEFAULT_SAMPLES = 361  # of a turn: every degree, and the end
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,10 @@ def make_samples(
     n = DEFAULT_SAMPLES if samples is None else samples
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
         raise _error("samples", f"must be a positive whole number, got {n!r}", "")
-    return _by_range(scene, laws, int(n))
+    try:
+        return _by_range(scene, laws, int(n))
+    except (MemoryError, IndexError, ValueError):  # what NumPy makes of so many
+        raise _error("samples", f"{n} are more than memory holds", "ask for fewer") from None
 
 
 def _one_pose(drivers: Sequence[str], scene: Scene, q: float) -> Samples | None:
@@ -240,7 +243,7 @@ def _per_driver(drivers: Sequence[str], what: str, raw: Any) -> dict[str, Array]
 def _column(where: str, raw: Any) -> Array:
     try:
         given = np.asarray(raw)
-        if given.dtype.kind not in "iuf":  # text, truth values, complex numbers: a slip
+        if given.dtype.kind not in "iuf" or np.ma.is_masked(raw):  # text, complex, holes: slips
             raise TypeError
         column = np.atleast_1d(given.astype(np.float64))
     except (TypeError, ValueError):

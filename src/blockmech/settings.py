@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import json
 
 import numpy as np
 
@@ -10,21 +10,20 @@ from blockmech.engines.numpy import PRECISIONS
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.friction.solvers import METHODS
 from blockmech.plan import Friction
+from blockmech.values import is_number
 
 
-def friction_asked(method: str, tolerance: float | None, iterations: int | None) -> Friction:
-    """The friction method of a request. Raises `RequestError` for what does not fit."""
+def friction_asked(method: str | None, tolerance: float | None, iterations: int | None) -> Friction:
+    """The friction method of a request; None is Newton's.
+
+    Raises `RequestError` for what does not fit.
+    """
     problems = []
-    if method not in METHODS:
-        problems.append(
-            Problem(
-                "unknown-method",
-                "friction",
-                f'no friction method "{method}"',
-                f"methods: {listed(METHODS)}",
-                "",
-            )
-        )
+    method = "newton" if method is None else method
+    if not isinstance(method, str) or method not in METHODS:
+        found = f"no friction method {json.dumps(method, default=repr)}"
+        valid = f"methods: {listed(METHODS)}"
+        problems.append(Problem("unknown-method", "friction", found, valid, ""))
     given = [n for n, x in (("tolerance", tolerance), ("iterations", iterations)) if x is not None]
     if given and method != "successive":
         problems.append(
@@ -36,12 +35,11 @@ def friction_asked(method: str, tolerance: float | None, iterations: int | None)
                 'use friction="successive" with it',
             )
         )
-    if tolerance is not None and not 0 <= tolerance < math.inf:
-        problems.append(
-            Problem("bad-value", "tolerance", f"must be >= 0 N, got {tolerance}", "", "")
-        )
-    if iterations is not None and (iterations < 1 or iterations != int(iterations)):
-        found = f"must be a whole number, at least 1, got {iterations}"
+    if tolerance is not None and not (is_number(tolerance) and tolerance >= 0):
+        found = f"must be >= 0 N, got {tolerance!r}"
+        problems.append(Problem("bad-value", "tolerance", found, "", ""))
+    if iterations is not None and not (_whole(iterations) and iterations >= 1):
+        found = f"must be a whole number, at least 1, got {iterations!r}"
         problems.append(Problem("bad-value", "iterations", found, "", ""))
     if problems:
         raise RequestError(problems)
@@ -61,6 +59,18 @@ def unknown_engine(engine: str, precision: str) -> RequestError:
 
 def check_chunk(chunk: int | None) -> None:
     """Raise `RequestError` for a number of samples at once that is none."""
-    if chunk is not None and (not isinstance(chunk, int | np.integer) or chunk < 1):
+    if chunk is not None and not (_whole(chunk) and chunk >= 1):
         found = f"must be a whole number, at least 1 sample, got {chunk!r}"
         raise RequestError(Problem("bad-value", "chunk", found, "", ""))
+
+
+def check_switch(name: str, value: object) -> None:
+    """Raise `RequestError` for a switch that is neither on nor off."""
+    if not isinstance(value, bool | np.bool_):
+        raise RequestError(
+            Problem("bad-value", name, f"must be True or False, got {value!r}", "", "")
+        )
+
+
+def _whole(x: object) -> bool:
+    return isinstance(x, int | np.integer) and not isinstance(x, bool)

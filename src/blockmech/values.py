@@ -15,6 +15,7 @@ from typing import (
     Generic,
     Literal,
     LiteralString,
+    NoReturn,
     Self,
     TypeAlias,
     TypeVar,
@@ -34,7 +35,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from blockmech.errors import GraphError, Problem, shown
+from blockmech.errors import GraphError, Problem, listed, shown
 from blockmech.validation_errors import problems_of
 
 if TYPE_CHECKING:
@@ -185,8 +186,22 @@ def check_table(what: str, x: Sequence[float], values: Sequence[float]) -> None:
         raise mistake("bad-table", f'"{what}" must increase')
 
 
+class Kept(dict[Any, Any]):
+    """A mapping inside a model, which does not change either."""
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        found, remedy = "it does not change once it is made", "make a new one"
+        raise GraphError(Problem("frozen", "mapping of a model", found, "", remedy))
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Kept, (dict(self),)
+
+
 class Strictly(BaseModel):
-    """Base of all models: frozen, unknown keys refused, finite numbers only.
+    """Base of all models: frozen with all mappings in them, unknown keys refused, finite numbers.
 
     Made in Python, a model refuses with a `GraphError`, one problem per mistake.
     """
@@ -204,7 +219,13 @@ class Strictly(BaseModel):
 
     if not TYPE_CHECKING:  # type checkers read the fields instead
 
-        def __init__(self, /, **given: Any) -> None:
+        def __init__(self, /, *nameless: Any, **given: Any) -> None:
+            if nameless:
+                name, fields = type(self).__name__, type(self).model_fields
+                needed = ", ".join(f"{n}=..." for n, field in fields.items() if field.is_required())
+                found, valid = "its numbers have names", f"names: {listed(fields)}"
+                remedy = f"write {name}({needed})" if needed else "say which is meant"
+                raise GraphError(Problem("wrong-type", name, found, valid, remedy))
             raw = _plain(given)
             try:
                 super().__init__(**raw)
@@ -219,6 +240,18 @@ class Strictly(BaseModel):
             except ValidationError:
                 where, found = f"{type(self).__name__}.{name}", "it does not change once it is made"
                 raise GraphError(Problem("frozen", where, found, "", self.remade)) from None
+
+    def model_post_init(self, context: Any) -> None:
+        """Close the mappings."""
+        for name, x in vars(self).items():
+            if type(x) is dict:
+                vars(self)[name] = Kept(x)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with some fields replaced; see pydantic."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.model_post_init(None)
+        return copied
 
     def __getstate__(self) -> dict[Any, Any]:
         """What was given; what was found from it, kernels perhaps, is found again."""

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import blockmech as bm
 from blockmech.dynamics.request import Start, Until, Watch
-from blockmech.dynamics.system import Terms
+from blockmech.dynamics.system import System, Terms
+from tests.dynamics.honesty import GRAPHS
 from tests.dynamics.linkages import (
     guided,
     motored,
@@ -126,3 +128,24 @@ def test_a_knot_met_at_the_time_asked_ends_the_run_there(method, knot):
         found = move(level, Start(0.0, rate), Until("time", knot / rate), method, 1e-6)
         assert (found.end, found.t_end) == ("time", knot / rate)
         assert abs(found.q_end - knot) <= found.error
+
+
+@pytest.mark.parametrize(("method", "step"), [("euler_q", 0.5), ("rk4", 0.5)])
+def test_a_run_shorter_than_its_step_is_judged_by_half_of_its_way(method, step):
+    graph = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
+    start = {"crank": (1.0471975511965976, 0.0)}
+    runs = [graph.simulate("time=0.1", start=start, method=m, step=h).motion
+            for m, h in ((method, step), ("energy", None))]  # fmt: skip
+    assert abs(runs[0].q_end - runs[1].q_end) <= runs[0].error < math.inf
+
+
+def test_a_table_of_the_place_says_what_the_kernels_say():
+    for name, rate in (("watt_sixbar", 3.0), ("pump", 60.0), ("engine", 150.0)):
+        system = System(bm.Graph.load(GRAPHS / f"{name}.json").compile())
+        size = [np.abs(x).max() for x in system.sample(np.linspace(0, 13, 500), rate)]
+        for q in np.linspace(-9.0, 9.0, 101).tolist():
+            J, tau, dJ, _ = system.table.one(q, rate, 0.0)
+            known = system.one(q, rate, 0.0)
+            found = abs(J - known.J), abs(dJ - known.dJ), abs(tau - known.tau)
+            assert max(found[:2]) <= 1e-13 * size[0]
+            assert found[2] <= 1e-13 * size[1]

@@ -8,7 +8,6 @@ import math
 import pytest
 
 import blockmech as bm
-from blockmech.model.scene import Initial
 from blockmech.testing import check_expectations
 from tests.analysis.linkages import fivebar
 
@@ -164,7 +163,7 @@ def swinging(times, want, **more):
     rod = bm.Link(mass=1.0, inertia=1 / 12, cm=(0.5, 0.0))
     graph.add("crank", bm.Crank(length=1.0, links={"crank": rod}))
     graph.connect("frame.A", "crank.A")
-    graph.scene.initial["crank"] = Initial(q=0.0)
+    graph.start("crank", q=0.0)
     motion = {"source": "closed form", "simulate": {"times": times, **more}, "atol": 1e-9}
     graph.extras["expect"] = [{**motion, "want": want}]
     return check_expectations(graph)

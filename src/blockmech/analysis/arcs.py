@@ -181,7 +181,7 @@ class _Margin:
         the same sign it touches zero if it is nearer to it than at both.
         """
         x, y, kept, closes = self.x, self.y, self.sure.copy(), self.y >= 0
-        passes = []
+        passes: list[Bound] = []
         if self.piece.start is not None:
             kept[[0, -1]] = True
         for low, high in runs(~self.sure):
@@ -195,7 +195,8 @@ class _Margin:
                 q, size = self._place(i), self.piece.span.size
                 beside = BESIDE * (1.0 if math.isinf(size) else size)
                 closes[i] = self.closure.passable(self.block, q, beside)
-                passes += [Bound(q, self.block)] * bool(closes[i])
+                told = any(abs(q - p.q) <= beside for p in passes)  # nearer, touches are one
+                passes += [Bound(q, self.block)] * bool(closes[i] and not told)
         return x[kept], closes[kept], passes
 
     def _part(self, x: Floats, low: int, high: int, passes: Iterable[Bound]) -> Piece:

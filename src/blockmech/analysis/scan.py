@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 from blockmech.series import EPS, Floats, Series, fit, nodes, panels
 
 TURN = 2 * math.pi
-NODES = (
-    64  # of a panel; derivatives lose n^2 roundings: 128 see touches in rows of thirty loops twice
-)
+NODES = 64  # of a panel; of 128 the derivatives lose the touches of thirty loops in a row
 TINY = 1e-12  # [rad or m] shown as zero: rounding of places
 HALVINGS = 200  # more than any bracket of doubles of like size has
 ASIDE = 0.2  # [rad] about 0.4 of a panel: extrema at round angles are in the middle of panels

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.integrate import DenseOutput, OdeSolver
 
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.estimate import difference, missed
+from blockmech.dynamics.estimate import ROUNDING, difference, missed
 from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.motion import EVALUATIONS, INTERRUPTED, NO_INERTIA, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, bad
@@ -44,11 +44,18 @@ def checked_step(step: float, whole: float) -> float:
 
 
 def judged_by_half(
-    request: SimulationRequest, step: float, run: Callable[[float], Motion]
+    request: SimulationRequest,
+    step: float,
+    run: Callable[[float], Motion],
+    way: Callable[[Motion], float],
 ) -> Motion:
-    """The motion of the step that was asked for, else of one that meets the target."""
+    """The motion of the step that was asked for, else of one that meets the target.
+
+    Of a run whose whole ``way`` is shorter than its step, half of that is the finer one.
+    """
     motion, target = run(step), request.accuracy
     while motion.end != INTERRUPTED and motion.status != "failed":
+        step = min(step, way(motion) or step)
         finer = run(step / 2)
         if finer.end == INTERRUPTED:
             note = "interrupted: the error is not judged by another run"
@@ -57,6 +64,7 @@ def judged_by_half(
         same = motion.end == finer.end and motion.status == finer.status
         known = same and motion.end != NO_INERTIA  # of speeds without bound nothing is
         off, late = (DOUBT * x if known else math.inf for x in (apart.q, apart.t))
+        off += ROUNDING * apart.size
         late = 0.0 if motion.end == "time" else late + motion.time_error
         motion = replace(motion, error=off, time_error=late)
         enough = request.step is not None or target is None or off <= target

@@ -103,8 +103,8 @@ def simulate(
     RequestError where the scene has no start or one beyond an end stop, no inertia, the
     method does not apply, or a number cannot be
     """
-    settings = {"friction": friction or "newton", "tolerance": tolerance, "iterations": iterations}
-    how = friction_asked(friction or "newton", tolerance, iterations)
+    how = friction_asked(friction, tolerance, iterations)
+    settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
     told = progress_of(progress)
     wanted = times_of(times)
     goal = goal_of(until, wanted)

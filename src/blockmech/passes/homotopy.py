@@ -22,6 +22,7 @@ Sources: Allgower & Georg, Introduction to numerical continuation methods, 2003,
 from __future__ import annotations
 
 import math
+import threading
 from functools import cached_property
 from typing import Any
 
@@ -46,6 +47,7 @@ CHANGE = 0.7  # of what the singular values allow: how much J may change in one 
 FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
 BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
 MOST = 5000  # steps of a line
+LAYING = threading.RLock()  # knots are laid by one thread at a time: they grow from each other
 MODES = 12  # turns of the driver on which a group may be in another mode each
 
 
@@ -65,10 +67,11 @@ def guess(s: Schedule, block: str) -> str:
 
 def path_of(structure: Structure, block: str) -> Path:
     """The path of a general group; made once for a structure, so knots are laid once."""
-    if block not in structure.paths:
-        structure.paths[block] = Path(structure, block)
-    found: Path = structure.paths[block]
-    return found
+    with LAYING:
+        if block not in structure.paths:
+            structure.paths[block] = Path(structure, block)
+        found: Path = structure.paths[block]
+        return found
 
 
 def followed(structure: Structure) -> tuple[str, ...]:
@@ -355,9 +358,10 @@ class _Side:
 
     def follow(self, q: Array, away: Array, one: bool) -> tuple[Array, Array]:
         """Places and shares at driver values (n,) on this side."""
-        self._grow(float(np.abs(away).max()))
-        knots, stands = self._arrays()
-        if self.ended:  # one end for all who ask
+        with LAYING:
+            self._grow(float(np.abs(away).max()))
+            (knots, stands), ended = self._arrays(), self.ended
+        if ended:  # one end for all who ask
             q = np.where((q - knots[-1]) * self.way > 0.0, np.nan, q)
         k = np.searchsorted(knots * self.way, q * self.way, side="right") - 1
         start = knots[k]
