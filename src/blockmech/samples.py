@@ -15,7 +15,7 @@ from blockmech.model.scene import Scene
 from blockmech.values import is_number
 
 Array = NDArray[np.float64]
-DEFAULT_SAMPLES = 361
+DEFAULT_SAMPLES = 361  # of a turn: every degree, and the end
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def _by_range(scene: Scene, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
         return _by_time(scene, laws, np.linspace(begin, end, n))
     if all(x.start == x.end for x in ranged.values()):
         n = 1
-    motions = {d: x.at_coordinates(np.linspace(x.start, x.end, n)) for d, x in ranged.items()}
+    motions = {d: x.at_coordinates(np.linspace(*x.travelled, n)) for d, x in ranged.items()}
     clock = next(iter(ranged.values())) if len(ranged) == 1 else None
     return _collected(scene, n, motions, clock=clock)
 

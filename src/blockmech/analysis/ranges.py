@@ -35,7 +35,7 @@ def cycle_of(source: Compiled | Result, settings: Mapping[str, Any]) -> Cycle:
     if missing or not drivers:
         raise no_range(missing[0] if missing else "mechanism", "give every driver a law of motion")
     if all(law.by_coordinate for law in laws):
-        return _by_share(source, settings, [(float(law.start), float(law.end)) for law in laws])
+        return _by_share(source, settings, [law.travelled for law in laws])
     duration = max(x for law in laws if math.isfinite(x := law.duration()))
     return _by_time(source, settings, 0.0, duration)
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.motion import Event
 
 LINES = 8  # events shown
-DIGITS = 12
+DIGITS = 12  # significant ones of a number
 
 
 def motion_lines(result: Result, degrees: bool = False) -> list[str]:

@@ -33,6 +33,7 @@ from blockmech.dynamics.motion import (
     REST,
     SELF_LOCKED,
     TOO_MANY,
+    UNDECIDED,
     Event,
     Motion,
     Status,
@@ -300,7 +301,7 @@ class PathRun:
         self.regime = what
         rate = 0.0 if what == DEAD_CENTRE else self.rate()
         self.events.append(Event(what, self.t, self.q, rate))
-        self.stop(what, "ended")
+        self.stop(what, "failed" if what == UNDECIDED else "ended")
 
     # -- patterns ------------------------------------------------------------
 

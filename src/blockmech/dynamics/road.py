@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.dynamics.motion import DEAD_CENTRE, IMPOSSIBLE, NO_INERTIA, TOO_MANY, UNDEFINED_LOAD
+from blockmech.dynamics.motion import DEAD_CENTRE, IMPOSSIBLE, NO_INERTIA, UNDECIDED, UNDEFINED_LOAD
 from blockmech.dynamics.panels import HALVINGS, Floats, rule
 from blockmech.dynamics.place import (
     MARGIN,
@@ -156,7 +156,7 @@ class Road:
         limit = self._limit(sign, what)
         for _ in HALVINGS:
             if far == q:
-                return what or TOO_MANY
+                return what or self._unresolved(q)
             low, high = (q, far) if sign > 0 else (far, q)
             data = PlaceData(low, high, limit, self._rows(low, high, limit))
             bad = ~possible(data.rows)
@@ -174,7 +174,13 @@ class Road:
                 return self._piece(data, ("", what) if sign > 0 else (what, ""))
             else:
                 far, what, limit = (q + far) / 2, "", 0
-        return TOO_MANY
+        return self._unresolved(q)
+
+    def _unresolved(self, q: float) -> str:
+        """What ends the road where no piece is short enough: no pose, or series without an end."""
+        sample = self.system.sample(np.array([q]))
+        good = bool(sample.possible[0]) and sample.margin[0] > math.sqrt(EPS)
+        return UNDECIDED if good else IMPOSSIBLE
 
     def _limit(self, sign: int, what: str) -> int:
         """Direction in which a piece runs into a dead centre in its own variable.

@@ -94,17 +94,6 @@ class Steps:
 
 
 @dataclass
-class Resting:
-    """Dense output of a driver at rest."""
-
-    y: Floats
-
-    def __call__(self, t: Any) -> Floats:
-        """The same state at all times."""
-        return np.multiply.outer(self.y, np.ones_like(np.asarray(t, dtype=np.float64)))
-
-
-@dataclass
 class Run:
     """One integration at one tolerance, or with one step, under way."""
 
@@ -408,7 +397,8 @@ class Run:
             if until is None and not timed:
                 return Verdict("ended" if self.pieces else "rest", REST)
             until = self.t_max if until is None else until
-            self._took(until, self.y, Resting(self.y.copy()))
+            still = self.y.copy()
+            self._took(until, still, lambda t: np.multiply.outer(still, np.ones_like(t)))
         self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
         return None
 

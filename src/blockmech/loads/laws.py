@@ -42,10 +42,10 @@ class PolynomialNumbers(NamedTuple):
 class TableNumbers(NamedTuple):
     """Numbers of a table: a piecewise polynomial of the distance from ``start``."""
 
-    start: Real
+    start: Real  # the first argument of a table that repeats, else 0
     period: Real  # of the argument, 0 where the table does not repeat
     turns: Real  # whole turns [-] that it covers, 0 where it is not one of an angle
-    knots: tuple[float, ...]  # from 0 on
+    knots: tuple[float, ...]
     rows: tuple[tuple[float, ...], ...]  # coefficients, highest power first
 
 
@@ -74,7 +74,7 @@ def polynomial(x: Real, law: PolynomialNumbers) -> Real:
 
 def table(x: Real, law: TableNumbers) -> Real:
     """The interpolant; NaN outside the table."""
-    return piecewise(x - law.start, law.knots, law.rows)
+    return piecewise(x, law.knots, law.rows)
 
 
 def table_over_period(x: Real, law: TableNumbers) -> Real:
@@ -215,15 +215,17 @@ class Table(_Repeating):
         return self
 
     def numbers(self) -> TableNumbers:
-        """Knots from the first argument on, and the coefficients of each piece."""
-        x = [a - self.arguments[0] for a in self.arguments]
+        """The knots, and the coefficients of each piece by the distance from its knot.
+
+        Knots of a table that does not repeat are the arguments: near one no digit is lost.
+        """
+        start = self.arguments[0] if self.whole else 0.0
+        x = [a - start for a in self.arguments]
         y = list(self.values)
         if self.whole:
             x, y = [*x, self.whole], [*y, y[0]]
         rows = _straight(x, y) if self.interpolation == "linear" else self._cubic(x, y)
-        return TableNumbers(
-            self.arguments[0], self.whole, float(self.turns or 0), tuple(x), tuple(rows)
-        )
+        return TableNumbers(start, self.whole, float(self.turns or 0), tuple(x), tuple(rows))
 
     def _cubic(self, x: list[float], y: list[float]) -> list[tuple[float, ...]]:
         from scipy.interpolate import CubicSpline

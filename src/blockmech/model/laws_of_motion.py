@@ -52,11 +52,21 @@ class OverRange(LawOfMotion):
     def _course(self) -> tuple[float, float]:
         """Rate at ``from`` and acceleration."""
 
+    @property
+    def travelled(self) -> tuple[float, float]:
+        """Coordinates at which the range is entered and left.
+
+        Time runs forward: a constant rate that points from ``to`` to ``from`` enters at ``to``.
+        """
+        rate, acceleration = self._course
+        back = not acceleration and rate * (self.end - self.start) < 0
+        return (self.end, self.start) if back else (self.start, self.end)
+
     def coordinates(self, n: int) -> Array:
-        """n equally spaced coordinates over the range; one if the range is a point."""
+        """n equally spaced coordinates over the range, as it is travelled; one if it is a point."""
         if self.start == self.end:
             return np.array([self.start])
-        return np.linspace(self.start, self.end, n)
+        return np.linspace(*self.travelled, n)
 
     def at_coordinates(self, q: Array) -> Motion:
         """rate^2 = rate_from^2 + 2 acceleration (q - from); NaN where it never gets."""
@@ -72,26 +82,28 @@ class OverRange(LawOfMotion):
         """q = from + rate t + acceleration t^2 / 2."""
         rate, acceleration = self._course
         if not acceleration:
-            return self.at_coordinates(self.start + rate * t)
+            return self.at_coordinates(self.travelled[0] + rate * t)
         q = self.start + rate * t + acceleration * t * t / 2
         return q, rate + acceleration * t, np.full(t.shape, acceleration)
 
     def times(self, q: Array) -> Array:
-        """First time [s] since ``from`` at which q is passed; NaN where it never is."""
+        """First time [s] since the range is entered at which q is passed; NaN where never."""
         rate, acceleration = self._course
         if acceleration:
             return (self.at_coordinates(q)[1] - rate) / acceleration
-        return (q - self.start) / rate if rate else np.full(q.shape, np.nan)
+        return (q - self.travelled[0]) / rate if rate else np.full(q.shape, np.nan)
 
     def duration(self) -> float:
         """Time over the range; infinite where its end is never reached."""
-        t = float(self.times(np.array([self.end]))[0])
-        t = t if self._course[1] else abs(t)  # a constant rate is run from end to end either way
+        t = float(self.times(np.array([self.travelled[1]]))[0])
         return t if math.isfinite(t) else math.inf
 
 
 class ConstantRate(OverRange):
-    """Constant rate [rad/s or m/s] over a range of the coordinate."""
+    """Constant rate [rad/s or m/s] over a range of the coordinate.
+
+    A negative rate travels a rising range from its upper end.
+    """
 
     law: Literal["constant_rate"] = "constant_rate"
     rate: Number

@@ -42,7 +42,7 @@ from blockmech.testing.rules import (
 )
 from blockmech.typing import LinkAcceleration, LinkPosition, LinkVelocity, Load, Slide
 
-SAMPLES = 24
+SAMPLES = 24  # random motions: a rule broken at one in four is missed once in a thousand
 X, Y = 0.7, -1.3  # factors of a linear combination
 EDGE = 1e-6  # [-] margin where a group just closes, after bisection to rounding
 

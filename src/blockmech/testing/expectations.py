@@ -318,7 +318,7 @@ def _why_not(result: Result, sample: int | None) -> str:
 
 # -- showing ---------------------------------------------------------------------------------
 
-MOST_ROWS = 12
+MOST_ROWS = 12  # of a table, the worst first
 HEAD = ("output", "sample: drivers [rad, m]", "expected", "got", "error", "tolerance", "margin")
 
 

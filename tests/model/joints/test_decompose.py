@@ -339,3 +339,62 @@ def test_whole_turns_in_poses_do_not_lengthen_the_way_from_home():
     for name in ("link.rocker.angle", "link.rod.p"):
         found, wanted = (d.compile().run(at=at, rates={"motor": 0.0})[name] for d in (other, one))
         assert found == pytest.approx(wanted, abs=ROUNDING)
+
+
+# -- near a dead centre ------------------------------------------------------------------------
+
+
+def pinned(*joints):
+    """Revolute joints by name, with the two links and the places on them along their x axes."""
+    return {
+        name: {"type": "R", "links": [one, other], "at": [[a, 0.0], [b, 0.0]]}
+        for name, one, other, a, b in joints
+    }
+
+
+def folded(aside, mode):
+    """A four-bar whose rod and rocker lie on one line where its crank is at zero."""
+    crank, pivot, rod, rocker = cmath.exp(1j * aside), 4.0, 1.5, 4.5
+    d = pivot - crank
+    along = (rod**2 - rocker**2 + abs(d) ** 2) / (2 * abs(d))
+    pin = crank + d / abs(d) * complex(along, mode * math.sqrt(rod**2 - along**2))
+    joints = pinned(
+        ("A", "frame", "crank", 0.0, 0.0),
+        ("B", "crank", "rod", 1.0, 0.0),
+        ("C", "rod", "rocker", rod, rocker),
+        ("D", "frame", "rocker", pivot, 0.0),
+    )
+    links = {"crank": (0j, aside), "rod": (crank, cmath.phase(pin - crank))}
+    return joints, links | {"rocker": (pivot + 0j, cmath.phase(pin - pivot))}
+
+
+def tangent(aside, mode):
+    """A slider-crank whose rod stands across the guide where its crank does."""
+    q, rod, height = math.pi / 2 + aside, 0.5, 0.5
+    crank = cmath.exp(1j * q)
+    pin = complex(crank.real + mode * math.sqrt(rod**2 - (height - crank.imag) ** 2), height)
+    joints = pinned(
+        ("A", "frame", "crank", 0.0, 0.0),
+        ("B", "crank", "rod", 1.0, 0.0),
+        ("C", "rod", "piston", rod, 0.0),
+    )
+    joints["S"] = {"type": "P", "links": ["frame", "piston"], "at": [[0.0, height], [0.0, 0.0]]}
+    links = {"crank": (0j, q), "rod": (crank, cmath.phase(pin - crank)), "piston": (pin, 0.0)}
+    return joints, links
+
+
+@pytest.mark.parametrize("mode", [1, -1])
+@pytest.mark.parametrize("make", [folded, tangent])
+def test_a_pose_a_millionth_off_a_dead_centre_tells_its_mode(make, mode):
+    joints, links = make(1e-6, mode)
+    document = {
+        "format": "blockmech/joints",
+        "version": 1,
+        "links": {n: {"pose": [o.real, o.imag, theta]} for n, (o, theta) in links.items()},
+        "joints": joints,
+        "drivers": {"motor": {"joint": "A"}},
+    }
+    mechanism = read(document).compile()
+    run = mechanism.run(at=links["crank"][1], rates=1.0, want=["link.rod.angle"])
+    # half the digits are left of what the margin, 1e-12, is made of
+    assert run["link.rod.angle"][0] == pytest.approx(links["rod"][1], abs=1e-9)

@@ -54,7 +54,7 @@ from blockmech.typing import (
     Slide,
 )
 
-STEPS = 5  # Newton steps of a position at most
+STEPS = 5  # of Newton at most: errors are squared, 0.1 is rounding after five; more off is no guess
 SETTLED = 0.1  # of the root of the rounding: a last step whose square is below rounding
 CLOSED = 32.0  # [ulps] of the places, up to which the pairs are closed
 

@@ -21,13 +21,13 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.model.dyad_modes import dyad_modes
 from blockmech.model.joints.closing import CLOSED
 from blockmech.model.joints.layout import Connection, Connections, Poses
-from blockmech.plane import dot
+from blockmech.plane import EPS, dot
 from blockmech.typing import Guide
 
 GENERAL = "group.general"
-DEAD = 1e-12
-"""[-] Margin (a squared sine) below which a pose does not tell the assembly mode: Newton finds
-a pose at a dead centre to half the digits only."""
+DEAD = 64 * EPS
+"""[-] Margin (a squared sine) below which a pose does not tell the assembly mode: rounding of the
+supports and lengths is of this size, and Newton finds a pose there to half the digits only."""
 
 DOUBTS: Mapping[str, str] = {
     "RRR": "{0}, {1}, {2} are in line",
