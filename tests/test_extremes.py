@@ -13,6 +13,7 @@ import pytest
 import blockmech as bm
 from tests.extremes.friction import Press, found, presses
 from tests.extremes.measure import measure
+from tests.extremes.motions import Motion, all_motions, moved
 from tests.extremes.scenes import Scene, all_scenes, as_general_group, fourbar
 
 TIMES_FORCED = 20.0  # no quantity may be worse than this times what the data force
@@ -47,6 +48,13 @@ def test_friction_is_as_good_as_its_data_allow_or_says_why_not(
         assert press.q <= 1e-8
     elif cell.balanced:
         assert cell.error <= max(TIMES_FORCED * cell.forced, floor(precision))
+
+
+@pytest.mark.parametrize("case", [m for m in all_motions() if not m.slow], ids=lambda m: m.name)
+def test_a_motion_is_as_good_as_it_says_or_says_that_it_is_none(case: Motion) -> None:
+    cell = moved(case)
+    assert cell.error <= cell.estimate if cell.is_answer else "failed" in cell.told
+    assert cell.estimate < 1e-6 or not cell.is_answer
 
 
 @pytest.mark.parametrize("kind", ["extended", "folded", "oblique"])

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import signal
+from typing import Any
 
 from .friction import found, presses
 from .measure import Row, measure
+from .motions import all_motions, moved
 from .scenes import all_scenes
 
+PATIENCE = 20  # [s] of processor time for a motion
 KINDS = ("p", "v", "a", "omega", "alpha", "reaction", "drive")
 
 
@@ -37,6 +41,29 @@ def main() -> None:
             told = ", ".join([cell.status, *cell.flags])
             digits = f"{_digits(cell.error)} ({_digits(cell.forced)})" if cell.balanced else "-"
             print(f"| {press.name} | {precision} | {digits} | {told} |")
+
+    print("\n## Motions\n")
+    print("Where a motion is at its end, against its closed form in 60 digits: error and estimate")
+    print("[rad or m], evaluations, processor time, and what the user is told.\n")
+    print(
+        "| motion | error | estimate | evaluations | time [s] | told |\n|---|---|---|---|---|---|"
+    )
+    signal.signal(signal.SIGVTALRM, _too_long)
+    for case in all_motions():
+        signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
+        try:
+            at = moved(case)
+            error = f"{at.error:.0e}" if at.is_answer else "-"
+            cost = f"{at.evaluations} | {at.seconds:.1f}"
+            print(f"| {case.name} | {error} | {at.estimate:.0e} | {cost} | {at.told} |")
+        except TimeoutError:
+            print(f"| {case.name} | - | - | - | > {PATIENCE} | its progress, by a bar |")
+        finally:
+            signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+
+
+def _too_long(signum: int, frame: Any) -> None:
+    raise TimeoutError
 
 
 def _cell(row: Row) -> str:

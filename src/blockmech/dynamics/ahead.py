@@ -72,9 +72,11 @@ class Ahead:
         self.largest = max(self.largest, at.K)
         end, self.longest = q + sign * min(abs(end - q), self.longest), math.inf
         free = self.system.friction is None  # to move on: no self-locking where the motion is
+        stop: float | None = None
         while True:
             if abs(end - q) <= CLOSE * max(abs(q), abs(end)):
-                return self._too_short(at, end)
+                # What lasts no longer than rounding of its place, as behind a strong damper, stands.
+                return self._too_short(at, end) if stop is None else Obstacle(STANDSTILL)
             lies = span(q, end, at.K, PLAIN if at.K else FROM_REST)
             if piece.data.limit == sign and end == piece.end(sign) and at.K > 0:
                 lies = span(q, end, at.K, TO_LIMIT)

@@ -97,8 +97,8 @@ def settled(work: Work, span: Spans, n: int, guess: Floats | None) -> tuple[Acti
         change = inverse @ (acting.w - w)
         size = float(np.abs(change).max())
         w = w + change
-        within = size / float(np.abs(w).max())
-        if within <= 4 * EPS or (size >= last and within <= math.sqrt(EPS)):
+        whole = float(np.abs(w).max())
+        if size <= 4 * EPS * whole or (size >= last and size <= math.sqrt(EPS) * whole):
             return acting._replace(w=w), energy + G @ w
         if not math.isfinite(size) or (new and size >= last):
             break
