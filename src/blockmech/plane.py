@@ -21,7 +21,9 @@ from blockmech.typing import Complex, Real
 
 NAN = math.nan
 EPS = 2.220446049250313e-16  # of the numbers at hand: an engine binds its own precision's
-REST_SHARE = 1e-12  # of the largest speed: a relative speed below it counts as rest
+# Of the largest speed: a relative speed below it counts as rest. A rate of zero that rounding
+# makes another has lost three quarters of its digits.
+REST_SHARE = EPS**0.75
 
 
 def cross(a: Complex, b: Complex) -> Real:

@@ -201,7 +201,7 @@ class Kept(dict[Any, Any]):
 
 
 class Strictly(BaseModel):
-    """Base of all models: frozen with all mappings in them, unknown keys refused, finite numbers.
+    """Base of all models: frozen, mappings too, unknown keys refused, finite numbers only.
 
     Made in Python, a model refuses with a `GraphError`, one problem per mistake.
     """

@@ -85,7 +85,7 @@ class Press:
 
 def presses() -> Iterator[Press]:
     """Near the dead centre, up to friction that locks, and guides about to jam."""
-    for gap in (1e-1, 1e-4, 1e-8, 1e-12):
+    for gap in (1e-1, 1e-4, 1e-8, 1e-11):  # nearer the ram counts as at rest
         for rho in (0.0, 0.003, 0.1, 0.149, 0.2):
             yield Press(f"press {gap:.0e} rad before its dead centre, rho {rho}", gap, -1, rho, 0.1)
             yield Press(f"press {gap:.0e} rad beyond it, rho {rho}", gap, 1, rho, 0.1)

@@ -75,7 +75,7 @@ class Ahead:
         stop: float | None = None
         while True:
             if abs(end - q) <= CLOSE * max(abs(q), abs(end)):
-                # What lasts no longer than rounding of its place, as behind a strong damper, stands.
+                # What goes no further than rounding of its place, behind a strong damper, stands.
                 return self._too_short(at, end) if stop is None else Obstacle(STANDSTILL)
             lies = span(q, end, at.K, PLAIN if at.K else FROM_REST)
             if piece.data.limit == sign and end == piece.end(sign) and at.K > 0:

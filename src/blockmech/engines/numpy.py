@@ -171,7 +171,7 @@ class NumpyEngine:
             "ZERO": self._cast(0j),
             "ONE": self._cast(1 + 0j),
             "REST": max(REST_SHARE, float(np.finfo(self.dtype).eps) ** 0.75),
-        }  # a rate of zero has kept three quarters of its digits
+        }
         self._program = bind(program, primitives(self.dtype), self.constants)
         self.parameters = tuple(self._cast(v) for v in program.parameters.values())
 

@@ -1,4 +1,7 @@
-"""What loads a link, as terms about the link's own origin; and which blocks carry a load at all."""
+"""What loads a link, as terms about its own origin; and which blocks carry a load at all.
+
+Sources: [R10] Ruiz, Durango & Calle 2010, Eqs. 2-7.
+"""
 
 from __future__ import annotations
 
