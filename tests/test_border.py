@@ -42,6 +42,14 @@ def test_a_setting_of_another_type_is_refused_by_its_name(
     assert (problem.code, problem.where) == (code, where)
 
 
+def test_a_setting_is_refused_whatever_was_planned_before() -> None:
+    mechanism = RUIZ.compile()
+    mechanism.run(at=1.0, want="crank.drive", friction="successive", iterations=1)
+    for wrong in (True, 1.0):
+        with pytest.raises(bm.RequestError, match="iterations"):
+            mechanism.run(at=1.0, want="crank.drive", friction="successive", iterations=wrong)
+
+
 def test_numbers_without_names_are_told_theirs() -> None:
     with pytest.raises(bm.GraphError, match=r"write RRR\(l_i=\.\.\., l_j=\.\.\.\)"):
         bm.RRR(6, 3)  # type: ignore[misc]

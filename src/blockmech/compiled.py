@@ -6,6 +6,7 @@ engine and wraps the arrays in a labelled result.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -32,8 +33,8 @@ SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 EVERYTHING = ("*",)
 
 
-class Compiled:
-    """A valid mechanism, compiled. What every analysis takes, and what a plan runs on."""
+class Compiled(ABC):
+    """A valid mechanism, compiled: what analyses take. A `Mechanism` adds what needs them."""
 
     structure: Structure
     scene: Scene
@@ -133,7 +134,7 @@ class Compiled:
         self,
         want: Iterable[str] | str = EVERYTHING,
         *,
-        friction: str = "newton",
+        friction: str | None = None,
         tolerance: float | None = None,
         iterations: int | None = None,
         static: bool = False,
@@ -143,7 +144,7 @@ class Compiled:
         Parameters
         ----------
         want : names or patterns of outputs
-        friction : "none" | "single" | "successive" | "newton"
+        friction : "none" | "single" | "successive" | "newton" (default)
         tolerance : float [N], stop of ``successive``; default 1e-7 of the largest reaction
         iterations : int, fixed number of iterations of ``successive``
         static : without inertia
@@ -152,9 +153,9 @@ class Compiled:
         """
         names = (want,) if isinstance(want, str) else tuple(want)
         check_switch("static", static)
-        key = (names, str(friction), tolerance, iterations, static)
+        how = friction_asked(friction, tolerance, iterations)
+        key = (names, how, static)
         if key not in self._plans:
-            how = friction_asked(friction, tolerance, iterations)
             self._plans[key] = self.outputs.plan(self.scene, names, how, static)
         return self._plans[key]
 
@@ -221,13 +222,13 @@ class Compiled:
             result = Result(self, plan, taken, values, name, settings)
         return without_gaps(result, on_gap)
 
+    @abstractmethod
     def run_to(self, *request: Any) -> Result:
-        """Run with the settings that an accuracy needs, which a `Mechanism` finds."""
-        raise NotImplementedError
+        """Run with the settings that an accuracy needs."""
 
+    @abstractmethod
     def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
-        """Where these groups close, in words for a message; a `Mechanism` can tell."""
-        return ""
+        """Where these groups close, in words for a message."""
 
     def evaluate(
         self,

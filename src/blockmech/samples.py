@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
 from blockmech.model.scene import Scene
-from blockmech.values import is_number
+from blockmech.values import is_count, is_number
 
 Array = NDArray[np.float64]
 DEFAULT_SAMPLES = 361  # of a turn: every degree, and the end
@@ -119,7 +119,7 @@ def make_samples(
     if times is not None:
         return _by_time(scene, laws, _column("times", times))
     n = DEFAULT_SAMPLES if samples is None else samples
-    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+    if not is_count(n):
         raise _error("samples", f"must be a positive whole number, got {n!r}", "")
     try:
         return _by_range(scene, laws, int(n))

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 
 from blockmech.engines.numpy import PRECISIONS
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import Problem, RequestError, listed, shown
 from blockmech.friction.solvers import METHODS
 from blockmech.plan import Friction
-from blockmech.values import is_number
+from blockmech.values import is_count, is_number
 
 
 def friction_asked(method: str | None, tolerance: float | None, iterations: int | None) -> Friction:
@@ -21,7 +19,7 @@ def friction_asked(method: str | None, tolerance: float | None, iterations: int 
     problems = []
     method = "newton" if method is None else method
     if not isinstance(method, str) or method not in METHODS:
-        found = f"no friction method {json.dumps(method, default=repr)}"
+        found = f"no friction method {shown(method)}"
         valid = f"methods: {listed(METHODS)}"
         problems.append(Problem("unknown-method", "friction", found, valid, ""))
     given = [n for n, x in (("tolerance", tolerance), ("iterations", iterations)) if x is not None]
@@ -38,7 +36,7 @@ def friction_asked(method: str | None, tolerance: float | None, iterations: int 
     if tolerance is not None and not (is_number(tolerance) and tolerance >= 0):
         found = f"must be >= 0 N, got {tolerance!r}"
         problems.append(Problem("bad-value", "tolerance", found, "", ""))
-    if iterations is not None and not (_whole(iterations) and iterations >= 1):
+    if iterations is not None and not is_count(iterations):
         found = f"must be a whole number, at least 1, got {iterations!r}"
         problems.append(Problem("bad-value", "iterations", found, "", ""))
     if problems:
@@ -59,7 +57,7 @@ def unknown_engine(engine: str, precision: str) -> RequestError:
 
 def check_chunk(chunk: int | None) -> None:
     """Raise `RequestError` for a number of samples at once that is none."""
-    if chunk is not None and not (_whole(chunk) and chunk >= 1):
+    if chunk is not None and not is_count(chunk):
         found = f"must be a whole number, at least 1 sample, got {chunk!r}"
         raise RequestError(Problem("bad-value", "chunk", found, "", ""))
 
@@ -70,7 +68,3 @@ def check_switch(name: str, value: object) -> None:
         raise RequestError(
             Problem("bad-value", name, f"must be True or False, got {value!r}", "", "")
         )
-
-
-def _whole(x: object) -> bool:
-    return isinstance(x, int | np.integer) and not isinstance(x, bool)

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from numbers import Integral
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -74,6 +75,11 @@ def is_number(x: object) -> bool:
     if not isinstance(x, int | float) or isinstance(x, bool):
         return False
     return abs(x) <= sys.float_info.max  # whole numbers may be too large for a float
+
+
+def is_count(x: object) -> bool:
+    """Whether ``x`` is a whole number, at least 1, and not a boolean."""
+    return isinstance(x, Integral) and not isinstance(x, bool) and int(x) >= 1
 
 
 class Pair:

@@ -45,9 +45,8 @@ def test_blocks_of_some_types_and_what_their_laws_are_functions_of(call):
 
 def test_a_printed_result_keeps_the_printed_schema(call, ruiz):
     schema = json.loads(call("schema", "result").out)
-    Draft202012Validator(schema).validate(
-        json.loads(call("run", ruiz, "--samples", "5", "--json").out)
-    )
+    result = json.loads(call("run", ruiz, "--samples", "5", "--json").out)
+    assert list(Draft202012Validator(schema).iter_errors(result)) == []
 
 
 def test_schema_of_links_and_joints_accepts_them(call):

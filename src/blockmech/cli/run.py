@@ -71,7 +71,7 @@ def run(
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     request: dict[str, Any] = {"want": names_of(want) or EVERYTHING, "static": static, **settings}
     if explain:
-        say(mechanism.explain(**request | {"friction": friction or "newton"}))
+        say(mechanism.explain(**request))
         return
     request |= {"at": coordinates(mechanism, at or []), "samples": samples}
     request |= {"times": times(at_times), "engine": engine, "precision": precision}

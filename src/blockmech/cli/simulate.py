@@ -81,12 +81,15 @@ def simulate(
     output = Output(file, json, out, csv, plot, deg, separator, decimal)
     mechanism = compiled(file)
     names = names_of(want) or (EVERYTHING if out is not None else DRIVERS)
-    settings = {"tolerance": tolerance, "iterations": iterations}
+    settings: dict[str, Any] = {
+        "friction": friction,
+        "tolerance": tolerance,
+        "iterations": iterations,
+    }
     if explain:
         from blockmech.dynamics.simulation import evaluation_cost
 
-        rubs: dict[str, Any] = {"friction": friction or "newton", **settings}
-        say(mechanism.explain(names, **rubs), "\n\n", evaluation_cost(mechanism, **rubs))
+        say(mechanism.explain(names, **settings), "\n\n", evaluation_cost(mechanism, **settings))
         return
     given, begun = times(at_times), starts(mechanism, start or [])
     with progress_bar("simulating", quiet=output.is_data) as told:
@@ -98,7 +101,6 @@ def simulate(
             times=given,
             start=begun,
             want=names,
-            friction=friction,
             progress=told,
             **settings,
         )

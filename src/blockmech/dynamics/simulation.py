@@ -160,7 +160,7 @@ def refuse_no_inertia(mechanism: Compiled) -> None:
 
 
 def evaluation_cost(
-    mechanism: Compiled, friction: str, tolerance: float | None, iterations: int | None
+    mechanism: Compiled, friction: str | None, tolerance: float | None, iterations: int | None
 ) -> str:
     """Kernel calls that one evaluation of the motion takes, as a line of text."""
     system = System(mechanism, method=friction_asked(friction, tolerance, iterations))

@@ -70,7 +70,7 @@ def rotated(mechanism: Compiled) -> Compiled:
         elements={name: _load(whole, name) for name in whole.elements},
     )
     scene = mechanism.scene.model_copy(update={"gravity": _turned(mechanism.scene.gravity)})
-    return Compiled(structure, scene, mechanism.name, mechanism.names)
+    return type(mechanism)(structure, scene, mechanism.name, mechanism.names)
 
 
 def _turned(vector: Vector) -> Vector:

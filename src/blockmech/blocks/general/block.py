@@ -11,6 +11,7 @@ higher class as future work).
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections import namedtuple
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -70,9 +71,9 @@ class MayBeDriven(Strictly):
     offset: Number = 0.0
 
     @property
+    @abstractmethod
     def sides(self) -> Mapping[str, Marker]:
         """Place and direction by own link, earlier side first."""
-        raise NotImplementedError
 
     @model_validator(mode="after")
     def _directed(self) -> Self:
