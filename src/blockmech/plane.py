@@ -109,9 +109,17 @@ def piecewise(x: Real, knots: Any, rows: Any) -> Real:
     return total
 
 
-def some(condition: Real) -> bool:
-    """Whether the condition holds for any sample of the batch."""
-    return bool(condition)
+def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+    """``state = step(state, *data)`` while its last entry holds, at most ``cap`` times.
+
+    ``state`` is a (nested) tuple of batches. Each sample stops by itself and is then left
+    alone, so its answer never depends on the batch it came in.
+    """
+    for _ in range(cap):
+        if not state[-1]:
+            break
+        state = step(state, *data)
+    return state
 
 
 def repair(condition: Real, one: Any, given: Any, *data: Any) -> Any:
