@@ -13,9 +13,9 @@ to the last bit wherever sine and cosine do.
 from __future__ import annotations
 
 import bisect
+import functools
 import math
 from collections.abc import Callable, Iterable, Mapping
-from functools import reduce, singledispatch
 from types import FunctionType
 from typing import Any
 
@@ -111,9 +111,17 @@ def piecewise(x: Real, knots: Any, rows: Any) -> Real:
     return total
 
 
-def some(condition: Real) -> bool:
-    """Whether the condition holds for any sample of the batch."""
-    return bool(condition)
+def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+    """``state = step(state, *data)`` while its last entry holds, at most ``cap`` times.
+
+    ``state`` is a (nested) tuple of batches. Each sample stops by itself and is then left
+    alone, so its answer never depends on the batch it came in.
+    """
+    for _ in range(cap):
+        if not state[-1]:
+            break
+        state = step(state, *data)
+    return state
 
 
 def repair(condition: Real, one: Any, given: Any, *data: Any) -> Any:
@@ -190,7 +198,7 @@ def one_by_one(function: Callable[..., tuple[float, ...]], *x: Any) -> tuple[Any
 MEANINGS = {**SCALAR_PRIMITIVES, "one_by_one": one_by_one}
 
 
-@singledispatch
+@functools.singledispatch
 def primitives_of(x: object) -> Mapping[str, Any]:
     """The meaning of the primitives on numbers of the type of ``x``."""
     return MEANINGS
@@ -209,4 +217,4 @@ def apply(primitive: str, *x: Any) -> Any:
 
 def largest(lengths: Iterable[float]) -> float:
     """The largest of some lengths >= 0; zero without any."""
-    return reduce(lambda a, b: apply("maximum", a, b), lengths, 0.0)
+    return functools.reduce(lambda a, b: apply("maximum", a, b), lengths, 0.0)

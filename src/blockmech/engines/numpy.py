@@ -101,9 +101,17 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
     return np.where(inside, total, np.nan)
 
 
-def some(condition: Any) -> bool:
-    """Whether the condition holds for any sample."""
-    return bool(np.any(condition))
+def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+    """Step samples until each has stopped by itself; see `blockmech.plane.repeat`."""
+    for _ in range(cap):
+        going = state[-1]
+        if not np.any(going):
+            break
+        ahead = step(state, *data)
+        if not np.all(going):
+            ahead = _mapped(lambda new, old, w=going: np.where(w, new, old), ahead, state)
+        state = ahead
+    return state
 
 
 def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
@@ -128,14 +136,18 @@ def each(function: Any, *x: Any) -> Any:
     return np.array(found, columns[0].dtype).reshape(columns[0].shape)
 
 
-def _mapped(function: Any, value: Any) -> Any:
-    """A nested tuple of batches with a function of each real batch in it; vectors as pairs."""
+def _mapped(function: Any, value: Any, *more: Any) -> Any:
+    """A nested tuple of batches with a function of each real batch in it; vectors as pairs.
+
+    With more of the like, a function of the batches that stand at the same place.
+    """
     if isinstance(value, tuple):
-        parts = [_mapped(function, x) for x in value]
+        parts = [_mapped(function, *x) for x in zip(value, *more, strict=True)]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     if isinstance(value, Planar):
-        return Planar(function(value.real), function(value.imag))
-    return value if isinstance(value, bool) else function(value)
+        given = (value, *more)
+        return Planar(function(*(z.real for z in given)), function(*(z.imag for z in given)))
+    return value if isinstance(value, bool) else function(value, *more)
 
 
 def _leaves(value: Any) -> list[Any]:
@@ -161,7 +173,7 @@ def primitives(dtype: Any) -> dict[str, Any]:
     def matrix(rows: Any) -> NDArray[Any]:
         return linear.matrix(rows, dtype)
 
-    own = (mul, imul, hyp, angle, modulo, piecewise, some, repair, each, expi, planar, matrix)
+    own = (mul, imul, hyp, angle, modulo, piecewise, repeat, repair, each, expi, planar, matrix)
     ufuncs = (np.sqrt, np.sign, np.where, np.minimum, np.maximum)
     systems = (linear.solve, linear.solve_transposed, linear.spread)
     found = {f.__name__: f for f in (cross, dot, *own, *ufuncs, *systems)}
