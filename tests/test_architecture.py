@@ -62,7 +62,7 @@ LINES, LINES_OF_DYNAMICS = 37_941, 6_785
 NUMBERS, NUMBERS_OF_DYNAMICS = 197, 51
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
-LATE = {"scipy", "matplotlib", "typer", "rich", "pandas", "hypothesis", "pytest", "mpmath"}
+LATE = {"scipy", "matplotlib", "typer", "rich", "pandas", "hypothesis", "pytest", "mpmath", "llvmlite"}
 NEEDED_IN = {
     "typer": "cli",
     "rich": "cli",
