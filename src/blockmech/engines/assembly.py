@@ -129,9 +129,8 @@ def _loop(loop: Loop, inside: Iterable[Node], before: str) -> list[str]:
     both = list(zip(loop.state, loop.first, loop.ahead, strict=True))
     for state, first, _ in both:
         name, kind = _name(state), _kind(state)
-        lines.append(
-            f"{name} = phi {kind} [ {_name(first, state.truth)}, %{before} ], [ {name}.next, %body{k} ]"
-        )
+        at_first = _name(first, state.truth)
+        lines.append(f"{name} = phi {kind} [ {at_first}, %{before} ], [ {name}.next, %body{k} ]")
     lines += [
         f"%n{k} = phi i64 [ 0, %{before} ], [ %n{k}.next, %body{k} ]",
         f"%few{k} = icmp slt i64 %n{k}, {loop.cap}",
@@ -181,7 +180,9 @@ def _statement(node: Node) -> list[str]:
     if op == "where":
         condition, a, b = node.args
         kind, chosen = _kind(node), (_name(a, node.truth), _name(b, node.truth))
-        return [f"{me} = select {TRUTHS} {_name(condition)}, {kind} {chosen[0]}, {kind} {chosen[1]}"]
+        return [
+            f"{me} = select {TRUTHS} {_name(condition)}, {kind} {chosen[0]}, {kind} {chosen[1]}"
+        ]
     if op == "is nan":
         return [f"{me} = fcmp uno {REALS} {args[0]}, {args[0]}"]
     if op == "neg":

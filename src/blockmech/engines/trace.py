@@ -34,6 +34,18 @@ class Untraceable(Exception):
     """A program that flat arithmetic cannot say, and why."""
 
 
+Operation = Callable[..., "Node"]
+
+
+def _both(op: str) -> tuple[Operation, Operation]:
+    """An operator with the node on its left, and on its right."""
+    return lambda a, b: a.trace.node(op, a, b), lambda b, a: b.trace.node(op, a, b)
+
+
+def _of_one(op: str) -> Operation:
+    return lambda a: a.trace.node(op, a)
+
+
 class Node:
     """One real (or truth value) of a program, as an operation on others."""
 
@@ -56,62 +68,15 @@ class Node:
     def __bool__(self) -> NoReturn:
         raise Untraceable("it branches on a number of the sample")
 
-    def __add__(self, x: Any) -> Node:
-        return self.trace.node("+", self, x)
-
-    def __radd__(self, x: Any) -> Node:
-        return self.trace.node("+", x, self)
-
-    def __sub__(self, x: Any) -> Node:
-        return self.trace.node("-", self, x)
-
-    def __rsub__(self, x: Any) -> Node:
-        return self.trace.node("-", x, self)
-
-    def __mul__(self, x: Any) -> Node:
-        return self.trace.node("*", self, x)
-
-    def __rmul__(self, x: Any) -> Node:
-        return self.trace.node("*", x, self)
-
-    def __truediv__(self, x: Any) -> Node:
-        return self.trace.node("/", self, x)
-
-    def __rtruediv__(self, x: Any) -> Node:
-        return self.trace.node("/", x, self)
-
-    def __neg__(self) -> Node:
-        return self.trace.node("neg", self)
-
-    def __abs__(self) -> Node:
-        return self.trace.node("abs", self)
-
-    def __lt__(self, x: Any) -> Node:
-        return self.trace.node("<", self, x)
-
-    def __le__(self, x: Any) -> Node:
-        return self.trace.node("<=", self, x)
-
-    def __gt__(self, x: Any) -> Node:
-        return self.trace.node(">", self, x)
-
-    def __ge__(self, x: Any) -> Node:
-        return self.trace.node(">=", self, x)
-
-    def __eq__(self, x: Any) -> Node:  # type: ignore[override]
-        return self.trace.node("==", self, x)
-
-    def __and__(self, x: Any) -> Node:
-        return self.trace.node("&", self, x)
-
-    def __rand__(self, x: Any) -> Node:
-        return self.trace.node("&", x, self)
-
-    def __or__(self, x: Any) -> Node:
-        return self.trace.node("|", self, x)
-
-    def __ror__(self, x: Any) -> Node:
-        return self.trace.node("|", x, self)
+    __add__, __radd__ = _both("+")
+    __sub__, __rsub__ = _both("-")
+    __mul__, __rmul__ = _both("*")
+    __truediv__, __rtruediv__ = _both("/")
+    __and__, __rand__ = _both("&")
+    __or__, __ror__ = _both("|")
+    (__lt__, _), (__le__, _), (__gt__, _), (__ge__, _) = map(_both, ("<", "<=", ">", ">="))
+    __eq__ = _both("==")[0]  # type: ignore[assignment]
+    __neg__, __abs__ = _of_one("neg"), _of_one("abs")
 
 
 def is_truth(x: Any) -> bool:
