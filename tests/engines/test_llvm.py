@@ -185,7 +185,7 @@ def test_without_the_package_the_extra_is_named(monkeypatch):
     with pytest.raises(bm.MissingEngineError, match=r"blockmech\[fast\]"):
         mechanism("pump").run(samples=3, engine="llvm", want="*.omega")
     monkeypatch.setattr(compiled, "COMPILED_FROM", 30)
-    assert ruiz().run(samples=30, want="crank.a").engine == "numpy"
+    assert ruiz().run(samples=30, want="crank.drive").engine == "numpy"
 
 
 def test_auto_compiles_where_it_pays_and_goes_on_with_what_is_compiled(monkeypatch):
