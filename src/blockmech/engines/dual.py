@@ -27,7 +27,7 @@ from blockmech.engines.binding import bind
 from blockmech.engines.numpy import CHUNK, Planar, mapped
 from blockmech.errors import Problem, RequestError
 from blockmech.plan import Program
-from blockmech.plane import EPS, REST_SHARE, cross, dot
+from blockmech.plane import EPS, REST_SHARE, cross, dot, primitives_of
 
 Array = NDArray[Any]
 
@@ -212,15 +212,9 @@ def each(function: Any, *x: Any) -> Any:
     if any(np.any(slope(v)) for v in x):
         law = getattr(function, "__self__", function)
         name = getattr(getattr(law, "call", law), "__name__", "function")
-        raise RequestError(
-            Problem(
-                "no-derivative",
-                name,
-                "a load's function of Python has no known derivative",
-                "",
-                "give the law as data: polynomial, table, fourier or dc",
-            )
-        )
+        what = "a load's function of Python has no known derivative"
+        remedy = "give the law as data: polynomial, table, fourier or dc"
+        raise _no_derivative(name, what, remedy)
     return plain.each(function, *map(value, x))
 
 
@@ -284,6 +278,41 @@ CONSTANTS = {
     "ONE": Planar(np.float64(1.0), np.float64(0.0)),
     "REST": REST_SHARE,
 }
+
+
+def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
+    """A function of numbers that is linear where they change; refused where it is not."""
+    at, d = np.array([value(v) for v in x]), [np.ravel(slope(v)) for v in x]
+    y = np.array(function(*at))
+    columns = np.stack([np.broadcast_to(c, (max(map(len, d)),)) for c in d], axis=-1)
+    tangents = [_linear(function, at, y, column) for column in columns]
+    return tuple(map(Dual, y, np.array(tangents).T[..., None]))
+
+
+def _linear(function: Any, at: Array, y: Array, way: Array) -> Array:
+    """Change of a function y along a straight way, if it is the same ahead and behind."""
+    if not way.any():
+        return np.zeros_like(y)
+    size = np.abs(at).max() / np.abs(way).max()
+    try:
+        ahead, behind = (np.array(function(*(at + side * size * way))) for side in (1.0, -1.0))
+    except ValueError:  # no knots in order
+        ahead = behind = np.full_like(y, np.nan)
+    if not np.abs(ahead + behind - 2.0 * y).max() <= 1e3 * EPS * np.abs([ahead, behind]).max():
+        raise _no_derivative(
+            "table", "the arguments of a cubic table have no known derivative", "name its values"
+        )
+    found: Array = (ahead - behind) / (2.0 * size)
+    return found
+
+
+def _no_derivative(where: str, found: str, remedy: str) -> RequestError:
+    return RequestError(Problem("no-derivative", where, found, "", remedy))
+
+
+@primitives_of.register(Dual)
+def _of_derivatives(x: object) -> Mapping[str, Any]:
+    return PRIMITIVES | {"one_by_one": one_by_one}
 
 
 # -- the engine ----------------------------------------------------------------------------
