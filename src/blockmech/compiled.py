@@ -147,7 +147,7 @@ class Compiled(ABC):
         friction : "none" | "single" | "successive" | "newton" (default)
         tolerance : float [N], stop of ``successive``; default 1e-7 of the largest reaction
         iterations : int, fixed number of iterations of ``successive``
-        static : without inertia
+        static : without inertia; a run whose rates and accelerations are all zero is static
 
         Raises `RequestError` for unknown names or settings that do not fit.
         """
@@ -210,6 +210,8 @@ class Compiled(ABC):
         AssemblyError, SingularError, FrictionError at gaps, unless marked
         """
         taken = make_samples(self.drivers, self.scene, at, samples, times, rates, accelerations)
+        check_switch("static", static)
+        static = bool(static) or taken.at_rest  # nothing accelerates, so inertia asks for nothing
         given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
         if accuracy is not None:
             given["precision"] = precision

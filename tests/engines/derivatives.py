@@ -13,7 +13,8 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from blockmech.engines.dual import Dual, DualEngine
+from blockmech.engines.derivatives import DualEngine
+from blockmech.engines.dual import Dual
 from blockmech.engines.numpy import Planar
 from blockmech.mechanism import Mechanism
 from tests.extremes.precise import DIGITS, Precise, moved
@@ -63,46 +64,56 @@ def by_duals(precise: Precise, inputs: Mapping[str, Any], n: int, ways: Any, m: 
 
 
 def by_differences(precise: Precise, inputs: Mapping[str, float], ways: Any, m: int) -> list[Any]:
-    """Derivatives (m,) of each value of the program at one sample, from 60 digits."""
+    """Derivatives (m,) of each value of the program at one sample; NaN at a kink."""
     parameters = tuple(precise.plan.program.parameters.values())
     found = []
     with mpmath.workdps(DIGITS):
         exact = moved(parameters, mpmath.mpf)
+
+        def at(k: int, h: Any) -> tuple[Any, ...]:
+            return precise.run(inputs, zipped(lambda x, w: x + h * w[k], exact, ways))
+
         for k in range(m):
-            ahead, behind = (
-                precise.run(inputs, zipped(lambda x, w, h=h: x + h * w[k], exact, ways))
-                for h in (STEP, -STEP)
-            )
-            pairs = zip(ahead, behind, strict=True)
-            found.append([complex((a - b) / (2 * STEP)) for a, b in pairs])
+            three = zip(*(at(k, h) for h in (-STEP, mpmath.mpf(0), STEP)), strict=True)
+            found.append([_smooth_slope(*values) for values in three])
     return [np.array(column) for column in zip(*found, strict=True)]
 
 
-def errors(
-    mechanism: Mechanism, request: Mapping[str, Any], seed: int, m: int = 2
-) -> dict[str, float]:
-    """Output -> largest error of its derivatives over the samples.
+def _smooth_slope(behind: Any, here: Any, ahead: Any) -> complex:
+    left, right = complex((here - behind) / STEP), complex((ahead - here) / STEP)
+    noise = 10.0 ** (40 - DIGITS)  # of the values, over the step
+    smooth = abs(right - left) <= 1e-12 * (abs(left) + abs(right)) + noise * abs(here + 1)
+    return (left + right) / 2 if smooth else complex(np.nan)
 
-    Relative to the largest of the derivatives and of the value itself over the sample's
-    smallest margin, which is what rounding of the numbers alone does to it.
+
+def errors(mechanism: Mechanism, request: Mapping[str, Any], seed: int, m: int = 2) -> list[float]:
+    """Errors of the derivatives of all outputs at all samples, but for kinks.
+
+    Relative to the largest of the sample's derivatives of one unit over its smallest margin:
+    rounding of the numbers alone does that to them.
     """
     want = outputs(mechanism)
     result = mechanism.run(**request, want=want, on_gap="mark")
     precise = Precise(mechanism, want, "newton")
     inputs = result.samples.given(precise.plan.program.inputs)
     ways = directions(tuple(precise.plan.program.parameters.values()), random.Random(seed), m)
-    duals = by_duals(precise, inputs, result.n, ways, m)
-    worst = dict.fromkeys(want, 0.0)
-    for k in range(result.n):
-        if k in result.quality.gaps:
-            continue
-        one = {name: float(np.broadcast_to(x, result.n)[k]) for name, x in inputs.items()}
+    duals = by_duals(precise, {k: np.asarray(x) for k, x in inputs.items()}, result.n, ways, m)
+    found = []
+    for k in sorted(set(range(result.n)) - set(result.quality.gaps)):
+        one = {x: float(inputs[x][k]) for x in inputs}
         exact = by_differences(precise, one, ways, m)
+        precise_values = precise.run(one, precise.plan.program.parameters.values())
         margin = min([1.0, *(float(x[k]) for x in result.quality.margin.values())])
-        for name in want:
-            for i in precise.plan.layout[name]:
-                size = max(np.abs(exact[i]).max(), abs(result[name][k]))
-                off = np.abs(duals[i][:, k] - exact[i]).max()
-                error = off / size * margin if size else off
-                worst[name] = max(worst[name], float(error)) if error == error else np.nan
-    return worst
+        largest: dict[str, float] = {}
+        parts = [
+            (mechanism.outputs[x].unit.removesuffix("/rad").removesuffix("/m"), i)
+            for x in want
+            for i in precise.plan.layout[x]
+        ]
+        for unit, i in parts:
+            both = np.append(exact[i], complex(precise_values[i]))
+            largest[unit] = max(largest.get(unit, 0.0), np.nanmax(np.abs(both)))
+        for unit, i in parts:
+            off = np.abs(duals[i][:, k] - exact[i]).max()
+            found.append(float(off / (largest[unit] or 1.0) * margin))
+    return found
