@@ -188,7 +188,7 @@ class _Request(NamedTuple):
             "iterations": setting.iterations,
             "static": self.static,
         }
-        plan = self.mechanism.plan(self.want, **how)  # type: ignore[arg-type]
+        plan = self.mechanism.plan_at(samples, self.want, **how)  # type: ignore[arg-type]
         engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
         values, name = self.mechanism.evaluate(plan, samples, engine, setting.precision, chunk)
         return Result(self.mechanism, plan, samples, values, name, how)
