@@ -45,6 +45,7 @@ ROOMS = (
     "result",
     "failures",
     "settings",
+    "runnable",
     "compiled",
     "dynamics",
     "analysis",
@@ -58,7 +59,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 37_730, 6_785
+LINES, LINES_OF_DYNAMICS = 37_986, 6_792
 NUMBERS, NUMBERS_OF_DYNAMICS = 198, 51
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
