@@ -1,7 +1,8 @@
 """Estimates of errors, one rule for all methods (numerics 14).
 
-A run at the target and a finer one: the finer is returned, the difference and 4 eps |q| is its
-stated error. It is refined until that meets the target or stops falling. Two runs that end
+A run at the target and a finer one: the finer is returned, the difference is its stated error,
+and what rounding leaves unknown of both. It is refined until that meets the target or stops
+falling. Two runs that end
 differently, or differ as two motions do, did not reach what was asked: the motion is given as
 far as both agree, and says so.
 """
@@ -11,12 +12,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
+from blockmech.dynamics.equation import typical_inertia
 from blockmech.dynamics.motion import INTERRUPTED, TOO_MANY, UNDECIDED, Floats, Motion
 from blockmech.plane import EPS
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.system import System
 
 Setting = TypeVar("Setting")
 
@@ -35,13 +40,11 @@ class Difference(NamedTuple):
     t : [s] difference of the ends
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
         no further apart than `PARTED` and than the way itself
-    size : [rad or m] what rounding of coordinate and time is relative to
     """
 
     q: float
     t: float
     agree: bool
-    size: float
 
 
 def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
@@ -54,7 +57,7 @@ def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
 def difference(coarse: Motion, fine: Motion, wanted: Sequence[float] = ()) -> Difference:
     """How far two runs of one motion are apart."""
     times = common_times(coarse, fine, wanted)
-    q, qd = fine.at(times)
+    q = fine.at(times).q
     found = [np.abs(coarse.at(times).q - q).max()]
     same = coarse.end == fine.end and coarse.status == fine.status
     if same:
@@ -64,15 +67,29 @@ def difference(coarse: Motion, fine: Motion, wanted: Sequence[float] = ()) -> Di
     late = abs(coarse.t_end - fine.t_end)
     span = fine.t_end - fine.t_start
     close = apart <= PARTED and late <= PARTED * span and (apart <= way or way == 0)
-    size = float(np.abs(q).max()) + abs(fine.t_end) * float(np.abs(qd).max())
-    return Difference(apart, late, same and (close or span == 0), size)
+    return Difference(apart, late, same and (close or span == 0))
 
 
-def stated(fine: Motion, apart: Difference) -> Motion:
-    """A run with the error that its difference from a coarser one tells."""
-    late = 0.0 if fine.end == "time" else apart.t + ROUNDING * abs(fine.t_end)
-    error = apart.q + ROUNDING * apart.size
-    return replace(fine, error=error, time_error=fine.time_error + late)
+def with_rounding(system: System, motion: Motion) -> Motion:
+    """The motion; its error with what rounding leaves unknown of all runs alike.
+
+    A coordinate is rounded itself. Inertia and loads, to rounding or to the `noise` of the
+    system, set the time of everything; where a motion starts with a small inertia, it has the
+    rounding of a usual one.
+    """
+    if not motion.error < math.inf or motion.t_end == motion.t_start:
+        return motion
+    q, qd = (float(np.abs(x).max()) for x in motion.at(motion.times(COMPARED)))
+    share = ROUNDING + system.noise
+    if len(system.drivers) == 1:
+        start = motion.at(motion.t_start)
+        J = float(system.sample(start.q).J)
+        if start.qd and J > 0:
+            share *= max(1.0, typical_inertia(system, float(start.q)) / J)
+    late = share * max(abs(motion.t_end), motion.t_end - motion.t_start)
+    timed = 0.0 if motion.end == "time" else late
+    error = motion.error + ROUNDING * q + late * qd
+    return replace(motion, error=error, time_error=motion.time_error + timed)
 
 
 def missed(motion: Motion, target: float) -> Motion:
@@ -120,7 +137,8 @@ def refined(
 def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[float]) -> Motion:
     """The finer of two runs with its error, or what both know of the motion."""
     if apart.agree:
-        return stated(fine, apart)
+        late = 0.0 if fine.end == "time" else apart.t
+        return replace(fine, error=apart.q, time_error=fine.time_error + late)
     times = common_times(coarse, fine, wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
     off = off if off.ndim == 1 else off.max(axis=1)
@@ -152,7 +170,7 @@ def stopped(motion: Motion, best: Motion | None) -> Motion:
     if best is None or best.t_end < motion.t_end:
         note = f"{motion.end}: the error is not judged by another run"
         return replace(motion, error=math.inf, time_error=math.inf, notes=(*motion.notes, note))
-    judged = math.isfinite(best.error) and best.error > 0
+    judged = math.isfinite(best.error)
     error = best.error if judged else math.inf
     if motion.end == TOO_MANY:
         return replace(best, error=error)

@@ -18,13 +18,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.integrate import DenseOutput, OdeSolver
 
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.estimate import ROUNDING, difference, missed
+from blockmech.dynamics.estimate import difference, missed, with_rounding
 from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.motion import EVALUATIONS, INTERRUPTED, NO_INERTIA, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, bad
@@ -44,6 +44,7 @@ def checked_step(step: float, whole: float) -> float:
 
 
 def judged_by_half(
+    system: System,
     request: SimulationRequest,
     step: float,
     run: Callable[[float], Motion],
@@ -64,10 +65,9 @@ def judged_by_half(
         same = motion.end == finer.end and motion.status == finer.status
         known = same and motion.end != NO_INERTIA  # of speeds without bound nothing is
         off, late = (DOUBT * x if known else math.inf for x in (apart.q, apart.t))
-        off += ROUNDING * apart.size
         late = 0.0 if motion.end == "time" else late + motion.time_error
-        motion = replace(motion, error=off, time_error=late)
-        enough = request.step is not None or target is None or off <= target
+        motion = with_rounding(system, replace(motion, error=off, time_error=late))
+        enough = request.step is not None or target is None or motion.error <= target
         if enough or finer.status == "failed" or finer.cost.evaluations > EVALUATIONS:
             break
         motion, step = finer, step / 2
@@ -134,16 +134,19 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
     def _sampled(self, way: float) -> None:
         """Inertia, effort and margin at the next places in a direction."""
         self.way, self.i = way, 0
-        found = self.equation.system.sample(self.y[0] + way * self.d * np.arange(BLOCK + 1.0))
+        places = self.y[0] + way * self.d * np.arange(BLOCK + 1.0)  # rounded, but not summed
+        found = self.equation.system.sample(places)
         J = np.where(found.possible, found.J, math.nan)
         self.J, self.tau, self.margin = J.tolist(), found.tau.tolist(), found.margin.tolist()
+        self.places = places.tolist()
 
     def _step_impl(self) -> tuple[bool, str | None]:
         t, (q, w, work) = float(self.t), self.y.tolist()
         if self.i == BLOCK or not w:
             way = w or self.equation.system.sample(np.array([q])).tau[0]
             self._sampled(math.copysign(1.0, way))
-        i, d = self.i, self.way * self.d
+        i = self.i
+        d = self.places[i + 1] - q
         J, ahead, tau = self.J[i], self.J[i + 1], self.tau[i]
         xi = (tau - w * w * (ahead - J) / (2 * d)) / J
         square = w * w + 2 * xi * d
@@ -152,7 +155,7 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
             return False, "no pose"  # or it would bounce off a dead centre
         rate = 0.0 if stands else self.way * math.sqrt(square)
         h = -w / xi if stands else 2 * d / (w + rate)
-        end = q - w * w / (2 * xi) if stands else q + d
+        end = q - w * w / (2 * xi) if stands else self.places[i + 1]
         if t + h >= self.t_bound:
             h = self.t_bound - t
             end, rate = q + w * h + xi * h * h / 2, w + xi * h

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import difference, judged, missed, stopped
+from blockmech.dynamics.estimate import difference, judged, missed, stopped, with_rounding
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -204,6 +204,10 @@ class PathRun:
                 self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
             )
         if isinstance(panel, Panels):
+            if panel.t1 > self.t_goal or float(panel.spans.end[-1]) == goal:
+                way = abs(float(panel.state(np.array([self.t_goal]))[0][0]) - self.q)
+                if self.next.kept_clear(self.at, piece, way):
+                    return
             self.take(panel)
             self.passed(piece)
         elif panel.end == STANDSTILL:
@@ -468,4 +472,5 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
         return stopped(coarse, fine)
     found = judged(coarse, fine, difference(coarse, fine, request.times), request.times)
+    found = with_rounding(system, found)
     return found if request.accuracy is None else missed(found, request.accuracy)
