@@ -70,26 +70,24 @@ def difference(coarse: Motion, fine: Motion, wanted: Sequence[float] = ()) -> Di
     return Difference(apart, late, same and (close or span == 0))
 
 
-def with_rounding(system: System, motion: Motion) -> Motion:
+def with_rounding(system: System, motion: Motion, target: float | None) -> Motion:
     """The motion; its error with what rounding leaves unknown of all runs alike.
 
-    A coordinate is rounded itself. Inertia and loads, to rounding or to the `noise` of the
-    system, set the time of everything; where a motion starts with a small inertia, it has the
+    A coordinate is rounded itself. Inertia and loads, known to rounding or to the `noise` of the
+    system, set the time of all; where a motion starts with a small inertia, that has the
     rounding of a usual one.
     """
-    if not motion.error < math.inf or motion.t_end == motion.t_start:
-        return motion
-    q, qd = (float(np.abs(x).max()) for x in motion.at(motion.times(COMPARED)))
-    share = ROUNDING + system.noise
-    if len(system.drivers) == 1:
-        start = motion.at(motion.t_start)
-        J = float(system.sample(start.q).J)
-        if start.qd and J > 0:
-            share *= max(1.0, typical_inertia(system, float(start.q)) / J)
-    late = share * max(abs(motion.t_end), motion.t_end - motion.t_start)
-    timed = 0.0 if motion.end == "time" else late
-    error = motion.error + ROUNDING * q + late * qd
-    return replace(motion, error=error, time_error=motion.time_error + timed)
+    if motion.error < math.inf and motion.t_end > motion.t_start:
+        q, qd = (float(np.abs(x).max()) for x in motion.at(motion.times(COMPARED)))
+        start, share = motion.at(motion.t_start), ROUNDING + system.noise
+        if len(system.drivers) == 1 and start.qd:
+            J = float(system.sample(start.q).J)
+            share *= max(1.0, typical_inertia(system, float(start.q)) / J) if J > 0 else 1.0
+        late = share * max(abs(motion.t_end), motion.t_end - motion.t_start)
+        unsure = motion.time_error + (0.0 if motion.end == "time" else late)
+        error = motion.error + ROUNDING * q + late * qd
+        motion = replace(motion, error=error, time_error=unsure)
+    return motion if target is None else missed(motion, target)
 
 
 def missed(motion: Motion, target: float) -> Motion:

@@ -18,13 +18,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DenseOutput, OdeSolver
 
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.estimate import difference, missed, with_rounding
+from blockmech.dynamics.estimate import difference
 from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.motion import EVALUATIONS, INTERRUPTED, NO_INERTIA, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, bad
@@ -44,7 +44,6 @@ def checked_step(step: float, whole: float) -> float:
 
 
 def judged_by_half(
-    system: System,
     request: SimulationRequest,
     step: float,
     run: Callable[[float], Motion],
@@ -66,12 +65,12 @@ def judged_by_half(
         known = same and motion.end != NO_INERTIA  # of speeds without bound nothing is
         off, late = (DOUBT * x if known else math.inf for x in (apart.q, apart.t))
         late = 0.0 if motion.end == "time" else late + motion.time_error
-        motion = with_rounding(system, replace(motion, error=off, time_error=late))
-        enough = request.step is not None or target is None or motion.error <= target
+        motion = replace(motion, error=off, time_error=late)
+        enough = request.step is not None or target is None or off <= target
         if enough or finer.status == "failed" or finer.cost.evaluations > EVALUATIONS:
             break
         motion, step = finer, step / 2
-    return motion if target is None else missed(motion, target)
+    return motion
 
 
 class RungeKutta4(OdeSolver):  # type: ignore[misc]

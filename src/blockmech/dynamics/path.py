@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import difference, judged, missed, stopped, with_rounding
+from blockmech.dynamics.estimate import difference, judged, stopped, with_rounding
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -472,5 +472,4 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
         return stopped(coarse, fine)
     found = judged(coarse, fine, difference(coarse, fine, request.times), request.times)
-    found = with_rounding(system, found)
-    return found if request.accuracy is None else missed(found, request.accuracy)
+    return with_rounding(system, found, request.accuracy)

@@ -16,7 +16,7 @@ from scipy.integrate import DOP853, LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import loads
 from blockmech.dynamics.equation import Equation, TooMany, scales
-from blockmech.dynamics.estimate import COMPARED, TARGET, missed, refined, with_rounding
+from blockmech.dynamics.estimate import COMPARED, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
     GOAL,
     GUIDE_SIDE,
@@ -443,7 +443,7 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
         return max(tolerance * share, FLOOR)
 
     found = refined(run, max(target / 10, FLOOR * FINER), finer, target, request.times)
-    return missed(with_rounding(system, found), target)
+    return with_rounding(system, found, target)
 
 
 def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> Motion:
@@ -468,4 +468,4 @@ def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> M
             return motion.t_end - motion.t_start
         return float(np.ptp(motion.at(motion.times(COMPARED)).q))
 
-    return judged_by_half(system, request, step, run, way)
+    return with_rounding(system, judged_by_half(request, step, run, way), request.accuracy)
