@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from blockmech.engines.numpy import primitives
+from blockmech.plane import SCALAR_PRIMITIVES
 from blockmech.testing.strategies import Options, Seeded, mechanisms, random_mechanism
 from tests.wiring import ruiz, same_bits, swept, toggle, watt
 
@@ -100,3 +102,23 @@ def test_arrays_of_the_request_are_left_alone():
     r = ruiz().run(at=q, engine="numpy")
     q[:] = 0.0
     assert np.array_equal(r["crank.q"], [1.0, 2.0, 3.0])
+
+
+def halved(state, floor):
+    x, steps, _ = state
+    return x * 0.5, steps + 1.0, x * 0.5 > floor
+
+
+def repeated(primitives_, x, floor, cap):
+    """How often ``x`` is halved until it is below a floor."""
+    return primitives_["repeat"](halved, (x, 0.0 * x, x > floor), cap, floor)
+
+
+@pytest.mark.parametrize("cap", [0, 3, 100])
+def test_repeat_leaves_each_sample_alone_once_it_has_stopped(cap):
+    x, floor = np.array([0.5, 1.0, 9.0, 1e9, np.nan]), np.array([1.0, 1.0, 2.0, 1.0, 1.0])
+    many = repeated(primitives(np.float64), x, floor, cap)
+    for k, one in enumerate(zip(x.tolist(), floor.tolist(), strict=True)):
+        alone = repeated(SCALAR_PRIMITIVES, *one, cap)
+        np.testing.assert_array_equal([column[k] for column in many], alone)
+    assert many[1].tolist()[:4] == [0.0, 0.0, min(cap, 3.0), min(cap, 30.0)]

@@ -14,6 +14,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
+from blockmech import plane
 from blockmech.engines.binding import bind
 from blockmech.mechanism import Mechanism
 from blockmech.plan import Plan
@@ -38,7 +39,7 @@ PRIMITIVES: dict[str, Callable[..., Any]] = {
     "minimum": lambda a, b: min(a, b),
     "maximum": lambda a, b: max(a, b),
     "planar": _complex,
-    "some": bool,
+    "repeat": plane.repeat,
     "repair": lambda c, one, given, *data: given,
 }
 

@@ -182,7 +182,7 @@ def test_batch_is_its_samples():
             )
             for mine, theirs in zip((*one.t, *one.g), (*batch.t, *batch.g), strict=True):
                 assert mine == theirs[s] or (math.isnan(mine) and math.isnan(theirs[s]))
-            for what in ("iterations", "contraction", "outcome", "limit"):
+            for what in ("iterations", "residual", "contraction", "outcome", "limit"):
                 mine, theirs = getattr(one, what), np.broadcast_to(getattr(batch, what), n)[s]
                 assert mine == theirs or (math.isnan(mine) and math.isnan(theirs)), what
 

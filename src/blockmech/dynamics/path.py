@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import difference, judged, stopped, with_rounding
+from blockmech.dynamics.estimate import TARGET, difference, judged, stopped, with_rounding
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -471,5 +471,6 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     coarse = run.motion()
     if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
         return stopped(coarse, fine)
-    found = judged(coarse, fine, difference(coarse, fine, request.times), request.times)
-    return with_rounding(system, found, request.accuracy)
+    apart = difference(coarse, fine, system.rotary, request.times)
+    found = judged(coarse, fine, apart, request.times)
+    return with_rounding(system, found, request.accuracy or TARGET)

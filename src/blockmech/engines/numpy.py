@@ -9,6 +9,7 @@ also faster than complex arrays, because nothing is strided.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
 from blockmech.plan import Program
-from blockmech.plane import REST_SHARE, cross, dot
+from blockmech.plane import REST_SHARE, cross, dot, primitives_of
 
 PRECISIONS: dict[str, Any] = {
     "complex64": np.float32,
@@ -52,6 +53,15 @@ class Planar:
 
     def __neg__(self) -> Planar:
         return Planar(-self.real, -self.imag)
+
+    def __radd__(self, other: complex) -> Planar:
+        return Planar(other.real + self.real, other.imag + self.imag)
+
+    def __rsub__(self, other: complex) -> Planar:
+        return Planar(other.real - self.real, other.imag - self.imag)
+
+    def __abs__(self) -> Any:
+        return np.hypot(self.real, self.imag)  # as Python has it of a complex number
 
 
 def mul(z: Planar, x: Any) -> Planar:
@@ -91,9 +101,17 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
     return np.where(inside, total, np.nan)
 
 
-def some(condition: Any) -> bool:
-    """Whether the condition holds for any sample."""
-    return bool(np.any(condition))
+def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+    """Step samples until each has stopped by itself; see `blockmech.plane.repeat`."""
+    for _ in range(cap):
+        going = state[-1]
+        if not np.any(going):
+            break
+        ahead = step(state, *data)
+        if not np.all(going):
+            ahead = _mapped(lambda new, old, w=going: np.where(w, new, old), ahead, state)
+        state = ahead
+    return state
 
 
 def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
@@ -118,14 +136,18 @@ def each(function: Any, *x: Any) -> Any:
     return np.array(found, columns[0].dtype).reshape(columns[0].shape)
 
 
-def _mapped(function: Any, value: Any) -> Any:
-    """A nested tuple of batches with a function of each real batch in it; vectors as pairs."""
+def _mapped(function: Any, value: Any, *more: Any) -> Any:
+    """A nested tuple of batches with a function of each real batch in it; vectors as pairs.
+
+    With more of the like, a function of the batches that stand at the same place.
+    """
     if isinstance(value, tuple):
-        parts = [_mapped(function, x) for x in value]
+        parts = [_mapped(function, *x) for x in zip(value, *more, strict=True)]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     if isinstance(value, Planar):
-        return Planar(function(value.real), function(value.imag))
-    return value if isinstance(value, bool) else function(value)
+        given = (value, *more)
+        return Planar(function(*(z.real for z in given)), function(*(z.imag for z in given)))
+    return value if isinstance(value, bool) else function(value, *more)
 
 
 def _leaves(value: Any) -> list[Any]:
@@ -151,11 +173,30 @@ def primitives(dtype: Any) -> dict[str, Any]:
     def matrix(rows: Any) -> NDArray[Any]:
         return linear.matrix(rows, dtype)
 
-    own = (mul, imul, hyp, angle, modulo, piecewise, some, repair, each, expi, planar, matrix)
+    own = (mul, imul, hyp, angle, modulo, piecewise, repeat, repair, each, expi, planar, matrix)
     ufuncs = (np.sqrt, np.sign, np.where, np.minimum, np.maximum)
     systems = (linear.solve, linear.solve_transposed, linear.spread)
     found = {f.__name__: f for f in (cross, dot, *own, *ufuncs, *systems)}
     return found | {"EPS": float(np.finfo(dtype).eps)}
+
+
+def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
+    """A function of numbers, design after design; see `blockmech.plane`."""
+    columns = np.broadcast_arrays(*x)
+    rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
+    found = np.array([function(*row) for row in rows])
+    return tuple(column.reshape(columns[0].shape) for column in found.T)
+
+
+def _turned(t: Any) -> Planar:
+    """Sine and cosine of the scalar engine: in a batch a design has the numbers it has alone."""
+    return Planar(*one_by_one(lambda x: (math.cos(x), math.sin(x)), t))
+
+
+@primitives_of.register(np.ndarray)
+@primitives_of.register(Planar)
+def _of_designs(x: object) -> Mapping[str, Any]:
+    return primitives(np.float64) | {"expi": _turned, "one_by_one": one_by_one}
 
 
 class NumpyEngine:
@@ -179,9 +220,10 @@ class NumpyEngine:
         if isinstance(value, tuple):
             if hasattr(value, "_fields"):
                 return type(value)(*(self._cast(x) for x in value))
-            plain = all(isinstance(x, float) for x in value)
-            return np.array(value, self.dtype) if plain else tuple(map(self._cast, value))
-        if isinstance(value, complex):
+            if any(isinstance(x, tuple | complex | Planar) for x in value):
+                return tuple(map(self._cast, value))
+            return np.array(np.broadcast_arrays(*value), self.dtype)  # (k,), of designs (k, D, 1)
+        if isinstance(value, complex | Planar):
             return Planar(self.dtype(value.real), self.dtype(value.imag))
         return self.dtype(value)
 
@@ -202,6 +244,18 @@ class NumpyEngine:
                     if room.flags.writeable:
                         room[part] = value
         return found
+
+    def run_designs(
+        self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]
+    ) -> tuple[Any, ...]:
+        """Values of m designs at n samples each, as batches that broadcast to (m, n).
+
+        ``values`` are those of `Program.values`, numbers of designs as columns (m, 1);
+        inputs are (n,) or (m, n). A design's numbers are those that it has alone.
+        """
+        columns = [np.atleast_2d(self._rounded(n, inputs[n])) for n in self.program.inputs]
+        with np.errstate(all="ignore"):
+            return self._program(*columns, tuple(map(self._cast, values)))
 
     def _rooms(self, values: tuple[Any, ...], n: int) -> tuple[Any, ...]:
         """Room for n samples of each value; columns of one block, whose memory is used again."""

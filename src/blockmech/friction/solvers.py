@@ -24,7 +24,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from blockmech.friction.continuation import Outcome, continue_from_zero
-from blockmech.plane import EPS, NAN, hyp, maximum, mul, repair, some, sqrt, where
+from blockmech.plane import EPS, NAN, hyp, maximum, mul, repair, repeat, sqrt, where
 from blockmech.typing import Complex, Real
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
@@ -127,34 +127,52 @@ def successive(
     g = norms(base, edges)
     t = tuple(0.0 * x for x in g)
     count = 0.0 * g[0]
-    before, ratio, residual, enough = count, count, count, count
     going = count <= 1.0  # false for NaN: an impossible sample is left alone
-    for n in range(iterations or CAP):
-        next_t = _friction(k, g)
-        next_g = norms(loads(next_t, base, rows), edges)
-        steps = tuple(b - a for a, b in zip(g, next_g, strict=True))
-        change, misfit, scale = _top(steps), _top(_friction(k, steps)), _top(_friction(k, next_g))
-        t = tuple(where(going, new, old) for new, old in zip(next_t, t, strict=True))
-        g = tuple(where(going, new, old) for new, old in zip(next_g, g, strict=True))
-        residual = where(going, misfit / where(scale > 0.0, scale, 1.0), residual)
-        count = where(going, count + 1.0, count)
-        if n:
-            ratio = where(going, change / where(before > 0.0, before, 1.0), ratio)
-        before = where(going, change, before)
-        if iterations is None:
-            relative = max(SMALL_CHANGE, 4.0 * EPS) * _top(g)
-            enough = relative if tolerance is None else tolerance
-            going = going & (change > enough)
-            if not some(going):
-                break
+    start = Iterate(t, g, count, count, count, count, going)
+    asked = tolerance if iterations is None else -1.0  # no change is so small
+    last: Iterate = repeat(iterate, start, iterations or CAP, k, edges, base, rows, asked)
     P = contraction_bound(k, edges, rows)
-    late = going if iterations is None else residual >= 1.0 - P
+    late = last.going if iterations is None else last.residual >= 1.0 - P
     outcome = where(late, float(Outcome.NOT_CONVERGED), count * 0.0)
-    t = tuple(where(late, NAN, x) for x in t)
-    solution = Solution(t, g, count, residual, where(count > 1.0, ratio, P), outcome, P * 0.0 + 1.0)
+    t = tuple(where(late, NAN, x) for x in last.t)
+    ratio = where(last.count > 1.0, last.ratio, P)
+    more = (last.count, last.residual, ratio, outcome, P * 0.0 + 1.0)
     unproved = (P >= 1.0) & _known(base, edges)
-    found: Solution = repair(unproved, confirmed, solution, k, edges, base, rows, enough)
+    solution = Solution(t, last.g, *more)
+    given = (k, edges, base, rows, enough(last.g, asked))
+    found: Solution = repair(unproved, confirmed, solution, *given)
     return found
+
+
+class Iterate(NamedTuple):
+    """State of the successive approximations."""
+
+    t: tuple[Real, ...]
+    g: tuple[Real, ...]
+    count: Real
+    residual: Real
+    change: Real  # [N] largest of a load, by the last step
+    ratio: Real  # [-] of the last two changes
+    going: Real
+
+
+def enough(g: Any, tolerance: float | None) -> Real:
+    """Change [N] of loads g at which successive approximations stop."""
+    return max(SMALL_CHANGE, 4.0 * EPS) * _top(g) if tolerance is None else tolerance
+
+
+def iterate(
+    state: Iterate, k: Any, edges: Any, base: Any, rows: Any, tolerance: float | None
+) -> Iterate:
+    """One successive approximation: friction from the loads, loads from that friction."""
+    t = _friction(k, state.g)
+    g = norms(loads(t, base, rows), edges)
+    steps = tuple(b - a for a, b in zip(state.g, g, strict=True))
+    change, misfit, scale = _top(steps), _top(_friction(k, steps)), _top(_friction(k, g))
+    residual = misfit / where(scale > 0.0, scale, 1.0)
+    ratio = change / where(state.change > 0.0, state.change, 1.0)
+    going = change > enough(g, tolerance)
+    return Iterate(t, g, state.count + 1.0, residual, change, ratio, going)
 
 
 def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, change: float) -> Any:
@@ -179,35 +197,32 @@ def confirmed(given: Any, k: Any, edges: Any, base: Any, rows: Any, change: floa
 
 def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     """Newton from the second successive iterate, certified sample by sample."""
-    n = len(k)
     t = _friction(k, norms(base, edges))
     t = _friction(k, norms(loads(t, base, rows), edges))
     P = contraction_bound(k, edges, rows)
-    count = 0.0 * P
-    going = P < 1.0
-    best = count
-    for _ in range(NEWTON_CAP):
-        F = loads(t, base, rows)
-        g = norms(F, edges)
-        r = [tj - x for tj, x in zip(t, _friction(k, g), strict=True)]
-        slope = [[_slope(F[j], g[j], rows[j][m], edges[j]) for m in range(n)] for j in range(n)]
-        step = eliminate(
-            [[(1.0 if j == m else 0.0) - k[j] * slope[j][m] for m in range(n)] for j in range(n)],
-            r,
-        )
-        t = tuple(where(going, tj - dj, tj) for tj, dj in zip(t, step, strict=True))
-        count = where(going, count + 1.0, count)
-        best = _top(_friction(k, g))
-        going = going & _moved(step, k, g)
-        if not some(going):
-            break
+    start = (t, 0.0 * P, P < 1.0)
+    t, count, _ = repeat(newton_step, start, NEWTON_CAP, k, edges, base, rows)
     g = norms(loads(t, base, rows), edges)
-    misfit = _top([tj - x for tj, x in zip(t, _friction(k, g), strict=True)])
+    friction = _friction(k, g)
+    misfit, best = _top([tj - x for tj, x in zip(t, friction, strict=True)]), _top(friction)
     residual = misfit / where(best > 0.0, best, 1.0)
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
     unproved = ((P >= 1.0) & _known(base, edges)) | (residual > SETTLED * EPS)
     settled: Solution = repair(unproved, replaced, solution, k, edges, base, rows)
     return settled
+
+
+def newton_step(state: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
+    """One step of Newton's method: (friction, steps done, whether it moved)."""
+    t, count, _ = state
+    n = range(len(k))
+    F = loads(t, base, rows)
+    g = norms(F, edges)
+    r = [tj - x for tj, x in zip(t, _friction(k, g), strict=True)]
+    slope = [[_slope(F[j], g[j], rows[j][m], edges[j]) for m in n] for j in n]
+    step = eliminate([[(1.0 if j == m else 0.0) - k[j] * slope[j][m] for m in n] for j in n], r)
+    t = tuple(tj - dj for tj, dj in zip(t, step, strict=True))
+    return t, count + 1.0, _moved(step, k, g)
 
 
 def replaced(given: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:

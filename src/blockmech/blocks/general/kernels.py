@@ -38,9 +38,9 @@ from blockmech.plane import (
     maximum,
     mul,
     planar,
+    repeat,
     solve,
     solve_transposed,
-    some,
     spread,
     sqrt,
     where,
@@ -160,28 +160,26 @@ def unit(e: Complex) -> Complex:
 def newton(
     plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Any
 ) -> tuple[Links, Real]:
-    """The pose to which Newton's method comes, and the size of its first step.
-
-    Samples stop one by one, so an answer does not depend on the batch.
-    """
-    pose, first = stepped(pose, newton_step(plans, pose, supports, q, p), p.size)
-    last = first
-    for _ in range(STEPS - 1):
-        more = last > SETTLED * sqrt(EPS)
-        if not some(more):
-            break
-        step = newton_step(plans, pose, supports, q, p)
-        pose, size = stepped(pose, tuple(where(more, x, 0.0) for x in step), p.size)
-        last = where(more, size, last)
+    """The pose to which Newton's method comes, and the size of its first step."""
+    data = (plans, supports, q, p)
+    pose, first, more = newton_step((pose, 0.0, True), *data)
+    pose, _, _ = repeat(newton_step, (pose, first, more), STEPS - 1, *data)
     return pose, first
 
 
 def newton_step(
-    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Any
-) -> tuple[Real, ...]:
-    """Solution of J step = -residual."""
+    state: tuple[Links, Real, Real],
+    plans: Plans,
+    supports: tuple[Any, ...],
+    q: tuple[Real, ...],
+    p: Any,
+) -> tuple[Links, Real, Real]:
+    """The pose moved by the solution of J step = -residual, by how much, and whether to go on."""
+    pose, _, _ = state
     at, open_by = conditions(plans, pose, supports, q, p)
-    return solve(jacobian(plans, at, len(pose), p), [-x for x in open_by])
+    step = solve(jacobian(plans, at, len(pose), p), [-x for x in open_by])
+    pose, moved = stepped(pose, step, p.size)
+    return pose, moved, moved > SETTLED * sqrt(EPS)
 
 
 def conditions(
