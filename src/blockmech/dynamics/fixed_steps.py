@@ -29,17 +29,16 @@ from blockmech.dynamics.estimate import difference
 from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.motion import EVALUATIONS, INTERRUPTED, NO_INERTIA, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, bad
+from blockmech.dynamics.track import AT_ONCE
 
-MOST_STEPS = 500_000  # in a run; half a minute and more
 STEP = 1e-3  # [rad], or of the span, of euler_q; of 200 ms, of rk4, where the time is not known
-BLOCK = 1024  # samples of euler_q in one batch
 DOUBT = 4.0  # stated error over the difference of step and half step: order 1 differs by half
 
 
 def checked_step(step: float, whole: float) -> float:
     """The step; refused where it makes more of them than can be made. Both [rad or m, or s]."""
-    if math.isfinite(whole) and whole / step > MOST_STEPS:
-        found = f"{step:.3g} makes {whole / step:.3g} steps, at most {MOST_STEPS:,} can be made"
+    if math.isfinite(whole) and whole / step > EVALUATIONS:
+        found = f"{step:.3g} makes {whole / step:.3g} steps, at most {EVALUATIONS:,} can be made"
         raise bad("step", found, "give a larger one")
     return step
 
@@ -130,13 +129,13 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
 
     def __init__(self, equation: Equation, t0: float, y0: Floats, t_bound: float, d: float) -> None:
         super().__init__(equation, t0, y0, t_bound, vectorized=False)
-        self.equation, self.d, self.way, self.i = equation, d, 0.0, BLOCK
+        self.equation, self.d, self.way, self.i = equation, d, 0.0, AT_ONCE
         self.system, self.place_only = equation.system, equation.system.depends_on <= {"q"}
 
     def _sampled(self, way: float) -> None:
         """Inertia, effort at rest and margin at the next places in a direction."""
         self.way, self.i = way, 0
-        places = self.y[0] + way * self.d * np.arange(BLOCK + 1.0)  # rounded, but not summed
+        places = self.y[0] + way * self.d * np.arange(AT_ONCE + 1.0)  # rounded, but not summed
         found = self.system.sample(places)
         J = np.where(found.margin > 0, found.J, math.nan)
         self.J, self.tau, self.margin = J.tolist(), found.tau.tolist(), found.margin.tolist()
@@ -149,7 +148,7 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
     def _step_impl(self) -> tuple[bool, str | None]:
         self.equation.spend(1)
         t, (q, w, work) = float(self.t), self.y.tolist()
-        if self.i == BLOCK or not w:
+        if self.i == AT_ONCE or not w:
             self._sampled(math.copysign(1.0, w or self.system.one(q, 0.0, t).tau))
         i, d = self.i, self.places[self.i + 1] - q
         J, ahead, tau = self.J[i], self.J[i + 1], self._effort(t, q, w)
@@ -168,7 +167,7 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
         self.y = np.array([end, rate, work + tau * (end - q)])
         self.slope = np.array([rate, xi, tau * rate])
         self.t, self.i = t + h, i + 1
-        if self.i < BLOCK + 1:
+        if self.i < AT_ONCE + 1:
             self.equation.know(end, self.margin[i + 1], ahead)
         return True, None
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import TARGET, difference, judged, stopped, with_rounding
+from blockmech.dynamics.estimate import ROUNDING, TARGET, difference, judged, stopped, with_rounding
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -54,7 +54,6 @@ if TYPE_CHECKING:
 TURN = 2 * math.pi
 COARSE, FINE = 32, 48  # nodes of a panel of the two runs
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
-BESIDE = 4  # ulps by which a run beside is off: what a sum of some ten terms may lose
 MOST = 8_000  # panels of a run; ten seconds of work and more
 
 
@@ -63,7 +62,7 @@ class PathRun:
     """One run: where the motion is, and what it left behind.
 
     t [s] counts from the start of the run; K [J]; sign is the direction of the motion. A run
-    ``beside`` starts some ulps off, and has rounding of its own added to inertia and energies.
+    ``beside`` starts some roundings off, and has rounding of its own added to inertia and energies.
     """
 
     system: System
@@ -88,10 +87,10 @@ class PathRun:
     mark: tuple[int, At] | None = None  # panel and state where a pattern may begin
 
     def __post_init__(self) -> None:
-        self.rounding = BESIDE * EPS + 2 * self.system.noise  # relative, of work and inertia
-        self.off = BESIDE if self.beside else 0
+        self.rounding = ROUNDING + 2 * self.system.noise  # relative, of work and inertia
+        self.off = ROUNDING if self.beside else 0.0
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
-        self.q = q * (1 + self.off * EPS)
+        self.q = q * (1 + self.off)
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
         self.road = Road(self.system, self.q, self.n, tolerance, 4 * self.off)
         self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
@@ -101,7 +100,7 @@ class PathRun:
 
     def run(self) -> None:
         """Go on until something ends the run."""
-        rate = float(self.request.start.rate) * (1 + self.off * EPS)
+        rate = float(self.request.start.rate) * (1 + self.off)
         try:
             if rate:
                 self.sign, self.K = (1 if rate > 0 else -1), float(self.start.J[0]) * rate**2 / 2
@@ -451,7 +450,7 @@ class PathRun:
 def along_path(system: System, request: SimulationRequest) -> Motion:
     """The motion by the path method, with its error (`estimate`).
 
-    Of two runs the coarser has fewer nodes and is some ulps beside, in its start, its inertia
+    Of two runs the coarser has fewer nodes and is some roundings beside, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
     start = system.sample(np.array([float(request.start.q)]), float(request.start.rate))

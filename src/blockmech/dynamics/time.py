@@ -34,7 +34,6 @@ from blockmech.dynamics.events import (
     kink_rules,
 )
 from blockmech.dynamics.fixed_steps import (
-    MOST_STEPS,
     STEP,
     EulerQ,
     RungeKutta4,
@@ -125,8 +124,7 @@ class Run:
         works = [0.0, 0.0] if rubs else [0.0]
         self.y = np.concatenate([np.atleast_1d(q), np.atleast_1d(rate), works]).astype(float)
         self.times.append(self.t)
-        most = MOST_STEPS if self.method == "euler_q" else EVALUATIONS
-        self.equation = Equation(self.system, q, most)
+        self.equation = Equation(self.system, q, EVALUATIONS)
         if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = min(self.request.t_last, self.request.start.t + FOREVER)

@@ -12,7 +12,7 @@ import numpy as np
 from blockmech.dynamics.motion import State
 from blockmech.dynamics.panels import Floats, P, Panels, rule
 
-AT_ONCE = 4096  # turns or times that are worked on together: some megabytes
+AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte or two
 
 
 class Leg(Protocol):
