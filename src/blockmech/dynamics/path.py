@@ -24,7 +24,7 @@ import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
 from blockmech.dynamics.estimate import ROUNDING, TARGET, difference, judged, stopped, with_rounding
-from blockmech.dynamics.events import STANDSTILL
+from blockmech.dynamics.events import STANDSTILL, goal_places
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
     DEAD_CENTRE,
@@ -51,7 +51,6 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import Sample, System
 
-TURN = 2 * math.pi
 COARSE, FINE = 32, 48  # nodes of a panel of the two runs
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
 MOST = 8_000  # panels of a run; ten seconds of work and more
@@ -135,15 +134,6 @@ class PathRun:
         until = self.request.until
         return {"standstill": 1.0, "swings": until.value}.get(until.goal, math.inf)
 
-    def goal_places(self) -> list[float]:
-        """Driver coordinates at which the run ends."""
-        until = self.request.until
-        if until.goal == "angle":
-            return [until.value]
-        if until.goal == "turns":
-            return [self.request.start.q + s * until.value * TURN for s in (1, -1)]
-        return []
-
     def leave(self) -> None:
         """From a standstill: the direction in which the motion starts, or rest."""
         q, system = self.q, self.system
@@ -191,7 +181,7 @@ class PathRun:
             elif piece.what_ends(self.sign):
                 self.arrive(piece.what_ends(self.sign))
             return
-        goals = [stop, *self.goal_places()]
+        goals = [stop, *goal_places(self.request)]
         if self.mark is not None and self.system.period is not None:
             goals.append(self.turned(self.system.period))
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
@@ -268,7 +258,7 @@ class PathRun:
             self.stop("time", "reached")
         elif self.K == 0:
             self.stand()
-        elif any(map(self.here, self.goal_places())):
+        elif any(map(self.here, goal_places(self.request))):
             self.stop(self.request.until.goal, "reached")
         elif self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
             self.arrive(piece.what_ends(self.sign))
@@ -383,7 +373,7 @@ class PathRun:
                 low, high = (middle, high) if fits else (low, middle - 1)
             return low
         count = 1
-        ways = [abs(x - float(turn.panels.spans.begin[0])) for x in self.goal_places()]
+        ways = [abs(x - float(turn.panels.spans.begin[0])) for x in goal_places(self.request)]
         if ways:
             return math.ceil(max(ways) / abs(turn.step)) + 1
         if self.t_goal == math.inf:
@@ -397,7 +387,7 @@ class PathRun:
 
     def go_round(self, turn: Pattern, start: At) -> None:
         """The end of a motion that turns for ever, or where it goes on otherwise."""
-        ways = [x - start.q for x in self.goal_places() if turn.step * (x - start.q) > 0]
+        ways = [x - start.q for x in goal_places(self.request) if turn.step * (x - start.q) > 0]
         count = math.inf if turn.starts is None else turn.starts.size - 1
         ends = [(turn.at_way(x), self.request.until.goal) for x in ways if x / turn.step <= count]
         t, goal = min([*ends, (self.t_goal, "time")])
@@ -422,7 +412,7 @@ class PathRun:
             q, qd = self.events[-1].q, self.events[-1].qd
         else:
             q, qd = (float(x[0]) for x in track.state(np.array([t0 + self.t])))
-        if self.end == request.until.goal and any(map(self.here, self.goal_places())):
+        if self.end == request.until.goal and any(map(self.here, goal_places(self.request))):
             q = self.q
         if system.friction is not None:
             self.facts["friction_work"] = math.fsum(leg.taken(self.t) for leg in legs)
