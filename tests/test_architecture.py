@@ -45,6 +45,7 @@ ROOMS = (
     "result",
     "failures",
     "settings",
+    "runnable",
     "compiled",
     "dynamics",
     "analysis",
@@ -58,7 +59,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 37_971, 6_810
+LINES, LINES_OF_DYNAMICS = 38_323, 6_814
 NUMBERS, NUMBERS_OF_DYNAMICS = 197, 51
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
