@@ -1,10 +1,9 @@
 """Estimates of errors, one rule for all methods (numerics 14).
 
-A run at the target and a finer one: the finer is returned, the difference is its stated error,
-and what rounding leaves unknown of both. It is refined until that meets the target or stops
-falling. Two runs that end
-differently, or differ as two motions do, did not reach what was asked: the motion is given as
-far as both agree, and says so.
+A run at the target and a finer one: the finer is returned, their difference is its stated error,
+with what rounding leaves unknown of both. It is refined until that meets the target or stops
+falling. Two runs that end differently, or differ as two motions do, did not reach what was asked:
+the motion is given as far as both agree, and says so.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.integrate import DenseOutput, OdeSolver
 
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.estimate import difference
+from blockmech.dynamics.estimate import difference, stopped
 from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.motion import EVALUATIONS, INTERRUPTED, NO_INERTIA, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, bad
@@ -59,8 +59,7 @@ def judged_by_half(
         step = min(step, way(motion) or step)
         finer = run(step / 2)
         if finer.end == INTERRUPTED:
-            note = "interrupted: the error is not judged by another run"
-            return replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
+            return stopped(finer, motion)
         apart = difference(motion, finer, rotary, request.times)
         same = motion.end == finer.end and motion.status == finer.status
         known = same and motion.end != NO_INERTIA  # of speeds without bound nothing is
