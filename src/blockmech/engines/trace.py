@@ -120,7 +120,7 @@ class Trace:
         def slot() -> Node:
             return self._leaf("parameter", next(count), PARAMETER)
 
-        slots = [_filled(value, slot) for value in program.parameters.values()]
+        slots = [filled(value, slot) for value in program.parameters.values()]
         run = bind(program, PRIMITIVES, CONSTANTS)
         self.values: tuple[Any, ...] = run(*inputs, tuple(slots))
 
@@ -142,10 +142,10 @@ class Trace:
         made = Loop(self, cap, _leaves(state))
         inside = iter(made.state)
         self._open = True
-        made.ahead = _leaves(step(_filled(state, lambda: next(inside)), *data))
+        made.ahead = _leaves(step(filled(state, lambda: next(inside)), *data))
         self._open = False
         after = (Node(self, "after", (made, i), SAMPLE) for i in range(len(made.state)))
-        return _filled(state, lambda: next(after))
+        return filled(state, lambda: next(after))
 
     def needed(self, wanted: Iterable[Any]) -> list[Node]:
         """The nodes that some nodes are made of, in order."""
@@ -164,27 +164,27 @@ class Trace:
         return sorted(found, key=lambda n: n.number)
 
 
-def numbers(parameters: Iterable[Any]) -> list[float]:
-    """Parameters as a row of numbers, those of records and tables one after the other."""
+def numbers(parameters: Iterable[Any]) -> list[Any]:
+    """Parameters as a row of numbers (or of arrays of designs), records and tables in order."""
     return [x for value in parameters for x in _plain(value)]
 
 
-def _plain(value: Any) -> Iterator[float]:
+def _plain(value: Any) -> Iterator[Any]:
     if isinstance(value, tuple):
         for x in value:
             yield from _plain(x)
-    elif isinstance(value, complex):
+    elif isinstance(value, complex | Planar):
         yield from (value.real, value.imag)
     else:
-        yield float(value)
+        yield value
 
 
-def _filled(value: Any, fresh: Callable[[], Any]) -> Any:
-    """A nested tuple with fresh numbers in the place of its own."""
+def filled(value: Any, fresh: Callable[[], Any], pair: Callable[..., Any] = Planar) -> Any:
+    """A nested tuple with fresh numbers in the place of its own, and pairs of them as vectors."""
     if isinstance(value, tuple):
-        parts = [_filled(x, fresh) for x in value]
+        parts = [filled(x, fresh, pair) for x in value]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return Planar(fresh(), fresh()) if isinstance(value, complex | Planar) else fresh()
+    return pair(fresh(), fresh()) if isinstance(value, complex | Planar) else fresh()
 
 
 # -- the primitives of the plane ---------------------------------------------------
