@@ -118,12 +118,14 @@ def assess(
     flags: list[Flag] = []
     for block, m in margin.items():
         name = CHANGE_POINT if block in following else DEAD_CENTRE
+        near = NEAR_CHANGE if block in following else NEAR
+        if m.min() >= near:  # the commonest case at once; not of NaN
+            continue
         for i in np.flatnonzero(~(m > 0)):
             if m[i] == 0 or (name == CHANGE_POINT and i not in blame and not m[i] < -TOUCH):
                 flags.append(Flag(int(i), name, block, value=0.0))
             if not (m[i] == 0 and not wanted_bad[i]) and i not in blame:
                 status[i], blame[int(i)] = NO_ASSEMBLY, block
-        near = NEAR_CHANGE if block in following else NEAR
         for i in np.flatnonzero((m > 0) & (m < near)):
             lost = name == CHANGE_POINT and wanted_bad[i] and i not in blame
             if lost:

@@ -32,7 +32,7 @@ from blockmech.plan import Program
 Array = NDArray[np.float64]
 LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run longer programs
 LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
-PARALLEL = 2**16  # samples: some milliseconds of work, of which starting threads is a twentieth
+PARALLEL = 2**17  # samples: some five milliseconds of work, beside which starting threads is little
 
 
 class LlvmEngine:
