@@ -43,6 +43,7 @@ ROOMS = (
     "export",
     "wires",
     "result",
+    "reach",
     "failures",
     "settings",
     "runnable",

@@ -26,7 +26,7 @@ from blockmech.cli.options import (
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
 from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
 from blockmech.export import gap_lines
-from blockmech.failures import without_gaps
+from blockmech.failures import why_not, without_gaps
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 
@@ -77,11 +77,11 @@ def run(
     request |= {"times": times(at_times), "engine": engine, "precision": precision}
     with progress_bar("computing"):
         result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")
-        gaps = gap_lines(result, deg)
+        gaps, why = gap_lines(result, deg), why_not(result)
         result = without_gaps(result, on_gap)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    output.show(result, _pictures, gaps)
+    output.show(result, _pictures, [*gaps, why], ["", why] if why else [])
     if on_gap == "stop" and not output.is_data:  # the table does not reach them
         note(*gaps)
     if gaps:
