@@ -45,7 +45,7 @@ def check(file: GraphFile, json: AsJson = False) -> None:
 
 
 def _doubts(file: str) -> list[Problem]:
-    """What is not wrong by the rules, but will hardly be meant: it does not close where it starts."""
+    """What breaks no rule and is hardly meant: groups that do not close where it starts."""
     try:
         check_closing(compiled(file))
     except BlockmechError as error:
