@@ -60,7 +60,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 38_640, 6_814
+LINES, LINES_OF_DYNAMICS = 38_639, 6_814
 NUMBERS, NUMBERS_OF_DYNAMICS = 198, 51
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0

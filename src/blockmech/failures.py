@@ -72,9 +72,7 @@ def failure_of(result: Result) -> SampleError:
 
 
 def why_not(result: Result) -> str:
-    """Why the first sample without an answer has none, in words; "" where all have one."""
-    if not result.quality.gaps:
-        return ""
+    """Why the first sample without an answer has none, in words."""
     (problem,) = failure_of(result).problems
     return str(replace(problem, remedy=""))
 

@@ -239,7 +239,7 @@ class Result(Exported):
     def notes(self) -> list[str]:
         """What a reader of forces must know: that links which turn have no inertia."""
         forces = {"N", "N m"} & {self.output(name).unit for name in self}
-        if not forces or self.settings["static"]:
+        if not (forces and self.n) or self.settings["static"]:
             return []
         structure = self.mechanism.structure
         given = {link: structure.properties(link) for link in structure.links}

@@ -82,11 +82,12 @@ def run(
     request |= {"times": times(at_times), "engine": engine, "precision": precision}
     with progress_bar("computing"):
         result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")
-        gaps, why = gap_lines(result, deg), why_not(result)
+        gaps = gap_lines(result, deg)
+        why = [why_not(result)] if gaps else []
         result = without_gaps(result, on_gap)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    output.show(result, _pictures, [*gaps, why], ["", why] if why else [], everything)
+    output.show(result, _pictures, [*gaps, *why], ["", *why] if why else [], everything)
     if on_gap == "stop" and not output.is_data:  # the table does not reach them
         note(*gaps)
     if gaps:
