@@ -9,7 +9,7 @@ from hypothesis import given, settings
 
 import blockmech as bm
 from blockmech import compiled
-from blockmech.engines import llvm
+from blockmech.engines import llvm, warm
 from blockmech.engines.llvm import LlvmEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.trace import Untraceable
@@ -164,6 +164,11 @@ def test_what_branches_on_a_number_is_declined():
         LlvmEngine(program_of(lambda x: x if x > 0.0 else -x, 1))
 
 
+def test_a_kernel_beyond_the_primitives_is_declined():
+    with pytest.raises(Untraceable, match="more than the primitives"):
+        LlvmEngine(program_of(lambda x: math.sqrt(x), 1))
+
+
 # -- the choice of the engine --------------------------------------------------------------
 
 
@@ -199,6 +204,18 @@ def test_auto_compiles_where_it_pays_and_goes_on_with_what_is_compiled(monkeypat
     assert mech.run(samples=50, want=want, precision="complex64").engine == "numpy"
     g = mechanism("scissor_lift")
     assert g.run(samples=100, want="*.omega").engine == "numpy"
+
+
+def test_an_engine_warms_up_and_nobody_sees_it(monkeypatch):
+    monkeypatch.setattr(warm, "WORTH", 20)
+    mech = watt(spring=2.0).compile()
+    program = mech.plan("crank.drive").program
+    engine, scalar = warm.WarmEngine(program), ScalarEngine(program)
+    states = [[0.1 * k + j for j in range(len(program.inputs))] for k in range(40)]
+    assert [engine.one(x) for x in states] == [scalar.one(x) for x in states]
+    assert isinstance(engine.one.__self__, LlvmEngine)
+    cold = warm.WarmEngine(program_of(lambda x: math.sqrt(x), 1))
+    assert [cold.one([float(k)])[0] for k in range(30)] == [math.sqrt(k) for k in range(30)]
 
 
 def test_precisions_are_those_of_numpy():

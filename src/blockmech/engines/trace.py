@@ -122,7 +122,10 @@ class Trace:
 
         slots = [filled(value, slot) for value in program.parameters.values()]
         run = bind(program, PRIMITIVES, CONSTANTS)
-        self.values: tuple[Any, ...] = run(*inputs, tuple(slots))
+        try:
+            self.values: tuple[Any, ...] = run(*inputs, tuple(slots))
+        except (TypeError, AttributeError) as error:  # what a number can that a node cannot
+            raise Untraceable(f"a kernel is more than the primitives ({error})") from error
 
     def node(self, op: str, *args: Any) -> Node:
         """The operation on these arguments, nodes or numbers."""
