@@ -33,6 +33,7 @@ from blockmech.model.laws_of_motion import (
     RateAcceleration,
     Table,
 )
+from blockmech.studies.sampling import normal, uniform
 from blockmech.values import Link, Marker
 
 __all__ = [
@@ -73,6 +74,8 @@ __all__ = [
     "TorsionSpring",
     "__version__",
     "laws",
+    "normal",
+    "uniform",
 ]
 
 __version__ = "0.1.0"

@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from blockmech.analysis.extremes import Extremes
     from blockmech.analysis.limits import Limits
     from blockmech.analysis.stroke import Stroke
+    from blockmech.draw.study import PlottedStudy
     from blockmech.draw.trade import PlottedTrade
     from blockmech.modes.found import Modes
+    from blockmech.studies.family import Parameters
 
 
 class Mechanism(Compiled):
@@ -71,6 +73,19 @@ class Mechanism(Compiled):
         from blockmech.draw.trade import PlottedTrade
 
         return PlottedTrade(**vars(trade(self, question, want, **request)))
+
+    def parameters(self) -> Parameters:
+        """Every number of the graph or linkage: address, value, unit."""
+        from blockmech.studies.family import parameters
+
+        return parameters(self)
+
+    def study(self, vary: Mapping[str, Any], *, want: Any, **request: Any) -> PlottedStudy:
+        """Run many designs at once; see `blockmech.studies.study.study`."""
+        from blockmech.draw.study import PlottedStudy
+        from blockmech.studies.study import study
+
+        return PlottedStudy(**vars(study(self, vary, want=want, **request)))
 
     def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
         """Feasible arcs of a driver; see `blockmech.analysis.limits.limits`."""

@@ -115,6 +115,13 @@ class Document:
         data.pop("expect", None)
         return self.from_data(data, (), self.file)
 
+    def snapshot(self) -> Self:
+        """A copy that does not change with this one; its models do not change anyway."""
+        other = copy.copy(self)
+        for name, x in vars(self).items():
+            vars(other)[name] = copy.copy(x) if isinstance(x, dict | list) else x
+        return other
+
     @abstractmethod
     def sections(self) -> dict[str, Any]:
         """Its models by section: a named one each, or one for all."""

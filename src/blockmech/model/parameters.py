@@ -100,12 +100,13 @@ def named(known: Mapping[str, Parameter], given: Mapping[str, T]) -> dict[Parame
     """
     as_written: dict[str, Parameter] = {}
     if not known.keys() >= given.keys():
-        for parameter in known.values():
-            as_written |= dict.fromkeys(_spellings(parameter.path), parameter)
+        for p in known.values():
+            as_written |= dict.fromkeys(_spellings(p.path), p)
     found: dict[Parameter, T] = {}
     problems = []
+    parameter: Parameter | None
     for address, x in given.items():
-        parameter = known.get(address) or as_written.get(address)
+        parameter = known[address] if address in known else as_written.get(address)
         if parameter is None:
             problems.append(_unknown(address, known))
         elif parameter in found:
