@@ -112,7 +112,7 @@ def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
             raise KeyboardInterrupt
 
     lengths = np.linspace(5.8, 6.2, 9)
-    found = fourbar.study({"dyad.l_i": lengths}, over=TURN, want="max(crank.drive)", say=say)
+    found = fourbar.study({"dyad.l_i": lengths}, over=TURN, want="max(crank.drive)", progress=say)
     assert told[0] == ("2 of 9 designs", 2, 9)
     assert found.interrupted
     assert found.n == 4

@@ -6,6 +6,8 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
+import typer
+
 from blockmech.builders import compiled
 from blockmech.cli.numbers import UNITS, coordinates, row, times
 from blockmech.cli.options import (
@@ -21,7 +23,7 @@ from blockmech.cli.options import (
     refused,
     spare,
 )
-from blockmech.cli.terminal import note, progress_bar, say
+from blockmech.cli.terminal import INTERRUPTED, note, progress_bar, say
 from blockmech.model.parameters import named
 from blockmech.studies.sampling import Distribution, normal, uniform
 
@@ -78,7 +80,7 @@ def sweep(
     how: dict[str, Any] = {"sampling": sampling, "count": count, "seed": seed, "static": static}
     numbers = _varied(mechanism, vary)
     with progress_bar("running") as told:
-        found = mechanism.study(numbers, want=list(want), say=told, **how, **asked)
+        found = mechanism.study(numbers, want=list(want), progress=told, **how, **asked)
     say(repr(found))
     if out is not None:
         (found.to_csv if Path(out).suffix.lower() == ".csv" else found.to_parquet)(out)
@@ -88,6 +90,7 @@ def sweep(
             say(f"wrote {found.plot(plot)}")
     if found.interrupted:
         note("interrupted: what was run is kept")
+        raise typer.Exit(INTERRUPTED)
 
 
 def _varied(mechanism: Any, given: list[str]) -> dict[str, list[float] | Distribution]:

@@ -26,6 +26,8 @@ from blockmech.draw.paper import (
 )
 from blockmech.errors import Problem, RequestError
 from blockmech.export import Column
+from blockmech.runnable import giving
+from blockmech.studies.study import study as studied
 from blockmech.studies.table import Study
 
 PANEL = 14.0 * ink.TEXT  # [pt] height of a panel
@@ -45,6 +47,9 @@ class PlottedStudy(Study):
         Raises `RequestError` for another suffix, or where there is nothing to draw.
         """
         return draw_study(self, path)
+
+
+study = giving(PlottedStudy, studied)
 
 
 def draw_study(study: Study, path: str | os.PathLike[str]) -> Path:

@@ -11,7 +11,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from blockmech.analysis.trade.report import Trade
+from blockmech.analysis.trade import Trade
+from blockmech.analysis.trade import trade as measured
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import (
     legend_above,
@@ -22,6 +23,7 @@ from blockmech.draw.paper import (
     wrapped,
     write_figure,
 )
+from blockmech.runnable import giving
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade.measure import Point
@@ -41,6 +43,9 @@ class PlottedTrade(Trade):
     def plot(self, path: str | os.PathLike[str]) -> Path:
         """Draw the work-precision diagram (png, svg or pdf)."""
         return draw_trade(self, path)
+
+
+trade = giving(PlottedTrade, measured)
 
 
 def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:

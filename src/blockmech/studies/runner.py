@@ -17,7 +17,7 @@ from blockmech.compiled import Compiled
 from blockmech.engines.numpy import CHUNK, NumpyEngine, Planar
 from blockmech.errors import BlockmechError
 from blockmech.model.parameters import Parameter
-from blockmech.plan import Friction, Plan
+from blockmech.plan import Plan
 from blockmech.quality import NO_ASSEMBLY, WORDS, at_most_one, failures
 from blockmech.samples import Samples, make_samples
 from blockmech.studies.family import Family, as_said, remade
@@ -61,14 +61,13 @@ class Runner:
     family : the designs
     want : what is kept of them
     over : the poses, as `blockmech.samples.make_samples` takes them
-    friction, static : as those of a run
+    settings : friction, tolerance, iterations and static, as those of a run
     """
 
     family: Family
     want: tuple[Wanted, ...]
     over: Mapping[str, Any]
-    friction: Friction
-    static: bool
+    settings: Mapping[str, Any]
 
     def samples(self, mechanism: Compiled) -> Samples:
         """The poses. Raises `RequestError` where they are wrong."""
@@ -115,14 +114,7 @@ class _Planned:
         self.want = runner.want
         self.samples = runner.samples(mechanism)
         names = tuple(dict.fromkeys(column.output for column in runner.want))
-        how = runner.friction
-        self.plan: Plan = mechanism.plan(
-            names,
-            friction=how.method,
-            tolerance=how.tolerance,
-            iterations=how.iterations,
-            static=runner.static,
-        )
+        self.plan: Plan = mechanism.plan(names, **runner.settings)
         self.engine = NumpyEngine(self.plan.program)
         self.inputs = self.samples.given(self.plan.program.inputs)
         self.weights = self.samples.weights(len(mechanism.drivers))

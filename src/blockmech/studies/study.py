@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 from blockmech.compiled import Compiled
 from blockmech.errors import FormatError, GraphError, Problem
@@ -11,28 +10,29 @@ from blockmech.settings import check_switch, friction_asked
 from blockmech.studies.family import Family, as_said
 from blockmech.studies.reductions import wanted
 from blockmech.studies.runner import Block, Runner
-from blockmech.studies.sampling import Designs, designs
+from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
+from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 Told = Callable[[str, float, float | None], None]
 
 
 def study(
     mechanism: Compiled,
-    vary: Mapping[str, Any],
+    vary: Mapping[str, Numbers | Distribution],
     *,
-    want: Any,
-    over: Any = None,
+    want: Mapping[str, str | Sequence[str]] | Sequence[str] | str,
+    over: Coordinates | None = None,
     samples: int | None = None,
-    times: Any = None,
-    sampling: str | None = None,
+    times: Numbers | None = None,
+    sampling: Sampling | None = None,
     count: int | None = None,
     seed: int = 0,
-    friction: str | None = None,
+    friction: FrictionMethod | None = None,
     tolerance: float | None = None,
     iterations: int | None = None,
     static: bool = False,
-    say: Told | None = None,
+    progress: Told | None = None,
 ) -> Study:
     """Run many designs and keep a few numbers of each.
 
@@ -50,7 +50,7 @@ def study(
         "sobol" or "random"
     count, seed : of distributions, how many designs, and which
     friction, tolerance, iterations, static : as those of a run
-    say : told how far it is: ``say(what, done, whole)``
+    progress : told how far it is: ``progress(what, done, whole)``
 
     Returns
     -------
@@ -64,15 +64,16 @@ def study(
     FormatError for values that the file would refuse
     """
     check_switch("static", static)
-    how = friction_asked(friction, tolerance, iterations)
+    friction_asked(friction, tolerance, iterations)
+    how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     chosen = designs(vary, sampling, count, seed)
     family = Family(mechanism, vary)
     _check_values(family, chosen)
     poses = {"at": over, "samples": samples, "times": times}
-    taken = Runner(family, (), poses, how, static).samples(mechanism)
+    taken = Runner(family, (), poses, how).samples(mechanism)
     columns = wanted(want, family.general.outputs, taken, mechanism.drivers)
-    runner = Runner(family, columns, poses, how, static)
-    blocks, done = _run(runner, chosen, taken.n, say)
+    runner = Runner(family, columns, poses, how)
+    blocks, done = _run(runner, chosen, taken.n, progress)
     made = chosen.columns(0, done)
     return Study(
         mechanism.name,
