@@ -9,10 +9,10 @@ from hypothesis import given, settings
 
 import blockmech as bm
 from blockmech import compiled
-from blockmech.engines import llvm, warm
-from blockmech.engines.llvm import LlvmEngine
+from blockmech.engines import llvm
+from blockmech.engines.llvm import LlvmEngine, WarmEngine
+from blockmech.engines.nodes import Untraceable
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.engines.trace import Untraceable
 from blockmech.friction.solvers import METHODS
 from blockmech.plan import Program
 from blockmech.plane import (
@@ -207,14 +207,14 @@ def test_auto_compiles_where_it_pays_and_goes_on_with_what_is_compiled(monkeypat
 
 
 def test_an_engine_warms_up_and_nobody_sees_it(monkeypatch):
-    monkeypatch.setattr(warm, "WORTH", 20)
+    monkeypatch.setattr(llvm, "WORTH", 20)
     mech = watt(spring=2.0).compile()
     program = mech.plan("crank.drive").program
-    engine, scalar = warm.WarmEngine(program), ScalarEngine(program)
+    engine, scalar = WarmEngine(program), ScalarEngine(program)
     states = [[0.1 * k + j for j in range(len(program.inputs))] for k in range(40)]
     assert [engine.one(x) for x in states] == [scalar.one(x) for x in states]
     assert isinstance(engine.one.__self__, LlvmEngine)
-    cold = warm.WarmEngine(program_of(lambda x: math.sqrt(x), 1))
+    cold = WarmEngine(program_of(lambda x: math.sqrt(x), 1))
     assert [cold.one([float(k)])[0] for k in range(30)] == [math.sqrt(k) for k in range(30)]
 
 

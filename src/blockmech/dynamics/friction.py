@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.binding import bind_functions
+from blockmech.engines.llvm import WarmEngine
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
-from blockmech.engines.warm import WarmEngine
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.model.structure import Structure

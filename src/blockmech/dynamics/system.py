@@ -28,8 +28,8 @@ from blockmech.dynamics import loads
 from blockmech.dynamics.friction import JointFriction, MotionProgram
 from blockmech.dynamics.motion import Cost
 from blockmech.dynamics.table import PlaceTable
+from blockmech.engines.llvm import WarmEngine
 from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.warm import WarmEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes import forward, reduction

@@ -21,7 +21,7 @@ import struct
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from blockmech.engines.trace import PARAMETER, SAMPLE, Loop, Node, Trace, is_truth
+from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, is_truth, needed
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 REALS, TRUTHS = f"<{LANES} x double>", f"<{LANES} x i1>"
@@ -62,9 +62,9 @@ found:
 ]
 
 
-def fill(trace: Trace, inputs: int, rows: Sequence[Node]) -> str:
+def fill(inputs: int, rows: Sequence[Node]) -> str:
     """The text of the module; ``rows`` are what is stored, in the order of ``out``."""
-    nodes = trace.needed(rows)
+    nodes = needed(rows)
     lines = [
         "define void @fill(ptr %x, ptr noalias %numbers, ptr noalias %out, i64 %stride, i64 %n, "
         "i64 %slots, i64 %designs) {",

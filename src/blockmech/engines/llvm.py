@@ -23,14 +23,18 @@ from numpy.typing import NDArray
 
 from blockmech.engines import assembly
 from blockmech.engines.assembly import LANES
+from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import Planar, _leaves
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.engines.trace import Node, Trace, Untraceable, filled, numbers
+from blockmech.engines.trace import Trace, filled, numbers
 from blockmech.errors import MissingEngineError, Problem
 from blockmech.plan import Program
 
 Array = NDArray[np.float64]
 LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run longer programs
+# Samples that the scalar engine takes as long for as compiling takes, the compiler's loading
+# included: 0.3 s by some 20 us. Who stops there has waited twice as long as needed, nobody longer.
+WORTH = 15_000
 LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
 PARALLEL = 2**17  # samples: some five milliseconds of work, beside which starting threads is little
 
@@ -51,7 +55,7 @@ class LlvmEngine:
         rows = list(dict.fromkeys([*wanted, *([] if flag is None else [flag])]))
         self._row = {node: row for row, node in enumerate(rows)}
         self._flag = flag
-        self._fill = _compiled(assembly.fill(trace, len(program.inputs), rows)).function
+        self._fill = _compiled(assembly.fill(len(program.inputs), rows)).function
         self._numbers = np.array([*numbers(program.parameters.values()), 0.0])  # never empty
         self._parameters = self._numbers.ctypes.data
         self._scalar = ScalarEngine(program)
@@ -195,6 +199,37 @@ def _mapped(value: Any, read: Any) -> Any:
         parts = [_mapped(x, read) for x in value]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     return Planar(read(value.real), read(value.imag)) if isinstance(value, Planar) else read(value)
+
+
+class WarmEngine:
+    """A program that is asked for one sample after the other, as an integrator asks.
+
+    By the scalar engine until compiling pays, by machine code after: nobody sees the change
+    but the clock.
+    """
+
+    one: Callable[[Sequence[float]], tuple[Any, ...]]
+    """Values of one sample; see `ScalarEngine.one`."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self._scalar = ScalarEngine(program)
+        self._left = WORTH
+        self.one = self._counted
+
+    def _counted(self, inputs: Sequence[float]) -> tuple[Any, ...]:
+        self._left -= 1
+        if self._left <= 0:
+            self.one = self._scalar.one
+            self.one = self._compiled()
+        return self._scalar.one(inputs)
+
+    def _compiled(self) -> Callable[[Sequence[float]], tuple[Any, ...]]:
+        """Machine code where there can be some."""
+        try:
+            return LlvmEngine(self.program).one
+        except (Untraceable, MissingEngineError):
+            return self._scalar.one
 
 
 # -- machine code ------------------------------------------------------------------
