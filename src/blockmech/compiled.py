@@ -252,6 +252,15 @@ class Compiled(Runnable):
             return "numpy"
         return "llvm"
 
+    def engine_of_designs(self, plan: Plan, n: int) -> NumpyEngine | LlvmEngine:
+        """The engine for n samples of designs: compiled where compiling is done or pays."""
+        found: NumpyEngine | LlvmEngine = (
+            self._engine(plan, "llvm", "")
+            if self._chosen(plan, n) == "llvm"
+            else self._engine(plan, "numpy", "complex128")
+        )
+        return found
+
     def once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
         if make not in self._kept:

@@ -206,6 +206,21 @@ def test_auto_compiles_where_it_pays_and_goes_on_with_what_is_compiled(monkeypat
     assert g.run(samples=100, want="*.omega").engine == "numpy"
 
 
+def test_a_study_of_many_designs_is_compiled(monkeypatch):
+    monkeypatch.setattr(compiled, "COMPILED_FROM", 36)
+    asked = []
+    run = LlvmEngine.run_designs
+    monkeypatch.setattr(LlvmEngine, "run_designs", lambda *x: (asked.append(1), run(*x))[1])
+    q, lengths = np.linspace(0.0, 6.0, 12), [5.8, 6.0, 6.3]
+    want = {"crank.drive": "max_abs"}
+    found = ruiz().compile().study({"dyad.l_i": lengths}, over={"crank": q}, want=want)
+    assert asked
+    for k, length in enumerate(lengths):
+        mech = ruiz().replace({"dyad.l_i": length}).compile()
+        alone = mech.run(at=q, want="crank.drive", engine="llvm")["crank.drive"]
+        assert found["max_abs(crank.drive)"][k] == np.abs(alone).max()
+
+
 def test_an_engine_warms_up_and_nobody_sees_it(monkeypatch):
     monkeypatch.setattr(llvm, "WORTH", 20)
     mech = watt(spring=2.0).compile()

@@ -112,15 +112,15 @@ class LlvmEngine:
         ``values`` are those of `Program.values`, numbers of designs as columns (m, 1); inputs
         are (n,). A design's numbers are those that it has alone.
         """
-        rows = [np.ravel(x) for x in (*numbers(values), 0.0)]
-        m, n = (
-            max(x.size for x in rows),
-            max((len(inputs[x]) for x in self.program.inputs), default=1),
-        )
-        slots = np.stack([np.broadcast_to(x, m) for x in rows], axis=1)
-        blocks = -(-n // LANES)
+        rows = [*numbers(values), 0.0]
+        m = max(np.size(x) for x in rows)
+        slots = np.empty((m, len(rows)))
+        for k, x in enumerate(rows):
+            slots[:, k] = x if np.size(x) == 1 else np.ravel(x)
         given = [np.asarray(inputs[x], np.float64) for x in self.program.inputs]
-        columns = [np.pad(c, (0, blocks * LANES - n), mode="edge") for c in given]
+        n = max((c.size for c in given), default=1)
+        blocks = -(-n // LANES)
+        columns = [_whole_blocks(c) for c in given]
         out = np.empty((max(1, len(self._row)), m, blocks * LANES))
 
         def part(first: int, last: int) -> None:
@@ -159,8 +159,7 @@ class LlvmEngine:
 
         self._threads(part, whole, n >= PARALLEL)
         if whole < blocks:  # the last samples beside copies of the last one
-            missing = (0, blocks * LANES - n)
-            rest = [np.pad(c[whole * LANES :], missing, mode="edge") for c in columns]
+            rest = [_whole_blocks(c[whole * LANES :]) for c in columns]
             self._call(rest, out[:, whole * LANES :], LANES, self._numbers)
         return out
 
@@ -192,6 +191,12 @@ class LlvmEngine:
             for node, x in zip(_leaves(self.values), numbers(found), strict=True):
                 if isinstance(node, Node) and node.op != "input":
                     out[self._row[node], i] = x
+
+
+def _whole_blocks(column: Array) -> Array:
+    """A column with copies of its last number behind it, up to whole blocks."""
+    missing = -column.size % LANES
+    return np.concatenate([column, np.full(missing, column[-1])]) if missing else column
 
 
 def _mapped(value: Any, read: Any) -> Any:
