@@ -51,6 +51,7 @@ ROOMS = (
     "dynamics",
     "analysis",
     "modes",
+    "studies",
     "draw",
     "mechanism",
     "builders",
@@ -60,8 +61,8 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 39_832, 6_804
-NUMBERS, NUMBERS_OF_DYNAMICS = 196, 44
+LINES, LINES_OF_DYNAMICS = 41_596, 6_804
+NUMBERS, NUMBERS_OF_DYNAMICS = 202, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
 LATE = {
@@ -70,6 +71,8 @@ LATE = {
     "typer",
     "rich",
     "pandas",
+    "xarray",
+    "pyarrow",
     "hypothesis",
     "pytest",
     "mpmath",
