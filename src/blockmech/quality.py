@@ -170,7 +170,7 @@ def assess(
     for k, (block, m) in enumerate(margin.items(), 1):
         name = CHANGE_POINT if block in following else DEAD_CENTRE
         near = NEAR_CHANGE if block in following else NEAR
-        if m.min() >= near:  # the commonest case at once; not of NaN
+        if m.min(initial=np.inf) >= near:  # the commonest case at once; not of NaN
             continue
         mine = (found.word == 0) | (found.block >= k) | (found.block == 0)  # no earlier one's
         for i in np.flatnonzero(~(m > 0)):
