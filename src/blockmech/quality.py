@@ -164,7 +164,8 @@ def assess(
     rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
     outcomes = {k: v[3] for k, v in friction.items()}
     found = failures(margin, outcomes, wanted_bad, prismatic, following)
-    status = np.array(WORDS, object)[found.word].tolist()
+    failing = bool(found.word.any())
+    status = np.array(WORDS, object)[found.word].tolist() if failing else [OK] * n
     blame = {i: found.blocks[found.block[i]] for i in np.flatnonzero(found.word).tolist()}
     flags: list[Flag] = []
     for k, (block, m) in enumerate(margin.items(), 1):
