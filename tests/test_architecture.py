@@ -20,6 +20,7 @@ from blockmech.plane import SCALAR_PRIMITIVES
 
 SOURCE = Path(blockmech.__file__).parent
 ROOMS = (
+    "early",
     "typing",
     "plane",
     "errors",

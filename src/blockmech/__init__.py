@@ -1,5 +1,6 @@
 """Planar mechanisms as block diagrams, solved module by module through Assur groups."""
 
+from blockmech import early as _early  # noqa: F401 (before all that takes time)
 from blockmech.blocks import (
     PRP,
     RPP,
