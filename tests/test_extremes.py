@@ -54,7 +54,8 @@ def test_friction_is_as_good_as_its_data_allow_or_says_why_not(
 def test_a_motion_is_as_good_as_it_says_or_says_that_it_is_none(case: Motion) -> None:
     cell = moved(case)
     assert cell.error <= cell.estimate if cell.is_answer else "failed" in cell.told
-    assert cell.estimate < 1e-6 or not cell.is_answer
+    known = cell.estimate < 1e-6 * max(1.0, cell.way) or not cell.is_answer
+    assert known or "accuracy not reached" in cell.told
 
 
 @pytest.mark.parametrize("kind", ["extended", "folded", "oblique"])

@@ -147,7 +147,7 @@ class Compiled(ABC):
         friction : "none" | "single" | "successive" | "newton" (default)
         tolerance : float [N], stop of ``successive``; default 1e-7 of the largest reaction
         iterations : int, fixed number of iterations of ``successive``
-        static : without inertia
+        static : without inertia; so runs what neither moves nor accelerates, whatever is asked
 
         Raises `RequestError` for unknown names or settings that do not fit.
         """
@@ -158,6 +158,13 @@ class Compiled(ABC):
         if key not in self._plans:
             self._plans[key] = self.outputs.plan(self.scene, names, how, static)
         return self._plans[key]
+
+    def plan_at(
+        self, taken: Samples, want: Iterable[str] | str, *, static: bool, **how: Any
+    ) -> Plan:
+        """The plan for some outputs at samples: where no driver moves, that without inertia."""
+        check_switch("static", static)
+        return self.plan(want, static=static or taken.at_rest, **how)
 
     def run(
         self,
@@ -217,7 +224,7 @@ class Compiled(ABC):
         else:
             settings: dict[str, Any] = given | {"static": static}
             settings["friction"] = "newton" if friction is None else friction
-            plan = self.plan(want, **settings)
+            plan = self.plan_at(taken, want, **settings)
             values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
             result = Result(self, plan, taken, values, name, settings)
         return without_gaps(result, on_gap)

@@ -47,6 +47,9 @@ TRAVELS = {  # stage -> what it hands on
 BACK = ("force and moment", "reduced inertia and effort")
 
 T = TypeVar("T")
+Formula: TypeAlias = Callable[[Structure, Scene], Any]
+"""What a parameter is of a design: a number or a named tuple of numbers."""
+
 Node: TypeAlias = tuple[str, ...]
 Guess: TypeAlias = "Callable[[Schedule, str], str]"
 """What gives a group without closed form the guess of its pose: the value's name."""
@@ -98,7 +101,8 @@ class Program:
     inputs : names of the inputs, e.g. ``q_0``, ``qd_0``, ``qdd_0`` of the first driver
     angles : those inputs that are angles [rad] and keep double precision
     functions : name in the text -> the kernel (to be bound by the engine)
-    parameters : name in the text -> the parameter, in the order of ``P``
+    formulas : name in the text -> what the parameter is of a design, in the order of ``P``
+    parameters : the same of the design that was planned
     outputs : expressions returned, in this order
     """
 
@@ -106,8 +110,17 @@ class Program:
     inputs: tuple[str, ...]
     angles: frozenset[str]
     functions: Mapping[str, Callable[..., Any]]
+    formulas: Mapping[str, Formula] = field(compare=False)
     parameters: Mapping[str, Any]
     outputs: tuple[str, ...]
+
+    def values(self, structure: Structure, scene: Scene) -> tuple[Any, ...]:
+        """The parameters ``P`` of another design of the same structure.
+
+        The numbers of its blocks, links and elements may be of any type with arithmetic
+        (`blockmech.plane`). What is zero in the planned design has no slot.
+        """
+        return tuple(formula(structure, scene) for formula in self.formulas.values())
 
     @cached_property
     def code(self) -> CodeType:
@@ -143,7 +156,7 @@ class Schedule:
         self.shares: list[Share] = []
         self.lines: list[tuple[str, str]] = []  # name of a value and the expression for it
         self.functions: dict[str, Callable[..., Any]] = {}
-        self.parameters: dict[str, Any] = {}
+        self.formulas: dict[str, Formula] = {}
         self.inputs: set[str] = set()
         self.angles: set[str] = set()
         self._answers: dict[Hashable, Any] = {}
@@ -225,12 +238,16 @@ class Schedule:
         self.shares.append(Share(Entry(block, "reduction", driver, value), head))
         return value
 
-    def parameter(self, key: Hashable, value: Any, name: str) -> str:
-        """Name of a parameter slot; ``value`` is a number or a named tuple of numbers."""
+    def parameter(self, key: Hashable, formula: Formula, name: str) -> str:
+        """Name of a parameter slot, whose value a formula says of any design."""
         if key not in self._slots:
             self._slots[key] = self._fresh(name)
-            self.parameters[self._slots[key]] = value
+            self.formulas[self._slots[key]] = formula
         return self._slots[key]
+
+    def here(self, formula: Formula) -> Any:
+        """What a formula says of the planned design: rules leave out what is zero there."""
+        return formula(self.structure, self.scene)
 
     def input(self, quantity: str, driver: str) -> str:
         """Name of an input: "q", "qd" or "qdd" of a driver."""
@@ -257,12 +274,20 @@ class Schedule:
         inputs = tuple(sorted(self.inputs))
         body = [f"    {name} = {text}" for name, text in self.lines]
         head = [f"def program({', '.join((*inputs, 'P'))}):"]
-        if self.parameters:
-            head.append(f"    {', '.join(self.parameters)}, = P")
+        if self.formulas:
+            head.append(f"    {', '.join(self.formulas)}, = P")
         result = f"    return ({', '.join(wanted)}{',' if wanted else ''})"
         source = "\n".join([*head, *body, result]) + "\n"
-        angles = frozenset(self.angles)
-        return Program(source, inputs, angles, dict(self.functions), dict(self.parameters), wanted)
+        parameters = {name: self.here(formula) for name, formula in self.formulas.items()}
+        return Program(
+            source,
+            inputs,
+            frozenset(self.angles),
+            dict(self.functions),
+            dict(self.formulas),
+            parameters,
+            wanted,
+        )
 
     def _function(self, function: Callable[..., Any]) -> str:
         name = _identifier(f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}")

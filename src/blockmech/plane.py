@@ -13,7 +13,9 @@ to the last bit wherever sine and cosine do.
 from __future__ import annotations
 
 import bisect
+import functools
 import math
+from collections.abc import Callable, Iterable, Mapping
 from types import FunctionType
 from typing import Any
 
@@ -178,3 +180,41 @@ SCALAR_PRIMITIVES = {n: f for n, f in vars().items() if isinstance(f, FunctionTy
 
 SCALAR_CONSTANTS = {"ZERO": 0j, "ONE": 1 + 0j, "REST": REST_SHARE}
 """What programs name beside them: no vector, the unit one, and the share that counts as rest."""
+
+
+# -- in the meaning of a design's numbers ---------------------------------------------------
+#
+# What a block, link or element computes from its fields holds for numbers and for any type
+# with arithmetic: arrays of many designs, numbers that carry derivatives. Operators do most
+# of it; what they do not say is a primitive in the meaning of its arguments' type. An engine
+# that brings a type registers it: ``primitives_of.register(Dual, lambda x: {...})``.
+
+
+def one_by_one(function: Callable[..., tuple[float, ...]], *x: Any) -> tuple[Any, ...]:
+    """A function of numbers that knows no other type, e.g. of SciPy; it returns numbers."""
+    return function(*x)
+
+
+MEANINGS = {**SCALAR_PRIMITIVES, "one_by_one": one_by_one}
+
+
+@functools.singledispatch
+def primitives_of(x: object) -> Mapping[str, Any]:
+    """The meaning of the primitives on numbers of the type of ``x``."""
+    return MEANINGS
+
+
+def has_arithmetic(x: object) -> bool:
+    """Whether ``x`` is of a type, other than numbers, that stands for a design's numbers."""
+    return primitives_of.dispatch(type(x)) is not primitives_of.dispatch(object)
+
+
+def apply(primitive: str, *x: Any) -> Any:
+    """A primitive of the plane on numbers of which some may be of another type."""
+    other = next(filter(has_arithmetic, x), None)
+    return primitives_of(other)[primitive](*x)
+
+
+def largest(lengths: Iterable[float]) -> float:
+    """The largest of some lengths >= 0; zero without any."""
+    return functools.reduce(lambda a, b: apply("maximum", a, b), lengths, 0.0)

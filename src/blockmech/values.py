@@ -37,6 +37,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError, core_schema
 
 from blockmech.errors import GraphError, Problem, listed, shown
+from blockmech.plane import apply
 from blockmech.validation_errors import problems_of
 
 if TYPE_CHECKING:
@@ -348,12 +349,12 @@ class Marker(Strictly):
     def direction(self) -> complex:
         """Unit direction in the link's frame [-]."""
         if self.dir is not None:
-            x, y = self.dir.z.real, self.dir.z.imag
-            r = math.hypot(x, y)
-            return complex(x / r, y / r)
-        if self.angle is not None:
-            return complex(math.cos(self.angle), math.sin(self.angle))
-        return 1 + 0j
+            z = self.dir.z
+            r = abs(z)
+            unit: complex = apply("planar", z.real / r, z.imag / r)
+            return unit
+        along: complex = 1 + 0j if self.angle is None else apply("expi", self.angle)
+        return along
 
 
 class Link(Strictly):

@@ -29,6 +29,18 @@ def test_run_alone_prints_a_table_and_writes_nothing(call, ruiz, tmp_path):
     assert os.listdir(tmp_path) == ["ruiz.json"]
 
 
+def test_run_alone_computes_what_it_prints(call, ruiz, monkeypatch):
+    wanted = []
+    monkeypatch.setattr(
+        "blockmech.cli.output.table",
+        lambda result, of, **settings: wanted.append((len(result), len(of))) or "",
+    )
+    assert [call("run", ruiz).code, call("run", ruiz, "--want", "*").code] == [0, 0]
+    (few, named), (all_, _) = wanted
+    assert few < 0.25 * named
+    assert named == all_ == len(bm.Graph.load(ruiz).compile().outputs)
+
+
 REQUESTS = [
     ([], {}),
     (["--at", "0,1,60deg"], {"at": [0.0, 1.0, 60 * DEGREES]}),

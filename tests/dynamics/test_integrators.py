@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics import time as integrators
 from blockmech.dynamics.request import Start, Until, Watch
 from blockmech.dynamics.system import System, Terms
 from tests.dynamics.honesty import GRAPHS
@@ -128,6 +129,35 @@ def test_a_knot_met_at_the_time_asked_ends_the_run_there(method, knot):
         found = move(level, Start(0.0, rate), Until("time", knot / rate), method, 1e-6)
         assert (found.end, found.t_end) == ("time", knot / rate)
         assert abs(found.q_end - knot) <= found.error
+
+
+@pytest.mark.parametrize("loads", ["rate", "rate and time"])
+def test_the_papers_scheme_updates_loads_of_rate_and_time_and_is_of_order_1(loads):
+    """[D14] step v; held against ``rk4`` at small steps."""
+    shaken = loads == "rate and time"
+    system = shaken_motor() if shaken else motored()
+    wanted, steps = move(system, Start(0.5, 4.0), "time=0.2", "rk4", step=1e-3), (4e-3, 2e-3, 1e-3)
+    runs = [move(system, Start(0.5, 4.0), "time=0.2", "euler_q", step=h) for h in steps]
+    errors = np.abs([run.q_end - wanted.q_end for run in runs])
+    assert (errors <= [run.error for run in runs]).all()
+    assert np.abs(np.log2(errors[:-1] / errors[1:]) - 1).max() < 0.05  # of the next order
+    assert errors[-1] > 100 * wanted.error
+
+
+def shaken_motor():
+    """(J q'^2 / 2)' = (6 - q' + 2 sin 5 t) q' with an inertia J(q)."""
+
+    def one(q, qd, t):
+        return 1.0 + 0.3 * math.cos(q), 6.0 - qd + 2 * math.sin(5 * t), -0.3 * math.sin(q), 1.0
+
+    return Synthetic(one, depends_on=frozenset({"q", "rate", "time"}))
+
+
+def test_the_papers_scheme_ends_after_as_many_steps_as_it_says(monkeypatch):
+    monkeypatch.setattr(integrators, "MOST_STEPS", 2000)
+    motion = move(motored(), Start(0.5, 4.0), "time=1e9", "euler_q", step=1e-3)
+    assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
+    assert 1990 <= (motion.q_end - 0.5) / 1e-3 <= 2000
 
 
 @pytest.mark.parametrize(("method", "step"), [("euler_q", 0.5), ("rk4", 0.5)])

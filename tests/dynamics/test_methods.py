@@ -37,7 +37,11 @@ def test_cost_and_accuracy_are_in_the_result():
     [
         (lambda: move(watt(), Start(1.0), "time=1", "enrgy"), "method", 'did you mean "energy"?'),
         (lambda: move(motored(), Start(1.0), "time=1", "energy"), "method", "rate"),
-        (lambda: move(motored(), Start(1.0), "time=1", "euler_q"), "method", "rate"),
+        (
+            lambda: move(double_pendulum(), ([0.1, 0.2], [0, 0]), "time=1", "euler_q"),
+            "method",
+            "it needs one driver",
+        ),
         (lambda: move(watt(), Start(1.0), "event"), "until", "no event"),
         (lambda: move(watt(), Start(1.0), "steady", "rk4"), "method", "no steady state"),
         (lambda: move(watt(), Start(1.0), "swing=2"), "until", 'did you mean "swings"?'),

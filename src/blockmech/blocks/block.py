@@ -17,6 +17,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from blockmech.blocks.joints import BuiltIn, Joint, Kernels
 from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import close_match, listed
+from blockmech.plane import has_arithmetic
 from blockmech.values import NAME_RULE, Link, Marker, Pair, Strictly, is_name, mistake
 
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
@@ -99,12 +100,12 @@ SHARED_FIELDS = frozenset({"links", "markers", "friction", "slider", "useful"})
 NOT_FOR_KERNELS = SHARED_FIELDS | {"sign", "offset"}  # the core turns a driver's coordinate
 
 
-def _number(value: object) -> float | complex | None:
+def _number(value: Any) -> Any:
     if isinstance(value, Pair):
         return value.z
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
-    return None
+    return value if has_arithmetic(value) else None
 
 
 @functools.cache

@@ -31,7 +31,6 @@ rules are numbered, and `blockmech.testing.conformance` tests them by number:
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Literal
 
@@ -49,6 +48,7 @@ from blockmech.blocks.joints import (
     outer_joint,
 )
 from blockmech.friction.laws import Coulomb
+from blockmech.plane import apply, largest
 from blockmech.values import Link
 
 __all__ = [
@@ -144,7 +144,8 @@ class Moving(Block):
         """Place [m] of a slider's point on one of its links, in the link's frame."""
         foot, direction = self.guide_line(joint, link)
         along = self.joints[joint].lines.get(link, Line()).along
-        return foot + float(getattr(self, along)) * direction if along else foot
+        place: complex = foot + apply("mul", direction, getattr(self, along)) if along else foot
+        return place
 
     def guide_line(self, joint: str, link: str) -> tuple[complex, complex]:
         """A place [m] on the guide line of a prismatic pair, and its unit direction.
@@ -152,17 +153,22 @@ class Moving(Block):
         Both in the frame of one of the block's own links.
         """
         line = self.joints[joint].lines.get(link, Line())
-        offset, turn = (
-            float(getattr(self, name)) if name else 0.0 for name in (line.offset, line.turn)
-        )
-        direction = complex(math.cos(turn), math.sin(turn)) if turn else 1 + 0j
-        return 1j * offset * direction, direction
+        direction = apply("expi", getattr(self, line.turn)) if line.turn else 1 + 0j
+        offset = getattr(self, line.offset) if line.offset else 0.0
+        return apply("imul", direction, offset), direction
 
     def largest_length(self) -> float:
         """The largest length [m] that the block's parameters and markers know."""
-        sizes = [abs(getattr(self, n) or 0.0) for n in self.lengths]
+        lengths = (getattr(self, name) for name in self.lengths)
+        sizes = [abs(x) for x in lengths if x is not None]
         sizes += [abs(m.at.z) for k in self.links.values() for m in k.markers.values()]
-        return max(sizes, default=0.0)
+        return largest(sizes)
+
+    def characteristic_length(self) -> float:
+        """The largest length [m]; 1 m where the block has none."""
+        length = self.largest_length()
+        found: float = apply("where", length > 0.0, length, 1.0)
+        return found
 
     def slider_owner(self, joint: str) -> Literal["later", "earlier"]:
         """Which link owns the slider's point of a prismatic pair (inner: j is later)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,7 +27,7 @@ from blockmech.cli.options import (
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
 from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, reading, say
 from blockmech.compiled import EVERYTHING
-from blockmech.export import gap_lines
+from blockmech.export import gap_lines, leading
 from blockmech.failures import without_gaps
 from blockmech.result import Result
 
@@ -75,6 +76,10 @@ def run(
     if explain:
         say(mechanism.explain(**request))
         return
+    everything: Collection[str] = ()
+    if output.is_table and not want:
+        everything = mechanism.outputs
+        request["want"] = leading(mechanism.outputs)  # the table has no room for more
     request |= {"at": coordinates(mechanism, at or []), "samples": samples}
     request |= {"times": times(at_times), "engine": engine, "precision": precision}
     with progress_bar("computing"):
@@ -83,7 +88,7 @@ def run(
         result = without_gaps(result, on_gap)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    output.show(result, _pictures, gaps)
+    output.show(result, _pictures, gaps, of=everything)
     if on_gap == "stop" and not output.is_data:  # the table does not reach them
         note(*gaps)
     if gaps:

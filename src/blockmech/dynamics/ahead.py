@@ -28,7 +28,7 @@ from blockmech.dynamics.panels import (
     rule,
     span,
 )
-from blockmech.dynamics.place import SHORT, SLIPS, J
+from blockmech.dynamics.place import SHORT, SLIPS, TAU, J
 from blockmech.dynamics.road import CLOSE, Piece, Road
 from blockmech.dynamics.work import Acting, Work, of_friction, of_place, of_rate, settled
 from blockmech.plane import EPS
@@ -97,7 +97,9 @@ class Ahead:
                 end = q + sign * min(abs(end - q), abs(stop - q))
             elif known:
                 panel = self._made(at, lies, acting, K, inertia)
-                if panel.smooth(inertia[-1:], self.tolerance, not self.place_only)[0]:
+                if panel.smooth(
+                    inertia[-1:], self.tolerance, not self.place_only, piece.data.largest[TAU]
+                )[0]:
                     return self._until_kink(at, piece, panel, acting)
             self.longest = abs(end - q)
             end = q + 0.5 * (end - q)
@@ -213,7 +215,9 @@ class Ahead:
             last, guess, guessed = abs(step), guess + step, acting.w
         lies = span(at.q, guess, 0.0, TO_REST)
         panel = self._made(at, lies, acting, K, inertia)
-        if not panel.smooth(inertia[-1:], self.tolerance, not self.place_only)[0]:
+        if not panel.smooth(
+            inertia[-1:], self.tolerance, not self.place_only, piece.data.largest[TAU]
+        )[0]:
             return None
         return self._until_kink(at, piece, panel, acting)
 

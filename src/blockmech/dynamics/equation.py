@@ -48,10 +48,7 @@ class Equation:
 
     def __call__(self, t: float, y: Any) -> Any:
         """y' at a state; NaN where there is no pose."""
-        self.spent += 1
-        if self.spent > self.most:
-            self.most = math.inf  # once: what is kept of the run is still looked at
-            raise TooMany
+        self.spend(1)
         if self.drivers > 1:
             return self._several(t, y)
         q, qd = float(y[0]), float(y[1])
@@ -63,6 +60,13 @@ class Equation:
             found = self.resisted(q, qd, t)
             return qd, found.qdd, tau * qd, found.power
         return qd, (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan, tau * qd
+
+    def spend(self, evaluations: int) -> None:
+        """Count evaluations; `TooMany` where they are more than allowed."""
+        self.spent += evaluations
+        if self.spent > self.most:
+            self.most = math.inf  # once: what is kept of the run is still looked at
+            raise TooMany
 
     @cached_property
     def one(self) -> Callable[[float, float, float], Any]:
@@ -82,7 +86,7 @@ class Equation:
     def resisted(self, q: float, qd: float, t: float) -> Resisted:
         """Acceleration and friction of the pairs at a state."""
         assert self.system.friction is not None
-        self.spent += 2 + len(self.sides)  # of the force pass
+        self.spend(2 + len(self.sides))  # of the force pass
         return self.system.friction.at(q, qd, t, self.sides)
 
     def pair_loads(self, t: float, y: Floats) -> Any:

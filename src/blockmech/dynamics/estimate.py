@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -25,7 +25,7 @@ COMPARED = 129  # times spread over a run at which two runs are compared, beside
 # Of |q| or t: a value is a sum of some fifty terms of a series, which is the integral of one that
 # values were summed to. Roundings of up to EPS / 2 each, added like a random walk, twice that.
 ROUNDING = math.sqrt(3 * 50) * EPS
-PARTED = math.radians(1)  # [rad or m], or of its duration: what parts two motions
+PARTED = math.radians(1)  # of its way (of an angle at most a radian) or time: parts two motions
 
 
 class Difference(NamedTuple):
@@ -34,14 +34,16 @@ class Difference(NamedTuple):
     q : [rad or m] largest difference at common times
     t : [s] difference of the ends
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
-        no further apart than `PARTED` and than the way itself
+        nowhere further apart than ``near``
     size : [rad or m] what rounding of coordinate and time is relative to
+    near : [rad or m] within which each driver's runs are one motion, a number or (k,)
     """
 
     q: float
     t: float
     agree: bool
     size: float
+    near: Any
 
 
 def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
@@ -51,21 +53,22 @@ def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
     return np.union1d(spread, [t for t in wanted if a.t_start <= t <= last])
 
 
-def difference(coarse: Motion, fine: Motion, wanted: Sequence[float] = ()) -> Difference:
-    """How far two runs of one motion are apart."""
+def difference(
+    coarse: Motion, fine: Motion, rotary: tuple[bool, ...], wanted: Sequence[float] = ()
+) -> Difference:
+    """How far two runs of one motion are apart; ``rotary`` (k,): whose coordinate is an angle."""
     times = common_times(coarse, fine, wanted)
     q, qd = fine.at(times)
-    found = [np.abs(coarse.at(times).q - q).max()]
+    apart = np.abs(coarse.at(times).q - q).max(axis=0)
     same = coarse.end == fine.end and coarse.status == fine.status
     if same:
-        found.append(np.abs(np.asarray(coarse.q_end) - np.asarray(fine.q_end)).max())
-    apart = float(np.max(found))
-    way = float(np.ptp(q, axis=0).max())
-    late = abs(coarse.t_end - fine.t_end)
-    span = fine.t_end - fine.t_start
-    close = apart <= PARTED and late <= PARTED * span and (apart <= way or way == 0)
+        apart = np.maximum(apart, np.abs(np.asarray(coarse.q_end) - np.asarray(fine.q_end)))
+    late, span = abs(coarse.t_end - fine.t_end), fine.t_end - fine.t_start
     size = float(np.abs(q).max()) + abs(fine.t_end) * float(np.abs(qd).max())
-    return Difference(apart, late, same and (close or span == 0), size)
+    longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
+    near = PARTED * np.minimum(np.ptp(q, axis=0), longest) + ROUNDING * size
+    close = bool((apart <= near).all()) and late <= PARTED * span
+    return Difference(float(apart.max()), late, same and (close or span == 0), size, near)
 
 
 def stated(fine: Motion, apart: Difference) -> Motion:
@@ -88,6 +91,7 @@ def refined(
     first: Setting,
     finer: Callable[[Setting, float], Setting | None],
     target: float,
+    rotary: tuple[bool, ...],
     wanted: Sequence[float] = (),
 ) -> Motion:
     """A motion whose error is estimated, and meets the target if a setting does.
@@ -106,7 +110,7 @@ def refined(
         fine = run(following)
         if fine.end in (INTERRUPTED, TOO_MANY) and fine.t_end < coarse.t_end:
             return stopped(fine, best or coarse)
-        apart = difference(coarse, fine, wanted)
+        apart = difference(coarse, fine, rotary, wanted)
         if best is not None and apart.agree and not apart.q < smallest:
             break  # rounding is all that is left
         if apart.agree or best is None or best.end == UNDECIDED:
@@ -123,12 +127,11 @@ def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[flo
         return stated(fine, apart)
     times = common_times(coarse, fine, wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
-    off = off if off.ndim == 1 else off.max(axis=1)
-    parted = np.flatnonzero(~(off <= PARTED))
+    one = off.ndim == 1
+    parted = np.flatnonzero(~(off <= apart.near if one else (off <= apart.near).all(axis=1)))
     last = int(parted[0]) - 1 if parted.size else times.size - 1
     t = float(times[max(last, 0)])
     state = fine.at(t)
-    one = state.q.ndim == 0
     words = f"they differ by {apart.q:.1e}, in the time of their ends by {apart.t:.1e} s"
     if coarse.end != fine.end:
         words = f"one ends in {coarse.end}, the other in {fine.end}"

@@ -4,13 +4,14 @@ r"""Two teaching aids: schemes of fixed steps as in the textbooks, for compariso
 
     y_{n+1} = y_n + h (k1 + 2 k2 + 2 k3 + k4) / 6
 
-``euler_q``, steps d of the driver's coordinate, of order 1, for loads of the place alone:
+``euler_q``, steps d of the driver's coordinate, of order 1, the loads taken where they begin:
 
-    xi_i = (tau_i - w_i^2 (J_{i+1} - J_i) / (2 d)) / J_i,    w_{i+1}^2 = w_i^2 + 2 xi_i d
+    xi_i = (tau(q_i, w_i, t_i) - w_i^2 (J_{i+1} - J_i) / (2 d)) / J_i
+    w_{i+1}^2 = w_i^2 + 2 xi_i d,    t_{i+1} = t_i + 2 d / (w_i + w_{i+1})
 
 The error is told by a second run with half the step.
 
-Sources: [D14] Durango et al. 2014, Eq. 2 (euler_q).
+Sources: [D14] Durango et al. 2014, Eq. 2 and Fig. 1, steps ii to v (euler_q).
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ def checked_step(step: float, whole: float) -> float:
 
 def judged_by_half(
     request: SimulationRequest,
+    rotary: tuple[bool, ...],
     step: float,
     run: Callable[[float], Motion],
     way: Callable[[Motion], float],
@@ -60,7 +62,7 @@ def judged_by_half(
         if finer.end == INTERRUPTED:
             note = "interrupted: the error is not judged by another run"
             return replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
-        apart = difference(motion, finer, request.times)
+        apart = difference(motion, finer, rotary, request.times)
         same = motion.end == finer.end and motion.status == finer.status
         known = same and motion.end != NO_INERTIA  # of speeds without bound nothing is
         off, late = (DOUBT * x if known else math.inf for x in (apart.q, apart.t))
@@ -130,21 +132,26 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
     def __init__(self, equation: Equation, t0: float, y0: Floats, t_bound: float, d: float) -> None:
         super().__init__(equation, t0, y0, t_bound, vectorized=False)
         self.equation, self.d, self.way, self.i = equation, d, 0.0, BLOCK
+        self.system, self.place_only = equation.system, equation.system.depends_on <= {"q"}
 
     def _sampled(self, way: float) -> None:
-        """Inertia, effort and margin at the next places in a direction."""
+        """Inertia, effort at rest and margin at the next places in a direction."""
         self.way, self.i = way, 0
-        found = self.equation.system.sample(self.y[0] + way * self.d * np.arange(BLOCK + 1.0))
-        J = np.where(found.possible, found.J, math.nan)
+        found = self.system.sample(self.y[0] + way * self.d * np.arange(BLOCK + 1.0))
+        J = np.where(found.margin > 0, found.J, math.nan)
         self.J, self.tau, self.margin = J.tolist(), found.tau.tolist(), found.margin.tolist()
 
+    def _effort(self, t: float, q: float, w: float) -> float:
+        """Effort of all loads where a step begins: step v of the paper."""
+        return self.tau[self.i] if self.place_only else self.system.one(q, w, t).tau
+
     def _step_impl(self) -> tuple[bool, str | None]:
+        self.equation.spend(1)
         t, (q, w, work) = float(self.t), self.y.tolist()
         if self.i == BLOCK or not w:
-            way = w or self.equation.system.sample(np.array([q])).tau[0]
-            self._sampled(math.copysign(1.0, way))
+            self._sampled(math.copysign(1.0, w or self.system.one(q, 0.0, t).tau))
         i, d = self.i, self.way * self.d
-        J, ahead, tau = self.J[i], self.J[i + 1], self.tau[i]
+        J, ahead, tau = self.J[i], self.J[i + 1], self._effort(t, q, w)
         xi = (tau - w * w * (ahead - J) / (2 * d)) / J
         square = w * w + 2 * xi * d
         stands = square <= 0

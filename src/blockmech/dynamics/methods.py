@@ -7,9 +7,9 @@
 | ``dop853``         | q, q' and time      | yes            | yes              | else              |
 | ``radau``          | the same            | yes            | yes              | where it is stiff |
 | ``lsoda``, ``rk4`` | the same            | yes            | yes              | never             |
-| ``euler_q``        | q                   | no             | yes              | never             |
+| ``euler_q``        | q, q' and time      | no             | yes              | never             |
 
-Several drivers need one that takes all loads. The steady state is a search of its own.
+Several drivers need an integrator or ``rk4``. The steady state is a search of its own.
 """
 
 from __future__ import annotations
@@ -53,26 +53,28 @@ WITHOUT = 'leave it out with friction="none" (--friction none)'
 class Method(NamedTuple):
     """A way to compute a motion, and what it is good for.
 
-    loads : what they may depend on; one that takes all takes several drivers as well
+    loads : what they may depend on
     ends_at_events : whether it follows the motion in time, so that an event can end it
+    several : whether it takes several drivers
     finds_steady : whether the search for a steady state takes it; schemes of the textbooks are
         for comparison alone
     """
 
     run: Callable[[System, SimulationRequest], Motion]
     loads: frozenset[str]
-    friction: bool
-    ends_at_events: bool
+    friction: bool = False
+    ends_at_events: bool = False
+    several: bool = False
     finds_steady: bool = True
 
 
 Q, Q_RATE, ALL = frozenset({"q"}), frozenset({"q", "rate"}), frozenset({"q", "rate", "time"})
 METHODS = {
-    "energy": Method(along_path, Q, False, False),
-    "spectral": Method(along_path, Q_RATE, True, False),
-    **{name: Method(partial(in_time, method=name), ALL, True, True) for name in SOLVERS},
-    "rk4": Method(partial(in_fixed_steps, method="rk4"), ALL, True, True, False),
-    "euler_q": Method(partial(in_fixed_steps, method="euler_q"), Q, False, True, False),
+    "energy": Method(along_path, Q),
+    "spectral": Method(along_path, Q_RATE, True),
+    **{name: Method(partial(in_time, method=name), ALL, True, True, True) for name in SOLVERS},
+    "rk4": Method(partial(in_fixed_steps, method="rk4"), ALL, True, True, True, False),
+    "euler_q": Method(partial(in_fixed_steps, method="euler_q"), ALL, False, True, False, False),
 }
 
 
@@ -119,7 +121,7 @@ def check(system: System, request: SimulationRequest) -> None:
 def _unfit(method: Method, system: System, request: SimulationRequest) -> str:
     """Why a method does not fit; empty where it does."""
     goal, also = request.until.goal, sorted(system.depends_on - method.loads)
-    if len(system.drivers) > 1 and method.loads != ALL:
+    if len(system.drivers) > 1 and not method.several:
         return "it needs one driver"
     if also:
         return f"the loads depend on {listed(also)} as well"

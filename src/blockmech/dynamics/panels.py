@@ -254,13 +254,18 @@ class Panels:
         parts = (x[:count] for x in (self.w, self.K, self.J, self.lost))
         return Panels(self.t0, self.spans.of(slice(count)), *parts)
 
-    def smooth(self, J0: Floats, tolerance: float, work: bool) -> NDArray[np.bool_]:
+    def smooth(self, J0: Floats, tolerance: float, work: bool, largest: Any) -> NDArray[np.bool_]:
         """Whether the time of each (m,), and its work, are smooth enough for its nodes.
 
         J0 : (m,) at the anchors. Of a plain panel dt/dv begins with the rate that is known
         there, else a layer hides between the nodes.
+        largest : (m,) efforts [N m or N], whose rounding the energy cannot be smoother than
         """
-        good = (self.K[:, :-1] > 0).all(axis=1) & (tail(self.rate) <= tolerance)
+        r, kind = rule(self.w.shape[1]), self.spans.kind
+        with np.errstate(all="ignore"):
+            doubt = (r.v * r.powers[kind] / self.K[:, :-1]).max(axis=1) * np.abs(self.spans.way)
+        known = np.maximum(tolerance, EPS * largest * doubt)
+        good = (self.K[:, :-1] > 0).all(axis=1) & (tail(self.rate) <= known)
         if work:
             good &= tail(self.work) <= tolerance
         size = np.abs(self.rate)

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import difference, judged, missed, stopped
+from blockmech.dynamics.estimate import TARGET, difference, judged, missed, stopped
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -467,5 +467,5 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     coarse = run.motion()
     if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
         return stopped(coarse, fine)
-    found = judged(coarse, fine, difference(coarse, fine, request.times), request.times)
-    return found if request.accuracy is None else missed(found, request.accuracy)
+    apart = difference(coarse, fine, system.rotary, request.times)
+    return missed(judged(coarse, fine, apart, request.times), request.accuracy or TARGET)

@@ -48,7 +48,8 @@ class Swing:
         """The panels, or the first ones of them: those that need no shorter road."""
         for _ in range(SHORT // 2):
             panels, J0 = self._over_edges()
-            good = panels.smooth(J0, self.tolerance, False)
+            largest = np.array([x.data.largest[TAU] for x in self.pieces])
+            good = panels.smooth(J0, self.tolerance, False, largest)
             low = np.flatnonzero(self._used_up(panels).any(axis=1))
             if low.size and not self.stands:
                 good = good[: low[0]]

@@ -34,6 +34,7 @@ from blockmech.dynamics.events import (
     kink_rules,
 )
 from blockmech.dynamics.fixed_steps import (
+    MOST_STEPS,
     STEP,
     EulerQ,
     RungeKutta4,
@@ -124,8 +125,9 @@ class Run:
         works = [0.0, 0.0] if rubs else [0.0]
         self.y = np.concatenate([np.atleast_1d(q), np.atleast_1d(rate), works]).astype(float)
         self.times.append(self.t)
-        self.equation = Equation(self.system, q, EVALUATIONS)
-        if self.method in STEPPERS and self.request.until.goal == "time":
+        most = MOST_STEPS if self.method == "euler_q" else EVALUATIONS
+        self.equation = Equation(self.system, q, most)
+        if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = min(self.request.t_last, self.request.start.t + FOREVER)
         self.swing_from = float(self.y[0])
@@ -442,7 +444,9 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
         share = 1 / FINER if not math.isfinite(apart) else min(1 / FINER, 0.3 * target / apart)
         return max(tolerance * share, FLOOR)
 
-    found = refined(run, max(target / 10, FLOOR * FINER), finer, target, request.times)
+    found = refined(
+        run, max(target / 10, FLOOR * FINER), finer, target, system.rotary, request.times
+    )
     return missed(_with_rounding(system, found), target)
 
 
@@ -486,4 +490,4 @@ def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> M
             return motion.t_end - motion.t_start
         return float(np.ptp(motion.at(motion.times(COMPARED)).q))
 
-    return judged_by_half(request, step, run, way)
+    return judged_by_half(request, system.rotary, step, run, way)

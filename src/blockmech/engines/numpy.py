@@ -9,6 +9,7 @@ also faster than complex arrays, because nothing is strided.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
 from blockmech.plan import Program
-from blockmech.plane import REST_SHARE, cross, dot
+from blockmech.plane import REST_SHARE, cross, dot, primitives_of
 
 PRECISIONS: dict[str, Any] = {
     "complex64": np.float32,
@@ -52,6 +53,15 @@ class Planar:
 
     def __neg__(self) -> Planar:
         return Planar(-self.real, -self.imag)
+
+    def __radd__(self, other: complex) -> Planar:
+        return Planar(other.real + self.real, other.imag + self.imag)
+
+    def __rsub__(self, other: complex) -> Planar:
+        return Planar(other.real - self.real, other.imag - self.imag)
+
+    def __abs__(self) -> Any:
+        return np.hypot(self.real, self.imag)  # as Python has it of a complex number
 
 
 def mul(z: Planar, x: Any) -> Planar:
@@ -99,7 +109,7 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
             break
         ahead = step(state, *data)
         if not np.all(going):
-            ahead = _mapped(lambda new, old, w=going: np.where(w, new, old), ahead, state)
+            ahead = each_part(lambda new, old, w=going: np.where(w, new, old), ahead, state)
         state = ahead
     return state
 
@@ -109,9 +119,9 @@ def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
     if not np.any(condition):
         return given
     shape = np.broadcast_shapes((1,), *(np.shape(x) for x in _leaves((condition, given, data))))
-    whole = _mapped(lambda x: np.array(np.broadcast_to(x, shape)), given)
+    whole = each_part(lambda x: np.array(np.broadcast_to(x, shape)), given)
     for index in zip(*np.nonzero(np.broadcast_to(condition, shape)), strict=True):
-        sample = _mapped(lambda x, i=index: float(np.broadcast_to(x, shape)[i]), (given, *data))
+        sample = each_part(lambda x, i=index: float(np.broadcast_to(x, shape)[i]), (given, *data))
         answer = one(*sample)
         for room, x in zip(_leaves(whole), _leaves(answer), strict=True):
             room[index] = x
@@ -126,13 +136,13 @@ def each(function: Any, *x: Any) -> Any:
     return np.array(found, columns[0].dtype).reshape(columns[0].shape)
 
 
-def _mapped(function: Any, value: Any, *more: Any) -> Any:
+def each_part(function: Any, value: Any, *more: Any) -> Any:
     """A nested tuple of batches with a function of each real batch in it; vectors as pairs.
 
     With more of the like, a function of the batches that stand at the same place.
     """
     if isinstance(value, tuple):
-        parts = [_mapped(function, *x) for x in zip(value, *more, strict=True)]
+        parts = [each_part(function, *x) for x in zip(value, *more, strict=True)]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     if isinstance(value, Planar):
         given = (value, *more)
@@ -170,6 +180,25 @@ def primitives(dtype: Any) -> dict[str, Any]:
     return found | {"EPS": float(np.finfo(dtype).eps)}
 
 
+def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
+    """A function of numbers, design after design; see `blockmech.plane`."""
+    columns = np.broadcast_arrays(*x)
+    rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
+    found = np.array([function(*row) for row in rows])
+    return tuple(column.reshape(columns[0].shape) for column in found.T)
+
+
+def _turned(t: Any) -> Planar:
+    """Sine and cosine of the scalar engine: in a batch a design has the numbers it has alone."""
+    return Planar(*one_by_one(lambda x: (math.cos(x), math.sin(x)), t))
+
+
+@primitives_of.register(np.ndarray)
+@primitives_of.register(Planar)
+def _of_designs(x: object) -> Mapping[str, Any]:
+    return primitives(np.float64) | {"expi": _turned, "one_by_one": one_by_one}
+
+
 class NumpyEngine:
     """A program bound to arrays of one precision."""
 
@@ -191,9 +220,10 @@ class NumpyEngine:
         if isinstance(value, tuple):
             if hasattr(value, "_fields"):
                 return type(value)(*(self._cast(x) for x in value))
-            plain = all(isinstance(x, float) for x in value)
-            return np.array(value, self.dtype) if plain else tuple(map(self._cast, value))
-        if isinstance(value, complex):
+            if any(isinstance(x, tuple | complex | Planar) for x in value):
+                return tuple(map(self._cast, value))
+            return np.array(np.broadcast_arrays(*value), self.dtype)  # (k,), of designs (k, D, 1)
+        if isinstance(value, complex | Planar):
             return Planar(self.dtype(value.real), self.dtype(value.imag))
         return self.dtype(value)
 
@@ -208,12 +238,24 @@ class NumpyEngine:
                 part = slice(k, min(k + chunk, n))
                 values = self._program(*(c[part] for c in columns), self.parameters)
                 if n <= chunk:
-                    return tuple(_mapped(lambda x: _column(x, n), values))
+                    return tuple(each_part(lambda x: _column(x, n), values))
                 found = found or self._rooms(values, n)
                 for room, value in zip(_leaves(found), _leaves(values), strict=True):
                     if room.flags.writeable:
                         room[part] = value
         return found
+
+    def run_designs(
+        self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]
+    ) -> tuple[Any, ...]:
+        """Values of m designs at n samples each, as batches that broadcast to (m, n).
+
+        ``values`` are those of `Program.values`, numbers of designs as columns (m, 1);
+        inputs are (n,) or (m, n). A design's numbers are those that it has alone.
+        """
+        columns = [np.atleast_2d(self._rounded(n, inputs[n])) for n in self.program.inputs]
+        with np.errstate(all="ignore"):
+            return self._program(*columns, tuple(map(self._cast, values)))
 
     def _rooms(self, values: tuple[Any, ...], n: int) -> tuple[Any, ...]:
         """Room for n samples of each value; columns of one block, whose memory is used again."""
@@ -222,7 +264,7 @@ class NumpyEngine:
             return np.ndim(x) == 1 and x.dtype == self.dtype
 
         block = iter(np.empty((sum(map(plain, _leaves(values))), n), self.dtype))
-        return tuple(_mapped(lambda x: next(block) if plain(x) else _column(x, n, True), values))
+        return tuple(each_part(lambda x: next(block) if plain(x) else _column(x, n, True), values))
 
     def _rounded(self, name: str, column: Any) -> NDArray[Any]:
         given: NDArray[Any] = np.asarray(column)  # one pose comes as a list

@@ -122,7 +122,7 @@ def successive(
 
     The change is that of the loads [N], by default relative to the largest of them. What a
     count left undone is bounded by residual / (1 - P); a bound above the friction itself is
-    none, and the sample has no answer.
+    none, and the sample has no answer, whatever continuation would find.
     """
     g = norms(base, edges)
     t = tuple(0.0 * x for x in g)
@@ -137,8 +137,10 @@ def successive(
     t = tuple(where(late, NAN, x) for x in last.t)
     ratio = where(last.count > 1.0, last.ratio, P)
     more = (last.count, last.residual, ratio, outcome, P * 0.0 + 1.0)
-    unproved = (P >= 1.0) & _known(base, edges)
     solution = Solution(t, last.g, *more)
+    if iterations is not None:
+        return solution
+    unproved = (P >= 1.0) & _known(base, edges)
     given = (k, edges, base, rows, enough(last.g, asked))
     found: Solution = repair(unproved, confirmed, solution, *given)
     return found

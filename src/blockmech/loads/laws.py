@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
-from blockmech.plane import angle, expi, imul, modulo, mul, piecewise, where
+from blockmech.plane import angle, apply, expi, imul, modulo, mul, piecewise, where
 from blockmech.typing import Argument, Real
 from blockmech.values import (
     Number,
@@ -181,7 +181,14 @@ class _Repeating(Law):
     @property
     def whole(self) -> float:
         """Length of the period [unit of the argument]; 0 where nothing repeats."""
-        return math.tau * self.turns if self.turns else self.period or 0.0
+        if self.turns:
+            return math.tau * self.turns
+        return 0.0 if self.period is None else self.period
+
+    @property
+    def repeats(self) -> bool:
+        """Whether there is a period."""
+        return self.turns is not None or self.period is not None
 
 
 class Table(_Repeating):
@@ -205,7 +212,7 @@ class Table(_Repeating):
     def _ordered(self) -> Table:
         x = self.arguments
         check_table("arguments", x, self.values)
-        if self.whole and x[-1] - x[0] >= self.whole * (1 - 1e-12):
+        if self.repeats and x[-1] - x[0] >= self.whole * (1 - 1e-12):
             raise mistake(
                 "bad-table",
                 '"arguments" must cover less than one period',
@@ -219,19 +226,13 @@ class Table(_Repeating):
 
         Knots of a table that does not repeat are the arguments: near one no digit is lost.
         """
-        start = self.arguments[0] if self.whole else 0.0
+        start = self.arguments[0] if self.repeats else 0.0
         x = [a - start for a in self.arguments]
         y = list(self.values)
-        if self.whole:
+        if self.repeats:
             x, y = [*x, self.whole], [*y, y[0]]
-        rows = _straight(x, y) if self.interpolation == "linear" else self._cubic(x, y)
+        rows = _straight(x, y) if self.interpolation == "linear" else _cubic(x, y, self.repeats)
         return TableNumbers(start, self.whole, float(self.turns or 0), tuple(x), tuple(rows))
-
-    def _cubic(self, x: list[float], y: list[float]) -> list[tuple[float, ...]]:
-        from scipy.interpolate import CubicSpline
-
-        ends = "periodic" if self.whole else "not-a-knot"
-        return [tuple(map(float, row)) for row in CubicSpline(x, y, bc_type=ends).c]
 
     def kernel(self) -> Callable[..., Real]:
         """The form that repeats as the table does."""
@@ -243,6 +244,18 @@ class Table(_Repeating):
 def _straight(x: list[float], y: list[float]) -> list[tuple[float, ...]]:
     slopes = [(d - c) / (b - a) for (a, b), (c, d) in zip(pairwise(x), pairwise(y), strict=True)]
     return [tuple(slopes), tuple(y[:-1])]
+
+
+def _cubic(x: list[float], y: list[float], repeats: bool) -> list[tuple[float, ...]]:
+    def coefficients(*numbers: float) -> tuple[float, ...]:
+        from scipy.interpolate import CubicSpline
+
+        ends = "periodic" if repeats else "not-a-knot"
+        c = CubicSpline(numbers[: len(x)], numbers[len(x) :], bc_type=ends).c
+        return tuple(map(float, c.ravel()))
+
+    flat, n = apply("one_by_one", coefficients, *x, *y), len(x) - 1
+    return [flat[k : k + n] for k in range(0, len(flat), n)]
 
 
 class Fourier(_Repeating):

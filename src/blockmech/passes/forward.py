@@ -14,10 +14,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from blockmech.blocks.contract import BuiltIn
-from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef
-from blockmech.plan import NOUGHT, ONE, ZERO, Entry, Schedule
+from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef, Structure
+from blockmech.plan import NOUGHT, ONE, ZERO, Entry, Formula, Schedule
 from blockmech.plane import EPS, cross, expi, sign, sqrt
 from blockmech.typing import Complex, Guide, LinkAcceleration, LinkVelocity, Real
+from blockmech.values import Marker
 
 ACTUAL = ""
 BIAS = "bias"
@@ -35,7 +36,7 @@ class Moved(NamedTuple):
 
 def parameters(s: Schedule, block: str) -> str:
     """The slot of a block's own numbers."""
-    return s.parameter(("numbers", block), s.structure.block(block).parameters(), f"P_{block}")
+    return s.parameter(("numbers", block), lambda st, _: st.block(block).parameters(), f"P_{block}")
 
 
 def position(s: Schedule, block: str) -> str:
@@ -59,10 +60,12 @@ def _read(s: Schedule, block: str, reading: Callable[..., str], *mode: str) -> l
 
 def joint_coordinate(s: Schedule, driver: str) -> str:
     """Coordinate of a driven joint, from its driver's: sign q + offset."""
-    q, offset = signed(s, driver, s.input("q", driver)), s.structure.coordinate(driver).offset
-    if offset == 0:
+    q = signed(s, driver, s.input("q", driver))
+    if s.structure.coordinate(driver).offset == 0:
         return q
-    slot = s.parameter(("offset", driver), offset, f"{driver}_offset")
+    slot = s.parameter(
+        ("offset", driver), lambda st, _: st.coordinate(driver).offset, f"{driver}_offset"
+    )
     return s.line(f"{q} + {slot}", f"{driver}_joint")
 
 
@@ -107,22 +110,31 @@ def marker_arm(s: Schedule, marker: MarkerRef) -> str | None:
     """Arm of a marker from its link's origin, in ground axes; None at the origin."""
     declared = s.structure.marker(marker)
     if not isinstance(declared, BuiltIn):
-        return s.ask(arm_of, marker.on, declared.at.z, _name(marker))
+        return arm_of(s, marker.on, lambda st, _: _user_marker(st, marker).at.z, _name(marker))
     if not declared.along:
         return None
     e, at = s.ask(link_position, marker.on).scalar, s.ask(parameters, marker.block)
     return s.line(f"mul({e}, {at}.{declared.along})", f"{_name(marker)}_arm")
 
 
-def arm_of(s: Schedule, link: LinkRef, at: complex, name: str) -> str | None:
+def _user_marker(structure: Structure, marker: MarkerRef) -> Marker:
+    declared = structure.marker(marker)
+    assert isinstance(declared, Marker)
+    return declared
+
+
+def arm_of(s: Schedule, link: LinkRef, at: Formula, name: str) -> str | None:
     """Arm of a place given in a link's frame; None at the origin."""
-    if at == 0:
+    z: complex = s.here(at)
+    if z == 0:
         return None
     if link == s.structure.frame_link:
         return s.parameter(("at", link, name), at, f"{name}_arm")
     e = s.ask(link_position, link).scalar
-    slot = s.parameter(("at", link, name), at if at.imag else at.real, f"at_{name}")
-    return s.line(f"{e} * {slot}" if at.imag else f"mul({e}, {slot})", f"{name}_arm")
+    if z.imag:
+        return s.line(f"{e} * {s.parameter(('at', link, name), at, f'at_{name}')}", f"{name}_arm")
+    slot = s.parameter(("at", link, name), lambda *design: at(*design).real, f"at_{name}")
+    return s.line(f"mul({e}, {slot})", f"{name}_arm")
 
 
 def marker_place(s: Schedule, marker: MarkerRef) -> str:
@@ -140,15 +152,21 @@ def place(s: Schedule, link: LinkRef, arm: str | None, name: str) -> str:
 
 def marker_direction(s: Schedule, marker: MarkerRef) -> str:
     """Unit direction of a marker."""
-    declared = s.structure.marker(marker)
-    u = 1 + 0j if isinstance(declared, BuiltIn) else declared.direction
-    return _turned(s, marker.on, u, ("dir", marker), _name(marker))
+    if isinstance(s.structure.marker(marker), BuiltIn):
+        return s.ask(link_position, marker.on).scalar
+    return _turned(
+        s,
+        marker.on,
+        lambda st, _: _user_marker(st, marker).direction,
+        ("dir", marker),
+        _name(marker),
+    )
 
 
-def _turned(s: Schedule, link: LinkRef, u: complex, key: tuple[Any, ...], name: str) -> str:
+def _turned(s: Schedule, link: LinkRef, u: Formula, key: tuple[Any, ...], name: str) -> str:
     """A direction given in a link's frame, in ground axes."""
     e = s.ask(link_position, link).scalar
-    if u == 1:
+    if s.here(u) == 1:
         return e
     slot = s.parameter(key, u, f"dir_{name}")
     return slot if e == ONE else s.line(f"{e} * {slot}", f"{name}_u")
@@ -299,8 +317,13 @@ def guide_direction(s: Schedule, ref: JointRef) -> str:
     if joint.outer:
         return s.ask(marker_direction, s.structure.feeds[ref])
     earlier = LinkRef(ref.block, joint.links[0])
-    u = s.structure.blocks[ref.block].guide_line(ref.name, earlier.link)[1]
-    return _turned(s, earlier, u, ("guide direction", ref), str(ref))
+    return _turned(
+        s,
+        earlier,
+        lambda st, _: st.blocks[ref.block].guide_line(ref.name, earlier.link)[1],
+        ("guide direction", ref),
+        str(ref),
+    )
 
 
 # -- branches that follow the motion ------------------------------------------------------
@@ -340,17 +363,16 @@ def followed(s: Schedule, block: str, numbers: str) -> str:
 
 def branch_along(s: Schedule, there: FollowedBranch) -> str:
     """The branch as a function of the driver; dyads that change together share it."""
-    branch = s.parameter(("branch", there.first), there.first, "branch")
+    branch = s.parameter(("branch", there.first), lambda *_: there.first, "branch")
     if not there.points:
         return branch
     q = s.input("q", there.driver)
     rotary = s.structure.driver_joint(there.driver).rotary
     along = s.line(f"expi(0.5 * {q})", "half_turned") if rotary else q
     passing = passed if rotary else passed_slide
-    scale = s.parameter(("scale", there.scale), there.scale, "scale")
+    scale = s.parameter(("scale", there.scale), lambda *_: there.scale, "scale")
     for point in there.points:
-        slot = s.parameter(
-            ("change point", point), expi(0.5 * point) if rotary else point, "change_point"
-        )
+        value = expi(0.5 * point) if rotary else point
+        slot = s.parameter(("change point", point), lambda *_, x=value: x, "change_point")
         branch = s.emit(passing, branch, along, slot, scale, name="branch")
     return branch

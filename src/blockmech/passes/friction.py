@@ -104,7 +104,9 @@ def size(s: Schedule, block: str) -> str:
     """
     b = s.structure.blocks[block]
     if b.kernels.size is None:
-        return s.parameter(("size", block), b.largest_length() or 1.0, f"size_{block}")
+        return s.parameter(
+            ("size", block), lambda st, _: st.blocks[block].characteristic_length(), f"size_{block}"
+        )
     s.ask_first(size, block, s.structure.supports)
     pose, p = s.ask(position, block), s.ask(parameters, block)
     own = s.emit(b.kernels.size, pose, p, name=f"{block}_size")
@@ -122,8 +124,9 @@ def slip_speed(s: Schedule, ref: JointRef) -> str:
 
 def factor_slot(s: Schedule, ref: JointRef) -> str:
     """Slot of f' r [m] or mu [-]."""
-    law = s.structure.blocks[ref.block].friction[ref.name]
-    return s.parameter(("factor", ref), law.factor, f"c_{ref}")
+    return s.parameter(
+        ("factor", ref), lambda st, _: st.blocks[ref.block].friction[ref.name].factor, f"c_{ref}"
+    )
 
 
 def resistance(s: Schedule, ref: JointRef) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from blockmech.loads.contract import Following, Reads, read_by
-from blockmech.model.structure import JointRef, LinkRef
+from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
     ACTUAL,
     acceleration_at,
@@ -33,22 +33,22 @@ from blockmech.plan import NOUGHT, ZERO, Schedule
 
 def mass_of(s: Schedule, link: LinkRef) -> str:
     """Slot of a link's mass [kg]."""
-    return s.parameter(("mass", link), s.structure.properties(link).mass, f"m_{link}")
+    return s.parameter(("mass", link), lambda st, _: st.properties(link).mass, f"m_{link}")
 
 
 def inertia_of(s: Schedule, link: LinkRef) -> str:
     """Slot of a link's moment of inertia [kg m2] about its centre of mass."""
-    return s.parameter(("inertia", link), s.structure.properties(link).inertia, f"J_{link}")
+    return s.parameter(("inertia", link), lambda st, _: st.properties(link).inertia, f"J_{link}")
 
 
 def gravity(s: Schedule) -> str:
     """Slot of the acceleration of gravity [m/s2]."""
-    return s.parameter(("gravity",), s.scene.gravity.z, "gravity")
+    return s.parameter(("gravity",), lambda _, scene: scene.gravity.z, "gravity")
 
 
 def cm_arm(s: Schedule, link: LinkRef) -> str | None:
     """Arm of a link's centre of mass from its origin; None at the origin."""
-    return s.ask(arm_of, link, s.structure.properties(link).cm.z, f"{link}_cm")
+    return arm_of(s, link, lambda st, _: st.properties(link).cm.z, f"{link}_cm")
 
 
 def cm_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> str:
@@ -99,22 +99,31 @@ def element_terms(s: Schedule, name: str) -> str:
 def kernel_on(s: Schedule, name: str, kernel: Callable[..., Any], *more: str, value: str) -> str:
     """The call of one of an element's kernels on what it reads."""
     args = _readings(s, name, read_by(kernel))
-    numbers = s.parameter(("numbers", name), s.structure.elements[name].parameters(), f"P_{name}")
+    numbers = s.parameter(
+        ("numbers", name), lambda st, _: st.elements[name].parameters(), f"P_{name}"
+    )
     return s.emit(kernel, *args, *more, numbers, name=value)
 
 
 def law_value(s: Schedule, name: str) -> str:
     """What an element's law says [N or N m]."""
-    element = s.structure.elements[name]
-    assert isinstance(element, Following)
+    element = _following(s.structure, name)
     arguments = [
         _readings(s, name, reads)[0]
         if measure is None
         else kernel_on(s, name, measure, value=f"{name}_argument")
         for measure, reads in element.measures()
     ]
-    numbers = s.parameter(("law", name), element.law.numbers(), f"law_{name}")
+    numbers = s.parameter(
+        ("law", name), lambda st, _: _following(st, name).law.numbers(), f"law_{name}"
+    )
     return s.emit(element.law.kernel(), *arguments, numbers, name=f"{name}_law")
+
+
+def _following(structure: Structure, name: str) -> Following:
+    element = structure.elements[name]
+    assert isinstance(element, Following)
+    return element
 
 
 def _readings(s: Schedule, name: str, reads: Reads) -> list[str]:

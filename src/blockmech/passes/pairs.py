@@ -14,7 +14,9 @@ Sources: `blockmech.blocks.contract`, rules 6 and 10; [R10] Eqs. 11-13.
 
 from __future__ import annotations
 
-from blockmech.model.structure import JointRef, LinkRef
+from typing import Any, cast
+
+from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
     arm_of,
     guide_direction,
@@ -25,7 +27,8 @@ from blockmech.passes.forward import (
     position,
 )
 from blockmech.passes.resultants import NOTHING, Resultant, at_arm
-from blockmech.plan import NOUGHT, ZERO, Schedule
+from blockmech.plan import NOUGHT, ZERO, Formula, Schedule
+from blockmech.plane import dot
 from blockmech.typing import Load
 
 
@@ -39,17 +42,21 @@ def transmitted(s: Schedule, ref: JointRef, reactions: str) -> str:
     if owner.block != ref.block:
         arm = s.ask(slider_arm, ref, s.structure.later_link(ref))
         couple = f"{own}.C - {own}.N * dot({arm}, {s.ask(guide_direction, ref)})"
-    elif along := _along(s, ref, owner):
+    elif s.here(along := _along(ref, owner)):
         slot = s.parameter(("along", ref), along, f"along_{ref}_S")
         couple += f" - {own}.N * {slot}"
     return s.line(f"planar({own}.N, {couple})", f"{ref}_slide")
 
 
-def _along(s: Schedule, ref: JointRef, owner: LinkRef) -> float:
+def _along(ref: JointRef, owner: LinkRef) -> Formula:
     """Way [m] of the slider's point along the guide, from the origin of the link that owns it."""
-    block = s.structure.blocks[ref.block]
-    _, direction = block.guide_line(ref.name, owner.link)
-    return (block.slider_place(ref.name, owner.link) * direction.conjugate()).real
+
+    def along(structure: Structure, _: object) -> Any:
+        block = structure.blocks[ref.block]
+        _, direction = block.guide_line(ref.name, owner.link)
+        return dot(block.slider_place(ref.name, owner.link), direction)
+
+    return along
 
 
 def slider_arm(s: Schedule, ref: JointRef, link: LinkRef) -> str | None:
@@ -70,8 +77,9 @@ def slider_point(s: Schedule, ref: JointRef) -> str:
 
 def _arm_on_owner(s: Schedule, ref: JointRef) -> str | None:
     owner = _owner(s, ref)
-    at = s.structure.blocks[ref.block].slider_place(ref.name, owner.link)
-    return s.ask(arm_of, owner, at, f"{ref}_S")
+    return arm_of(
+        s, owner, lambda st, _: st.blocks[ref.block].slider_place(ref.name, owner.link), f"{ref}_S"
+    )
 
 
 def _owner(s: Schedule, ref: JointRef) -> LinkRef:
@@ -110,7 +118,11 @@ def measure(s: Schedule, ref: JointRef, pair: str) -> str:
     length = s.structure.blocks[ref.block].friction[ref.name].guide_length
     edges = NOUGHT
     if length is not None:
-        slot = s.parameter(("guide", ref), 2 / length, f"two_over_L_{ref}")
+        slot = s.parameter(
+            ("guide", ref),
+            lambda st, _: 2 / cast(float, st.blocks[ref.block].friction[ref.name].guide_length),
+            f"two_over_L_{ref}",
+        )
         edges = f"{slot} * {pair}.imag"
     return s.line(f"planar({pair}.real, {edges})", f"{ref}_load")
 

@@ -34,6 +34,7 @@ from blockmech.blocks.contract import (
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
 from blockmech.friction.laws import Coulomb
+from blockmech.plane import largest
 from blockmech.values import (
     Angle,
     Link,
@@ -77,7 +78,8 @@ class MayBeDriven(Strictly):
 
     @model_validator(mode="after")
     def _directed(self) -> Self:
-        assert self.sides  # a marker refuses two directions
+        for side in self.sides.values():
+            Marker(at=side.at, angle=side.angle, dir=side.dir)  # it refuses two directions
         return self
 
 
@@ -97,7 +99,7 @@ class OuterPair(MayBeDriven):
     @property
     def sides(self) -> Mapping[str, Marker]:
         """Place and direction by own link."""
-        return {self.link: Marker(at=self.at, angle=self.angle, dir=self.dir)}
+        return {self.link: Marker.model_construct(at=self.at, angle=self.angle, dir=self.dir)}
 
 
 class InnerPair(MayBeDriven):
@@ -120,7 +122,9 @@ class InnerPair(MayBeDriven):
             raise mistake("same-link", f'joins link "{self.links[0]}" to itself')
         none = (None, None)
         data = zip(self.links, self.at, self.angle or none, self.dir or none, strict=True)
-        return {link: Marker(at=at, angle=angle, dir=u) for link, at, angle, u in data}
+        return {
+            link: Marker.model_construct(at=at, angle=angle, dir=u) for link, at, angle, u in data
+        }
 
 
 def _kind(raw: Any) -> str:
@@ -253,12 +257,11 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     def parameters(self) -> Any:
         """Places and directions of all pairs, and the group's size."""
-        numbers: dict[str, Any] = {"size": self.largest_length() or 1.0}
+        numbers: dict[str, Any] = {"size": self.characteristic_length()}
         for k, pair in enumerate(self.pairs.values()):
             for s, marker in enumerate(pair.sides.values()):
                 numbers[f"at{k}_{s}"] = marker.at.z
-                if marker.direction != 1:
-                    numbers[f"u{k}_{s}"] = marker.direction
+                numbers[f"u{k}_{s}"] = marker.direction
         return namedtuple("GeneralGroupNumbers", tuple(numbers))(**numbers)
 
     def largest_length(self) -> float:
@@ -267,7 +270,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
         places += [m.at.z for link in self.links.values() for m in link.markers.values()]
         origins = [complex(x, y) for x, y, _ in self.home.poses.values()]
         places += [z - origins[0] for z in origins[1:]]
-        return max(map(abs, places), default=0.0)
+        return largest(map(abs, places))
 
     def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
         """The markers at the pairs, each on its (first) link."""

@@ -1,0 +1,55 @@
+"""A program runs designs of one structure: its parameters are formulas of their numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.plane import apply
+from blockmech.samples import make_samples
+from blockmech.values import Marker, Place
+from tests import gallery
+
+L, M, X, F = (5.5, 6.0, 6.5), (0.3, 2.0, 0.0), (5.0, 5.5, 5.25), (0.0, 0.1, 0.2)
+
+
+def design(mechanism, l_i, mass, x, coefficient):
+    """Structure of the paper's four-bar with other numbers, unchecked: of any type."""
+    s = mechanism.structure
+    dyad, D = s.blocks["dyad"], s.fixed.markers["D"]
+    link = dyad.links["i"].model_copy(update={"mass": mass})
+    law = dyad.friction["C"].model_copy(update={"coefficient": coefficient})
+    changes = {
+        "l_i": l_i,
+        "links": {**dyad.links, "i": link},
+        "friction": {**dyad.friction, "C": law},
+    }
+    at = Place(apply("planar", x, D.at.z.imag))
+    markers = {**s.fixed.markers, "D": Marker.model_construct(at=at, angle=None, dir=None)}
+    return replace(
+        s,
+        blocks={**s.blocks, "dyad": dyad.model_copy(update=changes)},
+        fixed=s.fixed.model_copy(update={"markers": markers}),
+    )
+
+
+@pytest.mark.parametrize("friction", ["none", "newton"])
+def test_designs_of_one_program_equal_their_own_compile_to_the_last_bit(friction):
+    plain = gallery.mechanism("ruiz_fourbar")
+    q = np.linspace(0.0, 6.0, 7)
+    want = ["dyad.C.reaction", "crank.drive", "dyad.i.alpha", "crank.q"]
+    plan = plain.plan(want, friction=friction)
+    columns = [np.array(x)[:, None] for x in (L, M, X, F)]
+    values = plan.program.values(design(plain, *columns), plain.scene)
+    taken = make_samples(("crank",), plain.scene, q, None, None, 10.0, None)
+    inputs = taken.given(plan.program.inputs)
+    found = NumpyEngine(plan.program).run_designs(inputs, values)
+    for k, numbers in enumerate(zip(L, M, X, F, strict=True)):
+        alone = type(plain)(design(plain, *numbers), plain.scene)
+        own = alone.plan(want, friction=friction)
+        single, _ = alone.evaluate(own, taken, "numpy")
+        for name in want:
+            together, one = found[plan.layout[name][0]], single[own.layout[name][0]]
+            np.testing.assert_array_equal(np.broadcast_to(together.real, (3, 7))[k], one.real)
+            np.testing.assert_array_equal(np.broadcast_to(together.imag, (3, 7))[k], one.imag)
