@@ -46,6 +46,7 @@ ROOMS = (
     "result",
     "failures",
     "settings",
+    "runnable",
     "compiled",
     "dynamics",
     "analysis",
@@ -59,7 +60,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 38_350, 6_810
+LINES, LINES_OF_DYNAMICS = 39_025, 6_814
 NUMBERS, NUMBERS_OF_DYNAMICS = 199, 51
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0

@@ -6,11 +6,11 @@ engine and wraps the arrays in a labelled result.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
@@ -25,15 +25,16 @@ from blockmech.model.structure import Structure
 from blockmech.outputs import Catalogue
 from blockmech.plan import Plan
 from blockmech.result import Result
+from blockmech.runnable import EVERYTHING, Runnable
 from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_chunk, check_switch, friction_asked, unknown_engine
+from blockmech.typing import EngineName, FrictionMethod, OnGap, Precision
 
 T = TypeVar("T")
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
-EVERYTHING = ("*",)
 
 
-class Compiled(ABC):
+class Compiled(Runnable):
     """A valid mechanism, compiled: what analyses take. A `Mechanism` adds what needs them."""
 
     structure: Structure
@@ -134,7 +135,7 @@ class Compiled(ABC):
         self,
         want: Iterable[str] | str = EVERYTHING,
         *,
-        friction: str | None = None,
+        friction: FrictionMethod | None = None,
         tolerance: float | None = None,
         iterations: int | None = None,
         static: bool = False,
@@ -166,64 +167,33 @@ class Compiled(ABC):
         check_switch("static", static)
         return self.plan(want, static=static or taken.at_rest, **how)
 
-    def run(
+    def compile(self) -> Self:
+        """Itself: it is compiled."""
+        return self
+
+    def samples(self, *asked: Any) -> Samples:
+        """Samples that a request names: at, samples, times, rates, accelerations."""
+        return make_samples(self.drivers, self.scene, *asked)
+
+    def answer(
         self,
-        at: Any = None,
-        *,
-        samples: int | None = None,
-        times: Any = None,
-        rates: Any = None,
-        accelerations: Any = None,
-        want: Iterable[str] | str = EVERYTHING,
-        friction: str | None = None,
-        tolerance: float | None = None,
-        iterations: int | None = None,
-        accuracy: float | None = None,
-        static: bool = False,
-        engine: Literal["auto", "scalar", "numpy"] = "auto",
-        precision: str | None = None,
-        chunk: int | None = None,
-        on_gap: Literal["raise", "mark", "stop"] = "raise",
+        taken: Samples,
+        want: Iterable[str] | str,
+        given: Mapping[str, Any],
+        accuracy: float | None,
+        engine: EngineName,
+        precision: Precision | None,
+        chunk: int | None,
+        on_gap: OnGap,
     ) -> Result:
-        """Compute the wanted outputs at given driver coordinates or times.
-
-        Parameters
-        ----------
-        at : float or (n,) [rad or m], or a mapping driver -> (n,)
-            Driver coordinates; rates follow from the scene's law of motion.
-        samples : int
-            That many equally spaced samples of the law's range; default 361.
-        times : (n,) [s]
-            Samples of the laws of motion by time.
-        rates, accelerations : like ``at``
-            Driver rates and accelerations, in place of the law's.
-        want, friction, tolerance, iterations, static : see `plan`
-        accuracy : float [- or rad]
-            Wanted error relative to each output's largest magnitude; chooses friction
-            method, iterations and precision, and ``result.accuracy`` says which.
-        engine : "scalar" for few samples, "numpy" for batches, "auto" by size
-        precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
-        chunk : samples per batch of the NumPy engine
-        on_gap : what to do at samples without an answer: raise, mark them as NaN,
-            or stop before the first
-
-        Returns
-        -------
-        Result, labelled, with units and quality
-
-        Raises
-        ------
-        RequestError for unknown names or settings that do not fit
-        AssemblyError, SingularError, FrictionError at gaps, unless marked
-        """
-        taken = make_samples(self.drivers, self.scene, at, samples, times, rates, accelerations)
-        given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+        """The wanted outputs at samples; ``given`` are the settings of `plan`. See `run`."""
         if accuracy is not None:
-            given["precision"] = precision
-            result = self.run_to(accuracy, given, taken, want, static, engine, chunk)
+            how = {k: x for k, x in given.items() if k != "static"} | {"precision": precision}
+            result = self.run_to(accuracy, how, taken, want, given["static"], engine, chunk)
         else:
-            settings: dict[str, Any] = given | {"static": static}
-            settings["friction"] = "newton" if friction is None else friction
+            settings = dict(given)
+            if settings["friction"] is None:
+                settings["friction"] = "newton"
             plan = self.plan_at(taken, want, **settings)
             values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
             result = Result(self, plan, taken, values, name, settings)

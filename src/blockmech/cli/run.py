@@ -26,10 +26,10 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
 from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, reading, say
-from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines, leading
 from blockmech.failures import without_gaps
 from blockmech.result import Result
+from blockmech.runnable import EVERYTHING
 
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")

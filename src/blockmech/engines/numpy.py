@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
 from blockmech.plan import Program
-from blockmech.plane import REST_SHARE, cross, dot, primitives_of
+from blockmech.plane import REST_SHARE, cross, dot, implicit, primitives_of
 
 PRECISIONS: dict[str, Any] = {
     "complex64": np.float32,
@@ -176,7 +176,7 @@ def primitives(dtype: Any) -> dict[str, Any]:
     own = (mul, imul, hyp, angle, modulo, piecewise, repeat, repair, each, expi, planar, matrix)
     ufuncs = (np.sqrt, np.sign, np.where, np.minimum, np.maximum)
     systems = (linear.solve, linear.solve_transposed, linear.spread)
-    found = {f.__name__: f for f in (cross, dot, *own, *ufuncs, *systems)}
+    found = {f.__name__: f for f in (cross, dot, implicit, *own, *ufuncs, *systems)}
     return found | {"EPS": float(np.finfo(dtype).eps)}
 
 

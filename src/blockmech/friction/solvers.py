@@ -24,7 +24,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from blockmech.friction.continuation import Outcome, continue_from_zero
-from blockmech.plane import EPS, NAN, hyp, maximum, mul, repair, repeat, sqrt, where
+from blockmech.plane import EPS, NAN, hyp, implicit, maximum, mul, repair, repeat, sqrt, where
 from blockmech.typing import Complex, Real
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
@@ -143,7 +143,7 @@ def successive(
     unproved = (P >= 1.0) & _known(base, edges)
     given = (k, edges, base, rows, enough(last.g, asked))
     found: Solution = repair(unproved, confirmed, solution, *given)
-    return found
+    return differentiable(found, k, edges, base, rows)
 
 
 class Iterate(NamedTuple):
@@ -211,7 +211,14 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
     unproved = ((P >= 1.0) & _known(base, edges)) | (residual > SETTLED * EPS)
     settled: Solution = repair(unproved, replaced, solution, k, edges, base, rows)
-    return settled
+    return differentiable(settled, k, edges, base, rows)
+
+
+def differentiable(found: Solution, k: Any, edges: Any, base: Any, rows: Any) -> Solution:
+    """A solution of the friction equations, which say its derivatives."""
+    start = (found.t, found.iterations, True)
+    t, _, _ = implicit(newton_step, start, k, edges, base, rows)
+    return found._replace(t=t)
 
 
 def newton_step(state: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
