@@ -46,8 +46,7 @@ SMALLEST = (
 CHANGE = 0.7  # of what the singular values allow: how much J may change in one step
 FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
 BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
-MOST = 5000  # steps of a line
-KNOTS = 2000  # on one side of home; eight times what any of the gallery takes to its dead centres
+MOST = 5000  # steps of a line, and knots on one side of home
 LAYING = threading.RLock()  # knots are laid by one thread at a time: they grow from each other
 MODES = 12  # turns of the driver on which a group may be in another mode each
 
@@ -385,6 +384,9 @@ class _Side:
         """Lay knots until one is further from home than ``reach``; each by its forerunner."""
         path, home = self.path, float(self.path.home[0])
         while not self.ended and abs(self.q[-1] - home) <= reach:
+            if len(self.q) > MOST:  # each as short as ever: parts of very unlike sizes
+                self.ended = True
+                return
             stand = self.stands[-1]
             step = min(self.step, float(strides(stand.rate)[0]))
             while True:
@@ -395,7 +397,7 @@ class _Side:
                 if room[0] >= 1.0:
                     break
                 step *= float(growth(room)[0])
-                if step < SMALLEST * max(self.unit, abs(self.q[-1])) or len(self.q) > KNOTS:
+                if step < SMALLEST * max(self.unit, abs(self.q[-1])):
                     self.ended = True
                     return
             self.q.append(float(q[0, 0]))
