@@ -160,7 +160,7 @@ class Path:
         """Whether no link had to move by more than the whole group measures: a slip of units."""
         own = found[-self.own :]
         moved = np.abs(own - given[-self.own :])[:, :2].max()
-        return bool(moved <= (self.group.extent(own[:, 0] + 1j * own[:, 1]) or math.inf))
+        return bool(moved <= (self.group.extent((own[:, 0] + 1j * own[:, 1]).tolist()) or math.inf))
 
     def _of_another(self, name: str) -> list[tuple[float, float, float, float]]:
         other = path_of(self.structure, name)
