@@ -44,6 +44,7 @@ ROOMS = (
     "export",
     "wires",
     "result",
+    "reach",
     "failures",
     "settings",
     "runnable",
@@ -60,8 +61,8 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 39_789, 6_804
-NUMBERS, NUMBERS_OF_DYNAMICS = 197, 44
+LINES, LINES_OF_DYNAMICS = 40_138, 6_811
+NUMBERS, NUMBERS_OF_DYNAMICS = 200, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
 LATE = {

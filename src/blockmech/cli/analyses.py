@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
 
-from blockmech.builders import Graph, Opened, compiled, opened
+from blockmech.builders import Graph, Opened, compiled, compiled_of, opened
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import (
     AsJson,
@@ -20,8 +21,9 @@ from blockmech.cli.options import (
     switch,
 )
 from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar, reading
-from blockmech.errors import FormatError, GraphError, RequestError, in_file
+from blockmech.errors import BlockmechError, FormatError, GraphError, Problem, RequestError, in_file
 from blockmech.mechanism import Mechanism
+from blockmech.testing.expectations import check_closing
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:
@@ -30,20 +32,33 @@ def check(file: GraphFile, json: AsJson = False) -> None:
     Of links and joints that is the formation sequence and the mobility, or what keeps them
     from being a mechanism.
     """
+    doubts: list[Problem] = []
     try:
         with reading(file):
             found = opened(file)
             problems = in_file(found.check(), file)
             facts, text = ({}, "") if problems else _facts(found)
+            doubts = [] if problems else _doubts(found, file)
     except (FormatError, GraphError) as error:
         problems, facts, text = list(error.problems), {}, ""
     if problems and not json:
         note(*map(str, problems))
     else:
         rows = [p.to_dict() for p in problems]
+        facts |= {"remarks": [p.to_dict() for p in doubts]} if doubts else {}
         answer(file, json, {"ok": not problems, **facts, "problems": rows}, text)
+        note(*(f"note: {p}" for p in doubts if not json))
     if problems:
         raise typer.Exit(WRONG)
+
+
+def _doubts(found: Opened, file: str) -> list[Problem]:
+    """What breaks no rule and is hardly meant: groups that do not close where it starts."""
+    try:
+        check_closing(compiled_of(found, file))
+    except BlockmechError as error:
+        return [replace(p, where=p.where.split(" (sample")[0], remedy="") for p in error.problems]
+    return []
 
 
 def _facts(found: Opened) -> tuple[dict[str, Any], str]:
