@@ -23,6 +23,7 @@ from blockmech.cli.draw import draw
 from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.simulate import simulate
+from blockmech.cli.sweep import sweep
 from blockmech.cli.terminal import (
     DONE,
     FAULT,
@@ -40,7 +41,7 @@ from blockmech.errors import BlockmechError, SampleError
 from blockmech.files import sparing
 
 COMMANDS = (
-    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade),
+    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade, sweep),
     *(test, new, blocks, schema),
 )
 
