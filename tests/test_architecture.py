@@ -43,6 +43,7 @@ ROOMS = (
     "export",
     "wires",
     "result",
+    "reach",
     "failures",
     "settings",
     "runnable",
@@ -59,8 +60,8 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 39_509, 6_807
-NUMBERS, NUMBERS_OF_DYNAMICS = 195, 44
+LINES, LINES_OF_DYNAMICS = 39_825, 6_807
+NUMBERS, NUMBERS_OF_DYNAMICS = 196, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
 LATE = {
