@@ -60,7 +60,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 39_825, 6_807
+LINES, LINES_OF_DYNAMICS = 39_822, 6_804
 NUMBERS, NUMBERS_OF_DYNAMICS = 196, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0

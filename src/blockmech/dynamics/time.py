@@ -445,9 +445,8 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
         share = 1 / FINER if not math.isfinite(apart) else min(1 / FINER, 0.3 * target / apart)
         return max(tolerance * share, FLOOR)
 
-    found = refined(
-        run, max(target / 10, FLOOR * FINER), finer, target, system.rotary, request.times
-    )
+    first = max(target / 10, FLOOR * FINER)
+    found = refined(run, first, finer, target, system.rotary, request.times)
     return with_rounding(system, found, target)
 
 
