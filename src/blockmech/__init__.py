@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from blockmech import early as _early  # noqa: F401 (before all that takes time)
 from blockmech.blocks import (
     PRP,
     RPP,
@@ -38,6 +39,7 @@ from blockmech.model.laws_of_motion import (
     RateAcceleration,
     Table,
 )
+from blockmech.studies.sampling import normal, uniform
 from blockmech.values import Link, Marker
 
 if TYPE_CHECKING:
@@ -89,6 +91,8 @@ __all__ = [
     "__version__",
     "draw",
     "laws",
+    "normal",
+    "uniform",
 ]
 
 __version__ = "0.1.0"

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from blockmech.blocks.contract import Joint
@@ -18,12 +18,13 @@ from blockmech.engines.numpy import PRECISIONS, NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import GraphError, MissingEngineError, Problem, RequestError
 from blockmech.failures import without_gaps
+from blockmech.model.document import Document
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
 from blockmech.outputs import Catalogue
-from blockmech.plan import Plan, Program
+from blockmech.plan import Friction, Plan, Program
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING, Runnable
 from blockmech.samples import Samples, make_samples
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from blockmech.engines.llvm import LlvmEngine
 
 T = TypeVar("T")
+PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 # Samples for which compiling pays: it takes 0.2 ms for each line of assembly, and NumPy takes
 # 0.3 ns longer for each line and sample; loading the compiler doubles that for short programs.
@@ -47,8 +49,8 @@ class Compiled(Runnable):
     scene: Scene
     name: str
     names: Names | None
-    _plans: dict[Any, Plan]
-    _engines: dict[Any, Any]
+    document: Document | None
+    _planned: Callable[..., Plan]
     _kept: dict[Any, Any]
 
     def __init__(
@@ -57,11 +59,13 @@ class Compiled(Runnable):
         scene: Scene,
         name: str = "mechanism",
         names: Names | None = None,
+        document: Document | None = None,
     ) -> None:
         """``structure`` and ``scene`` are those of a graph.
 
         With ``names`` outputs are those of the links, joints and drivers of the
-        joint-based document that the graph was made of.
+        joint-based document that the graph was made of. ``document`` is what the user
+        wrote, graph or linkage: other designs are made of it.
         """
         if names is not None and not isinstance(scene, SceneOfLinks):
             scene = SceneOfLinks(**dict(scene))
@@ -70,13 +74,13 @@ class Compiled(Runnable):
             names=names,
             scene=scene,
             name=name,
-            _plans={},
-            _engines={},
+            document=document,
+            _planned=lru_cache(PLANS)(partial(_plan, self)),
             _kept={},
         )
 
     @classmethod
-    def of(cls, graph: Graph, names: Names | None = None) -> Self:
+    def of(cls, graph: Graph, names: Names | None = None, document: Document | None = None) -> Self:
         """A snapshot of a graph, checked.
 
         With ``names`` it speaks of the document that a graph was made of. Raises
@@ -86,7 +90,8 @@ class Compiled(Runnable):
 
         structure = graph.structure()
         refuse_open_homes(structure)
-        return cls(structure, graph.scene, graph.name, names)
+        source = (document or graph).snapshot()
+        return cls(structure, graph.scene, graph.name, names, source)
 
     def __setattr__(self, name: str, value: object) -> None:
         where, found = f"Mechanism.{name}", "a compiled mechanism does not change"
@@ -96,7 +101,7 @@ class Compiled(Runnable):
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as what it was compiled of; plans and programs are made again when asked for."""
         structure = replace(self.structure)  # without what was found from its fields
-        return type(self), (structure, self.scene, self.name, self.names)
+        return type(self), (structure, self.scene, self.name, self.names, self.document)
 
     @cached_property
     def outputs(self) -> Catalogue:
@@ -161,10 +166,7 @@ class Compiled(Runnable):
         names = (want,) if isinstance(want, str) else tuple(want)
         check_switch("static", static)
         how = friction_asked(friction, tolerance, iterations)
-        key = (names, how, static)
-        if key not in self._plans:
-            self._plans[key] = self.outputs.plan(self.scene, names, how, static)
-        return self._plans[key]
+        return self._planned(names, how, static)
 
     def plan_at(
         self, taken: Samples, want: Iterable[str] | str, *, static: bool, **how: Any
@@ -236,7 +238,7 @@ class Compiled(Runnable):
 
     def _chosen(self, plan: Plan, n: int) -> str:
         """The fastest engine for n samples: compiled ones where compiling is done or pays."""
-        if (id(plan), "llvm", "") in self._engines:
+        if ("llvm", "") in plan.engines:
             return "llvm"
         if n < COMPILED_FROM:
             return "scalar" if n <= SCALAR_UP_TO else "numpy"
@@ -249,20 +251,21 @@ class Compiled(Runnable):
     def once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
         if make not in self._kept:
-            self._kept[make] = make(self)
+            self._kept.setdefault(make, make(self))  # of two threads the first one's
         found: T = self._kept[make]
         return found
 
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
-        key = (id(plan), name, precision)
-        if key not in self._engines:
+        key = name, precision
+        if key not in plan.engines:
             if name == "llvm":
-                self._engines[key] = compiled_program(plan.program)
+                made: Any = compiled_program(plan.program)
             elif name == "scalar":
-                self._engines[key] = ScalarEngine(plan.program)
+                made = ScalarEngine(plan.program)
             else:
-                self._engines[key] = NumpyEngine(plan.program, precision)
-        return self._engines[key]
+                made = NumpyEngine(plan.program, precision)
+            plan.engines.setdefault(key, made)  # of two threads the first one's
+        return plan.engines[key]
 
     @cached_property
     def frictional_joints(self) -> tuple[str, ...]:
@@ -304,6 +307,10 @@ def compiled_program(program: Program) -> LlvmEngine:
                 'use engine="numpy", or "auto"',
             )
         ) from None
+
+
+def _plan(mechanism: Compiled, want: tuple[str, ...], how: Friction, static: bool) -> Plan:
+    return mechanism.outputs.plan(mechanism.scene, want, how, static)
 
 
 def _followed(structure: Structure, scene: Scene) -> Structure:

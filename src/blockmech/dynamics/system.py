@@ -318,10 +318,7 @@ class System:
             J, tau, dJ, margin = self.one(q, qd, t)
             return ((tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan), margin
         M, c, Q, margin = self.terms(q, qd, t)
-        try:
-            return np.linalg.solve(M, Q - c), margin
-        except np.linalg.LinAlgError:
-            return np.full(len(Q), math.nan), margin
+        return solved(M, Q - c), margin
 
     def _count(self, samples: int, batch: bool) -> None:
         before = self.samples + self.singles
@@ -333,6 +330,14 @@ class System:
         after = self.samples + self.singles
         if self.progress is not None and before // REPORTED != after // REPORTED:
             self.progress("computing", float(after), None)
+
+
+def solved(M: Floats, Q: Floats) -> Floats:
+    """Accelerations (k,) that efforts give to an inertia; NaN where a driver has none."""
+    try:
+        return np.asarray(np.linalg.solve(M, Q), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.full(len(Q), math.nan)
 
 
 def least(values: Any) -> float:
