@@ -248,6 +248,15 @@ class Compiled(Runnable):
             return "numpy"
         return "llvm"
 
+    def engine_of_designs(self, plan: Plan, n: int) -> NumpyEngine | LlvmEngine:
+        """The engine for n samples of designs: compiled where compiling is done or pays."""
+        found: NumpyEngine | LlvmEngine = (
+            self._engine(plan, "llvm", "")
+            if self._chosen(plan, n) == "llvm"
+            else self._engine(plan, "numpy", "complex128")
+        )
+        return found
+
     def once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
         if make not in self._kept:
@@ -293,7 +302,7 @@ def compiled_program(program: Program) -> LlvmEngine:
     more than flat arithmetic.
     """
     from blockmech.engines.llvm import LlvmEngine
-    from blockmech.engines.trace import Untraceable
+    from blockmech.engines.nodes import Untraceable
 
     try:
         return LlvmEngine(program)

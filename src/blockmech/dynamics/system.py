@@ -28,8 +28,8 @@ from blockmech.dynamics import loads
 from blockmech.dynamics.friction import JointFriction, MotionProgram
 from blockmech.dynamics.motion import Cost
 from blockmech.dynamics.table import PlaceTable
+from blockmech.engines.llvm import WarmEngine
 from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes import forward, reduction
@@ -112,7 +112,7 @@ class Programs:
         return program, NumpyEngine(program)
 
     @cached_property
-    def equation(self) -> tuple[Program, ScalarEngine]:
+    def equation(self) -> tuple[Program, WarmEngine]:
         """M, Q, c (one driver: dJ/dq), then the margins, at one state."""
         s = self._schedule()
         drivers = self.drivers
@@ -121,7 +121,7 @@ class Programs:
         rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
         c = [s.ask(rule, k) for k in drivers]
         program = s.program([*M, *Q, *c, *margins(s)])
-        return program, ScalarEngine(program)
+        return program, WarmEngine(program)
 
     @cached_property
     def friction(self) -> MotionProgram | None:
