@@ -7,7 +7,7 @@ made from the registry when they are asked for; nothing is said twice.
 from __future__ import annotations
 
 import functools
-from typing import Annotated, Any, Literal, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
@@ -127,7 +127,21 @@ JointGiven: TypeAlias = PinGiven | GuideGiven
 # Drivers take the keys of their law of motion, loads those of the block that they become.
 
 
-class _OfTheFile(Strictly):
+class _Made(Strictly):
+    """An item whose model is made when asked for: a pickle of it holds what of."""
+
+    made_by: ClassVar[tuple[Any, type[Strictly]]]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _blank, type(self).made_by, self.__getstate__()
+
+
+def _blank(make: Any, of: type[Strictly]) -> Strictly:
+    model: type[Strictly] = make(of)
+    return model.__new__(model)
+
+
+class _OfTheFile(_Made):
     """Keys as they stand in files only: ``from``, not ``start``."""
 
     model_config = ConfigDict(populate_by_name=False)
@@ -141,10 +155,10 @@ class DriverGiven(Strictly):
 
 @functools.cache
 def _driver_model(law: Any) -> type[Strictly]:
-    bases: tuple[type[Strictly], ...] = (law, _OfTheFile)
-    return create_model(
-        f"{law.__name__}Driver", __base__=bases, __doc__=law.__doc__, joint=(str, ...)
-    )
+    name, bases = f"{law.__name__}Driver", (law, _OfTheFile)
+    found: Any = create_model(name, __base__=bases, __doc__=law.__doc__, joint=(str, ...))
+    found.made_by = (_driver_model, law)
+    return found  # type: ignore[no-any-return]
 
 
 @functools.cache
@@ -160,13 +174,14 @@ def _load_model(cls: type[Element]) -> type[Strictly]:
         both = Field(min_length=number, max_length=number)
         fields["links"] = (Annotated[list[str], both], ... if points else None)
         fields |= {"at": (Annotated[list[Place], both], ...)} if points else {"joint": (str, None)}
-    base: Any = (cls, _OnLinks) if kinds == ["link", "link"] else cls
+    base: Any = (cls, _OnLinks if kinds == ["link", "link"] else _Made)
     name = f"{cls.__name__}Load"
-    found: type[Strictly] = create_model(name, __base__=base, __doc__=cls.__doc__, **fields)
-    return found
+    found: Any = create_model(name, __base__=base, __doc__=cls.__doc__, **fields)
+    found.made_by = (_load_model, cls)
+    return found  # type: ignore[no-any-return]
 
 
-class _OnLinks(Strictly):
+class _OnLinks(_Made):
     """A couple between two links: named by themselves, or by their joint."""
 
     @model_validator(mode="after")
