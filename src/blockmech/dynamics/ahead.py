@@ -96,11 +96,9 @@ class Ahead:
                     return found
                 end = q + sign * min(abs(end - q), abs(stop - q))
             elif known:
-                panel = self._made(at, lies, acting, K, inertia)
-                if panel.smooth(
-                    inertia[-1:], self.tolerance, not self.place_only, piece.data.largest[TAU]
-                )[0]:
-                    return self._until_kink(at, piece, panel, acting)
+                found = self._resolved(at, piece, lies, acting, K, inertia)
+                if found is not None:
+                    return found
             self.longest = abs(end - q)
             end = q + 0.5 * (end - q)
             rough = inertia.min() < ROUGH * piece.data.largest[J]
@@ -137,10 +135,16 @@ class Ahead:
         acting = work(np.empty(0))
         return acting, lies.energy[0] + lies.slopes(self.n)[0] @ acting.w
 
-    def _made(self, at: At, lies: Spans, acting: Acting, K: Floats, inertia: Floats) -> Panels:
-        """The panel of a solution."""
+    def _resolved(
+        self, at: At, piece: Piece, lies: Spans, acting: Acting, K: Floats, inertia: Floats
+    ) -> Panels | Obstacle | None:
+        """The panel of a solution, or what is before its end; None where it is too long."""
         lost = np.zeros((1, self.n)) + acting.lost
-        return Panels(at.t, lies, acting.w[None], K[None], inertia[None, :-1], lost)
+        panel = Panels(at.t, lies, acting.w[None], K[None], inertia[None, :-1], lost)
+        effort = piece.data.largest[TAU]
+        if not panel.smooth(inertia[-1:], self.tolerance, not self.place_only, effort)[0]:
+            return None
+        return self._until_kink(at, piece, panel, acting)
 
     def _locked(self, at: At) -> Obstacle | None:
         """Self-locking where the motion is: no acceleration satisfies Coulomb's law there."""
@@ -214,12 +218,7 @@ class Ahead:
             before = guess, left
             last, guess, guessed = abs(step), guess + step, acting.w
         lies = span(at.q, guess, 0.0, TO_REST)
-        panel = self._made(at, lies, acting, K, inertia)
-        if not panel.smooth(
-            inertia[-1:], self.tolerance, not self.place_only, piece.data.largest[TAU]
-        )[0]:
-            return None
-        return self._until_kink(at, piece, panel, acting)
+        return self._resolved(at, piece, lies, acting, K, inertia)
 
     # -- kinks of the loads on pairs -------------------------------------------
 
