@@ -1,5 +1,10 @@
 """Planar mechanisms as block diagrams, solved module by module through Assur groups."""
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from blockmech.blocks import (
     PRP,
     RPP,
@@ -35,6 +40,12 @@ from blockmech.model.laws_of_motion import (
 )
 from blockmech.values import Link, Marker
 
+if TYPE_CHECKING:
+    from blockmech import draw
+    from blockmech.dynamics.request import Until, Watch
+    from blockmech.mechanism import Mechanism
+    from blockmech.result import Result
+
 __all__ = [
     "PRP",
     "RPP",
@@ -60,19 +71,43 @@ __all__ = [
     "Link",
     "Linkage",
     "Marker",
+    "Mechanism",
     "MissingEngineError",
     "Motor",
     "Problem",
     "RateAcceleration",
     "RequestError",
+    "Result",
     "SingularError",
     "SlideDrive",
     "Spring",
     "Table",
     "Thrust",
     "TorsionSpring",
+    "Until",
+    "Watch",
     "__version__",
+    "draw",
     "laws",
 ]
 
 __version__ = "0.1.0"
+
+_LATER = {  # loaded when they are first asked for
+    "Mechanism": "blockmech.mechanism",
+    "Result": "blockmech.result",
+    "Until": "blockmech.dynamics.request",
+    "Watch": "blockmech.dynamics.request",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "draw":
+        return import_module("blockmech.draw")
+    if name in _LATER:
+        return getattr(import_module(_LATER[name]), name)
+    raise AttributeError(f"module 'blockmech' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

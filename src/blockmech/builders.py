@@ -16,13 +16,13 @@ from blockmech.model import graph
 from blockmech.model.document import read
 from blockmech.model.joints import decomposition, linkage
 from blockmech.model.reading import text_of
+from blockmech.runnable import Runnable
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
-    from blockmech.result import Result
 
 
-class Graph(graph.Graph):
+class Graph(graph.Graph, Runnable):
     """A mechanism as a diagram of blocks, with the doors that load, save, compile and run it.
 
     >>> import blockmech as bm
@@ -39,10 +39,6 @@ class Graph(graph.Graph):
         from blockmech.mechanism import Mechanism
 
         return Mechanism.of(self)
-
-    def run(self, **request: Any) -> Result:
-        """Compile and run; see `Mechanism.run`."""
-        return self.compile().run(**request)
 
     def _repr_svg_(self) -> str:
         from blockmech.draw.diagram import draw_diagram
@@ -66,7 +62,7 @@ class Decomposition(decomposition.Decomposition):
         return Mechanism.of(self.graph, self.names)
 
 
-class Linkage(linkage.Linkage):
+class Linkage(linkage.Linkage, Runnable):
     """A mechanism said in links and joints, with the doors that load, save, compile and run it.
 
     >>> import blockmech as bm
@@ -101,10 +97,6 @@ class Linkage(linkage.Linkage):
         Its outputs have the names of the document. Raises `GraphError` with all problems.
         """
         return self.decompose().compile()
-
-    def run(self, **request: Any) -> Result:
-        """Compile and run; see `Mechanism.run`."""
-        return self.compile().run(**request)
 
     def __repr__(self) -> str:
         pairs = sum(len(joint.links) - 1 for joint in self.joints.values())

@@ -6,34 +6,41 @@ engine and wraps the arrays in a labelled result.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.errors import GraphError, Problem
+from blockmech.errors import GraphError, MissingEngineError, Problem, RequestError
 from blockmech.failures import without_gaps
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
 from blockmech.outputs import Catalogue
-from blockmech.plan import Plan
+from blockmech.plan import Plan, Program
 from blockmech.result import Result
+from blockmech.runnable import EVERYTHING, Runnable
 from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_chunk, check_switch, friction_asked, unknown_engine
+from blockmech.typing import EngineName, FrictionMethod, OnGap, Precision
+
+if TYPE_CHECKING:
+    from blockmech.engines.llvm import LlvmEngine
 
 T = TypeVar("T")
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
-EVERYTHING = ("*",)
+# Samples for which compiling pays: it takes 0.2 ms for each line of assembly, and NumPy takes
+# 0.3 ns longer for each line and sample; loading the compiler doubles that for short programs.
+COMPILED_FROM = 2**20
 
 
-class Compiled(ABC):
+class Compiled(Runnable):
     """A valid mechanism, compiled: what analyses take. A `Mechanism` adds what needs them."""
 
     structure: Structure
@@ -134,7 +141,7 @@ class Compiled(ABC):
         self,
         want: Iterable[str] | str = EVERYTHING,
         *,
-        friction: str | None = None,
+        friction: FrictionMethod | None = None,
         tolerance: float | None = None,
         iterations: int | None = None,
         static: bool = False,
@@ -147,7 +154,7 @@ class Compiled(ABC):
         friction : "none" | "single" | "successive" | "newton" (default)
         tolerance : float [N], stop of ``successive``; default 1e-7 of the largest reaction
         iterations : int, fixed number of iterations of ``successive``
-        static : without inertia
+        static : without inertia; so runs what neither moves nor accelerates, whatever is asked
 
         Raises `RequestError` for unknown names or settings that do not fit.
         """
@@ -159,65 +166,41 @@ class Compiled(ABC):
             self._plans[key] = self.outputs.plan(self.scene, names, how, static)
         return self._plans[key]
 
-    def run(
+    def plan_at(
+        self, taken: Samples, want: Iterable[str] | str, *, static: bool, **how: Any
+    ) -> Plan:
+        """The plan for some outputs at samples: where no driver moves, that without inertia."""
+        check_switch("static", static)
+        return self.plan(want, static=static or taken.at_rest, **how)
+
+    def compile(self) -> Self:
+        """Itself: it is compiled."""
+        return self
+
+    def samples(self, *asked: Any) -> Samples:
+        """Samples that a request names: at, samples, times, rates, accelerations."""
+        return make_samples(self.drivers, self.scene, *asked)
+
+    def answer(
         self,
-        at: Any = None,
-        *,
-        samples: int | None = None,
-        times: Any = None,
-        rates: Any = None,
-        accelerations: Any = None,
-        want: Iterable[str] | str = EVERYTHING,
-        friction: str | None = None,
-        tolerance: float | None = None,
-        iterations: int | None = None,
-        accuracy: float | None = None,
-        static: bool = False,
-        engine: Literal["auto", "scalar", "numpy"] = "auto",
-        precision: str | None = None,
-        chunk: int | None = None,
-        on_gap: Literal["raise", "mark", "stop"] = "raise",
+        taken: Samples,
+        want: Iterable[str] | str,
+        given: Mapping[str, Any],
+        accuracy: float | None,
+        engine: EngineName,
+        precision: Precision | None,
+        chunk: int | None,
+        on_gap: OnGap,
     ) -> Result:
-        """Compute the wanted outputs at given driver coordinates or times.
-
-        Parameters
-        ----------
-        at : float or (n,) [rad or m], or a mapping driver -> (n,)
-            Driver coordinates; rates follow from the scene's law of motion.
-        samples : int
-            That many equally spaced samples of the law's range; default 361.
-        times : (n,) [s]
-            Samples of the laws of motion by time.
-        rates, accelerations : like ``at``
-            Driver rates and accelerations, in place of the law's.
-        want, friction, tolerance, iterations, static : see `plan`
-        accuracy : float [- or rad]
-            Wanted error relative to each output's largest magnitude; chooses friction
-            method, iterations and precision, and ``result.accuracy`` says which.
-        engine : "scalar" for few samples, "numpy" for batches, "auto" by size
-        precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
-        chunk : samples per batch of the NumPy engine
-        on_gap : what to do at samples without an answer: raise, mark them as NaN,
-            or stop before the first
-
-        Returns
-        -------
-        Result, labelled, with units and quality
-
-        Raises
-        ------
-        RequestError for unknown names or settings that do not fit
-        AssemblyError, SingularError, FrictionError at gaps, unless marked
-        """
-        taken = make_samples(self.drivers, self.scene, at, samples, times, rates, accelerations)
-        given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+        """The wanted outputs at samples; ``given`` are the settings of `plan`. See `run`."""
         if accuracy is not None:
-            given["precision"] = precision
-            result = self.run_to(accuracy, given, taken, want, static, engine, chunk)
+            how = {k: x for k, x in given.items() if k != "static"} | {"precision": precision}
+            result = self.run_to(accuracy, how, taken, want, given["static"], engine, chunk)
         else:
-            settings: dict[str, Any] = given | {"static": static}
-            settings["friction"] = "newton" if friction is None else friction
-            plan = self.plan(want, **settings)
+            settings = dict(given)
+            if settings["friction"] is None:
+                settings["friction"] = "newton"
+            plan = self.plan_at(taken, want, **settings)
             values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
             result = Result(self, plan, taken, values, name, settings)
         return without_gaps(result, on_gap)
@@ -241,17 +224,27 @@ class Compiled(ABC):
         """Values of a plan's program at samples, and the engine that was taken."""
         check_chunk(chunk)
         if engine == "auto":
-            few = taken.n <= SCALAR_UP_TO and precision == "complex128"
-            engine = "scalar" if few else "numpy"
+            engine = self._chosen(plan, taken.n) if precision == "complex128" else "numpy"
         inputs = taken.given(plan.program.inputs)
-        if engine == "scalar" and precision == "complex128":
-            scalar = self._engine(plan, "scalar", "")
-            return scalar.run(inputs, taken.n), "scalar"
+        if engine in ("scalar", "llvm") and precision == "complex128":
+            return self._engine(plan, engine, "").run(inputs, taken.n), engine
         if engine != "numpy" or precision not in PRECISIONS:
             raise unknown_engine(engine, precision)
         batch = self._engine(plan, "numpy", precision)
         more = {} if chunk is None else {"chunk": int(chunk)}
         return batch.run(inputs, taken.n, **more), "numpy"
+
+    def _chosen(self, plan: Plan, n: int) -> str:
+        """The fastest engine for n samples: compiled ones where compiling is done or pays."""
+        if (id(plan), "llvm", "") in self._engines:
+            return "llvm"
+        if n < COMPILED_FROM:
+            return "scalar" if n <= SCALAR_UP_TO else "numpy"
+        try:
+            self._engine(plan, "llvm", "")
+        except (MissingEngineError, RequestError):
+            return "numpy"
+        return "llvm"
 
     def once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
@@ -263,11 +256,12 @@ class Compiled(ABC):
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
         key = (id(plan), name, precision)
         if key not in self._engines:
-            self._engines[key] = (
-                ScalarEngine(plan.program)
-                if name == "scalar"
-                else NumpyEngine(plan.program, precision)
-            )
+            if name == "llvm":
+                self._engines[key] = compiled_program(plan.program)
+            elif name == "scalar":
+                self._engines[key] = ScalarEngine(plan.program)
+            else:
+                self._engines[key] = NumpyEngine(plan.program, precision)
         return self._engines[key]
 
     @cached_property
@@ -287,6 +281,29 @@ class Compiled(ABC):
             f"<{type(self).__name__} {self.name}: {len(s.links) - 1} moving links, "
             f"{s.pairs} pairs, mobility {s.mobility}; {s.formula}>"
         )
+
+
+def compiled_program(program: Program) -> LlvmEngine:
+    """A program compiled to machine code.
+
+    Raises `MissingEngineError` without llvmlite, and `RequestError` for a program that is
+    more than flat arithmetic.
+    """
+    from blockmech.engines.llvm import LlvmEngine
+    from blockmech.engines.trace import Untraceable
+
+    try:
+        return LlvmEngine(program)
+    except Untraceable as why:
+        raise RequestError(
+            Problem(
+                "not-compiled",
+                "engine",
+                f"the program cannot be compiled: {why}",
+                "",
+                'use engine="numpy", or "auto"',
+            )
+        ) from None
 
 
 def _followed(structure: Structure, scene: Scene) -> Structure:

@@ -1,31 +1,55 @@
 """The facade: a compiled mechanism with all its analyses as methods.
 
-It stands above every analysis and is imported by none: they take a `Compiled`.
+It stands above every analysis and is imported by none: they take a `Compiled`. Each method
+is the function of that name, so its arguments are declared there and nowhere else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from blockmech.compiled import EVERYTHING, Compiled
+from blockmech.compiled import Compiled
 from blockmech.result import Result
+from blockmech.runnable import Later
 
 if TYPE_CHECKING:
-    from blockmech.analysis.extremes import Extremes
-    from blockmech.analysis.limits import Limits
-    from blockmech.analysis.stroke import Stroke
-    from blockmech.draw.trade import PlottedTrade
-    from blockmech.modes.found import Modes
+    import blockmech.analysis.explain as explaining
+    import blockmech.analysis.extremes as extremal
+    import blockmech.analysis.limits as limiting
+    import blockmech.analysis.stroke as stroking
+    import blockmech.analysis.verify as verifying
+    import blockmech.draw.trade as trading
+    import blockmech.dynamics.simulation as simulating
+    import blockmech.modes.listing as listing
 
 
 class Mechanism(Compiled):
-    """A valid mechanism, compiled. Made by `Graph.compile`.
+    """A valid mechanism, compiled. Made by `Graph.compile` or `Linkage.compile`.
 
     >>> import blockmech as bm
     >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
     >>> mech.run(at=[0.0, 1.0], want=["crank.drive"])  # doctest: +SKIP
     """
+
+    if TYPE_CHECKING:
+        explain = explaining.explain
+        extremes = extremal.extremes
+        limits = limiting.limits
+        modes = listing.modes
+        simulate = simulating.simulate
+        stroke = stroking.stroke
+        trade = trading.trade
+        verify = verifying.verify
+    else:
+        explain = Later("blockmech.analysis.explain")
+        extremes = Later("blockmech.analysis.extremes")
+        limits = Later("blockmech.analysis.limits")
+        modes = Later("blockmech.modes.listing")
+        simulate = Later("blockmech.dynamics.simulation")
+        stroke = Later("blockmech.analysis.stroke")
+        trade = Later("blockmech.draw.trade")
+        verify = Later("blockmech.analysis.verify")
 
     def run_to(self, *request: Any) -> Result:
         """Run with the settings that an accuracy needs; see `blockmech.analysis.accuracy`."""
@@ -46,52 +70,3 @@ class Mechanism(Compiled):
         if groups not in self._kept:
             self._kept[groups] = arcs_sentence(self, {}, groups)
         return str(self._kept[groups])
-
-    def explain(self, want: Iterable[str] | str = EVERYTHING, **settings: Any) -> str:
-        """The schedule for some outputs as text: kernel calls, and what each output costs."""
-        from blockmech.analysis.explain import explain
-
-        return explain(self, want, **settings)
-
-    def verify(self, **request: Any) -> Any:
-        """Check the mechanism against itself; see `blockmech.analysis.verify`."""
-        from blockmech.analysis.verify import verify
-
-        return verify(self, **request)
-
-    def simulate(self, until: Any = None, **request: Any) -> Result:
-        """Move under the scene's loads; see `blockmech.dynamics.simulation.simulate`."""
-        from blockmech.dynamics.simulation import simulate
-
-        return simulate(self, until, **request)
-
-    def trade(self, question: Any = "run", want: Any = None, **request: Any) -> PlottedTrade:
-        """Measure speed against accuracy; see `blockmech.analysis.trade.trade`."""
-        from blockmech.analysis.trade import trade
-        from blockmech.draw.trade import PlottedTrade
-
-        return PlottedTrade(**vars(trade(self, question, want, **request)))
-
-    def limits(self, driver: str | None = None, at: Any = None, **more: Any) -> Limits:
-        """Feasible arcs of a driver; see `blockmech.analysis.limits.limits`."""
-        from blockmech.analysis.limits import limits
-
-        return limits(self, driver, at, **more)
-
-    def modes(self, at: Any = None, **more: Any) -> Modes:
-        """All assembly modes of every group; see `blockmech.modes.listing.modes`."""
-        from blockmech.modes.listing import modes
-
-        return modes(self, at, **more)
-
-    def extremes(self, name: str, **request: Any) -> Extremes:
-        """Extremes of an output over the cycle; see `blockmech.analysis.extremes.extremes`."""
-        from blockmech.analysis.extremes import extremes
-
-        return extremes(self, name, **request)
-
-    def stroke(self, name: str, **request: Any) -> Stroke:
-        """Stroke of a marker or an output; see `blockmech.analysis.stroke.stroke`."""
-        from blockmech.analysis.stroke import stroke
-
-        return stroke(self, name, **request)

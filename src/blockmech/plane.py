@@ -124,6 +124,15 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
     return state
 
 
+def implicit(step: Any, state: Any, *data: Any) -> Any:
+    """``state``, at which a step of Newton's method stands still, as it is.
+
+    An engine of derivatives takes this one step: it differentiates the equations that the
+    state solves, not the way to it (`blockmech.engines.dual`).
+    """
+    return state
+
+
 def repair(condition: Real, one: Any, given: Any, *data: Any) -> Any:
     """``one(given, *data)`` for each sample where the condition holds, ``given`` elsewhere.
 

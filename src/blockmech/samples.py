@@ -42,6 +42,12 @@ class Samples:
             return self.clock.times(self.coordinate(0))
         return self.times
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether no driver moves or accelerates at any sample."""
+        motions = (x for name, x in self.inputs.items() if name[:2] == "qd")
+        return not any(x[0] or np.any(x) for x in motions)  # the first mostly tells
+
     def first(self, n: int) -> Samples:
         """The first n samples."""
         inputs = {k: v[:n] for k, v in self.inputs.items()}

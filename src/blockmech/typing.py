@@ -7,7 +7,10 @@ say what a value *means*; its batch shape (...) is written beside it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
+
+from numpy.typing import NDArray
 
 Real: TypeAlias = Any
 """A real number or a batch of them: float, or float array (...)."""
@@ -17,6 +20,20 @@ Complex: TypeAlias = Any
 
 Argument: TypeAlias = Literal["coordinate", "rate", "time"]
 """What a law of a load is a function of."""
+
+Numbers: TypeAlias = float | Sequence[float] | NDArray[Any]
+"""One number or a row of them (n,)."""
+
+Coordinates: TypeAlias = Numbers | Mapping[str, Numbers]
+"""Numbers for the only driver, or for each driver by its name."""
+
+FrictionMethod: TypeAlias = Literal["none", "single", "successive", "newton"]
+EngineName: TypeAlias = Literal["auto", "scalar", "numpy", "llvm"]
+Precision: TypeAlias = Literal["complex64", "complex128", "clongdouble"]
+OnGap: TypeAlias = Literal["raise", "mark", "stop"]
+MotionMethod: TypeAlias = Literal[
+    "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
+]
 
 
 class Guide(NamedTuple):

@@ -299,7 +299,8 @@ if TYPE_CHECKING:
 
     Two: TypeAlias = tuple[float, float] | list[float] | NDArray[Any] | complex
     AnyMarker: TypeAlias = "Marker | tuple[float, float] | list[float] | complex"
-    PlaceGiven = Given[Place, Place | Two | dict[str, tuple[float, float]]]
+    AnyPlace: TypeAlias = Place | Two | dict[str, tuple[float, float]]
+    PlaceGiven = Given[Place, AnyPlace]
     VectorGiven = Given[Vector, Vector | Two]
     VectorOrNoneGiven = Given[Vector | None, Vector | Two | None]
     NumbersGiven = Given[list[float], Sequence[float] | NDArray[Any]]

@@ -137,6 +137,19 @@ def test_what_cannot_be_reached_is_said() -> None:
     assert run.accuracy.estimate > 1e-25
 
 
+@pytest.mark.skipif(not LONG, reason="no numbers here are wider than double precision")
+def test_a_document_gives_its_lengths_no_more_digits_than_double_precision() -> None:
+    """The press as a graph has its lengths as they are meant; the document derives them."""
+    want = ("crank.drive", "driver.motor.drive")
+    meant = mechanism("toggle_press").run(samples=65, want=want[0], precision="clongdouble")
+    document = bm.Linkage.load(GRAPHS / "joints" / "toggle_press.json").compile()
+    found = document.run(samples=65, want=want[1], accuracy=1e-15)
+    off = np.abs(found[want[1]] - meant[want[0]]).max() / np.abs(meant[want[0]]).max()
+    assert found.accuracy.precision == "clongdouble"
+    assert DOUBLE / 4 < off <= found.accuracy.estimate  # beyond what the numbers could hold
+    assert not found.accuracy.reached
+
+
 def test_where_iterations_may_not_converge_newton_is_taken() -> None:
     run = ruiz(radius=1.0).compile().run(samples=37, accuracy=1e-2, on_gap="mark")
     assert run.accuracy is not None

@@ -297,8 +297,6 @@ def test_a_limit_must_be_positive(name: str, value: float) -> None:
         ("run", {"until": "time=2"}, "until: .* ask the question simulate"),
         ("simulate", {"samples": 5}, "samples: .* ask the question run"),
         ("simulate", {"static": True}, "static: .* ask the question run"),
-        ("run", {"sample": 5}, 'sample: .* did you mean "samples"'),
-        ("simulate", {"method": "rk4"}, "method: .* leave it out"),
     ],
 )
 def test_what_a_question_does_not_take_is_refused_by_name(question, given, said: str) -> None:
@@ -309,4 +307,4 @@ def test_what_a_question_does_not_take_is_refused_by_name(question, given, said:
 def test_several_mistakes_are_told_at_once() -> None:
     with pytest.raises(bm.RequestError) as refused:
         trade(ruiz().compile(), "simulate", budget=-1.0, samples=5, at=1.0)
-    assert [p.where for p in refused.value.problems] == ["budget", "samples", "at"]
+    assert [p.where for p in refused.value.problems] == ["budget", "at", "samples"]

@@ -29,6 +29,18 @@ def test_run_alone_prints_a_table_and_writes_nothing(call, ruiz, tmp_path):
     assert os.listdir(tmp_path) == ["ruiz.json"]
 
 
+def test_run_alone_computes_what_it_prints(call, ruiz, monkeypatch):
+    wanted = []
+    monkeypatch.setattr(
+        "blockmech.cli.output.table",
+        lambda result, of, **settings: wanted.append((len(result), len(of))) or "",
+    )
+    assert [call("run", ruiz).code, call("run", ruiz, "--want", "*").code] == [0, 0]
+    (few, named), (all_, _) = wanted
+    assert few < 0.25 * named
+    assert named == all_ == len(bm.Graph.load(ruiz).compile().outputs)
+
+
 REQUESTS = [
     ([], {}),
     (["--at", "0,1,60deg"], {"at": [0.0, 1.0, 60 * DEGREES]}),
@@ -37,6 +49,7 @@ REQUESTS = [
     (["--at", "5,0:2:3"], {"at": [5.0, 0.0, 1.0, 2.0]}),
     (["--times", "0:0.5:11"], {"times": np.linspace(0, 0.5, 11)}),
     (["--times", "0.1s,200ms"], {"times": [0.1, 0.2]}),
+    (["--engine", "scalar"], {"engine": "scalar"}),
     (["--friction", "single"], {"friction": "single"}),
     (
         ["--friction", "successive", "--iterations", "2"],

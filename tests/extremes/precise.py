@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import FunctionType
 from typing import Any
 
 import mpmath
@@ -26,32 +28,85 @@ def _complex(x: Any, y: Any) -> Any:
     return mpmath.mpc(x, y)
 
 
+def _angle(a: Any, b: Any) -> Any:
+    return mpmath.atan2(plane.cross(a, b), plane.dot(a, b))
+
+
+def _modulo(x: Any, period: Any) -> Any:
+    rest = mpmath.fmod(x, period)
+    return rest if rest >= 0 else rest + period
+
+
+def _implicit(step: Callable[..., Any], state: Any, *data: Any) -> Any:
+    for _ in range(2):  # from 16 digits to more than `DIGITS`
+        state = step(state, *data)
+    return state
+
+
+def _solve(a: Any, right: Any) -> tuple[Any, ...]:
+    return tuple(mpmath.lu_solve(a, mpmath.matrix(list(right))))
+
+
+def _spread(a: Any) -> Any:
+    found = mpmath.svd_r(a, compute_uv=False)
+    return min(found) / max(found)
+
+
 PRIMITIVES: dict[str, Callable[..., Any]] = {
-    "cross": lambda a, b: a.real * b.imag - a.imag * b.real,
-    "dot": lambda a, b: a.real * b.real + a.imag * b.imag,
+    **plane.SCALAR_PRIMITIVES,
     "mul": lambda z, x: _complex(z.real * x, z.imag * x),
     "imul": lambda z, x: _complex(-z.imag * x, z.real * x),
     "expi": lambda t: _complex(mpmath.cos(t), mpmath.sin(t)),
     "hyp": lambda z: mpmath.sqrt(z.real * z.real + z.imag * z.imag),
     "sqrt": lambda x: mpmath.sqrt(x) if x >= 0 else mpmath.nan,
     "sign": mpmath.sign,
-    "where": lambda c, a, b: a if c else b,
-    "minimum": lambda a, b: min(a, b),
-    "maximum": lambda a, b: max(a, b),
+    "minimum": min,
+    "maximum": max,
+    "angle": _angle,
+    "modulo": _modulo,
     "planar": _complex,
-    "repeat": plane.repeat,
+    "matrix": lambda rows: mpmath.matrix([list(map(mpmath.mpf, row)) for row in rows]),
+    "solve": _solve,
+    "solve_transposed": lambda a, right: _solve(a.T, right),
+    "spread": _spread,
+    "implicit": _implicit,
     "repair": lambda c, one, given, *data: given,
 }
+
+
+class _InDouble:
+    """The path of a general group from home: a guess, which Newton's method refines."""
+
+    def __init__(self, path: Any) -> None:
+        self.path = path
+        self.__name__ = path.__name__
+
+    def __call__(self, q: tuple[Any, ...]) -> Any:
+        links, share = self.path(tuple(map(float, q)))
+        return tuple(tuple(map(mpmath.mpf, link)) for link in links), mpmath.mpf(share)
 
 
 class Precise:
     """A plan bound to mpmath numbers."""
 
-    def __init__(self, mechanism: Mechanism, want: Sequence[str]) -> None:
-        self.plan: Plan = mechanism.plan(tuple(want), friction="none")
-        constants = {"ZERO": mpmath.mpc(0), "ONE": mpmath.mpc(1)}
+    def __init__(
+        self, mechanism: Mechanism, want: Sequence[str], friction: str = "none", **how: Any
+    ) -> None:
+        self.plan: Plan = mechanism.plan(tuple(want), friction=friction, **how)
+        constants = {"ZERO": mpmath.mpc(0), "ONE": mpmath.mpc(1), "REST": plane.REST_SHARE}
+        program = self.plan.program
+        functions = {
+            name: f if isinstance(f, FunctionType | type) else _InDouble(f)
+            for name, f in program.functions.items()
+        }
         with mpmath.workdps(DIGITS):
-            self._program = bind(self.plan.program, PRIMITIVES, constants)
+            self._program = bind(replace(program, functions=functions), PRIMITIVES, constants)
+
+    def run(self, inputs: Mapping[str, float], parameters: Sequence[Any]) -> tuple[Any, ...]:
+        """All values of the program, of parameters in mpmath numbers."""
+        arguments = [mpmath.mpf(inputs[name]) for name in self.plan.program.inputs]
+        found: tuple[Any, ...] = self._program(*arguments, tuple(parameters))
+        return found
 
     def values(
         self, inputs: Mapping[str, float], noise: Callable[[float], Any] = mpmath.mpf
@@ -59,9 +114,7 @@ class Precise:
         """Output -> its values; ``noise`` turns each number of the model into an mpmath one."""
         program = self.plan.program
         with mpmath.workdps(DIGITS):
-            arguments = [mpmath.mpf(inputs[name]) for name in program.inputs]
-            parameters = tuple(_moved(v, noise) for v in program.parameters.values())
-            found = self._program(*arguments, parameters)
+            found = self.run(inputs, [moved(v, noise) for v in program.parameters.values()])
         return {n: [found[i] for i in self.plan.layout[n]] for n in self.plan.want}
 
 
@@ -70,10 +123,10 @@ def half_ulp(seed: int, dtype: Any = np.float64) -> Callable[[float], Any]:
     dice = random.Random(seed)
     half = float(np.finfo(dtype).eps) / 2
 
-    def moved(x: float) -> Any:
+    def noise(x: float) -> Any:
         return mpmath.mpf(x) * (1 + mpmath.mpf(half) * dice.choice((-1, 1)))
 
-    return moved
+    return noise
 
 
 def rounded(dtype: Any) -> Callable[[float], Any]:
@@ -81,9 +134,10 @@ def rounded(dtype: Any) -> Callable[[float], Any]:
     return lambda x: mpmath.mpf(float(dtype(x)))
 
 
-def _moved(value: Any, noise: Callable[[float], Any]) -> Any:
+def moved(value: Any, noise: Callable[[float], Any]) -> Any:
     if isinstance(value, tuple):
-        return type(value)(*(_moved(x, noise) for x in value))
+        parts = [moved(x, noise) for x in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     if isinstance(value, complex):
         return mpmath.mpc(noise(value.real), noise(value.imag))
     return noise(float(value))

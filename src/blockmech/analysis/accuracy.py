@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.reference_errors import (
     DOUBLE,
     LONG,
@@ -187,7 +188,7 @@ class _Request(NamedTuple):
             "iterations": setting.iterations,
             "static": self.static,
         }
-        plan = self.mechanism.plan(self.want, **how)  # type: ignore[arg-type]
+        plan = self.mechanism.plan_at(samples, self.want, **how)  # type: ignore[arg-type]
         engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
         values, name = self.mechanism.evaluate(plan, samples, engine, setting.precision, chunk)
         return Result(self.mechanism, plan, samples, values, name, how)
@@ -217,12 +218,6 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     single = request.run(few, Setting("none", precision="complex64"))
     wide = request.run(few, Setting("none", precision="clongdouble")) if WIDER else None
     rounding, left_out = _rounding(single, smooth, wide, good)
-    if wide is not None and SAFETY * rounding["complex128"] > accuracy / 2:
-        # Kernels that iterate need not gain all the digits that a wider number has.
-        how = {"friction": "none", "static": request.static, "want": wide.plan.want}
-        check = rotated_run(request.mechanism, few, "clongdouble", how)
-        apart = reference_errors(wide, check, good).without(left_out).error(check)
-        rounding["clongdouble"] = max(rounding["clongdouble"], apart)
     errors = reference_errors(double, double, good).without(left_out)
     quality = double.quality
     contraction = _worst(quality.contraction, good)
@@ -231,13 +226,27 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     if not good.any():
         rounding = dict.fromkeys(rounding, math.inf)
     elif rubs and WIDER and signed.any():
-        exact = request.run(few, Setting("newton", precision="clongdouble"))
-        lost = reference_errors(exact, double, signed).without(left_out).error(double)
+        rubbed = request.run(few, Setting("newton", precision="clongdouble"))
+        lost = reference_errors(rubbed, double, signed).without(left_out).error(double)
         for name, eps in (("complex128", DOUBLE), ("clongdouble", LONG)):
             rounding[name] = max(rounding[name], lost * eps / DOUBLE)
     elif rubs:
         rounding["complex128"] *= 1 + share / max(1 - contraction, DOUBLE)
+    if wide is not None and SAFETY * rounding["complex128"] > accuracy / 2:
+        how = {"friction": "none", "static": request.static, "want": wide.plan.want}
+        exact = reference_errors(wide, wide, good).without(left_out)
+        rounding["clongdouble"] = max(rounding["clongdouble"], _kept_back(exact, request, few, how))
     return Probe(share, contraction, _least_margin(double, good), rounding, rubs, few, errors)
+
+
+def _kept_back(
+    exact: ReferenceErrors, request: _Request, few: Samples, how: Mapping[str, Any]
+) -> float:
+    """What a wider number does not gain: kernels that iterate, lengths derived in double."""
+    ways = [rotated_run]
+    if request.mechanism.names is not None:  # made of a document
+        ways.append(run_off_by_a_digit)
+    return max(exact.error(way(request.mechanism, few, "clongdouble", how)) for way in ways)
 
 
 def _worst(columns: Mapping[str, Any], good: Any, least: float = 0.0) -> float:
@@ -275,7 +284,9 @@ def _settings(
         p
         for p in probe.rounding
         if p == "complex128"
-        or (engine != "scalar" and (p == "clongdouble" or (n >= ENOUGH and not probe.rubs)))
+        or (
+            engine in ("auto", "numpy") and (p == "clongdouble" or (n >= ENOUGH and not probe.rubs))
+        )
     ]
     half = accuracy / 2  # for friction, the rest for rounding
     fine = [p for p in precisions if SAFETY * probe.rounding[p] <= half] or precisions[-1:]

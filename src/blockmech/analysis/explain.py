@@ -9,6 +9,8 @@ from typing import Any
 from blockmech.compiled import Compiled
 from blockmech.errors import listed
 from blockmech.plan import Plan
+from blockmech.runnable import EVERYTHING
+from blockmech.typing import FrictionMethod
 
 GROUPS = 12  # wanted outputs above which they are told by quantity
 FAMILIES = (  # the dearest stage that outputs need -> what they are called
@@ -40,8 +42,22 @@ class Share:
     saves: int
 
 
-def explain(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> str:
-    """The schedule of some outputs, and what each of them drags in and costs, as text."""
+def explain(
+    mechanism: Compiled,
+    want: Iterable[str] | str = EVERYTHING,
+    *,
+    friction: FrictionMethod | None = None,
+    tolerance: float | None = None,
+    iterations: int | None = None,
+    static: bool = False,
+) -> str:
+    """The schedule of some outputs, and what each of them drags in and costs, as text.
+
+    ``want``, ``friction``, ``tolerance``, ``iterations``, ``static`` are those of a run.
+    Raises `RequestError` for unknown names or settings that do not fit.
+    """
+    how: dict[str, Any] = {"tolerance": tolerance, "iterations": iterations, "static": static}
+    settings = how | {"friction": friction}
     patterns = (want,) if isinstance(want, str) else tuple(want)
     plan = mechanism.plan(patterns, **settings)
     rows = shares(mechanism, patterns, **settings)

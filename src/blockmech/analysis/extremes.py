@@ -17,6 +17,7 @@ from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
 from blockmech.errors import Problem, RequestError
+from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -125,7 +126,15 @@ class Extremes:
         return {"output": self.name, "unit": self.unit, **parts}
 
 
-def extremes(source: Compiled | Result, name: str, **settings: Any) -> Extremes:
+def extremes(
+    source: Compiled | Result,
+    name: str,
+    *,
+    friction: FrictionMethod | None = None,
+    tolerance: float | None = None,
+    iterations: int | None = None,
+    static: bool | None = None,
+) -> Extremes:
     """Smallest and largest values of an output over a cycle.
 
     Parameters
@@ -133,7 +142,8 @@ def extremes(source: Compiled | Result, name: str, **settings: Any) -> Extremes:
     source : a mechanism (followed over its law's range, or over a turn of its crank), or a
         result (followed over its samples, with its settings)
     name : a real output or a vector; ``"dyad.C.p.x"`` is one part of a vector
-    settings : friction, tolerance, iterations, static, as in `Compiled.run`
+    friction, tolerance, iterations, static : as in a run; by default those of the result,
+        or Newton's method with inertia
 
     Returns
     -------
@@ -144,7 +154,7 @@ def extremes(source: Compiled | Result, name: str, **settings: Any) -> Extremes:
     RequestError for an unknown output, one that is not real, or no range to follow
     SampleError where the output exists at no sample
     """
-    cycle = cycle_of(source, settings)
+    cycle = cycle_of(source, friction, tolerance, iterations, static)
     output, parts = parts_of(cycle.mechanism, name)
     ranges = {}
     for part in parts:

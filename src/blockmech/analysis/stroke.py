@@ -26,6 +26,7 @@ from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turns import ALIKE, Signal, Turn, Turns, signal_of, turns_of
 from blockmech.errors import Problem, RequestError
 from blockmech.series import EPS, Floats, fit, panels
+from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -101,7 +102,15 @@ class Stroke:
         }
 
 
-def stroke(source: Compiled | Result, name: str, **settings: Any) -> Stroke:
+def stroke(
+    source: Compiled | Result,
+    name: str,
+    *,
+    friction: FrictionMethod | None = None,
+    tolerance: float | None = None,
+    iterations: int | None = None,
+    static: bool | None = None,
+) -> Stroke:
     """Distance between the extreme positions of a marker or of a real output.
 
     Parameters
@@ -109,7 +118,7 @@ def stroke(source: Compiled | Result, name: str, **settings: Any) -> Stroke:
     source : a mechanism or a result, as in `extremes`
     name : a place such as ``"slider.C.p"``, or a real output or part such as
         ``"dyad.j.angle"``, ``"dyad.C.p.x"``
-    settings : as in `extremes`
+    friction, tolerance, iterations, static : as in `extremes`
 
     Raises
     ------
@@ -117,7 +126,7 @@ def stroke(source: Compiled | Result, name: str, **settings: Any) -> Stroke:
         is not run to and fro, or no range to follow
     SampleError where the output exists at no sample
     """
-    cycle = cycle_of(source, settings)
+    cycle = cycle_of(source, friction, tolerance, iterations, static)
     output, parts = parts_of(cycle.mechanism, name)
     path: Path = "scalar"
     chord: float | None = None

@@ -8,7 +8,7 @@ driver has another rate and acceleration at each sample, so that inertia is neve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,9 @@ from blockmech.analysis.load_checks import energies, loads
 from blockmech.analysis.motion_checks import closures, drivers, markers, modes
 from blockmech.model.structure import LinkRef
 from blockmech.result import Result
+from blockmech.runnable import EVERYTHING
 from blockmech.samples import Samples
+from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Precision
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -94,7 +96,22 @@ class Verification:
         return "\n".join(lines)
 
 
-def verify(mechanism: Compiled, **request: Any) -> Verification:
+def verify(
+    mechanism: Compiled,
+    at: Coordinates | None = None,
+    *,
+    samples: int | None = None,
+    times: Numbers | None = None,
+    rates: Coordinates | None = None,
+    accelerations: Coordinates | None = None,
+    friction: FrictionMethod | None = None,
+    tolerance: float | None = None,
+    iterations: int | None = None,
+    static: bool = False,
+    engine: EngineName = "auto",
+    precision: Precision | None = None,
+    chunk: int | None = None,
+) -> Verification:
     """Hold a mechanism against the equations of mechanics over some samples.
 
     Every pair closes in places, velocities and accelerations; drivers and assembly modes are
@@ -104,18 +121,24 @@ def verify(mechanism: Compiled, **request: Any) -> Verification:
 
     Parameters
     ----------
-    request : as for `Compiled.run` (at, samples, times, friction ...); by default
-        25 samples of the laws' ranges with friction by Newton. Gaps are left out.
+    at, samples, times, rates, accelerations : [rad or m], [s] as in a run; by default 25
+        samples of the laws' ranges. Gaps are left out.
+    friction, tolerance, iterations, static, engine, precision, chunk : as in a run
 
     Returns
     -------
     Verification, with a number for each check
     """
-    if not {"at", "samples", "times"} & set(request):
-        request["samples"] = SAMPLES
-    asked = Evidence(mechanism.of_blocks.run(**request | {"want": ("*",), "on_gap": "mark"}))
+    if at is None and samples is None and times is None:
+        samples = SAMPLES
+    given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    how: dict[str, Any] = {"engine": engine, "precision": precision or "complex128", "chunk": chunk}
+    blocks = mechanism.of_blocks
+    taken = blocks.samples(at, samples, times, rates, accelerations)
+    given["static"] = static
+    asked = Evidence(blocks.answer(taken, EVERYTHING, given, None, **how, on_gap="mark"))
     worst: dict[str, float] = {}
-    for evidence in (asked, Evidence(_shaken(asked.run, request))):
+    for evidence in (asked, Evidence(_shaken(asked.run, how))):
         good = evidence.good
         for check in CHECKS:
             for what, of, left, scale in check(evidence):
@@ -132,7 +155,7 @@ def _relative(left: Any, scale: Any) -> float:
     return float(np.max(np.where(size == 0, 0.0, size / np.where(scale, scale, 1)), initial=0.0))
 
 
-def _shaken(run: Result, request: dict[str, Any]) -> Result:
+def _shaken(run: Result, how: Mapping[str, Any]) -> Result:
     """The same poses without friction, each with rates and accelerations of its own.
 
     Rates are between half of those asked for and those; none is zero. Accelerations are of the
@@ -149,7 +172,6 @@ def _shaken(run: Result, request: dict[str, Any]) -> Result:
         inputs[f"qdd_{k}"] = inputs[f"qdd_{k}"] + np.abs(asked) * fastest * np.sin(2 * at + k + 1)
     plan = mechanism.plan("*", friction="none", static=run.settings["static"])
     samples = Samples(run.n, inputs, run.samples.time)
-    how = {key: request[key] for key in ("engine", "precision", "chunk") if request.get(key)}
     values, engine = mechanism.evaluate(plan, samples, **how)
     settings = run.settings | {"friction": "none", "tolerance": None, "iterations": None}
     return Result(mechanism, plan, samples, values, engine, settings)

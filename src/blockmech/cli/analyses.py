@@ -62,7 +62,7 @@ def verify(file: GraphFile, at: At = None, json: AsJson = False) -> None:
     mechanism = compiled(file)
     given = coordinates(mechanism, at or [])
     with progress_bar("verifying"):
-        found = mechanism.verify(**({} if given is None else {"at": given}))
+        found = mechanism.verify(given)
     keys = ("name", "value", "allowed", "ok")
     rows = [{key: getattr(row, key) for key in keys} for row in found.rows]
     answer(file, json, {"ok": found.ok, "rows": rows}, str(found))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -47,23 +47,34 @@ class Output:
         si_only(self.json, self.degrees)
 
     @property
+    def is_table(self) -> bool:
+        """Whether nothing but a table is made."""
+        return not (self.json or self.out or self.csv or self.plot)
+
+    @property
     def is_data(self) -> bool:
         """Whether standard output takes the numbers and nothing else."""
         return self.json or self.csv == "-"
 
     def show(
-        self, result: Result, pictures: Pictures, gaps: Sequence[str], lines: Sequence[str] = ()
+        self,
+        result: Result,
+        pictures: Pictures,
+        gaps: Sequence[str],
+        lines: Sequence[str] = (),
+        of: Collection[str] = (),
     ) -> None:
         """Print a result as data, with notes of its gaps; or write files, and print a table.
 
-        ``pictures`` draws into a folder, ``lines`` follow the table.
+        ``pictures`` draws into a folder, ``lines`` follow the table, ``of`` are the names that
+        it says there are.
         """
         if self.is_data:
             pour(json_chunks(result) if self.json else self._csv(result))
             note(*gaps)
             return
         files = [f"wrote {path}" for path in self._written(result, pictures)]
-        say("\n".join([table(result, degrees=self.degrees), *lines, *files]))
+        say("\n".join([table(result, degrees=self.degrees, of=of), *lines, *files]))
 
     def _csv(self, result: Result) -> Any:
         cells = "\t" if self.separator == "tab" else self.separator

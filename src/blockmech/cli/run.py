@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,15 +26,15 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
 from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
-from blockmech.compiled import EVERYTHING
-from blockmech.export import gap_lines
+from blockmech.export import gap_lines, leading
 from blockmech.failures import without_gaps
 from blockmech.result import Result
+from blockmech.runnable import EVERYTHING
 
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
 ]
-Engine = Annotated[str, option("auto, scalar or numpy.", "ENGINE")]
+Engine = Annotated[str, option("auto, scalar, numpy or llvm (compiled).", "ENGINE")]
 Precision = Annotated[str | None, option("complex64, complex128 or clongdouble (numpy).", "TYPE")]
 OnGap = Annotated[str, option("Samples without an answer: mark, raise or stop.", "WHAT")]
 
@@ -73,6 +74,10 @@ def run(
     if explain:
         say(mechanism.explain(**request))
         return
+    everything: Collection[str] = ()
+    if output.is_table and not want:
+        everything = mechanism.outputs
+        request["want"] = leading(mechanism.outputs)  # the table has no room for more
     request |= {"at": coordinates(mechanism, at or []), "samples": samples}
     request |= {"times": times(at_times), "engine": engine, "precision": precision}
     with progress_bar("computing"):
@@ -81,7 +86,7 @@ def run(
         result = without_gaps(result, on_gap)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    output.show(result, _pictures, gaps)
+    output.show(result, _pictures, gaps, of=everything)
     if on_gap == "stop" and not output.is_data:  # the table does not reach them
         note(*gaps)
     if gaps:

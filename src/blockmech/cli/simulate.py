@@ -23,9 +23,9 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
-from blockmech.compiled import EVERYTHING
 from blockmech.export import gap_lines
 from blockmech.result import Result
+from blockmech.runnable import EVERYTHING
 
 Until = Annotated[
     str | None,
@@ -92,10 +92,10 @@ def simulate(
         say(mechanism.explain(names, **settings), "\n\n", evaluation_cost(mechanism, **settings))
         return
     given, begun = times(at_times), starts(mechanism, start or [])
+    settings["method"] = method
     with progress_bar("simulating", quiet=output.is_data) as told:
         result = mechanism.simulate(
             until,
-            method=method,
             accuracy=accuracy,
             step=step,
             times=given,

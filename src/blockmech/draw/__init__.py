@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from blockmech.compiled import Compiled
 from blockmech.draw.animation import MOVING, Animation
@@ -26,6 +26,7 @@ from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.model.graph import Graph
 from blockmech.result import Result
+from blockmech.runnable import Runnable
 
 __all__ = [
     "Animation",
@@ -38,14 +39,8 @@ __all__ = [
 ]
 
 
-class Document(Protocol):
-    """A graph or linkage."""
-
-    def compile(self) -> Compiled:
-        """The mechanism that it describes."""
-
-
-Subject: TypeAlias = Document | Compiled
+Subject: TypeAlias = Runnable
+"""A graph, a linkage or a mechanism."""
 
 KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING, "schedule": STILL}
 
@@ -212,7 +207,8 @@ def plot(
 
 
 def _mechanism(subject: Subject) -> Compiled:
-    return subject if isinstance(subject, Compiled) else subject.compile()
+    made: Compiled = subject.compile()
+    return made
 
 
 def _diagram_figure(subject: Subject) -> Any:

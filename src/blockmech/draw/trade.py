@@ -6,12 +6,15 @@ reference hatched. Above the cost in seconds, below in kernel evaluations.
 
 from __future__ import annotations
 
+import functools
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec
 
-from blockmech.analysis.trade.report import Trade
+from blockmech.analysis.trade import Trade
+from blockmech.analysis.trade import trade as measured
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import (
     legend_above,
@@ -32,6 +35,7 @@ MARK = 0.425 * ink.TEXT  # [pt] size of a point
 LABEL = 0.75 * ink.TEXT  # [pt] size of the settings' labels
 SPOTS = ((5, 5), (5, -5), (-5, 5), (-5, -5), (0, 8), (0, -8))  # [pt] of a label, tried in turn
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+P = ParamSpec("P")
 COSTS = {"seconds": "time of one run [s]", "evaluations": "kernel evaluations [–]"}
 
 
@@ -41,6 +45,17 @@ class PlottedTrade(Trade):
     def plot(self, path: str | os.PathLike[str]) -> Path:
         """Draw the work-precision diagram (png, svg or pdf)."""
         return draw_trade(self, path)
+
+
+def _drawn(measure: Callable[P, Trade]) -> Callable[P, PlottedTrade]:
+    @functools.wraps(measure)
+    def trade(*asked: P.args, **more: P.kwargs) -> PlottedTrade:
+        return PlottedTrade(**vars(measure(*asked, **more)))
+
+    return trade
+
+
+trade = _drawn(measured)
 
 
 def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import TARGET, difference, judged, missed, stopped
+from blockmech.dynamics.estimate import ROUNDING, TARGET, difference, judged, stopped, with_rounding
 from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
@@ -53,7 +53,6 @@ if TYPE_CHECKING:
 
 COARSE, FINE = 32, 48  # nodes of a panel of the two runs
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
-BESIDE = 4  # ulps by which a run beside is off: what a sum of some ten terms may lose
 MOST = 8_000  # panels of a run; ten seconds of work and more
 
 
@@ -62,7 +61,7 @@ class PathRun:
     """One run: where the motion is, and what it left behind.
 
     t [s] counts from the start of the run; K [J]; sign is the direction of the motion. A run
-    ``beside`` starts some ulps off, and has rounding of its own added to inertia and energies.
+    ``beside`` starts some roundings off, and has rounding of its own added to inertia and energies.
     """
 
     system: System
@@ -87,10 +86,10 @@ class PathRun:
     mark: tuple[int, At] | None = None  # panel and state where a pattern may begin
 
     def __post_init__(self) -> None:
-        self.rounding = BESIDE * EPS + 2 * self.system.noise  # relative, of work and inertia
-        self.off = BESIDE if self.beside else 0
+        self.rounding = ROUNDING + 2 * self.system.noise  # relative, of work and inertia
+        self.off = ROUNDING if self.beside else 0.0
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
-        self.q = q * (1 + self.off * EPS)
+        self.q = q * (1 + self.off)
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
         self.road = Road(self.system, self.q, self.n, tolerance, 4 * self.off)
         self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
@@ -100,7 +99,7 @@ class PathRun:
 
     def run(self) -> None:
         """Go on until something ends the run."""
-        rate = float(self.request.start.rate) * (1 + self.off * EPS)
+        rate = float(self.request.start.rate) * (1 + self.off)
         try:
             if rate:
                 self.sign, self.K = (1 if rate > 0 else -1), float(self.start.J[0]) * rate**2 / 2
@@ -187,6 +186,10 @@ class PathRun:
                 self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
             )
         if isinstance(panel, Panels):
+            if panel.t1 > self.goals.t or float(panel.spans.end[-1]) == goal:
+                way = abs(float(panel.state(np.array([self.goals.t]))[0][0]) - self.q)
+                if self.next.kept_clear(self.at, piece, way):
+                    return
             self.take(panel)
             self.passed(piece)
         elif panel.end == STANDSTILL:
@@ -378,7 +381,7 @@ class PathRun:
 def along_path(system: System, request: SimulationRequest) -> Motion:
     """The motion by the path method, with its error (`estimate`).
 
-    Of two runs the coarser has fewer nodes and is some ulps beside, in its start, its inertia
+    Of two runs the coarser has fewer nodes and is some roundings beside, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
     start = system.sample(np.array([float(request.start.q)]), float(request.start.rate))
@@ -399,4 +402,5 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
         return stopped(coarse, fine)
     apart = difference(coarse, fine, system.rotary, request.times)
-    return missed(judged(coarse, fine, apart, request.times), request.accuracy or TARGET)
+    found = judged(coarse, fine, apart, request.times)
+    return with_rounding(system, found, request.accuracy or TARGET)

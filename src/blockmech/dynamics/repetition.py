@@ -20,7 +20,6 @@ from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.track import AT_ONCE, Pattern
 from blockmech.series import tail
 
-LISTED = 10_000  # standstills of a motion that repeats which are listed; more are not read
 MOST_TURNS = 2**21  # that gain energy, in a run; some seconds of work
 
 
@@ -81,10 +80,10 @@ def swings(swing: Pattern, goals: Goals, done: int) -> Repetition:
     last = int(more)
     spans = swing.panels.spans
     places = float(spans.end[-1]), float(spans.begin[0])
-    listed = [*range(1, min(last, LISTED)), last] if last else []
+    listed = [*range(1, min(last, AT_ONCE)), last] if last else []
     stands = tuple((swing.begins(n + 1), places[n % 2]) for n in listed)
     t = goals.t if goals.t < math.inf else swing.begins(last + 1)
-    note = f"of {last} further standstills {LISTED} are listed" if last > LISTED else ""
+    note = f"of {last} further standstills {AT_ONCE} are listed" if last > AT_ONCE else ""
     return Repetition(swing, regime, facts, t, goals.kind, stands=stands, note=note)
 
 

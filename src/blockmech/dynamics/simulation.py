@@ -46,6 +46,7 @@ from blockmech.errors import Problem, RequestError, listed
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
+from blockmech.typing import FrictionMethod, MotionMethod, Numbers
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -60,15 +61,15 @@ def simulate(
     mechanism: Compiled,
     until: str | Until | None = None,
     *,
-    method: str = "auto",
+    method: MotionMethod = "auto",
     accuracy: float | None = None,
     step: float | None = None,
-    times: Sequence[float] | Floats | None = None,
+    times: Numbers | None = None,
     start: Pairs | None = None,
     stops: Pairs | None = None,
     watch: Sequence[Watch] = (),
     want: Iterable[str] | str = ("*.q", "*.rate"),
-    friction: str | None = None,
+    friction: FrictionMethod | None = None,
     tolerance: float | None = None,
     iterations: int | None = None,
     progress: Progress | None = None,
@@ -160,7 +161,10 @@ def refuse_no_inertia(mechanism: Compiled) -> None:
 
 
 def evaluation_cost(
-    mechanism: Compiled, friction: str | None, tolerance: float | None, iterations: int | None
+    mechanism: Compiled,
+    friction: FrictionMethod | None,
+    tolerance: float | None,
+    iterations: int | None,
 ) -> str:
     """Kernel calls that one evaluation of the motion takes, as a line of text."""
     system = System(mechanism, method=friction_asked(friction, tolerance, iterations))

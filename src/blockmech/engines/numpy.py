@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
 from blockmech.plan import Program
-from blockmech.plane import REST_SHARE, cross, dot, primitives_of
+from blockmech.plane import REST_SHARE, cross, dot, implicit, primitives_of
 
 PRECISIONS: dict[str, Any] = {
     "complex64": np.float32,
@@ -109,7 +109,7 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
             break
         ahead = step(state, *data)
         if not np.all(going):
-            ahead = _mapped(lambda new, old, w=going: np.where(w, new, old), ahead, state)
+            ahead = each_part(lambda new, old, w=going: np.where(w, new, old), ahead, state)
         state = ahead
     return state
 
@@ -119,9 +119,9 @@ def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
     if not np.any(condition):
         return given
     shape = np.broadcast_shapes((1,), *(np.shape(x) for x in _leaves((condition, given, data))))
-    whole = _mapped(lambda x: np.array(np.broadcast_to(x, shape)), given)
+    whole = each_part(lambda x: np.array(np.broadcast_to(x, shape)), given)
     for index in zip(*np.nonzero(np.broadcast_to(condition, shape)), strict=True):
-        sample = _mapped(lambda x, i=index: float(np.broadcast_to(x, shape)[i]), (given, *data))
+        sample = each_part(lambda x, i=index: float(np.broadcast_to(x, shape)[i]), (given, *data))
         answer = one(*sample)
         for room, x in zip(_leaves(whole), _leaves(answer), strict=True):
             room[index] = x
@@ -136,13 +136,13 @@ def each(function: Any, *x: Any) -> Any:
     return np.array(found, columns[0].dtype).reshape(columns[0].shape)
 
 
-def _mapped(function: Any, value: Any, *more: Any) -> Any:
+def each_part(function: Any, value: Any, *more: Any) -> Any:
     """A nested tuple of batches with a function of each real batch in it; vectors as pairs.
 
     With more of the like, a function of the batches that stand at the same place.
     """
     if isinstance(value, tuple):
-        parts = [_mapped(function, *x) for x in zip(value, *more, strict=True)]
+        parts = [each_part(function, *x) for x in zip(value, *more, strict=True)]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     if isinstance(value, Planar):
         given = (value, *more)
@@ -176,7 +176,7 @@ def primitives(dtype: Any) -> dict[str, Any]:
     own = (mul, imul, hyp, angle, modulo, piecewise, repeat, repair, each, expi, planar, matrix)
     ufuncs = (np.sqrt, np.sign, np.where, np.minimum, np.maximum)
     systems = (linear.solve, linear.solve_transposed, linear.spread)
-    found = {f.__name__: f for f in (cross, dot, *own, *ufuncs, *systems)}
+    found = {f.__name__: f for f in (cross, dot, implicit, *own, *ufuncs, *systems)}
     return found | {"EPS": float(np.finfo(dtype).eps)}
 
 
@@ -238,7 +238,7 @@ class NumpyEngine:
                 part = slice(k, min(k + chunk, n))
                 values = self._program(*(c[part] for c in columns), self.parameters)
                 if n <= chunk:
-                    return tuple(_mapped(lambda x: _column(x, n), values))
+                    return tuple(each_part(lambda x: _column(x, n), values))
                 found = found or self._rooms(values, n)
                 for room, value in zip(_leaves(found), _leaves(values), strict=True):
                     if room.flags.writeable:
@@ -264,7 +264,7 @@ class NumpyEngine:
             return np.ndim(x) == 1 and x.dtype == self.dtype
 
         block = iter(np.empty((sum(map(plain, _leaves(values))), n), self.dtype))
-        return tuple(_mapped(lambda x: next(block) if plain(x) else _column(x, n, True), values))
+        return tuple(each_part(lambda x: next(block) if plain(x) else _column(x, n, True), values))
 
     def _rounded(self, name: str, column: Any) -> NDArray[Any]:
         given: NDArray[Any] = np.asarray(column)  # one pose comes as a list

@@ -12,7 +12,7 @@ from blockmech.export.columns import AnyPath, Column, Labelled, columns
 from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz
 from blockmech.export.schema import result_schema
 from blockmech.export.spreadsheet import csv_chunks, to_csv, write_csv
-from blockmech.export.tables import aligned, gap_lines, html_table, table
+from blockmech.export.tables import aligned, gap_lines, html_table, leading, table
 
 __all__ = [
     "Column",
@@ -23,6 +23,7 @@ __all__ = [
     "gap_lines",
     "html_table",
     "json_chunks",
+    "leading",
     "result_schema",
     "table",
     "to_csv",

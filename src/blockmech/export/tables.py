@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import io
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.export.columns import Column, Labelled, driver_columns, output_columns
+from blockmech.plan import Output
 from blockmech.quality import OK
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 ROWS = 13  # of a turn in 361 samples these are steps of 30 degrees
 WIDTH = 100  # characters of a terminal line
+NARROWEST = len("[N m]  ")  # of the columns of a table: the unit, and the gap to the next
 LINES = 4  # remarks of one kind, names of further outputs
 FIRST = (".drive", "mechanism.friction_power", ".reaction")
 """What a reader looks for first, by the end of the name; then the order of the result."""
@@ -45,31 +47,47 @@ class Selection:
     more: list[str]
 
 
-def table(result: Labelled, degrees: bool = False, width: int = WIDTH) -> str:
+def leading(outputs: Mapping[str, Output]) -> tuple[str, ...]:
+    """Of all outputs those that a table has room for, and what it says of each run.
+
+    Where nothing is asked for by name, no others need to be computed. The margins are among
+    them: a group that does not close is told, whatever depends on it.
+    """
+    ranked = sorted((n for n, o in outputs.items() if o.kind != "number"), key=_rank)
+    told = (n for n, o in outputs.items() if o.kind == "number" or n.endswith(".margin"))
+    return (*ranked[: WIDTH // NARROWEST], *told)
+
+
+def table(
+    result: Labelled, degrees: bool = False, width: int = WIDTH, of: Collection[str] = ()
+) -> str:
     """A text table: drivers and the outputs that fit, units in the head, gaps named.
 
     Parameters
     ----------
     degrees : angles in deg in place of rad
     width : characters of a line
+    of : names of all outputs, where only the `leading` ones were computed
     """
-    shown = _select(result, degrees, width)
+    shown = _select(result, degrees, width, of or tuple(result))
     console = _console(width)
     console.print(_grid(shown.columns, shown.rows, result.quality.status if shown.gaps else ()))
     assert isinstance(console.file, io.StringIO)
     lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
     footer = list(_footer(result, shown, degrees))
-    return "\n".join([_title(result), "", *lines, *([""] if footer else []), *footer])
+    return "\n".join(
+        [_title(result, len(of or result)), "", *lines, *([""] if footer else []), *footer]
+    )
 
 
 def html_table(result: Labelled, degrees: bool = False) -> str:
     """The same table as HTML, for notebooks; every name is escaped."""
-    shown = _select(result, degrees, WIDTH)
+    shown = _select(result, degrees, WIDTH, tuple(result))
     status = result.quality.status
     heads = [*(column.head for column in shown.columns), "status"]
     lines = [
         "<table>",
-        f"<caption>{html.escape(_title(result))}</caption>",
+        f"<caption>{html.escape(_title(result, len(result)))}</caption>",
         _html_row("th", heads),
     ]
     for i in shown.rows:
@@ -107,11 +125,11 @@ def gap_lines(result: Labelled, degrees: bool = False) -> list[str]:
 # -- what is shown ---------------------------------------------------------------------
 
 
-def _select(result: Labelled, degrees: bool, width: int) -> Selection:
+def _select(result: Labelled, degrees: bool, width: int, of: Collection[str]) -> Selection:
     chosen = driver_columns(result, degrees)
     first = {column.output for column in chosen}
-    rest = [name for name in result if name not in first]
-    numbers = [name for name in rest if result.output(name).kind == "number"]
+    numbers = [name for name in result if result.output(name).kind == "number"]
+    rest = [name for name in of if name not in first and name not in numbers]
     step = max(1, -(-(result.n - 1) // (ROWS - 1)))
     rows = sorted({*range(0, result.n, step), *range(result.n)[-1:]})
     quality = result.quality
@@ -119,9 +137,9 @@ def _select(result: Labelled, degrees: bool, width: int) -> Selection:
     status = quality.status if gaps else ()
     more: list[str] = []
     shown_any = False
-    for name in sorted((n for n in rest if n not in numbers), key=_rank):
+    for name in sorted(rest, key=_rank):
         # Once one does not fit, smaller ones must not jump the queue.
-        parts = [] if more else output_columns(result, name, degrees)
+        parts = output_columns(result, name, degrees) if name in result and not more else []
         if parts and (not shown_any or _wide([*chosen, *parts], rows, status) <= width):
             chosen += parts
             shown_any = True
@@ -191,11 +209,11 @@ def _cell(x: float) -> str:
     return f"{x + 0.0:.6g}" if np.isfinite(x) else "-"
 
 
-def _title(result: Labelled) -> str:
+def _title(result: Labelled, outputs: int) -> str:
     settings = result.settings
     how = f"friction {settings['friction']}" + (", static" if settings["static"] else "")
     name = result.mechanism.name
-    return f"{name}: {_count(result.n, 'sample')}, {_count(len(result), 'output')}; {how}"
+    return f"{name}: {_count(result.n, 'sample')}, {_count(outputs, 'output')}; {how}"
 
 
 def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:

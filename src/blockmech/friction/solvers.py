@@ -24,7 +24,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from blockmech.friction.continuation import Outcome, continue_from_zero
-from blockmech.plane import EPS, NAN, hyp, maximum, mul, repair, repeat, sqrt, where
+from blockmech.plane import EPS, NAN, hyp, implicit, maximum, mul, repair, repeat, sqrt, where
 from blockmech.typing import Complex, Real
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
@@ -122,7 +122,7 @@ def successive(
 
     The change is that of the loads [N], by default relative to the largest of them. What a
     count left undone is bounded by residual / (1 - P); a bound above the friction itself is
-    none, and the sample has no answer.
+    none, and the sample has no answer, whatever continuation would find.
     """
     g = norms(base, edges)
     t = tuple(0.0 * x for x in g)
@@ -137,11 +137,13 @@ def successive(
     t = tuple(where(late, NAN, x) for x in last.t)
     ratio = where(last.count > 1.0, last.ratio, P)
     more = (last.count, last.residual, ratio, outcome, P * 0.0 + 1.0)
-    unproved = (P >= 1.0) & _known(base, edges)
     solution = Solution(t, last.g, *more)
+    if iterations is not None:
+        return solution
+    unproved = (P >= 1.0) & _known(base, edges)
     given = (k, edges, base, rows, enough(last.g, asked))
     found: Solution = repair(unproved, confirmed, solution, *given)
-    return found
+    return differentiable(found, k, edges, base, rows)
 
 
 class Iterate(NamedTuple):
@@ -209,7 +211,14 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
     unproved = ((P >= 1.0) & _known(base, edges)) | (residual > SETTLED * EPS)
     settled: Solution = repair(unproved, replaced, solution, k, edges, base, rows)
-    return settled
+    return differentiable(settled, k, edges, base, rows)
+
+
+def differentiable(found: Solution, k: Any, edges: Any, base: Any, rows: Any) -> Solution:
+    """A solution of the friction equations, which say its derivatives."""
+    start = (found.t, found.iterations, True)
+    t, _, _ = implicit(newton_step, start, k, edges, base, rows)
+    return found._replace(t=t)
 
 
 def newton_step(state: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:

@@ -37,7 +37,7 @@ from blockmech.modes.groups import Outline, outline
 from blockmech.modes.standing import Standing
 from blockmech.modes.triad import Support
 from blockmech.samples import make_samples
-from blockmech.typing import Guide, LinkPosition
+from blockmech.typing import Coordinates, Guide, LinkPosition
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -57,7 +57,7 @@ class _On(NamedTuple):
 
 def modes(
     mechanism: Compiled,
-    at: Any = None,
+    at: Coordinates | None = None,
     *,
     driver: str | None = None,
     groups: Iterable[str] | None = None,
@@ -80,14 +80,15 @@ def modes(
     """
     drivers, still = mechanism.drivers, dict.fromkeys(mechanism.drivers, 0.0)
     if at is None:
-        at = {d: mechanism.scene.begin(d) for d in drivers}
+        begun = {d: mechanism.scene.begin(d) for d in drivers}
         told, remedy = (
             "nothing says where this driver stands",
             "give its coordinate, or a law of motion by coordinate",
         )
-        lost = [Problem("bad-request", d, told, "", remedy) for d in drivers if at[d] is None]
+        lost = [Problem("bad-request", d, told, "", remedy) for d, q in begun.items() if q is None]
         if lost:
             raise RequestError(lost)
+        at = {d: q for d, q in begun.items() if q is not None}
     taken = make_samples(mechanism.drivers, mechanism.scene, at, rates=still)
     rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(drivers)}
     samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]

@@ -32,6 +32,7 @@ from blockmech.validation_errors import validated
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
     from blockmech.result import Result
+    from blockmech.typing import FrictionMethod
 
 NO_SIZE = "every expected number is 0, so only an atol allows an error"
 
@@ -170,11 +171,9 @@ def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
     if moving is None:
         how = {k: getattr(expectation, k) for k in ("at", "friction", "tolerance", "iterations")}
         return mechanism.run(want=want, on_gap="mark", **how)
-    friction = "none" if expectation.friction == "none" else None
-    until, method = moving.until, moving.method
-    found = mechanism.simulate(
-        until, times=moving.times, want=want, friction=friction, method=method
-    )
+    more: dict[str, Any] = {"times": moving.times, "method": moving.method}
+    friction: FrictionMethod | None = "none" if expectation.friction == "none" else None
+    found = mechanism.simulate(moving.until, want=want, friction=friction, **more)
     if found.motion.end == "interrupted":
         raise KeyboardInterrupt
     return found

@@ -18,7 +18,9 @@ from blockmech.analysis.trade.measure import (
 )
 from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.sweep import Sweep
+from blockmech.dynamics.request import Until
 from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "trade"]
 
@@ -38,7 +40,15 @@ def trade(
     target: float | None = None,
     within: float | None = None,
     say: Callable[[str, int, int], None] | None = None,
-    **request: Any,
+    at: Coordinates | None = None,
+    samples: int | None = None,
+    times: Numbers | None = None,
+    rates: Coordinates | None = None,
+    accelerations: Coordinates | None = None,
+    static: bool | None = None,
+    until: str | Until | None = None,
+    start: Mapping[str, tuple[float, float]] | None = None,
+    friction: FrictionMethod | None = None,
 ) -> Trade:
     """Measure what settings cost and what they buy, for one question.
 
@@ -54,8 +64,8 @@ def trade(
     target : error that is wanted [- or rad]
     within : longest time of one run that is wanted [s]
     say : called with what is measured now, its number and how many there are
-    request : for a sweep ``at``, ``samples``, ``times``, ``rates``, ``accelerations``,
-        ``static``; for a simulation ``until``, ``times``, ``start``, ``friction``
+    at, samples, times, rates, accelerations, static : of a sweep, as in a run
+    until, times, start, friction : of a simulation
 
     Returns
     -------
@@ -65,6 +75,10 @@ def trade(
     ------
     RequestError for an unknown question or output, or settings that do not fit
     """
+    asked_for: dict[str, Any] = {"at": at, "samples": samples, "times": times, "rates": rates}
+    asked_for |= {"accelerations": accelerations, "static": static, "until": until}
+    asked_for |= {"start": start, "friction": friction}
+    request = {name: x for name, x in asked_for.items() if x is not None}
     _refuse_mistakes(question, {"budget": budget, "target": target, "within": within}, request)
     names = (want,) if isinstance(want, str) else None if want is None else tuple(want)
     clock, told = Clock(budget), say or (lambda *_: None)
@@ -112,7 +126,7 @@ def _refuse_mistakes(
     known = REQUESTS[question]
     for name in (name for name in given if name not in known):
         others = [f"leave it out, or ask the question {q}" for q in REQUESTS if name in REQUESTS[q]]
-        remedy = others[0] if others else close_match(name, known) or "leave it out"
+        remedy = others[0]
         found, valid = f"the question {question} does not take it", f"it takes: {listed(known)}"
         problems.append(Problem("useless-setting", name, found, valid, remedy))
     if problems:

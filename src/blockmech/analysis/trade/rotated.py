@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.analysis.trade.derived import how
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.general.block import GeneralGroup
 from blockmech.compiled import Compiled
@@ -51,9 +52,7 @@ def rotated_run(
     values = engine.run(samples.given(plan.program.inputs), samples.n)
     back = Planar(e.real, -e.imag)
     values = tuple(v * back if isinstance(v, Planar) else v for v in values)
-    how = {k: v for k, v in settings.items() if k != "want"}
-    full = {"friction": "newton", "tolerance": None, "iterations": None, "static": False} | how
-    return Result(other, plan, samples, values, "numpy", full)
+    return Result(other, plan, samples, values, "numpy", how(settings))
 
 
 def rotated(mechanism: Compiled) -> Compiled:

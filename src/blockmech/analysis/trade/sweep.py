@@ -24,9 +24,10 @@ from blockmech.analysis.trade.reference_errors import (
     unsure_samples,
 )
 from blockmech.analysis.trade.rotated import rotated_run
-from blockmech.compiled import EVERYTHING, Compiled
+from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.result import Result
+from blockmech.runnable import EVERYTHING
 
 NUMPY = {"engine": "numpy"}
 SINGLE = NUMPY | {"precision": "complex64"}

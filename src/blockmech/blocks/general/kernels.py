@@ -34,6 +34,7 @@ from blockmech.plane import (
     dot,
     expi,
     hyp,
+    implicit,
     matrix,
     maximum,
     mul,
@@ -163,7 +164,8 @@ def newton(
     """The pose to which Newton's method comes, and the size of its first step."""
     data = (plans, supports, q, p)
     pose, first, more = newton_step((pose, 0.0, True), *data)
-    pose, _, _ = repeat(newton_step, (pose, first, more), STEPS - 1, *data)
+    last = repeat(newton_step, (pose, first, more), STEPS - 1, *data)
+    pose, _, _ = implicit(newton_step, last, *data)
     return pose, first
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from blockmech.errors import GraphError, Problem, listed, path_text
+from blockmech.loads.contract import Element
 from blockmech.model.document import Document
 from blockmech.model.form import Draft, bad_name
 from blockmech.model.joints.contents import (
     LINKAGE_FILE,
+    LOADS,
     JointGiven,
     LinkGiven,
     sections,
@@ -21,8 +23,9 @@ from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
 from blockmech.values import Vector, is_name
 
-Given = Any
-"""Numbers, pairs and arrays as `Graph` takes them."""
+if TYPE_CHECKING:
+    from blockmech.friction.laws import Coulomb
+    from blockmech.values import AnyMarker, AnyPlace, Two
 
 
 class Linkage(Document):
@@ -95,24 +98,60 @@ class Linkage(Document):
 
     # -- building ---------------------------------------------------------
 
-    def add_link(self, name: str, **properties: Given) -> None:
-        """Add a link: pose [m, m, rad], mass [kg], inertia [kg m2], cm [m], markers.
+    def add_link(
+        self,
+        name: str,
+        *,
+        pose: Sequence[float] | None = None,
+        mass: float | None = None,
+        inertia: float | None = None,
+        cm: AnyPlace | None = None,
+        markers: Mapping[str, AnyMarker] | None = None,
+    ) -> None:
+        """Add a link.
 
         The fixed link is there from the start; ``add_link("frame", markers=...)`` gives it
-        markers. Raises `GraphError` for a taken name or properties that do not fit.
+        markers.
+
+        Parameters
+        ----------
+        pose : (x, y, angle) [m, m, rad] of the link's own frame; roughly, it fixes the
+            assembly mode; default all zero
+        mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame
+        markers : name -> place [m], or a `Marker` with a direction
+
+        Raises `GraphError` for a taken name or properties that do not fit.
         """
-        self._add("link", name, properties)
+        given = {"pose": pose, "mass": mass, "inertia": inertia, "cm": cm, "markers": markers}
+        self._add("link", name, given)
 
     def add_joint(
-        self, name: str, kind: Literal["R", "P"], links: Sequence[str], at: Given, **more: Given
+        self,
+        name: str,
+        kind: Literal["R", "P"],
+        links: Sequence[str],
+        at: Sequence[AnyPlace],
+        *,
+        angle: Sequence[float] | None = None,
+        dir: Sequence[Two] | None = None,
+        slider: Literal[0, 1] | None = None,
+        friction: Coulomb | None = None,
     ) -> None:
         """Add a joint between two links, or a pin ("R") of more.
 
-        ``at`` has a place [m] for each link, in its frame; a P joint adds ``angle`` [rad] or
-        ``dir`` for both, and ``slider``. Raises `GraphError` for what does not fit.
+        Parameters
+        ----------
+        kind : "R" a pin, "P" a guide
+        links : names of the links; the coordinate counts from the first to the second
+        at : a place [m] for each link, in its frame
+        angle, dir : of a guide, its direction in both frames: [rad], or (dx, dy)
+        slider : of a guide, which of the two links carries the point where N acts; default 1
+        friction : of the joint
+
+        Raises `GraphError` for what does not fit.
         """
-        given = {"type": kind, "links": list(links), "at": list(at), **more}
-        self._add("joint", name, given, kind)
+        given = {"type": kind, "links": list(links), "at": list(at), "angle": angle, "dir": dir}
+        self._add("joint", name, given | {"slider": slider, "friction": friction}, kind)
 
     def add_driver(self, name: str, joint: str, law: LawOfMotion | None = None) -> None:
         """Drive the coordinate of a joint, by a law of motion if one is given.
@@ -123,12 +162,37 @@ class Linkage(Document):
         said = {} if law is None else plain(law)
         self._add("driver", name, {"joint": joint, **said}, said.pop("law", ""))
 
-    def add_load(self, name: str, kind: str, **keys: Given) -> None:
-        """Add a load of a kind such as "force" or "spring", by the keys of its file.
+    @overload
+    def add_load(
+        self,
+        name: str,
+        load: Element,
+        *,
+        link: str | None = None,
+        links: Sequence[str] | None = None,
+        joint: str | None = None,
+        at: AnyPlace | Sequence[AnyPlace] | None = None,
+    ) -> None: ...
+
+    @overload
+    def add_load(self, name: str, load: str, **keys: Any) -> None: ...
+
+    def add_load(self, name: str, load: Element | str, **keys: Any) -> None:
+        """Add a load: ``add_load("wind", bm.Force(force=(30.0, 0.0)), link="rod", at=(1.0, 0.0))``.
+
+        Parameters
+        ----------
+        load : the load as a block, or its kind, such as "force", whose keys then follow
+        link, links : the link or links that it takes hold of
+        joint : in place of ``links`` for a couple between the two of a joint
+        at : place [m] on the link, or on each of them, in their frames
 
         Raises `GraphError` for an unknown kind or keys that do not fit.
         """
-        self._add("load", name, keys, kind)
+        if isinstance(load, Element):
+            keys |= {key: getattr(load, key) for key in load.model_fields_set}
+            load = load.type_name.removeprefix(LOADS)
+        self._add("load", name, keys, load)
 
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
@@ -138,7 +202,7 @@ class Linkage(Document):
         """Give a driver end stops for free motion: lowest and highest coordinate [rad or m]."""
         self.stops[driver] = Stops(**{"from": low, "to": high})
 
-    def _add(self, what: str, name: str, given: dict[str, Given], kind: str = "") -> None:
+    def _add(self, what: str, name: str, given: Mapping[str, Any], kind: str = "") -> None:
         """Add an item of a kind. Raises `GraphError` with places in the document."""
         if not isinstance(name, str) or not is_name(name):
             raise GraphError(bad_name(what, name))
@@ -150,7 +214,7 @@ class Linkage(Document):
         if model is None:
             raise GraphError(section.unknown_kind(kind, f"{where}.{section.key}"))
         try:
-            items[name] = model(**given)
+            items[name] = model(**{key: said for key, said in given.items() if said is not None})
         except GraphError as error:
             where = path_text((f"{what}s", name))
             raise GraphError(

@@ -1,0 +1,301 @@
+"""The engine of derivatives: dual numbers in place of numbers, forward mode.
+
+The kernels are the same, so every derivative is exact to rounding. Loops run on the values;
+then one step of Newton's method on dual numbers differentiates the equations that they
+solved, not the way to the solution (`blockmech.plane.implicit`).
+
+Source: Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, ch. 15 (implicit
+functions).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.engines import linear
+from blockmech.engines import numpy as plain
+from blockmech.engines.binding import bind
+from blockmech.engines.dual import TANGENTS, Dual, slope, value, values
+from blockmech.engines.numpy import CHUNK, Planar, each_part
+from blockmech.errors import Problem, RequestError
+from blockmech.plan import Program
+from blockmech.plane import EPS, REST_SHARE, cross, dot, primitives_of
+
+Array = NDArray[Any]
+
+
+def hyp(z: Planar) -> Any:
+    """Length of a vector; of none, the length of what it becomes."""
+    if not isinstance(z.real, Dual) and not isinstance(z.imag, Dual):
+        return plain.hyp(z)
+    y = plain.hyp(values(z))
+    return Dual(y, TANGENTS[np.hypot](y, *map(value, parts(z)), *map(slope, parts(z))))
+
+
+def parts(z: Planar) -> tuple[Any, Any]:
+    """Components of a vector."""
+    return z.real, z.imag
+
+
+def expi(t: Any) -> Planar:
+    """Unit vector at an angle."""
+    return Planar(np.cos(t), np.sin(t))
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """One or the other, sample by sample."""
+    y = np.where(condition, value(a), value(b))
+    if isinstance(a, Dual) or isinstance(b, Dual):
+        return Dual(y, np.where(condition, slope(a), slope(b)))
+    return y
+
+
+def sign(x: Any) -> Any:
+    """-1, 0 or +1, which does not change but for jumps."""
+    return np.sign(value(x))
+
+
+def modulo(x: Any, period: Any) -> Any:
+    """x less whole periods, whose number does not change but for jumps."""
+    rest = plain.modulo(value(x), value(period))
+    return Dual(rest, slope(x) - np.round((value(x) - rest) / value(period)) * slope(period))
+
+
+def stacked(numbers: Any) -> Any:
+    """Numbers as one array (k,), tangents (m, k)."""
+    x = np.array([value(v) for v in numbers])
+    if not any(isinstance(v, Dual) for v in numbers):
+        return x
+    columns = [np.atleast_1d(slope(v)) for v in numbers]
+    m = max(map(len, columns))
+    return Dual(x, np.stack([np.broadcast_to(c.ravel(), (m,)) for c in columns], axis=-1))
+
+
+def piecewise(x: Any, knots: Any, rows: Any) -> Any:
+    """A piecewise polynomial; at a knot, of the piece that x goes to."""
+    at, last = np.asarray(values(knots)), len(knots) - 2
+    inside = (at[0] <= value(x)) & (value(x) <= at[-1])
+    k = np.clip(np.searchsorted(at, value(x), side="right") - 1, 0, last)
+    where_, what = stacked(knots), [stacked(row) for row in rows]
+
+    def piece(k: Any, s: Any) -> Any:
+        total = what[0][k]
+        for row in what[1:]:
+            total = total * s + row[k]
+        return total
+
+    found = where(inside, piece(k, x - where_[k]), np.nan)
+    corner = inside & np.equal(value(x), at[k])
+    if not (isinstance(found, Dual) and np.any(corner)):
+        return found
+    before = np.where(k > 0, k - 1, last)  # of a table that repeats, the last piece
+    way = x - where_[k]
+    other = piece(before, Dual(at[before + 1] - at[before], way.d))
+    return Dual(found.x, np.where(corner & (way.d < 0.0), slope(other), found.d))
+
+
+def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+    """The last state by value; a fixed number of steps is differentiated as it is taken."""
+    last = plain.repeat(step, values(state), cap, *values(data))
+    if not np.any(last[-1]):
+        return last
+    for _ in range(cap):
+        state = each_part(partial(where, value(state[-1])), step(state, *data), state)
+    return state
+
+
+def implicit(step: Any, state: Any, *data: Any) -> Any:
+    """The state with its tangents: one step from its values."""
+    return step(values(state), *data)
+
+
+def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
+    """The repaired samples by value; see `implicit`."""
+    return plain.repair(condition, one, values(given), *values(data))
+
+
+def each(function: Any, *x: Any) -> Any:
+    """Refused where an argument has tangents: nobody knows the derivative of a function."""
+    if any(np.any(slope(v)) for v in x):
+        law = getattr(function, "__self__", function)
+        name = getattr(getattr(law, "call", law), "__name__", "function")
+        what = "a load's function of Python has no known derivative"
+        remedy = "give the law as data: polynomial, table, fourier or dc"
+        raise _no_derivative(name, what, remedy)
+    return plain.each(function, *map(value, x))
+
+
+def planar(x: Any, y: Any) -> Planar:
+    """A planar vector from its components."""
+    return Planar(x, y)
+
+
+def matrix(rows: Any) -> Any:
+    """Square matrices (..., N, N), tangents (m, ..., N, N)."""
+    x = linear.matrix([[value(v) for v in row] for row in rows], np.float64)
+    found = [slope(v) for row in rows for v in row if isinstance(v, Dual)]
+    if not found:
+        return x
+    d = np.zeros((*np.broadcast_shapes(*(np.shape(v) for v in found)), *x.shape[-2:]))
+    for i, row in enumerate(rows):
+        for j, v in enumerate(row):
+            d[..., i, j] = slope(v)
+    return Dual(x, d)
+
+
+def solve(a: Any, right: Any) -> tuple[Any, ...]:
+    """Solution of a x = right: a dx = d right - da x."""
+    x = linear.solve(value(a), [value(v) for v in right])
+    if not isinstance(a, Dual) and not any(isinstance(v, Dual) for v in right):
+        return x
+    change = np.stack(x, axis=-1)[..., None]
+    moved = (
+        np.moveaxis((slope(a) @ change)[..., 0], -1, 0) if isinstance(a, Dual) else [0.0] * len(x)
+    )
+    rest = [slope(v) - own for v, own in zip(right, moved, strict=True)]
+    return tuple(map(Dual, x, linear.solve(value(a), rest)))
+
+
+def solve_transposed(a: Any, right: Any) -> tuple[Any, ...]:
+    """Solution of a^T x = right."""
+    turned = np.swapaxes(value(a), -1, -2)
+    if isinstance(a, Dual):
+        turned = Dual(turned, np.swapaxes(a.d, -1, -2))
+    return solve(turned, right)
+
+
+def spread(a: Any) -> Any:
+    """Ratio of the smallest to the largest singular value, each with tangent u . da v."""
+    y = linear.spread(value(a))
+    if not isinstance(a, Dual):
+        return y
+    good = np.isfinite(value(a)).all(axis=(-2, -1))
+    u, s, v = np.linalg.svd(np.where(good[..., None, None], a.x, np.eye(a.x.shape[-1])))
+    change = np.einsum("...ik,m...ij,...kj->m...k", u, a.d, v)
+    return Dual(y, (change[..., -1] - y * change[..., 0]) / s[..., 0])
+
+
+_OWN = (hyp, expi, where, sign, modulo, piecewise, repeat, implicit, repair, each, planar)
+_PLAIN = (cross, dot, plain.mul, plain.imul, plain.angle, np.sqrt, np.minimum, np.maximum)
+_SYSTEMS = (matrix, solve, solve_transposed, spread)
+PRIMITIVES = {f.__name__: f for f in (*_OWN, *_PLAIN, *_SYSTEMS)} | {"EPS": EPS}
+"""The primitives of the plane on dual numbers."""
+CONSTANTS = {
+    "ZERO": Planar(np.float64(0.0), np.float64(0.0)),
+    "ONE": Planar(np.float64(1.0), np.float64(0.0)),
+    "REST": REST_SHARE,
+}
+
+
+def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
+    """A function of numbers that is linear where they change; refused where it is not."""
+    at, d = np.array([value(v) for v in x]), [np.ravel(slope(v)) for v in x]
+    y = np.array(function(*at))
+    columns = np.stack([np.broadcast_to(c, (max(map(len, d)),)) for c in d], axis=-1)
+    tangents = [_linear(function, at, y, column) for column in columns]
+    return tuple(map(Dual, y, np.array(tangents).T[..., None]))
+
+
+def _linear(function: Any, at: Array, y: Array, way: Array) -> Array:
+    """Change of a function y along a straight way, if it is the same ahead and behind."""
+    if not way.any():
+        return np.zeros_like(y)
+    size = np.abs(at).max() / np.abs(way).max()
+    try:
+        ahead, behind = (np.array(function(*(at + side * size * way))) for side in (1.0, -1.0))
+    except ValueError:  # no knots in order
+        ahead = behind = np.full_like(y, np.nan)
+    if not np.abs(ahead + behind - 2.0 * y).max() <= 1e3 * EPS * np.abs([ahead, behind]).max():
+        raise _no_derivative(
+            "table", "the arguments of a cubic table have no known derivative", "name its values"
+        )
+    found: Array = (ahead - behind) / (2.0 * size)
+    return found
+
+
+def _no_derivative(where: str, found: str, remedy: str) -> RequestError:
+    return RequestError(Problem("no-derivative", where, found, "", remedy))
+
+
+@primitives_of.register(Dual)
+def _of_derivatives(x: object) -> Mapping[str, Any]:
+    return PRIMITIVES | {"one_by_one": one_by_one}
+
+
+# -- the engine ----------------------------------------------------------------------------
+
+
+class DualEngine:
+    """A program bound to dual numbers, in double precision."""
+
+    name = "dual"
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        functions = {
+            name: f if isinstance(f, FunctionType | type) else _ByValue(f)
+            for name, f in program.functions.items()
+        }
+        self._program = bind(replace(program, functions=functions), PRIMITIVES, CONSTANTS)
+
+    def run(
+        self, inputs: Mapping[str, Any], parameters: Sequence[Any], n: int, m: int
+    ) -> tuple[Any, ...]:
+        """Values of n samples with tangents (m, n): `Dual`, or `Planar` pairs of them.
+
+        ``inputs`` are arrays or `Dual` (n,), ``parameters`` numbers or `Dual` with tangents
+        (m, 1), in the order of the program's.
+        """
+        chunk = max(CHUNK // (m + 1), 1)
+        given = tuple(map(_pair, parameters))
+        done = []
+        with np.errstate(all="ignore"):
+            for k in range(0, max(n, 1), chunk):
+                part = slice(k, min(k + chunk, n))
+                columns = (_part(inputs[name], part) for name in self.program.inputs)
+                found = self._program(*columns, given)
+                size = part.stop - part.start
+                done.append(each_part(lambda x, size=size: _whole(x, m, size), found))
+        return tuple(each_part(_joined, *columns) for columns in zip(*done, strict=True))
+
+
+class _ByValue:
+    """A function that is no kernel, such as a general group's path from home, asked by value."""
+
+    def __init__(self, function: Any) -> None:
+        self.function = function
+        self.__name__ = function.__name__
+
+    def __call__(self, *given: Any) -> Any:
+        return self.function(*values(given))
+
+
+def _pair(parameter: Any) -> Any:
+    if isinstance(parameter, tuple):
+        made = [_pair(x) for x in parameter]
+        return type(parameter)(*made) if hasattr(parameter, "_fields") else tuple(made)
+    if isinstance(parameter, complex):
+        return Planar(np.float64(parameter.real), np.float64(parameter.imag))
+    return parameter if isinstance(parameter, Planar | Dual) else np.float64(parameter)
+
+
+def _part(column: Any, part: slice) -> Any:
+    if isinstance(column, Dual):
+        return Dual(column.x[part], column.d[:, part])
+    return np.asarray(column)[part]
+
+
+def _whole(x: Any, m: int, n: int) -> Dual:
+    """A value as a dual number of n samples."""
+    return Dual(np.broadcast_to(value(x), (n,)), np.broadcast_to(slope(x), (m, n)))
+
+
+def _joined(*chunks: Dual) -> Dual:
+    return Dual(np.concatenate([c.x for c in chunks]), np.concatenate([c.d for c in chunks], -1))

@@ -1,0 +1,100 @@
+"""Dual numbers: values and their tangents, for derivatives in forward mode.
+
+At a kink a tangent is the derivative in the direction of its seed: the opposite seed gives
+the other side's.
+
+Source: Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, ch. 3 (forward mode)
+and 14 (directional derivatives at kinks).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from blockmech.engines.numpy import each_part
+
+
+class Dual(NDArrayOperatorsMixin):
+    """Values (...) and their derivatives d (m, ...) in m directions, each of all samples.
+
+    Sums, products, powers of arithmetic and NumPy's functions in `TANGENTS` carry them;
+    comparisons are of the values.
+    """
+
+    __slots__ = ("d", "x")
+
+    def __init__(self, x: Any, d: Any) -> None:
+        self.x = x
+        self.d = d
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *given: Any, **more: Any) -> Any:
+        if method != "__call__" or more:
+            return NotImplemented
+        x = [value(v) for v in given]
+        if ufunc in COMPARISONS:
+            return ufunc(*x)
+        if ufunc not in TANGENTS:
+            return NotImplemented
+        y = ufunc(*x)
+        return Dual(y, TANGENTS[ufunc](y, *x, *map(slope, given)))
+
+    def __getitem__(self, index: Any) -> Dual:
+        return Dual(self.x[index], self.d[:, index])
+
+    @property
+    def real(self) -> Dual:
+        """Itself: no component of a vector."""
+        return self
+
+    @property
+    def imag(self) -> float:
+        """Nothing."""
+        return 0.0
+
+
+def value(x: Any) -> Any:
+    """A number without its tangents."""
+    return x.x if isinstance(x, Dual) else x
+
+
+def slope(x: Any) -> Any:
+    """The tangents of a number; zero of a constant."""
+    return x.d if isinstance(x, Dual) else 0.0
+
+
+def values(nested: Any) -> Any:
+    """Nested tuples of numbers and vectors without their tangents."""
+    return each_part(value, nested)
+
+
+def _tied(a: Any, b: Any, da: Any, db: Any, first: Any, pick: Any) -> Any:
+    """Tangents of the smaller or larger of two: at a tie, those of the one that goes ahead."""
+    return np.where(np.equal(a, b), pick(da, db), np.where(first, da, db))
+
+
+TANGENTS: dict[Any, Callable[..., Any]] = {
+    np.positive: lambda y, a, da: da,
+    np.negative: lambda y, a, da: -da,
+    np.add: lambda y, a, b, da, db: da + db,
+    np.subtract: lambda y, a, b, da, db: da - db,
+    np.multiply: lambda y, a, b, da, db: da * b + a * db,
+    np.divide: lambda y, a, b, da, db: (da - y * db) / b,
+    np.power: lambda y, a, n, da, dn: n * a ** (n - 1) * da,  # the exponent is a plain number
+    np.sqrt: lambda y, a, da: 0.5 * da / y,
+    np.absolute: lambda y, a, da: np.where(np.equal(a, 0.0), np.abs(da), np.sign(a) * da),
+    np.sin: lambda y, a, da: np.cos(a) * da,
+    np.cos: lambda y, a, da: -np.sin(a) * da,
+    np.hypot: lambda y, a, b, da, db: np.where(
+        np.equal(y, 0.0), np.hypot(da, db), (a * da + b * db) / y
+    ),
+    np.arctan2: lambda y, a, b, da, db: (b * da - a * db) / (a * a + b * b),
+    np.minimum: lambda y, a, b, da, db: _tied(a, b, da, db, np.less(a, b), np.minimum),
+    np.maximum: lambda y, a, b, da, db: _tied(a, b, da, db, np.greater(a, b), np.maximum),
+}
+"""Function of NumPy -> tangents of its result, from the result, arguments and their tangents."""
+
+COMPARISONS = {np.less, np.less_equal, np.greater, np.greater_equal, np.equal, np.not_equal}

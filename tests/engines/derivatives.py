@@ -1,0 +1,119 @@
+"""Derivatives of a program by dual numbers, and by differences in 60 digits.
+
+Both in random directions that change all numbers of the program at once; one direction tells
+of every derivative in it.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+from typing import Any
+
+import mpmath
+import numpy as np
+
+from blockmech.engines.derivatives import DualEngine
+from blockmech.engines.dual import Dual
+from blockmech.engines.numpy import Planar
+from blockmech.mechanism import Mechanism
+from tests.extremes.precise import DIGITS, Precise, moved
+
+STEP = mpmath.mpf(10) ** -20  # its square is far below the 16 digits that are compared
+
+
+def outputs(mechanism: Mechanism) -> list[str]:
+    """Outputs that differ from sample to sample and have derivatives."""
+    return [name for name, o in mechanism.outputs.items() if o.kind in ("real", "vector")]
+
+
+def directions(nested: Any, dice: random.Random, m: int) -> Any:
+    """The like of the numbers of a program with m random changes of each, of its own size."""
+    if isinstance(nested, tuple):
+        parts = [directions(x, dice, m) for x in nested]
+        return type(nested)(*parts) if hasattr(nested, "_fields") else tuple(parts)
+    size = abs(nested) or 1.0
+    ways = [size * dice.uniform(-1.0, 1.0) for _ in range(m)]
+    if isinstance(nested, complex):
+        return [complex(x, size * dice.uniform(-1.0, 1.0)) for x in ways]
+    return ways
+
+
+def zipped(function: Any, nested: Any, ways: Any) -> Any:
+    """A function of each number and its changes."""
+    if isinstance(nested, tuple):
+        parts = [zipped(function, x, w) for x, w in zip(nested, ways, strict=True)]
+        return type(nested)(*parts) if hasattr(nested, "_fields") else tuple(parts)
+    return function(nested, ways)
+
+
+def seeded(x: Any, ways: list[Any]) -> Any:
+    """A number as a dual one."""
+    d = np.array(ways)[:, None]
+    if isinstance(x, complex):
+        return Planar(Dual(np.float64(x.real), d.real), Dual(np.float64(x.imag), d.imag))
+    return Dual(np.float64(x), d)
+
+
+def by_duals(precise: Precise, inputs: Mapping[str, Any], n: int, ways: Any, m: int) -> list[Any]:
+    """Derivatives (m, n) of each value of the program."""
+    program = precise.plan.program
+    parameters = zipped(seeded, tuple(program.parameters.values()), ways)
+    found = DualEngine(program).run(inputs, parameters, n, m)
+    return [z.real.d + 1j * z.imag.d if isinstance(z, Planar) else z.d for z in found]
+
+
+def by_differences(precise: Precise, inputs: Mapping[str, float], ways: Any, m: int) -> list[Any]:
+    """Derivatives (m,) of each value of the program at one sample; NaN at a kink."""
+    parameters = tuple(precise.plan.program.parameters.values())
+    found = []
+    with mpmath.workdps(DIGITS):
+        exact = moved(parameters, mpmath.mpf)
+
+        def at(k: int, h: Any) -> tuple[Any, ...]:
+            return precise.run(inputs, zipped(lambda x, w: x + h * w[k], exact, ways))
+
+        for k in range(m):
+            three = zip(*(at(k, h) for h in (-STEP, mpmath.mpf(0), STEP)), strict=True)
+            found.append([_smooth_slope(*values) for values in three])
+    return [np.array(column) for column in zip(*found, strict=True)]
+
+
+def _smooth_slope(behind: Any, here: Any, ahead: Any) -> complex:
+    left, right = complex((here - behind) / STEP), complex((ahead - here) / STEP)
+    noise = 10.0 ** (40 - DIGITS)  # of the values, over the step
+    smooth = abs(right - left) <= 1e-12 * (abs(left) + abs(right)) + noise * abs(here + 1)
+    return (left + right) / 2 if smooth else complex(np.nan)
+
+
+def errors(mechanism: Mechanism, request: Mapping[str, Any], seed: int, m: int = 2) -> list[float]:
+    """Errors of the derivatives of all outputs at all samples, but for kinks.
+
+    Relative to the largest of the sample's derivatives of one unit over its smallest margin:
+    rounding of the numbers alone does that to them.
+    """
+    want = outputs(mechanism)
+    result = mechanism.run(**request, want=want, on_gap="mark")
+    precise = Precise(mechanism, want, "newton")
+    inputs = result.samples.given(precise.plan.program.inputs)
+    ways = directions(tuple(precise.plan.program.parameters.values()), random.Random(seed), m)
+    duals = by_duals(precise, {k: np.asarray(x) for k, x in inputs.items()}, result.n, ways, m)
+    found = []
+    for k in sorted(set(range(result.n)) - set(result.quality.gaps)):
+        one = {x: float(inputs[x][k]) for x in inputs}
+        exact = by_differences(precise, one, ways, m)
+        precise_values = precise.run(one, precise.plan.program.parameters.values())
+        margin = min([1.0, *(float(x[k]) for x in result.quality.margin.values())])
+        largest: dict[str, float] = {}
+        parts = [
+            (mechanism.outputs[x].unit.removesuffix("/rad").removesuffix("/m"), i)
+            for x in want
+            for i in precise.plan.layout[x]
+        ]
+        for unit, i in parts:
+            both = np.append(exact[i], complex(precise_values[i]))
+            largest[unit] = max(largest.get(unit, 0.0), np.nanmax(np.abs(both)))
+        for unit, i in parts:
+            off = np.abs(duals[i][:, k] - exact[i]).max()
+            found.append(float(off / (largest[unit] or 1.0) * margin))
+    return found

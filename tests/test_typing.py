@@ -1,0 +1,94 @@
+"""What a user writes is typed: the README's programs pass, a slip is an error before it runs."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import blockmech as bm
+
+ROOT = Path(__file__).resolve().parents[1]
+
+BEGIN = """import blockmech as bm
+g = bm.Graph.load("graphs/ruiz_fourbar.json")
+mech = g.compile()
+m = bm.Linkage("four-bar")
+"""
+RIGHT = (
+    'g.run(at=range(3), want="crank.drive", friction="single")',
+    'm.add_load("wind", bm.Force(force=(1.0, 0.0)), link="rod", at=(1.0, 0.0))',
+    'm.add_joint("A", "R", ["frame", "crank"], at=[(0.0, 0.0), 1 + 2j])',
+    'answer: bm.Result = mech.simulate("time=2", watch=[bm.Watch("half", lambda t, q, r: t - 1)])',
+    'bm.draw.draw(mech, "picture.png", "mechanism")',
+)
+WRONG = (
+    'g.run(at=0.0, frictoin="none")',
+    'g.run(at=0.0, friction="nwton")',
+    'm.run(at=0.0, on_gap="skip")',
+    'mech.run(at="0")',
+    'mech.run(at=0.0, engine="numppy")',
+    'mech.simulate("time=2", method="dop83")',
+    'mech.simulate("time=2", tims=[1.0])',
+    "mech.simulte()",
+    'mech.trade("runs")',
+    'mech.trade("run", sample=5)',
+    "mech.limits(drivr='crank')",
+    "mech.verify(sample=3)",
+    'mech.extremes("crank.drive", friction="no")',
+    "mech.modes(arc=False)",
+    'm.add_link("rod", mas=1.0)',
+    'm.add_joint("A", "Q", ["frame", "crank"], at=[(0.0, 0.0), (0.0, 0.0)])',
+    'm.add_load("wind", bm.Force(force=(1.0, 0.0)), lnk="rod")',
+)
+
+
+def test_programs_of_the_readme_pass_and_slips_do_not(tmp_path: Path) -> None:
+    pytest.importorskip("mypy", reason="mypy checks types; it comes with the extra dev")
+    readme = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    good, bad = tmp_path / "good.py", tmp_path / "bad.py"
+    good.write_text("\n".join([*readme, BEGIN, *RIGHT]), "utf-8")
+    bad.write_text("\n".join([BEGIN, *WRONG]), "utf-8")
+    cache = ROOT / ".mypy_cache"  # of a check of src, which would take seconds again
+    kept = cache if cache.exists() else tmp_path / "cache"
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", f"--cache-dir={kept}", good, bad],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env={**os.environ, "MYPYPATH": str(ROOT / "src")},
+    )
+    assert not re.search(r"good\.py:\d+: error", done.stdout), done.stdout
+    told = {int(n) for n in re.findall(r"bad\.py:(\d+): error", done.stdout)}
+    first = BEGIN.count("\n") + 2
+    assert told == set(range(first, first + len(WRONG))), done.stdout
+
+
+@pytest.mark.parametrize(
+    ("method", "told"),
+    [
+        (bm.Graph.run, ("friction", "accuracy", "[rad or m]", "RequestError")),
+        (bm.Linkage.run, ("friction", "on_gap")),
+        (bm.Mechanism.simulate, ("until", "dop853", "[rad or m]")),
+        (bm.Mechanism.trade, ("budget", "[s]")),
+        (bm.Mechanism.verify, ("samples", "static")),
+        (bm.Mechanism.limits, ("driver", "[rad or m]")),
+        (bm.Mechanism.modes, ("groups", "arcs")),
+        (bm.Mechanism.extremes, ("friction", "vector")),
+        (bm.Linkage.add_link, ("pose", "[kg]")),
+        (bm.Linkage.add_joint, ("slider", "[rad]")),
+    ],
+)
+def test_help_names_and_explains_every_argument(method: object, told: tuple[str, ...]) -> None:
+    signature = inspect.signature(method)  # type: ignore[arg-type]
+    text = inspect.getdoc(method) or ""
+    kinds = {p.kind for p in signature.parameters.values()}
+    assert not kinds & {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}
+    names = [n for n in signature.parameters if n not in ("self", "mechanism", "name")]
+    assert [n for n in names if not re.search(rf"\b{n}\b", text)] == []
+    assert [word for word in told if word not in text] == []
