@@ -30,6 +30,7 @@ from blockmech.dynamics.panels import (
 )
 from blockmech.dynamics.place import SHORT, SLIPS, TAU, J
 from blockmech.dynamics.road import CLOSE, Piece, Road
+from blockmech.dynamics.singular import self_locked
 from blockmech.dynamics.work import Acting, Work, of_friction, of_place, of_rate, settled
 from blockmech.plane import EPS
 
@@ -63,13 +64,11 @@ class Ahead:
         self.road, self.n, self.rounding = road, road.n, rounding
         self.system, self.tolerance = road.system, road.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
-        self.largest = 0.0  # [J] kinetic energy that a panel began with
         self.longest = math.inf  # [rad or m] that may be smooth: twice what was, after halvings
 
     def panel(self, at: At, piece: Piece, end: float) -> Panels | Obstacle:
         """The next panel towards a place."""
         q, sign = at.q, at.sign
-        self.largest = max(self.largest, at.K)
         end, self.longest = q + sign * min(abs(end - q), self.longest), math.inf
         free = self.system.friction is None  # to move on: no self-locking where the motion is
         stop: float | None = None
@@ -164,9 +163,9 @@ class Ahead:
         if friction is None:
             return None
         J0 = float(self.system.sample(np.array([at.q])).J[0])
-        rate, sides = at.sign * math.sqrt(2 * at.K / J0), friction.sides(at.q, at.sign)
-        found = friction.at(at.q, rate, 0.0, sides)
-        if found.outcome.solved:
+        rate = at.sign * math.sqrt(2 * at.K / J0)
+        found = self_locked(friction, at.q, rate, 0.0, friction.sides(at.q, at.sign))
+        if found is None:
             return None
         note = f"{SELF_LOCKED}: t = {at.t:.9g} s, q = {at.q:.9g}, rate = {rate:.9g}"
         return Obstacle(SELF_LOCKED, note, found.limit)
@@ -209,7 +208,7 @@ class Ahead:
         before: tuple[float, float] | None = None  # an end, and what energy that leaves over
         while True:
             length = at.sign * (guess - at.q)
-            if length <= CLOSE * max(abs(at.q), 1.0) and 1e3 * EPS * self.largest >= at.K:
+            if abs(length) <= CLOSE * max(abs(at.q), abs(guess)):
                 return Obstacle(STANDSTILL)
             if length <= 0 or at.sign * (guess - piece.end(at.sign)) > math.sqrt(EPS) * length:
                 return None

@@ -83,6 +83,7 @@ class PathRun:
     facts: dict[str, float] = field(default_factory=dict)
     standstills: int = 0
     count: int = 0  # of panels
+    gained: float = math.inf  # [J] in the last turn, without its sign
     mark: tuple[int, At] | None = None  # panel and state where a pattern may begin
 
     def __post_init__(self) -> None:
@@ -326,13 +327,15 @@ class PathRun:
     def repeat_turn(self, period: float) -> None:
         """A turn without a standstill: it repeats, with more energy or less each time.
 
-        Loads of the rate and friction repeat once the energy is what it was a turn before.
+        Loads of the rate and friction repeat once the energy is what it was a turn before: its
+        gains are rounding, and fall no more.
         """
         assert self.mark is not None
         start = self.mark[1]
         turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
-        rounded = abs(turn.gain) <= 16 * self.rounding * turn.panels.size  # of some panels
-        if self.system.lossless or rounded:
+        some = abs(turn.gain) <= 16 * self.rounding * turn.panels.size  # of some panels
+        last, self.gained = self.gained, abs(turn.gain)
+        if self.system.lossless or (some and not 0 < self.gained < last):
             turn = replace(turn, gain=0.0)
         found = None
         if start.K > 0 and (self.place_only or not turn.gain):
