@@ -204,17 +204,19 @@ def on_each_other() -> Iterator[Motion]:
 
 
 def long() -> Iterator[Motion]:
-    """The pump of the gallery for hours: whole turns of its steady state, found otherwise."""
+    """The pump of the gallery for hours: ten seconds, and whole turns of what it does then."""
     g = bm.Graph.load(GRAPHS / "pump.json")
     made = g.compile()
     for k in (2, 3, 4):
 
         def turned(q: Any, rate: Any, t: Any) -> dict[str, Any]:
-            steady, settled = made.simulate("steady").motion, 10.0
-            turns = math.floor((float(t) - settled) / steady.facts["period"])
-            early = made.simulate(f"time={float(t) - turns * steady.facts['period']!r}").motion
+            early = made.simulate("time=10").motion
+            settled = {"crank": (early.q_end, early.qd_end)}
+            turn = made.simulate("turns=1", start=settled).motion
+            many, rest = divmod(float(t) - 10.0, turn.t_end)
             way = math.copysign(2 * math.pi, early.qd_end)
-            return {"crank": mpf(early.q_end) + turns * mpf(way)}
+            last = mpf(float(turn.at(rest).q))
+            return {"crank": last + many * mpf(way)}
 
         start = {d: (x.q, x.rate) for d, x in made.scene.initial.items()}
         yield Motion(f"pump over 1e{k} s", g, start, 10.0**k, turned)

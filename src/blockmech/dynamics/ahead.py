@@ -30,7 +30,6 @@ from blockmech.dynamics.panels import (
 )
 from blockmech.dynamics.place import SHORT, SLIPS, TAU, J
 from blockmech.dynamics.road import CLOSE, Piece, Road
-from blockmech.dynamics.singular import self_locked
 from blockmech.dynamics.work import Acting, Work, of_friction, of_place, of_rate, settled
 from blockmech.plane import EPS
 
@@ -164,8 +163,8 @@ class Ahead:
             return None
         J0 = float(self.system.sample(np.array([at.q])).J[0])
         rate = at.sign * math.sqrt(2 * at.K / J0)
-        found = self_locked(friction, at.q, rate, 0.0, friction.sides(at.q, at.sign))
-        if found is None:
+        found = friction.at(at.q, rate, 0.0, friction.sides(at.q, at.sign))
+        if not found.locked:
             return None
         note = f"{SELF_LOCKED}: t = {at.t:.9g} s, q = {at.q:.9g}, rate = {rate:.9g}"
         return Obstacle(SELF_LOCKED, note, found.limit)

@@ -13,7 +13,6 @@ from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.friction import JointFriction, Resisted, Sides
     from blockmech.dynamics.system import System
 
 NEAR_DEAD_CENTRE = math.sqrt(LEAST_MARGIN)  # below which a solver that gives up is at one
@@ -44,14 +43,6 @@ def time_left(system: System, kind: str, q: float, qd: float) -> float:
     return 2 * here.margin / fall if fall > 0 else math.inf
 
 
-def self_locked(
-    friction: JointFriction, q: float, rate: float, t: float, sides: Sides
-) -> Resisted | None:
-    """What a state resists with where no acceleration satisfies Coulomb's law; else None."""
-    found = friction.at(q, rate, t, sides)
-    return None if found.outcome.solved or not found.margin > 0 else found
-
-
 def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
     """What is ahead of a state from which a solver found no step."""
     k = equation.drivers
@@ -64,9 +55,7 @@ def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
     ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
     later = t + AHEAD * max(abs(t), 1.0)
     if equation.sides:
-        friction = equation.system.friction
-        assert friction is not None
-        if self_locked(friction, float(ahead[0]), float(ahead[1]), later, equation.sides):
+        if equation.resisted(float(ahead[0]), float(ahead[1]), later).locked:
             return End(SELF_LOCKED)
     if np.isfinite(np.asarray(equation(later, ahead), dtype=float)).all():
         return End("the solver's step became too small")

@@ -69,7 +69,7 @@ class Graph(Document):
             if block is None:  # a stand-in, so that wires to it are no problem
                 unread.add(name)
             self.blocks[name] = block or UnknownBlock("")
-        if not draft.wrong & {"blocks", "wires"}:
+        if not (draft.wrong & {"blocks", "wires"} or draft.doubled):
             wiring = self._wire_up(draft.said.wires, unread, bool(draft.content))
             draft.fit += islice(wiring, MOST + 1)
 
@@ -111,6 +111,10 @@ class Graph(Document):
             "wires": [{"from": wire.source, "to": wire.target} for wire in self.wires],
             "scene": plain(self.scene),
         }
+
+    def sections(self) -> dict[str, Any]:
+        """Blocks and scene."""
+        return {"blocks": self.blocks, "scene": self.scene}
 
     # -- the scene --------------------------------------------------------
 

@@ -74,7 +74,8 @@ class Linkage(Document):
         for section in self.form.items():
             parts = {name: part for name, part in draft.items(section) if part is not None}
             getattr(self, section).update(parts)
-        draft.note(reference_problems(self, vars(said)))
+        if not draft.doubled:
+            draft.note(reference_problems(self, vars(said)))
 
     def _sections(self) -> dict[str, Any]:
         parts = {
@@ -84,6 +85,11 @@ class Linkage(Document):
         gravity = self.gravity.written if self.gravity.z else None
         more = {"initial": plain(self.initial), "stops": plain(self.stops)}
         return {"gravity": gravity, **parts, **more}
+
+    def sections(self) -> dict[str, Any]:
+        """Links, joints, drivers and loads, gravity, starts and stops."""
+        named = (*self.form.items(), "initial", "stops")
+        return {"gravity": self.gravity, **{name: getattr(self, name) for name in named}}
 
     @property
     def gravity(self) -> Vector:
