@@ -61,7 +61,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 41_697, 6_904
+LINES, LINES_OF_DYNAMICS = 41_696, 6_903
 NUMBERS, NUMBERS_OF_DYNAMICS = 203, 45
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
