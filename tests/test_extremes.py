@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from tests.extremes import near
 from tests.extremes.friction import Press, found, presses
 from tests.extremes.measure import measure
 from tests.extremes.motions import Motion, all_motions, moved
@@ -48,6 +49,18 @@ def test_friction_is_as_good_as_its_data_allow_or_says_why_not(
         assert press.q <= 1e-8
     elif cell.balanced:
         assert cell.error <= max(TIMES_FORCED * cell.forced, floor(precision))
+
+
+@pytest.mark.parametrize("case", list(near.cases()), ids=lambda case: case.name)
+def test_beside_change_points_and_coincident_joints_it_is_right_or_refused(
+    case: near.Near,
+) -> None:
+    cell = near.found(case)
+    if cell.is_answer:
+        assert cell.place <= TIMES_FORCED * case.allowed[0]
+        assert cell.velocity <= TIMES_FORCED * case.allowed[1]
+    else:
+        assert cell.told == "no-assembly, change-point"
 
 
 @pytest.mark.parametrize("case", [m for m in all_motions() if not m.slow], ids=lambda m: m.name)

@@ -11,8 +11,11 @@ import time
 import numpy as np
 import pytest
 
+import blockmech as bm
 from blockmech.cli import terminal
+from blockmech.dynamics import repetition
 from blockmech.dynamics import time as integrators
+from tests.extremes.motions import slider
 from tests.gallery import GRAPHS, mechanism
 
 ENERGY, PANELS = 1e-12, 1e-9  # [rad] of the methods that judge themselves as they go
@@ -119,6 +122,45 @@ def test_progress_tells_how_far_the_goal_is(name, until, method, whole):
     assert of == pytest.approx(whole)
     assert 0 <= min(shares) < 0.3
     assert 0.7 < max(shares) < 1.2
+
+
+def test_a_motion_that_repeats_is_answered_however_long_it_is():
+    once = mechanism("watt_sixbar").simulate("swings=3").motion
+    long = mechanism("watt_sixbar").simulate("time=1e9").motion
+    period = once.facts["period"]
+    assert (long.end, long.t_end, long.reached) == ("time", 1e9, True)
+    assert 1e-9 < long.error < 1e-3  # rounding of a period, as often as it goes on
+    late = long.at(1e9).q - once.at(1e9 % period).q
+    assert abs(late) <= long.error + 1e9 / period * once.at(once.times(99)).qd.max() * 1e-15
+    assert len(long.events) <= repetition.AT_ONCE + 1
+    assert long.events[-1].t == pytest.approx(1e9, abs=period / 2)
+    assert any("standstills" in note for note in long.notes)
+
+
+def test_turns_that_gain_energy_end_by_name_and_tell_how_far_they_are(monkeypatch):
+    monkeypatch.setattr(repetition, "MOST_TURNS", 5 * repetition.AT_ONCE)
+    told = []
+    motion = mechanism("engine").simulate("time=1e9", progress=lambda *said: told.append(said))
+    motion = motion.motion
+    assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
+    assert any("turns reach no further" in note for note in motion.notes)
+    done = [t for what, t, whole in told if (what, whole) == ("moving", 1e9)]
+    assert done == sorted(done)
+    assert sum(t > 1 for t in done) >= 5
+    assert abs(motion.qd_end) > 10 * abs(motion.at(1.0).qd)
+
+
+def test_swings_that_take_work_each_are_given_up_early_where_their_goal_is_too_far():
+    g = slider()
+    g.add("spring", bm.Spring(stiffness=1e12, free_length=0.0, damping=2.0))
+    g.connect("frame.W", "spring.a")
+    g.connect("slider.slider", "spring.b")
+    motion = g.compile().simulate("time=1", start={"slider": (1.0, 0.0)}).motion
+    assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
+    assert motion.cost.evaluations < 500_000  # of 3,400,000 that a whole run is allowed
+    assert any("steady" in note for note in motion.notes)
+    wanted = (np.cos(100.0) + 1e-6 * np.sin(100.0)) * np.exp(-1e-4)
+    assert motion.at(1e-4).q == pytest.approx(wanted, abs=1e-9)
 
 
 def test_progress_costs_nothing_and_changes_nothing():

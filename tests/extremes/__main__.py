@@ -6,6 +6,7 @@ import math
 import signal
 from typing import Any
 
+from . import near
 from .friction import found, presses
 from .measure import Row, measure
 from .motions import all_motions, moved
@@ -42,6 +43,14 @@ def main() -> None:
             digits = f"{_digits(cell.error)} ({_digits(cell.forced)})" if cell.balanced else "-"
             print(f"| {press.name} | {precision} | {digits} | {told} |")
 
+    print("\n## Beside change points, and joints almost in one place\n")
+    print("Digits of a pin's place and velocity against their closed forms in 60 digits.\n")
+    print("| pose | place | velocity | told |\n|---|---|---|---|")
+    for case in near.cases():
+        pin = near.found(case)
+        digits = f"{_digits(pin.place)} | {_digits(pin.velocity)}"
+        print(f"| {case.name} | {digits if pin.is_answer else '- | -'} | {pin.told} |")
+
     print("\n## Motions\n")
     print("Where a motion is at its end, against its closed form in 60 digits: error and estimate")
     print("[rad or m], evaluations, processor time, and what the user is told.\n")
@@ -49,15 +58,15 @@ def main() -> None:
         "| motion | error | estimate | evaluations | time [s] | told |\n|---|---|---|---|---|---|"
     )
     signal.signal(signal.SIGVTALRM, _too_long)
-    for case in all_motions():
+    for motion in all_motions():
         signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
         try:
-            at = moved(case)
+            at = moved(motion)
             error = f"{at.error:.0e}" if at.is_answer else "-"
             cost = f"{at.evaluations} | {at.seconds:.1f}"
-            print(f"| {case.name} | {error} | {at.estimate:.0e} | {cost} | {at.told} |")
+            print(f"| {motion.name} | {error} | {at.estimate:.0e} | {cost} | {at.told} |")
         except TimeoutError:
-            print(f"| {case.name} | - | - | - | > {PATIENCE} | its progress, by a bar |")
+            print(f"| {motion.name} | - | - | - | > {PATIENCE} | its progress, by a bar |")
         finally:
             signal.setitimer(signal.ITIMER_VIRTUAL, 0)
 

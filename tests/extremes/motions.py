@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import blockmech as bm
 from blockmech import Graph
 
 DIGITS = 60
+GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 GRAVITY = 9.81  # [m/s2]
 
 
@@ -107,8 +109,8 @@ def stiff() -> Iterator[Motion]:
                 return {"slider": fading * (q * mp.cos(w * t) + (rate + d * q) / w * mp.sin(w * t))}
 
             start = {"slider": (1.0, 0.0)}
-            name, slow = f"spring 1e{k} N/m, damper {damping} N s/m", k > 3 and damping > 0
-            yield Motion(name, g, start, 1.0, swings, slow or k > 9)
+            name = f"spring 1e{k} N/m, damper {damping} N s/m"
+            yield Motion(name, g, start, 1.0, swings, damping > 0 and k in (6, 9))
     for k in (-12, -6, 0, 3, 6, 9, 12):
         g = slider()
         _between(g, "damper", bm.Spring(stiffness=0.0, free_length=0.0, damping=10.0**k))
@@ -184,9 +186,45 @@ def ratios() -> Iterator[Motion]:
         yield Motion(f"two drivers, masses 1 and 1e-{k}", g, start, 3.0, both)
 
 
+def on_each_other() -> Iterator[Motion]:
+    """A slide on a slide, ever lighter: of their inertia matrix the condition is the ratio."""
+    for k in (0, 6, 12, 18):
+        g = slider()
+        g.add("rider", bm.SlideDrive(links={"slider": bm.Link(mass=10.0**-k, inertia=1.0)}))
+        g.add("push", bm.Thrust(law=bm.laws.Constant(value=1.0), direction=(1.0, 0.0)))
+        g.connect("slider.slider", "rider.S")
+        g.connect("frame.G", "push.a")
+        g.connect("slider.slider", "push.b")
+
+        def stays(q: Any, rate: Any, t: Any) -> dict[str, Any]:
+            return {"slider": t**2 / 2, "rider": -(t**2) / 2}  # the rider is left behind
+
+        start = {"slider": (0.0, 0.0), "rider": (0.0, 0.0)}
+        yield Motion(f"a slide of 1e-{k} kg on one of 1 kg", g, start, 1.0, stays)
+
+
+def long() -> Iterator[Motion]:
+    """The pump of the gallery for hours: ten seconds, and whole turns of what it does then."""
+    g = bm.Graph.load(GRAPHS / "pump.json")
+    made = g.compile()
+    for k in (2, 3, 4):
+
+        def turned(q: Any, rate: Any, t: Any) -> dict[str, Any]:
+            early = made.simulate("time=10").motion
+            settled = {"crank": (early.q_end, early.qd_end)}
+            turn = made.simulate("turns=1", start=settled).motion
+            many, rest = divmod(float(t) - 10.0, turn.t_end)
+            way = math.copysign(2 * math.pi, early.qd_end)
+            last = mpf(float(turn.at(rest).q))
+            return {"crank": last + many * mpf(way)}
+
+        start = {d: (x.q, x.rate) for d, x in made.scene.initial.items()}
+        yield Motion(f"pump over 1e{k} s", g, start, 10.0**k, turned)
+
+
 def all_motions() -> list[Motion]:
     """Every case of the map."""
-    return [*near_rest(), *stiff(), *kinks(), *ratios()]
+    return [*near_rest(), *stiff(), *kinks(), *ratios(), *on_each_other(), *long()]
 
 
 @dataclass(frozen=True)

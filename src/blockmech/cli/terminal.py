@@ -166,7 +166,8 @@ def progress_bar(what: str, still: bool = False) -> Iterator[Callable[..., None]
     task = bar.add_task(what, total=None)
 
     def tell(said: str, done: float, whole: float | None) -> None:
-        description = printable(f"{what}: {said}")
+        far = f"{done:.3g} of {whole:.3g}" if whole else f"{done:.3g}"
+        description = printable(f"{what}: {said}, {far}")
         bar.update(task, description=description, completed=done, total=whole, refresh=still)
 
     timer = threading.Timer(PATIENCE, bar.start)

@@ -63,13 +63,11 @@ class Ahead:
         self.road, self.n, self.rounding = road, road.n, rounding
         self.system, self.tolerance = road.system, road.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
-        self.largest = 0.0  # [J] kinetic energy that a panel began with
         self.longest = math.inf  # [rad or m] that may be smooth: twice what was, after halvings
 
     def panel(self, at: At, piece: Piece, end: float) -> Panels | Obstacle:
         """The next panel towards a place."""
         q, sign = at.q, at.sign
-        self.largest = max(self.largest, at.K)
         end, self.longest = q + sign * min(abs(end - q), self.longest), math.inf
         free = self.system.friction is None  # to move on: no self-locking where the motion is
         stop: float | None = None
@@ -97,11 +95,9 @@ class Ahead:
                     return found
                 end = q + sign * min(abs(end - q), abs(stop - q))
             elif known:
-                panel = self._made(at, lies, acting, K, inertia)
-                if panel.smooth(
-                    inertia[-1:], self.tolerance, not self.place_only, piece.data.largest[TAU]
-                )[0]:
-                    return self._until_kink(at, piece, panel, acting)
+                found = self._resolved(at, piece, lies, acting, K, inertia)
+                if found is not None:
+                    return found
             self.longest = abs(end - q)
             end = q + 0.5 * (end - q)
             rough = inertia.min() < ROUGH * piece.data.largest[J]
@@ -149,10 +145,16 @@ class Ahead:
         acting = work(np.empty(0))
         return acting, lies.energy[0] + lies.slopes(self.n)[0] @ acting.w
 
-    def _made(self, at: At, lies: Spans, acting: Acting, K: Floats, inertia: Floats) -> Panels:
-        """The panel of a solution."""
+    def _resolved(
+        self, at: At, piece: Piece, lies: Spans, acting: Acting, K: Floats, inertia: Floats
+    ) -> Panels | Obstacle | None:
+        """The panel of a solution, or what is before its end; None where it is too long."""
         lost = np.zeros((1, self.n)) + acting.lost
-        return Panels(at.t, lies, acting.w[None], K[None], inertia[None, :-1], lost)
+        panel = Panels(at.t, lies, acting.w[None], K[None], inertia[None, :-1], lost)
+        effort = piece.data.largest[TAU]
+        if not panel.smooth(inertia[-1:], self.tolerance, not self.place_only, effort)[0]:
+            return None
+        return self._until_kink(at, piece, panel, acting)
 
     def _locked(self, at: At) -> Obstacle | None:
         """Self-locking where the motion is: no acceleration satisfies Coulomb's law there."""
@@ -160,9 +162,9 @@ class Ahead:
         if friction is None:
             return None
         J0 = float(self.system.sample(np.array([at.q])).J[0])
-        rate, sides = at.sign * math.sqrt(2 * at.K / J0), friction.sides(at.q, at.sign)
-        found = friction.at(at.q, rate, 0.0, sides)
-        if found.outcome.solved:
+        rate = at.sign * math.sqrt(2 * at.K / J0)
+        found = friction.at(at.q, rate, 0.0, friction.sides(at.q, at.sign))
+        if not found.locked:
             return None
         note = f"{SELF_LOCKED}: t = {at.t:.9g} s, q = {at.q:.9g}, rate = {rate:.9g}"
         return Obstacle(SELF_LOCKED, note, found.limit)
@@ -205,7 +207,7 @@ class Ahead:
         before: tuple[float, float] | None = None  # an end, and what energy that leaves over
         while True:
             length = at.sign * (guess - at.q)
-            if length <= CLOSE * max(abs(at.q), 1.0) and 1e3 * EPS * self.largest >= at.K:
+            if abs(length) <= CLOSE * max(abs(at.q), abs(guess)):
                 return Obstacle(STANDSTILL)
             if length <= 0 or at.sign * (guess - piece.end(at.sign)) > math.sqrt(EPS) * length:
                 return None
@@ -226,12 +228,7 @@ class Ahead:
             before = guess, left
             last, guess, guessed = abs(step), guess + step, acting.w
         lies = span(at.q, guess, 0.0, TO_REST)
-        panel = self._made(at, lies, acting, K, inertia)
-        if not panel.smooth(
-            inertia[-1:], self.tolerance, not self.place_only, piece.data.largest[TAU]
-        )[0]:
-            return None
-        return self._until_kink(at, piece, panel, acting)
+        return self._resolved(at, piece, lies, acting, K, inertia)
 
     # -- kinks of the loads on pairs -------------------------------------------
 

@@ -177,6 +177,11 @@ class Resisted(NamedTuple):
     outcome: Outcome
     limit: float
 
+    @property
+    def locked(self) -> bool:
+        """Whether no acceleration satisfies Coulomb's law, in a pose that is possible."""
+        return not self.outcome.solved and self.margin > 0
+
 
 class Rest(NamedTuple):
     """What a standstill leads to.

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import numpy as np
 from scipy.optimize import brentq
 
 from blockmech.dynamics import loads
@@ -36,18 +34,19 @@ def released(
         low, high = holding(s)
         return max(low, -high)
 
-    periods = loads.time_periods(system.compiled.structure)
+    structure = system.compiled.structure
+    periods = loads.time_periods(structure)
     if "time" not in system.depends_on:
         return None, holding(t)
     latest = t_last if math.isfinite(t_last) else t + max(periods, default=1.0)
-    many = math.ceil((latest - t) / min(periods, default=latest - t)) * COMPARED
-    marks = np.linspace(t, latest, many + 1).tolist()
-    kink = loads.next_time_kink(system.compiled.structure, t)
-    while kink < latest:
-        marks.append(kink)
-        kink = loads.next_time_kink(system.compiled.structure, kink)
-    for a, b in pairwise(sorted(marks)):
+    part = min(periods, default=latest - t) / COMPARED
+    a, kink = t, loads.next_time_kink(structure, t)
+    while a < latest:
+        b = min(a + part, kink, latest)
+        if b == kink:
+            kink = loads.next_time_kink(structure, kink)
         if beyond(b) > 0:
             until = b if beyond(a) >= 0 else float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
             return until, holding(math.nextafter(until, math.inf))
+        a = b
     return None, holding(latest)

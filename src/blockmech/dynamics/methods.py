@@ -277,7 +277,8 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     motion = along_path(system, replace(request, why=why))
     unsure = motion.end in (TOO_MANY, UNDECIDED) or not motion.error < math.inf
     unsure |= not motion.reached and motion.error > TARGET
-    if unsure and motion.end != INTERRUPTED:
+    swings_on = motion.end == TOO_MANY and motion.status == "failed"  # no other method is quicker
+    if unsure and not swings_on and motion.end != INTERRUPTED:
         why = f"along the path: {motion.end}, error {motion.error:.1e}"
         other = in_time(system, replace(request, why=why), "dop853")
         if other.error < motion.error or motion.status == "failed":

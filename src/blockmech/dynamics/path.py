@@ -18,13 +18,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
 from blockmech.dynamics.estimate import ROUNDING, TARGET, difference, judged, stopped, with_rounding
-from blockmech.dynamics.events import STANDSTILL, goal_places
+from blockmech.dynamics.events import STANDSTILL
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
     DEAD_CENTRE,
@@ -39,13 +39,13 @@ from blockmech.dynamics.motion import (
     Status,
     Still,
 )
-from blockmech.dynamics.panels import Floats, Panels, joined
+from blockmech.dynamics.panels import Panels, joined
+from blockmech.dynamics.repetition import Goals, Repetition, swings, turns
 from blockmech.dynamics.rest import equilibrium, failure_at
 from blockmech.dynamics.road import CLOSE, Piece, Road
 from blockmech.dynamics.swing import Swing
 from blockmech.dynamics.track import Leg, PathTrack, Pattern
 from blockmech.plane import EPS
-from blockmech.series import tail
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
@@ -83,6 +83,7 @@ class PathRun:
     facts: dict[str, float] = field(default_factory=dict)
     standstills: int = 0
     count: int = 0  # of panels
+    gained: float = math.inf  # [J] in the last turn, without its sign
     mark: tuple[int, At] | None = None  # panel and state where a pattern may begin
 
     def __post_init__(self) -> None:
@@ -93,7 +94,7 @@ class PathRun:
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
         self.road = Road(self.system, self.q, self.n, tolerance, 4 * self.off)
         self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
-        self.place_only = self.next.place_only
+        self.place_only, self.goals = self.next.place_only, Goals.of(self.request)
 
     # -- the run ------------------------------------------------------------
 
@@ -122,17 +123,10 @@ class PathRun:
         """End the run by a name."""
         self.end, self.status = end, status
 
-    @property
-    def t_goal(self) -> float:
-        """Time [s] since the start at which the run ends; infinite without one."""
-        until = self.request.until
-        return until.value if until.goal == "time" else math.inf
-
-    @property
-    def wanted(self) -> float:
-        """Standstills after the start at which the run ends; infinite without such a goal."""
-        until = self.request.until
-        return {"standstill": 1.0, "swings": until.value}.get(until.goal, math.inf)
+    def told(self, t: float) -> None:
+        """Tell those who follow the progress how far it is [s]."""
+        if self.system.progress is not None:
+            self.system.progress("moving", t, self.goals.t if self.goals.t < math.inf else None)
 
     def leave(self) -> None:
         """From a standstill: the direction in which the motion starts, or rest."""
@@ -160,8 +154,8 @@ class PathRun:
         """Stay at this place from now on."""
         self.events.append(Event(REST, self.t, self.q, 0.0))
         self.regime = "rest"
-        if self.t_goal < math.inf:
-            self.t = self.t_goal
+        if self.goals.t < math.inf:
+            self.t = self.goals.t
             self.stop("time", "reached")
         else:
             self.stop(kind, "rest")
@@ -181,7 +175,7 @@ class PathRun:
             elif piece.what_ends(self.sign):
                 self.arrive(piece.what_ends(self.sign))
             return
-        goals = [stop, *goal_places(self.request)]
+        goals = [stop, *self.goals.places]
         if self.mark is not None and self.system.period is not None:
             goals.append(self.turned(self.system.period))
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
@@ -193,8 +187,8 @@ class PathRun:
                 self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
             )
         if isinstance(panel, Panels):
-            if panel.t1 > self.t_goal or float(panel.spans.end[-1]) == goal:
-                way = abs(float(panel.state(np.array([self.t_goal]))[0][0]) - self.q)
+            if panel.t1 > self.goals.t or float(panel.spans.end[-1]) == goal:
+                way = abs(float(panel.state(np.array([self.goals.t]))[0][0]) - self.q)
                 if self.next.kept_clear(self.at, piece, way):
                     return
             self.take(panel)
@@ -243,8 +237,7 @@ class PathRun:
 
     def take(self, panel: Panels) -> None:
         """The motion goes over panels."""
-        if self.system.progress is not None:
-            self.system.progress("moving", self.t, self.t_goal if self.t_goal < math.inf else None)
+        self.told(self.t)
         self.panels.append(panel)
         self.count += len(panel.w)
         self.t, (self.q, self.K) = panel.t1, panel.at_end()
@@ -253,12 +246,12 @@ class PathRun:
 
     def passed(self, piece: Piece) -> None:
         """What happens at the end of a panel."""
-        if self.t >= self.t_goal:
-            self.t = self.t_goal
+        if self.t >= self.goals.t:
+            self.t = self.goals.t
             self.stop("time", "reached")
         elif self.K == 0:
             self.stand()
-        elif any(map(self.here, goal_places(self.request))):
+        elif any(map(self.here, self.goals.places)):
             self.stop(self.request.until.goal, "reached")
         elif self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
             self.arrive(piece.what_ends(self.sign))
@@ -278,14 +271,25 @@ class PathRun:
         """A standstill: the goal, or on from there."""
         self.events.append(Event(STANDSTILL, self.t, self.q, 0.0))
         self.standstills += 1
-        if self.standstills >= self.wanted:
+        if self.standstills >= self.goals.standstills:
             if self.regime == "one way":
                 self.regime = "to a standstill"
             self.stop(self.request.until.goal, "reached")
         elif self.place_only and self.mark is not None and self.mark[1].K == 0:
-            self.repeat_swing()
+            self.repeat(swings(self.since_mark(mirrored=True), self.goals, self.standstills))
+        elif self.is_too_slow():
+            self.notes.append(
+                f"{self.count} panels reach {self.t:.3g} s, at most {MOST} are made: ask for a "
+                'shorter time, or for what it settles to, "steady"'
+            )
+            self.stop(TOO_MANY, "failed")
         else:
             self.leave()
+
+    def is_too_slow(self) -> bool:
+        """Whether the time asked for is out of reach of swings that take work each, as these."""
+        some, swings_on = self.count > MOST / 8, self.system.friction is None
+        return some and swings_on and math.inf > self.goals.t > self.t * MOST / self.count
 
     def arrive(self, what: str) -> None:
         """The end of the road."""
@@ -298,108 +302,48 @@ class PathRun:
 
     # -- patterns ------------------------------------------------------------
 
-    def since_mark(self) -> tuple[float, Panels]:
-        """When [s] a pattern began, and its panels with times counted from there."""
+    def since_mark(self, **more: Any) -> Pattern:
+        """What was since the mark, with times counted from there, as a pattern."""
         assert self.mark is not None
-        first, (t, *_) = self.mark
-        return t, joined(self.panels[first:]).taken_from(0.0)
+        first, at = self.mark
+        return Pattern(at.t, joined(self.panels[first:]).taken_from(0.0), **more)
 
-    def repeats(self, pattern: Pattern) -> None:
-        """A pattern takes the place of its first repetition."""
+    def repeat(self, by: Repetition) -> None:
+        """A pattern takes the place of its first repetition, and tells what follows."""
         assert self.mark is not None
-        before = self.panels[: self.mark[0]]
-        self.legs += [joined(before), pattern] if before else [pattern]
-        self.panels, self.mark = [], None
-
-    def repeat_swing(self) -> None:
-        """From rest to rest: the motion goes to and fro for ever, as nothing takes energy."""
-        t, panels = self.since_mark()
-        swing = Pattern(t, panels, mirrored=True)
-        self.repeats(swing)
-        self.regime = "libration"
-        self.facts.update(swing_time=swing.duration, period=2 * swing.duration)
-        more = min(self.wanted - self.standstills, (self.t_goal - t) / swing.duration - 1)
-        if more == math.inf:
-            self.never(swing)
-            return
-        places = self.q, float(panels.spans.begin[0])
-        for n in range(1, int(more) + 1):
-            self.events.append(Event(STANDSTILL, swing.begins(n + 1), places[n % 2], 0.0))
-        timed = self.t_goal < math.inf
-        self.t = self.t_goal if timed else swing.begins(int(more) + 1)
-        self.stop(self.request.until.goal, "reached")
-
-    def never(self, pattern: Pattern) -> None:
-        """The goal is not on the way of a motion that repeats."""
-        self.t = pattern.begins(2 if pattern.mirrored else 1)
-        self.stop(f"never reached: {self.regime}", "ended")
+        first, start = self.mark
+        before = self.panels[:first]
+        self.legs += [joined(before), by.pattern] if before else [by.pattern]
+        self.panels, self.mark, self.regime, self.t = [], None, by.regime, by.t
+        self.facts.update(by.facts)
+        self.notes += [by.note] if by.note else []
+        self.events += [Event(STANDSTILL, t, q, 0.0) for t, q in by.stands]
+        if by.many:
+            self.q = start.q + by.many * by.pattern.step
+            self.K = start.K + by.many * by.pattern.gain
+        if by.end:
+            self.stop(by.end, by.status)
 
     def repeat_turn(self, period: float) -> None:
         """A turn without a standstill: it repeats, with more energy or less each time.
 
-        Loads of the rate and friction repeat once the energy is what it was a turn before.
+        Loads of the rate and friction repeat once the energy is what it was a turn before: its
+        gains are rounding, and fall no more.
         """
         assert self.mark is not None
         start = self.mark[1]
-        t, panels = self.since_mark()
-        gain = self.K - start.K
-        if self.system.lossless or abs(gain) <= 16 * self.rounding * panels.size:  # of some panels
-            gain = 0.0
-        turn = Pattern(t, panels, self.sign * period, gain)
-        again = start.K > 0 and (gain == 0 or self.place_only)
-        count = self.turns_ahead(turn) if again and gain else 0
-        if not again or (gain and count < 2):  # the next turn tells
+        turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
+        some = abs(turn.gain) <= 16 * self.rounding * turn.panels.size  # of some panels
+        last, self.gained = self.gained, abs(turn.gain)
+        if self.system.lossless or (some and not 0 < self.gained < last):
+            turn = replace(turn, gain=0.0)
+        found = None
+        if start.K > 0 and (self.place_only or not turn.gain):
+            found = turns(turn, self.goals, self.road.tolerance, self.told)
+        if found is None:  # the next turn tells
             self.mark = (len(self.panels), self.at)
-            return
-        if gain == 0:
-            self.regime = "rotation"
-            self.facts.update(period=turn.duration, mean_speed=period / turn.duration)
         else:
-            self.regime = "secular" if gain > 0 else "secular braking"
-            self.facts.update(work_per_period=gain, period_of_loads=period)
-            energies: Floats = np.arange(count, dtype=np.float64) * gain
-            starts = np.concatenate([[0.0], np.cumsum(turn.durations(energies))])
-            turn = replace(turn, starts=starts)
-        self.repeats(turn)
-        self.go_round(turn, start)
-
-    def turns_ahead(self, turn: Pattern) -> int:
-        """How many turns may follow like this one: while there is energy, or until the goal."""
-        if turn.gain < 0:
-            low, high = 0, int(float(turn.panels.K.min()) / -turn.gain)
-            while high - low > 0:  # later turns are slow somewhere, where panels do not resolve
-                middle = (low + high + 1) // 2
-                fits = (tail(turn.repetition(middle).rate) <= self.road.tolerance).all()
-                low, high = (middle, high) if fits else (low, middle - 1)
-            return low
-        count = 1
-        ways = [abs(x - float(turn.panels.spans.begin[0])) for x in goal_places(self.request)]
-        if ways:
-            return math.ceil(max(ways) / abs(turn.step)) + 1
-        if self.t_goal == math.inf:
-            return 2
-        reached = turn.t0
-        while reached < self.t_goal:
-            block: Floats = np.arange(count, 2 * count, dtype=np.float64) * turn.gain
-            reached += float(turn.durations(block).sum())
-            count *= 2
-        return count
-
-    def go_round(self, turn: Pattern, start: At) -> None:
-        """The end of a motion that turns for ever, or where it goes on otherwise."""
-        ways = [x - start.q for x in goal_places(self.request) if turn.step * (x - start.q) > 0]
-        count = math.inf if turn.starts is None else turn.starts.size - 1
-        ends = [(turn.at_way(x), self.request.until.goal) for x in ways if x / turn.step <= count]
-        t, goal = min([*ends, (self.t_goal, "time")])
-        last = turn.begins(int(count)) if count < math.inf else math.inf
-        if t <= last and t < math.inf:
-            self.t = t
-            self.stop(goal, "reached")
-        elif turn.gain < 0:
-            self.t, self.q = last, start.q + count * turn.step
-            self.K = start.K + count * turn.gain
-        else:
-            self.never(turn)
+            self.repeat(found)
 
     # -- the result ------------------------------------------------------------
 
@@ -412,7 +356,7 @@ class PathRun:
             q, qd = self.events[-1].q, self.events[-1].qd
         else:
             q, qd = (float(x[0]) for x in track.state(np.array([t0 + self.t])))
-        if self.end == request.until.goal and any(map(self.here, goal_places(self.request))):
+        if self.end == request.until.goal and any(map(self.here, self.goals.places)):
             q = self.q
         if system.friction is not None:
             self.facts["friction_work"] = math.fsum(leg.taken(self.t) for leg in legs)

@@ -229,10 +229,12 @@ def repeated(
         "unstable": f"unstable: a period makes {size:.6g} of a disturbance, so no motion stays",
     }[found.kind]
     regime = "steady state" if found.kind == "stable" else f"{found.kind} periodic motion"
-    late = found.gain * once.time_error  # of a period
-    many = (max([t0 + period, *request.times]) - t0) / period
+    k, many = shift.size, (max([t0 + period, *request.times]) - t0) / period
     fastest = float(np.abs(once.at(once.times(SCANNED + 1)).qd).max())
-    errors = found.gain * once.error + (many - 1) * late * fastest, many * late
+    missed_by = np.append(once.q_end, once.qd_end) - found.x - np.append(shift, np.zeros(k))
+    off = float(np.abs(missed_by[:k]).max() + period * np.abs(missed_by[k:]).max())
+    late = 0.0 if once.end == "time" else found.gain * (once.time_error + off / fastest)
+    errors = found.gain * (once.error + off) + (many - 1) * late * fastest, many * late
     return _steady(request, method, regime, track, t0 + period, errors, facts, (told, *notes))
 
 

@@ -54,10 +54,8 @@ def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
     way = np.sign(np.asarray(equation(t, y), dtype=float))
     ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
     later = t + AHEAD * max(abs(t), 1.0)
-    if equation.sides:
-        found = equation.resisted(float(ahead[0]), float(ahead[1]), later)
-        if not found.outcome.solved and found.margin > 0:
-            return End(SELF_LOCKED)
+    if equation.sides and equation.resisted(float(ahead[0]), float(ahead[1]), later).locked:
+        return End(SELF_LOCKED)
     if np.isfinite(np.asarray(equation(later, ahead), dtype=float)).all():
         return End("the solver's step became too small")
     rate, places = float(np.abs(y[k])), PAST * max(1.0, float(np.abs(y[0])))

@@ -130,7 +130,7 @@ def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
         q, qd = (float(x[0]) for x in motion.track.state(np.array([last])))
         turned = q - request.start.q if motion.regime == "rotation" else 0.0
         once = replace(motion, t_end=last, q_end=q, qd_end=qd)
-        point = FixedPoint(np.array([q, qd]), np.ones(1), 1.0)
+        point = FixedPoint(np.array([q - turned, qd]), np.ones(1), 1.0)
         notes, facts = (*motion.notes, FAMILY), motion.facts
         shift = np.array([turned])
         found = repeated(point, once, shift, request, motion.method, notes, **facts)
