@@ -115,5 +115,6 @@ def errors(mechanism: Mechanism, request: Mapping[str, Any], seed: int, m: int =
             largest[unit] = max(largest.get(unit, 0.0), np.nanmax(np.abs(both)))
         for unit, i in parts:
             off = np.abs(duals[i][:, k] - exact[i]).max()
-            found.append(float(off / (largest[unit] or 1.0) * margin))
+            scale = largest[unit] if largest[unit] > STEP else 1.0  # where nothing moves: SI
+            found.append(float(off / scale * margin))
     return found
