@@ -59,11 +59,21 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 38_742, 6_814
-NUMBERS, NUMBERS_OF_DYNAMICS = 197, 51
+LINES, LINES_OF_DYNAMICS = 39_506, 6_804
+NUMBERS, NUMBERS_OF_DYNAMICS = 195, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
-LATE = {"scipy", "matplotlib", "typer", "rich", "pandas", "hypothesis", "pytest", "mpmath"}
+LATE = {
+    "scipy",
+    "matplotlib",
+    "typer",
+    "rich",
+    "pandas",
+    "hypothesis",
+    "pytest",
+    "mpmath",
+    "llvmlite",
+}
 NEEDED_IN = {
     "typer": "cli",
     "rich": "cli",

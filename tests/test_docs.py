@@ -1,11 +1,9 @@
 """Documentation that a program can hold us to: docstrings, units, sources, examples, README."""
 
 import ast
-import contextlib
 import doctest
 import importlib
 import inspect
-import io
 import re
 import sys
 from pathlib import Path
@@ -15,7 +13,9 @@ import pytest
 import blockmech as bm
 from blockmech.blocks.contract import Block
 from blockmech.blocks.registry import REGISTRY
+from blockmech.cli import COMMANDS
 from blockmech.values import Strictly
+from docs.snippets import BrokenPage, run, workplace
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = Path(bm.__file__).parent
@@ -207,74 +207,70 @@ def test_public_blocks_and_loads_have_an_example():
     assert without == []
 
 
-# ---- pages of docs -----------------------------------------------------------------------
+# ---- pages of docs, README --------------------------------------------------------------
 
-
-def test_the_page_on_extending_runs_from_top_to_bottom(monkeypatch, tmp_path, capsys):
-    """What stands under a file's name is that file; the rest is typed at the prompt."""
-    page = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
-    space: dict = {}
-    for file, snippet in re.findall(r"(?:`(\w+\.py)`:\n\n)?```python\n(.*?)```", page, re.DOTALL):
-        if file:
-            (tmp_path / file).write_text(snippet, encoding="utf-8")
-        else:
-            exec(compile(snippet, "<docs/extending.md>", "exec"), space)
-    promised = re.findall(r"^print\(.*\)  # (-?[\d.]+|slow)", page, re.MULTILINE)
-    printed = capsys.readouterr().out.split()
-    assert len(promised) == 4
-    for said in promised:
-        digits = len(said.partition(".")[2])
-        assert any(said == (w if said == "slow" else rounded(w, digits)) for w in printed), said
-
-
-def rounded(word, digits):
-    with contextlib.suppress(ValueError):
-        return f"{float(word):.{digits}f}"
-
-
-# ---- README ------------------------------------------------------------------------------
-
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-SNIPPETS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_runs_prints_the_numbers_it_says_and_draws_its_pictures(page, tmp_path):
+    text = page.read_text(encoding="utf-8")
+    with workplace(tmp_path):
+        run(text, page.name)
+    drawn = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text)
+    assert [name for name in drawn if not (tmp_path / name).stat().st_size] == []
+
+
+@pytest.mark.parametrize(
+    ("snippet", "wrong"),
+    [
+        ("print(2.5)  # 2.4 m", "prints 2.5 where it says 2.4"),
+        ("print(1e-3)  # 1.2e-3 m", "prints 0.001 where it says 1.2e-3"),
+        ("x = 1\nraise KeyError(x)", "page:2: KeyError: 1"),
+    ],
+)
+def test_a_page_that_says_another_number_or_fails_is_told(snippet, wrong):
+    with pytest.raises(BrokenPage, match=wrong):
+        run(f"```python\n{snippet}\n```\n")
+
+
+def test_numbers_are_held_to_the_digits_that_a_page_says():
+    assert run("```python\nprint(0.123456)  # 0.1235 m\nprint(3)\n```\n") == ["3\n"]
+
+
+def test_the_reference_has_every_public_name_and_every_command():
+    names = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^::: blockmech\.(\w+)$", names, re.MULTILINE))
+    assert set(bm.__all__) - {"__version__"} <= listed
+    commands = (ROOT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
+    told = re.findall(r"^blockmech (\w+) --help$", commands, re.MULTILINE)
+    assert told == [function.__name__ for function in COMMANDS]
 
 
 def test_python_of_the_readme_runs_from_top_to_bottom_and_prints_the_numbers_it_says(monkeypatch):
     monkeypatch.chdir(ROOT)  # the reader stands in a checkout
     before = {p for p in ROOT.iterdir() if p.name != "__pycache__"}
-    space: dict = {}
-    promised = 0
-    for snippet in SNIPPETS:
-        for node in ast.parse(snippet).body:
-            line = snippet.splitlines()[node.end_lineno - 1]
-            said = re.search(r"#\s+(-?\d[\d.]*)", line)
-            with contextlib.redirect_stdout(io.StringIO()) as out:
-                exec(compile(ast.Module([node], []), "<README.md>", "exec"), space)
-            if said and line.startswith("print("):
-                promised += 1
-                digits = len(said[1].split(".")[-1]) if "." in said[1] else 0
-                found = float(out.getvalue().split()[0])
-                assert found == pytest.approx(float(said[1]), abs=0.51 * 10.0**-digits), line
-    assert len(SNIPPETS) >= 3
-    assert promised >= 1
+    snippets = "\n".join(re.findall(r"```python\n.*?```", README, re.DOTALL))
+    assert len(run(snippets, "README.md")) >= 3
     assert {p for p in ROOT.iterdir() if p.name != "__pycache__"} == before
 
 
-def test_files_that_the_readme_names_exist():
-    for path in re.findall(r"\]\(([\w./-]+)\)", README):
+@pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda page: page.stem)
+def test_files_that_a_page_names_exist(page):
+    text = page.read_text(encoding="utf-8")
+    for path in re.findall(r"\]\(([\w./-]+)\)", text):
+        drawn = page.parent != ROOT and path.endswith((".svg", ".png"))
+        assert drawn or (page.parent / path).exists(), path
+    for path in re.findall(r"\bgraphs/[\w/]+\.json", text):
         assert (ROOT / path).exists(), path
-    for path in re.findall(r"\bgraphs/\w+\.json", README):
-        assert (ROOT / path).exists(), path
 
 
-def test_commands_that_the_readme_names_exist():
-    from blockmech.cli import COMMANDS
-
+@pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda page: page.stem)
+def test_commands_that_a_page_names_exist(page):
+    text = page.read_text(encoding="utf-8")
     known = {function.__name__ for function in COMMANDS}
-    named = set(re.findall(r"`blockmech (\w+)", README)) | set(
-        re.findall(r"/blockmech (\w+)", README)
-    )
-    assert named <= known
+    assert set(re.findall(r"[`/]blockmech (\w+)", text)) <= known
 
 
 def test_readme_has_its_two_one_line_commands_for_both_systems():

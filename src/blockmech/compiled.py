@@ -10,28 +10,34 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.errors import GraphError, Problem
+from blockmech.errors import GraphError, MissingEngineError, Problem, RequestError
 from blockmech.failures import without_gaps
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
 from blockmech.outputs import Catalogue
-from blockmech.plan import Plan
+from blockmech.plan import Plan, Program
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING, Runnable
 from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_chunk, check_switch, friction_asked, unknown_engine
 from blockmech.typing import EngineName, FrictionMethod, OnGap, Precision
 
+if TYPE_CHECKING:
+    from blockmech.engines.llvm import LlvmEngine
+
 T = TypeVar("T")
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
+# Samples for which compiling pays: it takes 0.2 ms for each line of assembly, and NumPy takes
+# 0.3 ns longer for each line and sample; loading the compiler doubles that for short programs.
+COMPILED_FROM = 2**20
 
 
 class Compiled(Runnable):
@@ -218,17 +224,27 @@ class Compiled(Runnable):
         """Values of a plan's program at samples, and the engine that was taken."""
         check_chunk(chunk)
         if engine == "auto":
-            few = taken.n <= SCALAR_UP_TO and precision == "complex128"
-            engine = "scalar" if few else "numpy"
+            engine = self._chosen(plan, taken.n) if precision == "complex128" else "numpy"
         inputs = taken.given(plan.program.inputs)
-        if engine == "scalar" and precision == "complex128":
-            scalar = self._engine(plan, "scalar", "")
-            return scalar.run(inputs, taken.n), "scalar"
+        if engine in ("scalar", "llvm") and precision == "complex128":
+            return self._engine(plan, engine, "").run(inputs, taken.n), engine
         if engine != "numpy" or precision not in PRECISIONS:
             raise unknown_engine(engine, precision)
         batch = self._engine(plan, "numpy", precision)
         more = {} if chunk is None else {"chunk": int(chunk)}
         return batch.run(inputs, taken.n, **more), "numpy"
+
+    def _chosen(self, plan: Plan, n: int) -> str:
+        """The fastest engine for n samples: compiled ones where compiling is done or pays."""
+        if (id(plan), "llvm", "") in self._engines:
+            return "llvm"
+        if n < COMPILED_FROM:
+            return "scalar" if n <= SCALAR_UP_TO else "numpy"
+        try:
+            self._engine(plan, "llvm", "")
+        except (MissingEngineError, RequestError):
+            return "numpy"
+        return "llvm"
 
     def once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
@@ -240,11 +256,12 @@ class Compiled(Runnable):
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
         key = (id(plan), name, precision)
         if key not in self._engines:
-            self._engines[key] = (
-                ScalarEngine(plan.program)
-                if name == "scalar"
-                else NumpyEngine(plan.program, precision)
-            )
+            if name == "llvm":
+                self._engines[key] = compiled_program(plan.program)
+            elif name == "scalar":
+                self._engines[key] = ScalarEngine(plan.program)
+            else:
+                self._engines[key] = NumpyEngine(plan.program, precision)
         return self._engines[key]
 
     @cached_property
@@ -264,6 +281,29 @@ class Compiled(Runnable):
             f"<{type(self).__name__} {self.name}: {len(s.links) - 1} moving links, "
             f"{s.pairs} pairs, mobility {s.mobility}; {s.formula}>"
         )
+
+
+def compiled_program(program: Program) -> LlvmEngine:
+    """A program compiled to machine code.
+
+    Raises `MissingEngineError` without llvmlite, and `RequestError` for a program that is
+    more than flat arithmetic.
+    """
+    from blockmech.engines.llvm import LlvmEngine
+    from blockmech.engines.trace import Untraceable
+
+    try:
+        return LlvmEngine(program)
+    except Untraceable as why:
+        raise RequestError(
+            Problem(
+                "not-compiled",
+                "engine",
+                f"the program cannot be compiled: {why}",
+                "",
+                'use engine="numpy", or "auto"',
+            )
+        ) from None
 
 
 def _followed(structure: Structure, scene: Scene) -> Structure:

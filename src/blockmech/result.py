@@ -211,7 +211,7 @@ class Result(Exported):
 
     def surely_whole(self) -> bool:
         """A cheap sufficient test for one pose, so that it needs no report."""
-        if self.n > 1 or self.engine != "scalar":
+        if self.n > 1 or self.engine == "numpy":
             return False
         values = self._values
         try:

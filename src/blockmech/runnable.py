@@ -62,7 +62,9 @@ class Runnable(ABC):
             Wanted error relative to each output's largest magnitude; chooses friction
             method, iterations and precision, and ``result.accuracy`` says which.
         static : without inertia
-        engine : "scalar" for few samples, "numpy" for batches, "auto" by size
+        engine : "scalar" for few samples, "numpy" for batches, "llvm" for machine code that is
+            compiled at the first run (extra ``fast``), "auto" by size; "auto" takes "llvm" from
+            a million samples on, and for a request that has been compiled before
         precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
         chunk : samples per batch of the NumPy engine
         on_gap : what to do at samples without an answer: raise, mark them as NaN,

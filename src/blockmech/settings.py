@@ -51,7 +51,7 @@ def friction_asked(method: str | None, tolerance: float | None, iterations: int 
 def unknown_engine(engine: str, precision: str) -> RequestError:
     """The error of an engine that there is not, or not with this precision."""
     found = f'no engine "{engine}" with precision "{precision}"'
-    valid = f"engines: auto, scalar, numpy; precisions of numpy: {listed(PRECISIONS)}"
+    valid = f"engines: auto, scalar, numpy, llvm; precisions of numpy: {listed(PRECISIONS)}"
     return RequestError(Problem("unknown-engine", "engine", found, valid, ""))
 
 

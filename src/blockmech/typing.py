@@ -28,7 +28,7 @@ Coordinates: TypeAlias = Numbers | Mapping[str, Numbers]
 """Numbers for the only driver, or for each driver by its name."""
 
 FrictionMethod: TypeAlias = Literal["none", "single", "successive", "newton"]
-EngineName: TypeAlias = Literal["auto", "scalar", "numpy"]
+EngineName: TypeAlias = Literal["auto", "scalar", "numpy", "llvm"]
 Precision: TypeAlias = Literal["complex64", "complex128", "clongdouble"]
 OnGap: TypeAlias = Literal["raise", "mark", "stop"]
 MotionMethod: TypeAlias = Literal[

@@ -15,9 +15,11 @@ from blockmech.blocks.rrp import velocity as rrp_velocity
 from blockmech.blocks.rrr import position as rrr_position
 from blockmech.blocks.rrr import reactions as rrr_reactions
 from blockmech.blocks.rrr import velocity as rrr_velocity
+from blockmech.loads.contract import Element, Terminal
 from blockmech.plane import hyp, maximum, mul, where
 from blockmech.testing.conformance import ConformanceError, conformance
 from blockmech.typing import LinkPosition, Slide
+from blockmech.values import Number
 
 # Two of each at least: both branches, all offsets, sliders' points on either link. The
 # second of a pair that has one is the mirror image of the first.
@@ -279,3 +281,30 @@ def test_broken_rule_is_named(block, kernel, rule):
     with pytest.raises(ConformanceError) as caught:
         conformance(broken(block, kernel))
     assert f"\n{rule} (" in str(caught.value)
+
+
+def test_a_load_of_ones_own_may_store_energy():
+    """Its energy is in the powers; how it should be is nobody else's to know."""
+
+    def attraction(p_a, p_b, p):
+        d = p_b - p_a
+        F = mul(d, p.k / (hyp(d) * hyp(d) * hyp(d)))
+        return F, -F
+
+    class Magnet(Element, type="test.magnet"):
+        """Two poles that attract each other with k / d^2."""
+
+        terminals = {"a": Terminal("point"), "b": Terminal("point")}
+        k: Number
+
+        def kernel(self):
+            return attraction
+
+        def energy(self):
+            return lambda p_a, p_b, p: -p.k / hyp(p_b - p_a)
+
+    try:
+        report = conformance("test.magnet", {"k": 0.5})
+    finally:
+        REGISTRY._types.pop("test.magnet")
+    assert 0 < report.measured["power from the stored energy"] < 1e-9

@@ -49,6 +49,7 @@ REQUESTS = [
     (["--at", "5,0:2:3"], {"at": [5.0, 0.0, 1.0, 2.0]}),
     (["--times", "0:0.5:11"], {"times": np.linspace(0, 0.5, 11)}),
     (["--times", "0.1s,200ms"], {"times": [0.1, 0.2]}),
+    (["--engine", "scalar"], {"engine": "scalar"}),
     (["--friction", "single"], {"friction": "single"}),
     (
         ["--friction", "successive", "--iterations", "2"],

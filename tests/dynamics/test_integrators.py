@@ -154,7 +154,7 @@ def shaken_motor():
 
 
 def test_the_papers_scheme_ends_after_as_many_steps_as_it_says(monkeypatch):
-    monkeypatch.setattr(integrators, "MOST_STEPS", 2000)
+    monkeypatch.setattr(integrators, "EVALUATIONS", 2000)
     motion = move(motored(), Start(0.5, 4.0), "time=1e9", "euler_q", step=1e-3)
     assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
     assert 1990 <= (motion.q_end - 0.5) / 1e-3 <= 2000

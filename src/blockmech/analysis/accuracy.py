@@ -284,7 +284,9 @@ def _settings(
         p
         for p in probe.rounding
         if p == "complex128"
-        or (engine != "scalar" and (p == "clongdouble" or (n >= ENOUGH and not probe.rubs)))
+        or (
+            engine in ("auto", "numpy") and (p == "clongdouble" or (n >= ENOUGH and not probe.rubs))
+        )
     ]
     half = accuracy / 2  # for friction, the rest for rounding
     fine = [p for p in precisions if SAFETY * probe.rounding[p] <= half] or precisions[-1:]

@@ -184,10 +184,10 @@ def energies(e: Evidence) -> Iterator[Residual]:
         kinetic += [plain(own.mass * np.abs(cm.v) ** 2 / 2), plain(own.inertia * cm.om**2 / 2)]
         potential.append(power(np.full(e.run.n, -own.mass * gravity), cm.p))
     elastic = [(n, x) for n, x in e.structure.elements.items() if x.energy() is not None]
-    for name, load in elastic:
+    known = all(type(load) in DECLARED for _, load in elastic)
+    for name, load in elastic if known else ():
         a, b = (e.bodies.held(JointRef(name, t)) for t in load.terminals)
         potential.append(_stored(load, a, b))
-    known = all(type(load) in DECLARED for _, load in elastic)
     for what, terms in {"kinetic": kinetic, "potential": potential if known else []}.items():
         if terms:
             given = plain(-e.run[f"mechanism.{what}_energy"])

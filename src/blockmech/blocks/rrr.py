@@ -69,7 +69,8 @@ def triangle(d: Complex, l_i: Real, l_j: Real, branch: Real) -> tuple[Complex, C
     det = branch * sqrt(area2) / 2
     e = mul(d, k)
     u = mul(e, (inner * outer * k + r) / 2) + imul(e, det * k)
-    margin = area2 * (1 / (2 * l_i * l_j) ** 2) * (r * k)  # r k: NaN where B = D
+    twice = 2 * l_i * l_j
+    margin = area2 * (1 / (twice * twice)) * (r * k)  # r k: NaN where B = D
     return u, u - d, det, margin
 
 

@@ -34,7 +34,7 @@ from blockmech.runnable import EVERYTHING
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
 ]
-Engine = Annotated[str, option("auto, scalar or numpy.", "ENGINE")]
+Engine = Annotated[str, option("auto, scalar, numpy or llvm (compiled).", "ENGINE")]
 Precision = Annotated[str | None, option("complex64, complex128 or clongdouble (numpy).", "TYPE")]
 OnGap = Annotated[str, option("Samples without an answer: mark, raise or stop.", "WHAT")]
 

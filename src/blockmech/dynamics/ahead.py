@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics.events import STANDSTILL
-from blockmech.dynamics.motion import SELF_LOCKED, TOO_MANY
+from blockmech.dynamics.motion import DEAD_CENTRE, SELF_LOCKED, TOO_MANY
 from blockmech.dynamics.panels import (
     FROM_REST,
     PLAIN,
@@ -89,7 +89,8 @@ class Ahead:
                 free = True
             stop = self._standstill(lies, sign * acting.w, K) if known else None
             if stop is not None:
-                if self._shortened(at, piece, abs(stop - q)):
+                way = abs(stop - q)
+                if self._shortened(at, piece, way) or self.kept_clear(at, piece, way):
                     return Obstacle()
                 found = self._to_standstill(at, piece, stop) if at.K else None
                 if found is not None:
@@ -112,6 +113,17 @@ class Ahead:
         if not CLOSE * abs(at.q) < way < piece.data.length / SHORT:
             return False
         self.road.shorten(piece, at.q, at.sign, SHORT / 2 * way)
+        return True
+
+    def kept_clear(self, at: At, piece: Piece, way: float) -> bool:
+        """Whether a way that ends before a dead centre got a piece that ends before it as well.
+
+        The values of one that does not lose digits there, and its series lose them everywhere.
+        """
+        left = abs(piece.end(at.sign) - at.q) - way
+        if piece.what_ends(at.sign) != DEAD_CENTRE or left <= math.sqrt(EPS) * way:
+            return False
+        self.road.shorten(piece, at.q, at.sign, way + left / 2)
         return True
 
     def _acting_on(self, piece: Piece, lies: Spans, sign: int) -> tuple[Work, Floats]:

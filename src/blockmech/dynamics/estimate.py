@@ -1,9 +1,9 @@
 """Estimates of errors, one rule for all methods (numerics 14).
 
-A run at the target and a finer one: the finer is returned, the difference and 4 eps |q| is its
-stated error. It is refined until that meets the target or stops falling. Two runs that end
-differently, or differ as two motions do, did not reach what was asked: the motion is given as
-far as both agree, and says so.
+A run at the target and a finer one: the finer is returned, their difference is its stated error,
+with what rounding leaves unknown of both. It is refined until that meets the target or stops
+falling. Two runs that end differently, or differ as two motions do, did not reach what was asked:
+the motion is given as far as both agree, and says so.
 """
 
 from __future__ import annotations
@@ -11,12 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from blockmech.dynamics.equation import typical_inertia
 from blockmech.dynamics.motion import INTERRUPTED, TOO_MANY, UNDECIDED, Floats, Motion
 from blockmech.plane import EPS
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.system import System
 
 Setting = TypeVar("Setting")
 
@@ -35,14 +39,12 @@ class Difference(NamedTuple):
     t : [s] difference of the ends
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
         nowhere further apart than ``near``
-    size : [rad or m] what rounding of coordinate and time is relative to
     near : [rad or m] within which each driver's runs are one motion, a number or (k,)
     """
 
     q: float
     t: float
     agree: bool
-    size: float
     near: Any
 
 
@@ -68,14 +70,27 @@ def difference(
     longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
     near = PARTED * np.minimum(np.ptp(q, axis=0), longest) + ROUNDING * size
     close = bool((apart <= near).all()) and late <= PARTED * span
-    return Difference(float(apart.max()), late, same and (close or span == 0), size, near)
+    return Difference(float(apart.max()), late, same and (close or span == 0), near)
 
 
-def stated(fine: Motion, apart: Difference) -> Motion:
-    """A run with the error that its difference from a coarser one tells."""
-    late = 0.0 if fine.end == "time" else apart.t + ROUNDING * abs(fine.t_end)
-    error = apart.q + ROUNDING * apart.size
-    return replace(fine, error=error, time_error=fine.time_error + late)
+def with_rounding(system: System, motion: Motion, target: float | None) -> Motion:
+    """The motion; its error with what rounding leaves unknown of all runs alike.
+
+    A coordinate is rounded itself. Inertia and loads, known to rounding or to the `noise` of the
+    system, set the time of all; where a motion starts with a small inertia, that has the
+    rounding of a usual one.
+    """
+    if motion.error < math.inf and motion.t_end > motion.t_start:
+        q, qd = (float(np.abs(x).max()) for x in motion.at(motion.times(COMPARED)))
+        start, share = motion.at(motion.t_start), ROUNDING + system.noise
+        if len(system.drivers) == 1 and start.qd:
+            J = float(system.sample(start.q).J)
+            share *= max(1.0, typical_inertia(system, float(start.q)) / J) if J > 0 else 1.0
+        late = share * max(abs(motion.t_end), motion.t_end - motion.t_start)
+        unsure = motion.time_error + (0.0 if motion.end == "time" else late)
+        error = motion.error + ROUNDING * q + late * qd
+        motion = replace(motion, error=error, time_error=unsure)
+    return motion if target is None else missed(motion, target)
 
 
 def missed(motion: Motion, target: float) -> Motion:
@@ -124,7 +139,8 @@ def refined(
 def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[float]) -> Motion:
     """The finer of two runs with its error, or what both know of the motion."""
     if apart.agree:
-        return stated(fine, apart)
+        late = 0.0 if fine.end == "time" else apart.t
+        return replace(fine, error=apart.q, time_error=fine.time_error + late)
     times = common_times(coarse, fine, wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
     one = off.ndim == 1
@@ -155,7 +171,7 @@ def stopped(motion: Motion, best: Motion | None) -> Motion:
     if best is None or best.t_end < motion.t_end:
         note = f"{motion.end}: the error is not judged by another run"
         return replace(motion, error=math.inf, time_error=math.inf, notes=(*motion.notes, note))
-    judged = math.isfinite(best.error) and best.error > 0
+    judged = math.isfinite(best.error)
     error = best.error if judged else math.inf
     if motion.end == TOO_MANY:
         return replace(best, error=error)

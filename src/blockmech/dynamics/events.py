@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.motion import (
     DEAD_CENTRE,
     END_STOP,
@@ -25,6 +26,7 @@ from blockmech.dynamics.motion import (
 )
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.plane import EPS
+from blockmech.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -36,10 +38,8 @@ STANDSTILL, KINK, GOAL = "standstill", "kink", "goal"
 REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
 
 PARTS = 8  # of a step, at whose ends an event is looked at: steps take up to a swing
-LEAST_MARGIN = 1e-6  # [-] at which a run is stopped: a dead centre is near (numerics 5, rule 6)
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
 NEAR = 0.1  # margin, a transmission angle of 18 degrees, below which a dip within a step counts
-ON = 1e-12  # relative distance within which a coordinate counts as on a kink or a stop
 PER_SWING = 64  # samples of a swing or period among which a user's event is looked for
 
 
@@ -122,7 +122,7 @@ def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[E
     if period is not None:
         turn = math.floor(q / period)
         knots = [knot + period * (turn + n) for knot in knots for n in (-1, 0, 1)]
-    near = ON * max(1.0, abs(q))
+    near = SAME * max(1.0, abs(q))
     above = [knot for knot in knots if knot > q + near]
     below = [knot for knot in knots if knot < q - near]
     here = [knot for knot in knots if abs(knot - q) <= near]
@@ -201,7 +201,7 @@ class Lookout:
     ) -> Lookout:
         """Before the first step; what just happened counts as on its surface still."""
         values = [r.value(t, y) for r in rules]
-        near = ON * max(1.0, float(np.abs(y[0])))
+        near = SAME * max(1.0, float(np.abs(y[0])))
         for i, r in enumerate(rules):
             if fired is not None and (r.kind, r.index) == (fired.kind, fired.index):
                 values[i] = 0.0 if r.kind != KINK or abs(values[i]) <= near else values[i]

@@ -25,21 +25,20 @@ import numpy as np
 from scipy.integrate import DenseOutput, OdeSolver
 
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.estimate import ROUNDING, difference, missed
+from blockmech.dynamics.estimate import difference, stopped
 from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.motion import EVALUATIONS, INTERRUPTED, NO_INERTIA, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, bad
+from blockmech.dynamics.track import AT_ONCE
 
-MOST_STEPS = 500_000  # in a run; half a minute and more
 STEP = 1e-3  # [rad], or of the span, of euler_q; of 200 ms, of rk4, where the time is not known
-BLOCK = 1024  # samples of euler_q in one batch
 DOUBT = 4.0  # stated error over the difference of step and half step: order 1 differs by half
 
 
 def checked_step(step: float, whole: float) -> float:
     """The step; refused where it makes more of them than can be made. Both [rad or m, or s]."""
-    if math.isfinite(whole) and whole / step > MOST_STEPS:
-        found = f"{step:.3g} makes {whole / step:.3g} steps, at most {MOST_STEPS:,} can be made"
+    if math.isfinite(whole) and whole / step > EVALUATIONS:
+        found = f"{step:.3g} makes {whole / step:.3g} steps, at most {EVALUATIONS:,} can be made"
         raise bad("step", found, "give a larger one")
     return step
 
@@ -60,20 +59,18 @@ def judged_by_half(
         step = min(step, way(motion) or step)
         finer = run(step / 2)
         if finer.end == INTERRUPTED:
-            note = "interrupted: the error is not judged by another run"
-            return replace(motion, status="ended", end=INTERRUPTED, notes=(*motion.notes, note))
+            return stopped(finer, motion)
         apart = difference(motion, finer, rotary, request.times)
         same = motion.end == finer.end and motion.status == finer.status
         known = same and motion.end != NO_INERTIA  # of speeds without bound nothing is
         off, late = (DOUBT * x if known else math.inf for x in (apart.q, apart.t))
-        off += ROUNDING * apart.size
         late = 0.0 if motion.end == "time" else late + motion.time_error
         motion = replace(motion, error=off, time_error=late)
         enough = request.step is not None or target is None or off <= target
         if enough or finer.status == "failed" or finer.cost.evaluations > EVALUATIONS:
             break
         motion, step = finer, step / 2
-    return motion if target is None else missed(motion, target)
+    return motion
 
 
 class RungeKutta4(OdeSolver):  # type: ignore[misc]
@@ -131,15 +128,17 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
 
     def __init__(self, equation: Equation, t0: float, y0: Floats, t_bound: float, d: float) -> None:
         super().__init__(equation, t0, y0, t_bound, vectorized=False)
-        self.equation, self.d, self.way, self.i = equation, d, 0.0, BLOCK
+        self.equation, self.d, self.way, self.i = equation, d, 0.0, AT_ONCE
         self.system, self.place_only = equation.system, equation.system.depends_on <= {"q"}
 
     def _sampled(self, way: float) -> None:
         """Inertia, effort at rest and margin at the next places in a direction."""
         self.way, self.i = way, 0
-        found = self.system.sample(self.y[0] + way * self.d * np.arange(BLOCK + 1.0))
+        places = self.y[0] + way * self.d * np.arange(AT_ONCE + 1.0)  # rounded, but not summed
+        found = self.system.sample(places)
         J = np.where(found.margin > 0, found.J, math.nan)
         self.J, self.tau, self.margin = J.tolist(), found.tau.tolist(), found.margin.tolist()
+        self.places = places.tolist()
 
     def _effort(self, t: float, q: float, w: float) -> float:
         """Effort of all loads where a step begins: step v of the paper."""
@@ -148,9 +147,9 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
     def _step_impl(self) -> tuple[bool, str | None]:
         self.equation.spend(1)
         t, (q, w, work) = float(self.t), self.y.tolist()
-        if self.i == BLOCK or not w:
+        if self.i == AT_ONCE or not w:
             self._sampled(math.copysign(1.0, w or self.system.one(q, 0.0, t).tau))
-        i, d = self.i, self.way * self.d
+        i, d = self.i, self.places[self.i + 1] - q
         J, ahead, tau = self.J[i], self.J[i + 1], self._effort(t, q, w)
         xi = (tau - w * w * (ahead - J) / (2 * d)) / J
         square = w * w + 2 * xi * d
@@ -159,7 +158,7 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
             return False, "no pose"  # or it would bounce off a dead centre
         rate = 0.0 if stands else self.way * math.sqrt(square)
         h = -w / xi if stands else 2 * d / (w + rate)
-        end = q - w * w / (2 * xi) if stands else q + d
+        end = q - w * w / (2 * xi) if stands else self.places[i + 1]
         if t + h >= self.t_bound:
             h = self.t_bound - t
             end, rate = q + w * h + xi * h * h / 2, w + xi * h
@@ -167,7 +166,7 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
         self.y = np.array([end, rate, work + tau * (end - q)])
         self.slope = np.array([rate, xi, tau * rate])
         self.t, self.i = t + h, i + 1
-        if self.i < BLOCK + 1:
+        if self.i < AT_ONCE + 1:
             self.equation.know(end, self.margin[i + 1], ahead)
         return True, None
 

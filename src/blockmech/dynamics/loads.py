@@ -35,7 +35,7 @@ from blockmech.series import SCANNED
 TURN = 2 * math.pi
 FREE = Friction("none")
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
-SAME = 1e-12  # relative distance of two periods that fit: files may give them to 12 digits
+SAME = 1e-12  # relative distance of two places or periods that are one: files have 12 digits
 REACH = 3.0  # lengths of a mechanism on either side in which kinks of a slide are looked for
 
 

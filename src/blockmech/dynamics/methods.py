@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.estimate import TARGET
-from blockmech.dynamics.events import ON, watched
+from blockmech.dynamics.events import watched
+from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.motion import (
     END_STOP,
     INTERRUPTED,
@@ -198,7 +199,7 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
     at, rates = (np.atleast_1d(x) for x in request.start[:2])
     for i, (ends, q, rate) in enumerate(zip(system.stops, at, rates, strict=True)):
         for stop, way in zip(ends, (-1.0, 1.0), strict=True):
-            if not (math.isfinite(stop) and abs(q - stop) <= ON * max(1.0, abs(stop))):
+            if not (math.isfinite(stop) and abs(q - stop) <= SAME * max(1.0, abs(stop))):
                 continue
             if way * (rate or _push(system, request, i)) > 0:
                 driver = system.drivers[i]

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from blockmech.series import SCANNED
+
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
 
@@ -27,8 +29,7 @@ SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulo
 AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 
-EVALUATIONS = 400_000  # of kernels, at most in a run of an integrator; some seconds
-SPEED_SAMPLES = 361  # one a degree of a turn: among them extremes of the speed are looked for
+EVALUATIONS = 500_000  # of kernels, or steps, at most in a run of an integrator; some seconds
 FACT_UNITS: Mapping[str, str] = {
     "swing_time": "s",
     "period": "s",
@@ -164,7 +165,7 @@ class Motion:
         The coefficient of fluctuation, by which flywheels are sized; of one driver. Infinite
         where the driver does not advance.
         """
-        t = np.linspace(start, end, SPEED_SAMPLES)
+        t = np.linspace(start, end, SCANNED + 1)
         q, qd = self.track.state(t)
         advance = abs(float(q[-1] - q[0]))
         if advance == 0:

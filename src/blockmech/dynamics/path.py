@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
-from blockmech.dynamics.estimate import TARGET, difference, judged, missed, stopped
-from blockmech.dynamics.events import STANDSTILL
+from blockmech.dynamics.estimate import ROUNDING, TARGET, difference, judged, stopped, with_rounding
+from blockmech.dynamics.events import STANDSTILL, goal_places
 from blockmech.dynamics.motion import (
     AMBIGUOUS,
     DEAD_CENTRE,
@@ -51,10 +51,8 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import Sample, System
 
-TURN = 2 * math.pi
 COARSE, FINE = 32, 48  # nodes of a panel of the two runs
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
-BESIDE = 4  # ulps by which a run beside is off: what a sum of some ten terms may lose
 MOST = 8_000  # panels of a run; ten seconds of work and more
 
 
@@ -63,7 +61,7 @@ class PathRun:
     """One run: where the motion is, and what it left behind.
 
     t [s] counts from the start of the run; K [J]; sign is the direction of the motion. A run
-    ``beside`` starts some ulps off, and has rounding of its own added to inertia and energies.
+    ``beside`` starts some roundings off, and has rounding of its own added to inertia and energies.
     """
 
     system: System
@@ -88,10 +86,10 @@ class PathRun:
     mark: tuple[int, At] | None = None  # panel and state where a pattern may begin
 
     def __post_init__(self) -> None:
-        self.rounding = BESIDE * EPS + 2 * self.system.noise  # relative, of work and inertia
-        self.off = BESIDE if self.beside else 0
+        self.rounding = ROUNDING + 2 * self.system.noise  # relative, of work and inertia
+        self.off = ROUNDING if self.beside else 0.0
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
-        self.q = q * (1 + self.off * EPS)
+        self.q = q * (1 + self.off)
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
         self.road = Road(self.system, self.q, self.n, tolerance, 4 * self.off)
         self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
@@ -101,7 +99,7 @@ class PathRun:
 
     def run(self) -> None:
         """Go on until something ends the run."""
-        rate = float(self.request.start.rate) * (1 + self.off * EPS)
+        rate = float(self.request.start.rate) * (1 + self.off)
         try:
             if rate:
                 self.sign, self.K = (1 if rate > 0 else -1), float(self.start.J[0]) * rate**2 / 2
@@ -135,15 +133,6 @@ class PathRun:
         """Standstills after the start at which the run ends; infinite without such a goal."""
         until = self.request.until
         return {"standstill": 1.0, "swings": until.value}.get(until.goal, math.inf)
-
-    def goal_places(self) -> list[float]:
-        """Driver coordinates at which the run ends."""
-        until = self.request.until
-        if until.goal == "angle":
-            return [until.value]
-        if until.goal == "turns":
-            return [self.request.start.q + s * until.value * TURN for s in (1, -1)]
-        return []
 
     def leave(self) -> None:
         """From a standstill: the direction in which the motion starts, or rest."""
@@ -192,7 +181,7 @@ class PathRun:
             elif piece.what_ends(self.sign):
                 self.arrive(piece.what_ends(self.sign))
             return
-        goals = [stop, *self.goal_places()]
+        goals = [stop, *goal_places(self.request)]
         if self.mark is not None and self.system.period is not None:
             goals.append(self.turned(self.system.period))
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
@@ -204,6 +193,10 @@ class PathRun:
                 self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
             )
         if isinstance(panel, Panels):
+            if panel.t1 > self.t_goal or float(panel.spans.end[-1]) == goal:
+                way = abs(float(panel.state(np.array([self.t_goal]))[0][0]) - self.q)
+                if self.next.kept_clear(self.at, piece, way):
+                    return
             self.take(panel)
             self.passed(piece)
         elif panel.end == STANDSTILL:
@@ -265,7 +258,7 @@ class PathRun:
             self.stop("time", "reached")
         elif self.K == 0:
             self.stand()
-        elif any(map(self.here, self.goal_places())):
+        elif any(map(self.here, goal_places(self.request))):
             self.stop(self.request.until.goal, "reached")
         elif self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
             self.arrive(piece.what_ends(self.sign))
@@ -380,7 +373,7 @@ class PathRun:
                 low, high = (middle, high) if fits else (low, middle - 1)
             return low
         count = 1
-        ways = [abs(x - float(turn.panels.spans.begin[0])) for x in self.goal_places()]
+        ways = [abs(x - float(turn.panels.spans.begin[0])) for x in goal_places(self.request)]
         if ways:
             return math.ceil(max(ways) / abs(turn.step)) + 1
         if self.t_goal == math.inf:
@@ -394,7 +387,7 @@ class PathRun:
 
     def go_round(self, turn: Pattern, start: At) -> None:
         """The end of a motion that turns for ever, or where it goes on otherwise."""
-        ways = [x - start.q for x in self.goal_places() if turn.step * (x - start.q) > 0]
+        ways = [x - start.q for x in goal_places(self.request) if turn.step * (x - start.q) > 0]
         count = math.inf if turn.starts is None else turn.starts.size - 1
         ends = [(turn.at_way(x), self.request.until.goal) for x in ways if x / turn.step <= count]
         t, goal = min([*ends, (self.t_goal, "time")])
@@ -419,7 +412,7 @@ class PathRun:
             q, qd = self.events[-1].q, self.events[-1].qd
         else:
             q, qd = (float(x[0]) for x in track.state(np.array([t0 + self.t])))
-        if self.end == request.until.goal and any(map(self.here, self.goal_places())):
+        if self.end == request.until.goal and any(map(self.here, goal_places(self.request))):
             q = self.q
         if system.friction is not None:
             self.facts["friction_work"] = math.fsum(leg.taken(self.t) for leg in legs)
@@ -447,7 +440,7 @@ class PathRun:
 def along_path(system: System, request: SimulationRequest) -> Motion:
     """The motion by the path method, with its error (`estimate`).
 
-    Of two runs the coarser has fewer nodes and is some ulps beside, in its start, its inertia
+    Of two runs the coarser has fewer nodes and is some roundings beside, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
     start = system.sample(np.array([float(request.start.q)]), float(request.start.rate))
@@ -468,4 +461,5 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
         return stopped(coarse, fine)
     apart = difference(coarse, fine, system.rotary, request.times)
-    return missed(judged(coarse, fine, apart, request.times), request.accuracy or TARGET)
+    found = judged(coarse, fine, apart, request.times)
+    return with_rounding(system, found, request.accuracy or TARGET)

@@ -17,7 +17,6 @@ from scipy.optimize import root
 
 from blockmech.dynamics.estimate import ROUNDING, missed
 from blockmech.dynamics.motion import (
-    SPEED_SAMPLES,
     Cost,
     Event,
     Floats,
@@ -28,6 +27,7 @@ from blockmech.dynamics.motion import (
 )
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.plane import EPS
+from blockmech.series import SCANNED
 
 QUOTIENT = 1e-3  # step of fourth-order differences: its fourth power is their error, 1e-12
 NEUTRAL = 1e-6  # distance of a multiplier from 1 that is none: what differences leave of it
@@ -231,7 +231,7 @@ def repeated(
     regime = "steady state" if found.kind == "stable" else f"{found.kind} periodic motion"
     late = found.gain * once.time_error  # of a period
     many = (max([t0 + period, *request.times]) - t0) / period
-    fastest = float(np.abs(once.at(once.times(SPEED_SAMPLES)).qd).max())
+    fastest = float(np.abs(once.at(once.times(SCANNED + 1)).qd).max())
     errors = found.gain * once.error + (many - 1) * late * fastest, many * late
     return _steady(request, method, regime, track, t0 + period, errors, facts, (told, *notes))
 

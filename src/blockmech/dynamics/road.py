@@ -73,14 +73,14 @@ class Piece:
 class Road:
     """The pieces of a system's path about a start: n nodes each, resolved to a tolerance.
 
-    ``beside``: ulps by which the ends that the mechanism has are off
+    ``beside``: share by which the ends that the mechanism has are off
     """
 
     system: System
     start: float
     n: int
     tolerance: float
-    beside: int = 0
+    beside: float = 0.0
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
 
     @cached_property
@@ -163,7 +163,7 @@ class Road:
             if not limit and bad.any():
                 nearest = min(place(low, high, 0, rule(self.n).v)[bad], key=lambda x: sign * x)
                 far, what = self._last_possible(q, float(nearest))
-                far -= sign * self.beside * math.ulp(far) if far != q else 0.0
+                far -= sign * self.beside * abs(far) if far != q else 0.0
                 self.limits.append((far, sign, what))
                 limit = self._limit(sign, what)
                 continue

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.events import LEAST_MARGIN
 from blockmech.dynamics.motion import DEAD_CENTRE, IMPOSSIBLE, NO_INERTIA, SELF_LOCKED, Floats
 from blockmech.plane import EPS
+from blockmech.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

@@ -24,7 +24,7 @@ from blockmech.series import Floats, coefficients, nodes
 NODES = 12  # of a cell
 CUTS = (64, 4, 4)  # cells of a period, and what a poor one is cut into again and again
 ENDED = 64 * EPS  # of the least inertia or the largest effort: rounding of a sum of ten terms
-FAST = 1e6  # [rad/s] at which what follows the rate hides the rest
+FAST = 1 / math.sqrt(EPS)  # [rad/s] at which what follows the rate hides the rest
 Cell: TypeAlias = tuple[tuple[tuple[float, ...], ...], float]  # of powers falling; least margin
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.integrate import DOP853, LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.equation import Equation, TooMany, scales, typical_inertia
-from blockmech.dynamics.estimate import COMPARED, ROUNDING, TARGET, missed, refined
+from blockmech.dynamics.equation import Equation, TooMany, scales
+from blockmech.dynamics.estimate import COMPARED, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
     GOAL,
     GUIDE_SIDE,
@@ -34,7 +34,6 @@ from blockmech.dynamics.events import (
     kink_rules,
 )
 from blockmech.dynamics.fixed_steps import (
-    MOST_STEPS,
     STEP,
     EulerQ,
     RungeKutta4,
@@ -125,8 +124,7 @@ class Run:
         works = [0.0, 0.0] if rubs else [0.0]
         self.y = np.concatenate([np.atleast_1d(q), np.atleast_1d(rate), works]).astype(float)
         self.times.append(self.t)
-        most = MOST_STEPS if self.method == "euler_q" else EVALUATIONS
-        self.equation = Equation(self.system, q, most)
+        self.equation = Equation(self.system, q, EVALUATIONS)
         if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = min(self.request.t_last, self.request.start.t + FOREVER)
@@ -447,25 +445,7 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
     found = refined(
         run, max(target / 10, FLOOR * FINER), finer, target, system.rotary, request.times
     )
-    return missed(_with_rounding(system, found), target)
-
-
-def _with_rounding(system: System, motion: Motion) -> Motion:
-    """The motion; its error with what rounding of the inertia makes of a start's energy.
-
-    Inertia is rounded by that of a usual place, and so all runs are early or late alike.
-    """
-    q, rate, t = motion.at(motion.t_start).q, motion.at(motion.t_start).qd, motion.t_start
-    if len(system.drivers) > 1 or not rate or motion.t_end == t:
-        return motion
-    J = system.one(float(q)).J
-    share = typical_inertia(system, float(q)) / J if J > 0 else 0.0
-    fastest = float(np.abs(motion.at(motion.times(COMPARED)).qd).max())
-    late = ROUNDING * share * (motion.t_end - t)
-    timed = late if motion.end != "time" else 0.0
-    return replace(
-        motion, error=motion.error + late * fastest, time_error=motion.time_error + timed
-    )
+    return with_rounding(system, found, target)
 
 
 def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> Motion:
@@ -490,4 +470,5 @@ def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> M
             return motion.t_end - motion.t_start
         return float(np.ptp(motion.at(motion.times(COMPARED)).q))
 
-    return judged_by_half(request, system.rotary, step, run, way)
+    found = judged_by_half(request, system.rotary, step, run, way)
+    return with_rounding(system, found, request.accuracy)

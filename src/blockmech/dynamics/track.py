@@ -5,31 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
 from blockmech.dynamics.motion import State
 from blockmech.dynamics.panels import Floats, P, Panels, rule
 
-AT_ONCE = 4096  # turns or times that are worked on together: some megabytes
-
-
-class Leg(Protocol):
-    """A part of the track: it begins at t0 [s]."""
-
-    @property
-    def t0(self) -> float:
-        """When it begins [s]."""
-        ...
-
-    def state(self, t: Floats) -> tuple[Floats, Floats]:
-        """Driver coordinate and rate (m,) at times (m,) [s]."""
-        ...
-
-    def taken(self, t: float) -> float:
-        """Work [J] that friction has taken in it until a time [s]."""
-        ...
+AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte or two
 
 
 @dataclass(frozen=True)
@@ -107,6 +90,9 @@ class Pattern:
             for K, weight in zip(x.K[:, :-1], weights, strict=True):
                 total[part] += (1 / np.sqrt(K + energies[part, None])) @ weight
         return total
+
+
+Leg: TypeAlias = Panels | Pattern  # a part of the track
 
 
 @dataclass(frozen=True)

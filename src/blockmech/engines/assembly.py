@@ -1,0 +1,234 @@
+"""A traced program as LLVM assembly: one function over all samples.
+
+    fill(x, P, out, stride, n):                 inputs, parameters, rows of numbers
+        what hangs on parameters alone
+        for each block of samples:
+            flat arithmetic on LANES samples side by side
+            a loop for each `blockmech.plane.repeat`, until every lane has stopped
+            rows of out
+
+No operation is fused or re-associated, and a lane never depends on another. The text
+says all that is compiled but the numbers of the mechanism, so designs of one structure
+share it.
+
+Source: LLVM Language Reference Manual.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from blockmech.engines.trace import PARAMETER, SAMPLE, Loop, Node, Trace, is_truth
+
+LANES = 8  # one vector register of the widest processors; LLVM splits it on others
+REALS, TRUTHS = f"<{LANES} x double>", f"<{LANES} x i1>"
+ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "fmod": "frem"}
+COMPARISONS = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge", "==": "oeq"}
+CALLS = {"sqrt": "llvm.sqrt", "abs": "llvm.fabs", "sin": "llvm.sin", "cos": "llvm.cos"}
+LIBRARY = ("sin", "cos", "atan2", "fmod")  # of the mathematical library, called by name
+
+HEAD = [
+    *(f"declare {REALS} @{f}.v{LANES}f64({REALS})" for f in CALLS.values()),
+    f"declare i1 @llvm.vector.reduce.or.v{LANES}i1({TRUTHS})",
+    "declare double @atan2(double, double)",
+    # The piece of a table with a number x: bisection, 0 where there is none.
+    """
+define i64 @piece(ptr %knots, i64 %n, double %x) {
+start:
+  %top = sub i64 %n, 1
+  br label %test
+test:
+  %low = phi i64 [ 0, %start ], [ %low.next, %halve ]
+  %high = phi i64 [ %top, %start ], [ %high.next, %halve ]
+  %width = sub i64 %high, %low
+  %more = icmp sgt i64 %width, 1
+  br i1 %more, label %halve, label %found
+halve:
+  %half = lshr i64 %width, 1
+  %middle = add i64 %low, %half
+  %at = getelementptr double, ptr %knots, i64 %middle
+  %knot = load double, ptr %at
+  %right = fcmp ole double %knot, %x
+  %low.next = select i1 %right, i64 %middle, i64 %low
+  %high.next = select i1 %right, i64 %high, i64 %middle
+  br label %test
+found:
+  ret i64 %low
+}
+""",
+]
+
+
+def fill(trace: Trace, inputs: int, rows: Sequence[Node]) -> str:
+    """The text of the module; ``rows`` are what is stored, in the order of ``out``."""
+    nodes = trace.needed(rows)
+    lines = [
+        "define void @fill(ptr %x, ptr noalias %P, ptr noalias %out, i64 %stride, i64 %n) {",
+        "start:",
+    ]
+    for k in range(inputs):
+        lines += [
+            f"%x{k}.at = getelementptr ptr, ptr %x, i64 {k}",
+            f"%x{k} = load ptr, ptr %x{k}.at",
+        ]
+    for node in nodes:
+        if node.scope == PARAMETER:
+            lines += _statement(node)
+    body, last = _sample(nodes)
+    lines += [
+        "br label %test",
+        "test:",
+        f"%i = phi i64 [ 0, %start ], [ %i.next, %{last} ]",
+        "%more = icmp slt i64 %i, %n",
+        "br i1 %more, label %sample, label %done",
+        "sample:",
+        *body,
+    ]
+    for row, node in enumerate(rows):
+        lines += _stored(row, node)
+    lines += [f"%i.next = add i64 %i, {LANES}", "br label %test", "done:", "ret void", "}"]
+    return "\n".join([*HEAD, *lines]) + "\n"
+
+
+def _stored(row: int, node: Node) -> list[str]:
+    lines, name = [], _name(node)
+    if node.truth:
+        lines, name = [f"%o{row}.real = uitofp {TRUTHS} {name} to {REALS}"], f"%o{row}.real"
+    return [
+        *lines,
+        f"%o{row}.first = mul i64 %stride, {row}",
+        f"%o{row}.number = add i64 %o{row}.first, %i",
+        f"%o{row} = getelementptr double, ptr %out, i64 %o{row}.number",
+        f"store {REALS} {name}, ptr %o{row}, align 8",
+    ]
+
+
+def _sample(nodes: Sequence[Node]) -> tuple[list[str], str]:
+    """What is worked out for a block of samples, and the name of the text's last part."""
+    lines: list[str] = []
+    part, done = "sample", set[int]()
+    for node in nodes:
+        if node.op == "after":
+            loop = node.args[0]
+            if loop.scope not in done:
+                done.add(loop.scope)
+                inside = [n for n in nodes if n.scope == loop.scope and n.op != "state"]
+                lines += _loop(loop, inside, part)
+                part = f"after{loop.scope}"
+        elif node.scope == SAMPLE:
+            lines += _statement(node)
+    return lines, part
+
+
+def _loop(loop: Loop, inside: Iterable[Node], before: str) -> list[str]:
+    """A loop in which each lane keeps its state from when it has stopped."""
+    k, going = loop.scope, _name(loop.state[-1])
+    lines = [f"br label %test{k}", f"test{k}:"]
+    both = list(zip(loop.state, loop.first, loop.ahead, strict=True))
+    for state, first, _ in both:
+        name, kind = _name(state), _kind(state)
+        at_first = _name(first, state.truth)
+        lines.append(f"{name} = phi {kind} [ {at_first}, %{before} ], [ {name}.next, %body{k} ]")
+    lines += [
+        f"%n{k} = phi i64 [ 0, %{before} ], [ %n{k}.next, %body{k} ]",
+        f"%few{k} = icmp slt i64 %n{k}, {loop.cap}",
+        f"%some{k} = call i1 @llvm.vector.reduce.or.v{LANES}i1({TRUTHS} {going})",
+        f"%more{k} = and i1 %few{k}, %some{k}",
+        f"br i1 %more{k}, label %body{k}, label %after{k}",
+        f"body{k}:",
+    ]
+    for node in inside:
+        lines += _statement(node)
+    for state, _, ahead in both:
+        name, kind = _name(state), _kind(state)
+        new = f"{kind} {_name(ahead, state.truth)}"
+        lines.append(f"{name}.next = select {TRUTHS} {going}, {new}, {kind} {name}")
+    return [*lines, f"%n{k}.next = add i64 %n{k}, 1", f"br label %test{k}", f"after{k}:"]
+
+
+def _kind(x: Any) -> str:
+    return TRUTHS if is_truth(x) else REALS
+
+
+def _name(x: Any, truth: bool = False) -> str:
+    """Name of a node, or a number as all lanes of a vector."""
+    if isinstance(x, Node):
+        return f"%s{x.args[0].scope}.{x.args[1]}" if x.op in ("state", "after") else f"%v{x.number}"
+    if truth:
+        return f"<{', '.join([f'i1 {int(x)}'] * LANES)}>"
+    bits = struct.pack(">d", float(x)).hex().upper()
+    return f"<{', '.join([f'double 0x{bits}'] * LANES)}>"
+
+
+def _statement(node: Node) -> list[str]:
+    """The text of one operation."""
+    op, me = node.op, _name(node)
+    if op in ("input", "parameter"):
+        return _loaded(node)
+    if op in ("piece", "entry", "atan2"):
+        return list(_by_lane(node))
+    truth = op in ("&", "|")
+    args = [_name(x, truth) for x in node.args]
+    if op in ARITHMETIC:
+        return [f"{me} = {ARITHMETIC[op]} {REALS} {args[0]}, {args[1]}"]
+    if op in COMPARISONS:
+        return [f"{me} = fcmp {COMPARISONS[op]} {REALS} {args[0]}, {args[1]}"]
+    if truth:
+        return [f"{me} = {'and' if op == '&' else 'or'} {TRUTHS} {args[0]}, {args[1]}"]
+    if op == "where":
+        condition, a, b = node.args
+        kind, chosen = _kind(node), (_name(a, node.truth), _name(b, node.truth))
+        return [
+            f"{me} = select {TRUTHS} {_name(condition)}, {kind} {chosen[0]}, {kind} {chosen[1]}"
+        ]
+    if op == "is nan":
+        return [f"{me} = fcmp uno {REALS} {args[0]}, {args[0]}"]
+    if op == "neg":
+        return [f"{me} = fneg {REALS} {args[0]}"]
+    return [f"{me} = call {REALS} @{CALLS[op]}.v{LANES}f64({REALS} {args[0]})"]
+
+
+def _loaded(node: Node) -> list[str]:
+    """An input of each lane, or a parameter in all of them."""
+    me, index = _name(node), node.args[0]
+    if node.op == "input":
+        return [
+            f"{me}.at = getelementptr double, ptr %x{index}, i64 %i",
+            f"{me} = load {REALS}, ptr {me}.at, align 8",
+        ]
+    return [
+        f"{me}.at = getelementptr double, ptr %P, i64 {index}",
+        f"{me}.one = load double, ptr {me}.at",
+        f"{me}.first = insertelement {REALS} poison, double {me}.one, i32 0",
+        f"{me} = shufflevector {REALS} {me}.first, {REALS} poison, <{LANES} x i32> zeroinitializer",
+    ]
+
+
+def _by_lane(node: Node) -> Iterator[str]:
+    """What is done lane by lane: functions of two numbers, and numbers of a table."""
+    me, before = _name(node), "poison"
+    kind = f"<{LANES} x i64>" if node.op == "piece" else REALS
+    one = "i64" if node.op == "piece" else "double"
+    if node.op == "piece":
+        _, first, last = (x.args[0] for x in node.args)
+        yield f"{me}.knots = getelementptr double, ptr %P, i64 {first}"
+    if node.op == "entry":
+        yield f"{me}.row = getelementptr double, ptr %P, i64 {node.args[1].args[0]}"
+    for k in range(LANES):
+        x = f"{me}.x{k}"
+        taken = f"<{LANES} x i64>" if node.op == "entry" else REALS
+        yield f"{x} = extractelement {taken} {_name(node.args[0])}, i32 {k}"
+        if node.op == "piece":
+            n = last - first + 1
+            yield f"{me}.y{k} = call i64 @piece(ptr {me}.knots, i64 {n}, double {x})"
+        elif node.op == "entry":
+            yield f"{me}.at{k} = getelementptr double, ptr {me}.row, i64 {x}"
+            yield f"{me}.y{k} = load double, ptr {me}.at{k}"
+        else:
+            yield f"{x}.b = extractelement {REALS} {_name(node.args[1])}, i32 {k}"
+            yield f"{me}.y{k} = call double @atan2(double {x}, double {x}.b)"
+        after = me if k == LANES - 1 else f"{me}.{k}"
+        yield f"{after} = insertelement {kind} {before}, {one} {me}.y{k}, i32 {k}"
+        before = after

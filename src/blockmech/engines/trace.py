@@ -1,0 +1,291 @@
+"""Tracing: a program bound to symbolic numbers becomes a list of flat real operations.
+
+A `Node` is one operation on earlier nodes; the same operation on the same nodes is made
+once. What a node depends on says where it has to be worked out: parameters alone once for
+all samples, a `blockmech.plane.repeat` in its loop, all else once a sample. Planar vectors
+are pairs of nodes, numbers of the text stay Python numbers, and what the program looks at
+while it is traced (kinds of pairs, numbers of links) is gone. Nothing is re-associated.
+
+Source: tracing by operator overloading is that of automatic differentiation; Griewank &
+Walther, Evaluating Derivatives, 2008, ch. 6.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from types import FunctionType
+from typing import Any, NoReturn
+
+from blockmech.engines.binding import bind
+from blockmech.engines.numpy import Planar, _leaves, imul, mul
+from blockmech.plan import Program
+from blockmech.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
+
+PARAMETER, SAMPLE = 0, 1  # scopes: known before the samples, once a sample; loops count on
+CONSTANTS = {"ZERO": Planar(0.0, 0.0), "ONE": Planar(1.0, 0.0), "REST": REST_SHARE}
+
+
+FOLLOWED = "it follows a group without closed form from its home"
+TRUTHS = ("<", "<=", ">", ">=", "==", "is nan", "&", "|")  # operations that give truth values
+
+
+class Untraceable(Exception):
+    """A program that flat arithmetic cannot say, and why."""
+
+
+Operation = Callable[..., "Node"]
+
+
+def _both(op: str) -> tuple[Operation, Operation]:
+    """An operator with the node on its left, and on its right."""
+    return lambda a, b: a.trace.node(op, a, b), lambda b, a: b.trace.node(op, a, b)
+
+
+def _of_one(op: str) -> Operation:
+    return lambda a: a.trace.node(op, a)
+
+
+class Node:
+    """One real (or truth value) of a program, as an operation on others."""
+
+    __slots__ = ("args", "number", "op", "scope", "trace")
+    __hash__ = object.__hash__
+
+    def __init__(self, trace: Trace, op: str, args: tuple[Any, ...], scope: int) -> None:
+        self.trace, self.op, self.args, self.scope = trace, op, args, scope
+        self.number = len(trace.nodes)
+        trace.nodes.append(self)
+
+    @property
+    def truth(self) -> bool:
+        """Whether it is a truth value."""
+        if self.op in ("state", "after"):
+            loop, i = self.args
+            return is_truth(loop.first[i])
+        return self.op in TRUTHS or (self.op == "where" and is_truth(self.args[1]))
+
+    def __bool__(self) -> NoReturn:
+        raise Untraceable("it branches on a number of the sample")
+
+    __add__, __radd__ = _both("+")
+    __sub__, __rsub__ = _both("-")
+    __mul__, __rmul__ = _both("*")
+    __truediv__, __rtruediv__ = _both("/")
+    __and__, __rand__ = _both("&")
+    __or__, __ror__ = _both("|")
+    (__lt__, _), (__le__, _), (__gt__, _), (__ge__, _) = map(_both, ("<", "<=", ">", ">="))
+    __eq__ = _both("==")[0]  # type: ignore[assignment]
+    __neg__, __abs__ = _of_one("neg"), _of_one("abs")
+
+
+def is_truth(x: Any) -> bool:
+    """Whether a node or number of the text is a truth value."""
+    return x.truth if isinstance(x, Node) else isinstance(x, bool)
+
+
+class Loop:
+    """A `blockmech.plane.repeat`: its state before, in, and after a step, and its cap."""
+
+    def __init__(self, trace: Trace, cap: int, first: list[Any]) -> None:
+        trace.loops.append(self)
+        self.scope = SAMPLE + len(trace.loops)
+        self.cap, self.first = cap, first
+        self.state = [Node(trace, "state", (self, i), self.scope) for i in range(len(first))]
+        self.ahead: list[Any] = []
+
+
+class Trace:
+    """A program in flat operations.
+
+    Attributes
+    ----------
+    nodes : all operations, each after those that it is made of
+    values : what the program returns, nodes in the place of batches
+    flags : conditions under which a sample needs an algorithm of its own
+    """
+
+    def __init__(self, program: Program) -> None:
+        """Raises `Untraceable` where the program is more than flat arithmetic."""
+        if not all(isinstance(f, FunctionType | type) for f in program.functions.values()):
+            raise Untraceable(FOLLOWED)
+        self.nodes: list[Node] = []
+        self.loops: list[Loop] = []
+        self.flags: list[Any] = []
+        self._made: dict[tuple[Any, ...], Node] = {}
+        self._open = False  # whether a loop is being traced
+        inputs = [self._leaf("input", i, SAMPLE) for i in range(len(program.inputs))]
+        count = iter(range(len(numbers(program.parameters.values()))))
+
+        def slot() -> Node:
+            return self._leaf("parameter", next(count), PARAMETER)
+
+        slots = [_filled(value, slot) for value in program.parameters.values()]
+        run = bind(program, PRIMITIVES, CONSTANTS)
+        self.values: tuple[Any, ...] = run(*inputs, tuple(slots))
+
+    def node(self, op: str, *args: Any) -> Node:
+        """The operation on these arguments, nodes or numbers."""
+        key = (op, *(x.number if isinstance(x, Node) else (repr(x),) for x in args))
+        if key not in self._made:
+            scope = max((x.scope for x in args if isinstance(x, Node)), default=PARAMETER)
+            self._made[key] = Node(self, op, args, scope)
+        return self._made[key]
+
+    def _leaf(self, op: str, index: int, scope: int) -> Node:
+        return Node(self, op, (index,), scope)
+
+    def loop(self, step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
+        """The state after a loop: nodes "after" of it."""
+        if self._open:
+            raise Untraceable("a loop in a loop")
+        made = Loop(self, cap, _leaves(state))
+        inside = iter(made.state)
+        self._open = True
+        made.ahead = _leaves(step(_filled(state, lambda: next(inside)), *data))
+        self._open = False
+        after = (Node(self, "after", (made, i), SAMPLE) for i in range(len(made.state)))
+        return _filled(state, lambda: next(after))
+
+    def needed(self, wanted: Iterable[Any]) -> list[Node]:
+        """The nodes that some nodes are made of, in order."""
+        waiting, found = [x for x in wanted if isinstance(x, Node)], set[Node]()
+        while waiting:
+            node = waiting.pop()
+            if node in found:
+                continue
+            found.add(node)
+            if node.op in ("after", "state"):
+                loop = node.args[0]
+                more = [*loop.first, *loop.ahead]
+            else:
+                more = list(node.args)
+            waiting += [x for x in more if isinstance(x, Node)]
+        return sorted(found, key=lambda n: n.number)
+
+
+def numbers(parameters: Iterable[Any]) -> list[float]:
+    """Parameters as a row of numbers, those of records and tables one after the other."""
+    return [x for value in parameters for x in _plain(value)]
+
+
+def _plain(value: Any) -> Iterator[float]:
+    if isinstance(value, tuple):
+        for x in value:
+            yield from _plain(x)
+    elif isinstance(value, complex):
+        yield from (value.real, value.imag)
+    else:
+        yield float(value)
+
+
+def _filled(value: Any, fresh: Callable[[], Any]) -> Any:
+    """A nested tuple with fresh numbers in the place of its own."""
+    if isinstance(value, tuple):
+        parts = [_filled(x, fresh) for x in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return Planar(fresh(), fresh()) if isinstance(value, complex | Planar) else fresh()
+
+
+# -- the primitives of the plane ---------------------------------------------------
+
+
+def _trace_of(*values: Any) -> Trace | None:
+    return next((x.trace for x in _leaves(values) if isinstance(x, Node)), None)
+
+
+def _flat(name: str, function: Callable[..., float]) -> Callable[..., Any]:
+    """A function that is one operation; of plain numbers, a plain number."""
+
+    def operation(*x: Any) -> Any:
+        trace = _trace_of(x)
+        return function(*x) if trace is None else trace.node(name, *x)
+
+    return operation
+
+
+sqrt = _flat("sqrt", SCALAR_PRIMITIVES["sqrt"])
+_cos, _sin, _atan2 = _flat("cos", math.cos), _flat("sin", math.sin), _flat("atan2", math.atan2)
+_remainder, _is_nan = _flat("fmod", math.fmod), _flat("is nan", math.isnan)
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """See `blockmech.plane.where`, and so on."""
+    if not isinstance(condition, Node):
+        return a if condition else b
+    return condition.trace.node("where", condition, a, b)
+
+
+def sign(x: Any) -> Any:
+    return where(x > 0.0, 1.0, where(x < 0.0, -1.0, x))
+
+
+def minimum(a: Any, b: Any) -> Any:
+    return where((a < b) | _is_nan(a), a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    return where((a > b) | _is_nan(a), a, b)
+
+
+def modulo(x: Any, period: Any) -> Any:
+    rest = _remainder(x, period)
+    return where(rest < 0.0, rest + period, rest)
+
+
+def expi(t: Any) -> Planar:
+    return Planar(_cos(t), _sin(t))
+
+
+def hyp(z: Planar) -> Any:
+    return sqrt(z.real * z.real + z.imag * z.imag)
+
+
+def angle(a: Planar, b: Planar) -> Any:
+    return _atan2(cross(a, b) + 0.0, dot(a, b))
+
+
+def piecewise(x: Any, knots: Any, rows: Any) -> Any:
+    """The piece is looked up; its coefficients are parameters one after the other."""
+    trace = _trace_of(x, knots)
+    assert trace is not None  # the knots are parameters
+    first, last = knots[0], knots[-1]
+    inside = (first <= x) & (x <= last)
+    piece = trace.node("piece", x, first, last)
+    s, total = x - trace.node("entry", piece, first), trace.node("entry", piece, rows[0][0])
+    for row in rows[1:]:
+        total = total * s + trace.node("entry", piece, row[0])
+    return where(inside, total, math.nan)
+
+
+def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+    trace = _trace_of(state, data)
+    if trace is None:
+        return SCALAR_PRIMITIVES["repeat"](step, state, cap, *data)
+    return trace.loop(step, state, cap, data)
+
+
+def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
+    """``given``; where the condition holds the sample is flagged."""
+    if isinstance(condition, Node):
+        condition.trace.flags.append(condition)
+        return given
+    return one(given, *data) if condition else given
+
+
+def each(function: Any, *x: Any) -> NoReturn:
+    raise Untraceable("it asks a function of Python sample by sample")
+
+
+def matrix(rows: Any) -> NoReturn:
+    raise Untraceable(FOLLOWED)
+
+
+PRIMITIVES: dict[str, Any] = {
+    **{f.__name__: f for f in (cross, dot, mul, imul, hyp, expi, angle, where, sign)},
+    **{f.__name__: f for f in (minimum, maximum, modulo, piecewise, repeat, repair, each, matrix)},
+    "sqrt": sqrt,
+    "planar": Planar,
+    "EPS": EPS,
+}
+"""The primitives on symbolic numbers; see `blockmech.plane`."""

@@ -1,0 +1,206 @@
+"""The compiled engine says what the scalar engine says, to the last bit, or declines."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import blockmech as bm
+from blockmech import compiled
+from blockmech.engines import llvm
+from blockmech.engines.llvm import LlvmEngine
+from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.trace import Untraceable
+from blockmech.friction.solvers import METHODS
+from blockmech.plan import Program
+from blockmech.plane import (
+    angle,
+    maximum,
+    minimum,
+    modulo,
+    piecewise,
+    planar,
+    repeat,
+    sign,
+    sqrt,
+)
+from blockmech.testing.strategies import mechanisms
+from tests.engines.test_impossible import CASES, SAMPLES
+from tests.gallery import GRAPHS, mechanism
+from tests.loads.test_functions import arm
+from tests.wiring import ruiz, same_bits, swept, toggle, watt
+
+pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+
+FORCES = ("*.reaction", "*.drive", "*.alpha")
+NOT_CLOSED = "it follows a group without closed form from its home"
+
+
+def same(mech, **request):
+    """Both engines' results of a request, which are the same to the last bit."""
+    request["on_gap"] = "mark"
+    one, many = (mech.run(**request, engine=name) for name in ("scalar", "llvm"))
+    assert many.engine == "llvm"
+    assert same_bits(one, many) == []
+    assert one.quality.status == many.quality.status
+    assert one.quality.flags == many.quality.flags
+    return many
+
+
+def request_of(mech, n):
+    """Samples of a mechanism's range, or of a place that it may reach."""
+    if all(d in mech.scene.drive for d in mech.drivers):
+        return {"samples": n}
+    at = {d: k + np.linspace(-0.4, 0.4, n) for k, d in enumerate(mech.drivers)}
+    return {"at": at, "rates": dict.fromkeys(mech.drivers, 1.3)}
+
+
+@pytest.mark.parametrize("name", sorted(p.stem for p in GRAPHS.glob("*.json")))
+def test_the_gallery_is_the_same_to_the_last_bit(name):
+    mech = mechanism(name)
+    request = request_of(mech, 21)
+    for method in METHODS if mech.frictional_joints else ["none"]:
+        try:
+            same(mech, **request, want=FORCES, friction=method)
+        except bm.RequestError as error:
+            assert NOT_CLOSED in str(error)  # noqa: PT017
+            assert any(b.own_form for b in mech.structure.blocks.values())
+
+
+@given(case=mechanisms())
+@settings(max_examples=8)
+def test_random_mechanisms_are_the_same_to_the_last_bit(case):
+    mech = case.graph.compile()
+    same(mech, **swept(case, 12), want=FORCES)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_impossible_samples_lose_the_same_values(name):
+    same(CASES[name].compile(), at=SAMPLES)
+
+
+def test_every_output_and_every_load_is_the_same():
+    same(watt(spring=2.0, friction=True).compile(), samples=60)
+    same(toggle().compile(), samples=60)
+
+
+def test_samples_that_need_continuation_are_done_again():
+    found = same(ruiz(radius=2.0).compile(), at=np.linspace(0.05, 6.2, 13), want=FORCES)
+    assert {f.code for f in found.quality.flags} & {"by-continuation"} or found.quality.gaps
+
+
+def test_a_sample_is_the_same_alone_and_in_any_batch():
+    mech = ruiz().compile()
+    q = np.linspace(0.0, 6.0, 37)
+    whole = mech.run(at=q, engine="llvm", want=FORCES)
+    for part in (slice(0, 1), slice(3, 10), slice(5, 13), slice(8, 24), slice(20, 37)):
+        short = mech.run(at=q[part], engine="llvm", want=FORCES)
+        assert same_bits({k: whole[k][part] for k in whole}, short) == []
+
+
+def test_threads_change_no_bit(monkeypatch):
+    mech, q = ruiz().compile(), np.linspace(0.0, 20.0, 1003)
+    alone = mech.run(at=q, engine="llvm", want=FORCES)
+    monkeypatch.setattr(llvm, "PARALLEL", 100)
+    monkeypatch.setattr(llvm.os, "cpu_count", lambda: 3)
+    assert same_bits(alone, mech.run(at=q, engine="llvm", want=FORCES)) == []
+
+
+# -- primitives ----------------------------------------------------------------------------
+
+ODD = [0.0, -0.0, 1.0, -1.0, 2.5, -7.25, 1e-300, 1e300, math.inf, -math.inf, math.nan]
+KNOTS, ROWS = (-1.0, 0.0, 2.0), ((1.0, -2.0, 9.0), (0.5, 0.25, 9.0))
+
+
+def program_of(function, inputs, parameters=()):
+    names = tuple(f"x{k}" for k in range(inputs))
+    slots = {f"p{k}": value for k, value in enumerate(parameters)}
+    head = f"    {', '.join(slots)}, = P\n" if slots else ""
+    call = f"f({', '.join((*names, *slots))})"
+    source = f"def program({', '.join((*names, 'P'))}):\n{head}    return ({call},)\n"
+    return Program(source, names, frozenset(), {"f": function}, {}, slots, (call,))
+
+
+@pytest.mark.parametrize(
+    ("function", "inputs", "parameters"),
+    [
+        (sign, 1, ()),
+        (sqrt, 1, ()),
+        (minimum, 2, ()),
+        (maximum, 2, ()),
+        (lambda x, y: modulo(x, abs(y) + 1.0), 2, ()),
+        (lambda x, y: angle(planar(x, y), planar(1.0, -0.5)), 2, ()),
+        (piecewise, 1, (KNOTS, ROWS)),
+        (piecewise, 1, (KNOTS[:2], ROWS[:1])),
+    ],
+)
+def test_primitives_are_those_of_the_plane(function, inputs, parameters):
+    program = program_of(function, inputs, parameters)
+    pairs = [(x,) if inputs == 1 else (x, y) for x in ODD for y in (ODD if inputs == 2 else [0])]
+    columns = dict(zip(program.inputs, np.array(pairs).T, strict=True))
+    found = LlvmEngine(program).run(columns, len(pairs))[0]
+    scalar = ScalarEngine(program)
+    assert np.array_equal(found, [scalar.one(x)[0] for x in pairs], equal_nan=True)
+
+
+def halved(state, floor):
+    x, steps, _ = state
+    return x * 0.5, steps + 1.0, x * 0.5 > floor
+
+
+@pytest.mark.parametrize("cap", [0, 1, 3, 100])
+def test_each_lane_of_a_loop_stops_by_itself(cap):
+    program = program_of(lambda x, y: repeat(halved, (x, 0.0, x > y), cap, y)[:2], 2)
+    x, y = np.array([8.0, 0.5, math.nan, 1.0, 1e9, 3.0, 0.0, -1.0, 5.0]), np.full(9, 0.7)
+    found = LlvmEngine(program).run({"x0": x, "x1": y}, 9)[0]
+    wanted = np.array([ScalarEngine(program).one(pair)[0] for pair in zip(x, y, strict=True)])
+    assert np.array_equal(np.array(found).T, wanted, equal_nan=True)
+
+
+def test_what_branches_on_a_number_is_declined():
+    with pytest.raises(Untraceable, match="branches on a number"):
+        LlvmEngine(program_of(lambda x: x if x > 0.0 else -x, 1))
+
+
+# -- the choice of the engine --------------------------------------------------------------
+
+
+def test_a_function_of_python_is_declined_with_its_reason():
+    with pytest.raises(bm.RequestError, match="it asks a function of Python") as told:
+        arm(lambda rate: -0.3 * rate).compile().run(samples=3, engine="llvm")
+    assert 'use engine="numpy"' in str(told.value)
+
+
+def test_a_program_of_great_length_is_declined(monkeypatch):
+    monkeypatch.setattr(llvm, "LONGEST", 10)
+    with pytest.raises(bm.RequestError, match="more than 10 operations"):
+        watt(friction=True).run(samples=3, engine="llvm", want="crank.drive")
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
+    llvm._package.cache_clear()
+    with pytest.raises(bm.MissingEngineError, match=r"blockmech\[fast\]"):
+        mechanism("pump").run(samples=3, engine="llvm", want="*.omega")
+    monkeypatch.setattr(compiled, "COMPILED_FROM", 30)
+    assert ruiz().run(samples=30, want="crank.drive").engine == "numpy"
+
+
+def test_auto_compiles_where_it_pays_and_goes_on_with_what_is_compiled(monkeypatch):
+    monkeypatch.setattr(compiled, "COMPILED_FROM", 100)
+    mech = ruiz().compile()
+    want = ("crank.drive",)
+    assert mech.run(samples=99, want=want).engine == "numpy"
+    assert mech.run(samples=100, want=want).engine == "llvm"
+    assert mech.run(at=1.0, want=want).engine == "llvm"
+    assert mech.run(at=1.0, want=want, engine="scalar").engine == "scalar"
+    assert mech.run(samples=50, want=want, precision="complex64").engine == "numpy"
+    g = mechanism("scissor_lift")
+    assert g.run(samples=100, want="*.omega").engine == "numpy"
+
+
+def test_precisions_are_those_of_numpy():
+    with pytest.raises(bm.RequestError, match='no engine "llvm" with precision "complex64"'):
+        ruiz().run(samples=3, engine="llvm", precision="complex64")
