@@ -50,6 +50,7 @@ ROOMS = (
     "dynamics",
     "analysis",
     "modes",
+    "studies",
     "draw",
     "mechanism",
     "builders",
@@ -73,6 +74,8 @@ LATE = {
     "pytest",
     "mpmath",
     "llvmlite",
+    "xarray",
+    "pyarrow",
 }
 NEEDED_IN = {
     "typer": "cli",
