@@ -21,6 +21,7 @@ from blockmech.cli.describe import blocks, schema
 from blockmech.cli.draw import draw
 from blockmech.cli.new import new
 from blockmech.cli.run import run
+from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate
 from blockmech.cli.sweep import sweep
 from blockmech.cli.terminal import DONE, FAULT, INTERRUPTED, NO_ANSWER, WRONG, say
@@ -30,7 +31,7 @@ from blockmech.errors import BlockmechError, SampleError
 
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade, sweep),
-    *(test, new, blocks, schema),
+    *(sensitivity, test, new, blocks, schema),
 )
 
 
