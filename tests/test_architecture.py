@@ -43,6 +43,7 @@ ROOMS = (
     "export",
     "wires",
     "result",
+    "reach",
     "failures",
     "settings",
     "runnable",
@@ -60,8 +61,8 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 41_270, 6_804
-NUMBERS, NUMBERS_OF_DYNAMICS = 201, 44
+LINES, LINES_OF_DYNAMICS = 41_586, 6_804
+NUMBERS, NUMBERS_OF_DYNAMICS = 202, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
 LATE = {

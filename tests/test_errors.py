@@ -38,7 +38,6 @@ FOLLOWS = {  # files in which a mistake has consequences, or that have more than
     "many_mistakes",
     "misspelt_key",
     "no_frame",
-    "not_a_marker",
 }
 
 

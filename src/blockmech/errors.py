@@ -131,13 +131,36 @@ class FrictionError(SampleError):
 
 
 LONGEST_NAME, MOST_NAMES = 64, 300  # what is compared, so that any file is answered soon
+ALSO_CALLED = {
+    "torque": ("drive", "moment"),
+    "moment": ("drive",),
+    "force": ("reaction", "drive"),
+    "omega": ("rate",),
+    "speed": ("rate", "omega"),
+    "velocity": ("v", "omega", "rate"),
+    "position": ("p", "q", "angle"),
+    "stiff": ("stiffness",),
+    "k": ("stiffness",),
+    "l_1": ("l_i", "length", "l"),
+    "l1": ("l_i", "length", "l"),
+    "l_2": ("l_j",),
+    "l2": ("l_j",),
+    "h_1": ("h_i", "h1"),
+    "h_2": ("h_j", "h2"),
+}
+"""What others call a thing -> what it may be called here."""
 
 
 def close_match(word: str, valid: Iterable[str]) -> str:
     """A remedy that names the nearest valid word, or an empty string."""
     if len(word) > LONGEST_NAME:
         return ""
-    near = [v for v in islice(valid, MOST_NAMES) if abs(len(v) - len(word)) <= len(word)]
+    near = list(islice(valid, MOST_NAMES))
+    head, dot, last = word.rpartition(".")
+    for name in (f"{head}{dot}{other}" for other in ALSO_CALLED.get(last, ())):
+        if name in near:
+            return f'did you mean "{name}"?'
+    near = [v for v in near if abs(len(v) - len(word)) <= len(word)]
     match = difflib.get_close_matches(word, near, n=1, cutoff=0.6)
     return f'did you mean "{match[0]}"?' if match else ""
 

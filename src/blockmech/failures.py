@@ -7,6 +7,7 @@ close, stands at a dead centre or locks itself, and on which arcs it would close
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from blockmech.errors import (
 )
 from blockmech.passes.homotopy import followed, last_good, path_of
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
+from blockmech.reach import shortfall
 from blockmech.result import Result
 
 MOST_GROUPS = 8  # whose limits take a few milliseconds
@@ -69,6 +71,12 @@ def failure_of(result: Result) -> SampleError:
     )
 
 
+def why_not(result: Result) -> str:
+    """Why the first sample without an answer has none, in words."""
+    (problem,) = failure_of(result).problems
+    return str(replace(problem, remedy=""))
+
+
 def _what(
     result: Result, first: int, block: str, margin: float, drivers: Mapping[str, float]
 ) -> tuple[type[SampleError], str, str]:
@@ -95,7 +103,11 @@ def _what(
         return SingularError, "dead-centre", lost
     if not block:
         return SingularError, "undefined", "a wanted value is not defined there"
-    why = "its outer joints coincide" if np.isnan(margin) else f"margin {margin:.4g}"
+    if np.isnan(margin):
+        why = "its outer joints coincide"
+    else:
+        places = dict(zip(result.mechanism.drivers, drivers.values(), strict=True))
+        why = shortfall(result.mechanism, block, places, margin)
     far = _came_as_far(result.mechanism, block, drivers) if margin < 0 else ""
     return AssemblyError, status, f"the group cannot close, {why}{far}"
 

@@ -259,7 +259,7 @@ class Catalogue(Mapping[str, Output]):
         return len(self._outputs)
 
     def match(self, want: Iterable[str]) -> tuple[str, ...]:
-        """Names that the patterns ask for, in the catalogue's order.
+        """Names that the patterns ask for, in their order, those of one in the catalogue's.
 
         Raises `RequestError` for a pattern that matches nothing, all at once.
         """
@@ -284,8 +284,7 @@ class Catalogue(Mapping[str, Output]):
             found.update(dict.fromkeys(names))
         if problems:
             raise RequestError(problems)
-        order = {n: i for i, n in enumerate(self._outputs)}
-        return tuple(sorted(found, key=order.__getitem__))
+        return tuple(found)
 
     def _near(self, pattern: str) -> list[str]:
         head = pattern.split(".")[0] + "."

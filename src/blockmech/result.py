@@ -236,6 +236,24 @@ class Result(Exported):
         cut.accuracy = self.accuracy
         return cut
 
+    def notes(self) -> list[str]:
+        """What a reader of forces must know: that links which turn have no inertia."""
+        forces = {"N", "N m"} & {self.output(name).unit for name in self}
+        if not (forces and self.n) or self.settings["static"]:
+            return []
+        structure = self.mechanism.structure
+        given = {link: structure.properties(link) for link in structure.links}
+        if not any(link.massive for link in given.values()):
+            of = "forces are those of the loads alone" if structure.elements else "forces are zero"
+            return [f"no link has mass or inertia: {of}"]
+        points = [link for link, x in given.items() if x.mass > 0 and x.inertia == 0]
+        one = self.first(1).inside(*(f"{link}.omega" for link in points))
+        names = {} if self.mechanism.names is None else self.mechanism.names.links
+        said = {where.link: name for name, where in names.items()}
+        turning = [str(said.get(x, x)) for x in points if abs(one[f"{x}.omega"][0]) > 0]
+        what = "mass and no inertia: they count as points at their cm"
+        return [f"{listed(turning, 4)} turn with {what}"] if turning else []
+
     # -- more of the same run -----------------------------------------------------
 
     def rerun(self, *want: str) -> Result:

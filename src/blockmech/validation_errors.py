@@ -5,6 +5,7 @@ Pydantic says where and what kind; the model's JSON Schema knows units and keys 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -156,12 +157,22 @@ def _problem(place: _Place, line: Any) -> Problem:
         code, rule = MUST[kind]
         unit = f" {place.unit}" if place.unit else ""
         text = rule.format(unit=unit, in_unit=unit and f" in{unit}", **more)
-        return Problem(code, where, f"{name} must be {text}, got {shown(said)}")
+        remedy = _number_in(said, place.unit) if kind == "float_type" else ""
+        if "discriminator" in place.here and kind.startswith(("model", "dict")):
+            key, tags = _choice(place)
+            word = said if said in tags else tags[0]
+            remedy = f'write {{"{key}": "{word}", ...}}; {key}s: {listed(tags)}'
+        return Problem(code, where, f"{name} must be {text}, got {shown(said)}", "", remedy)
     if kind == "missing":
         unit = f" [{place.unit}]" if place.unit else ""
         return Problem("missing-key", where, f'{place.owner} needs "{name}"{unit}', "", "add it")
     if kind == "extra_forbidden":
-        return unknown_key(where, place.owner, str(line["loc"][-1]), place.keys)
+        key = str(line["loc"][-1])
+        if key == "rpm" and "rate" in place.keys:
+            remedy = 'write "rate" in rad/s'
+            remedy += _number_in(f"{said} rpm", "rad/s").replace("write", ":") if said else ""
+            return replace(unknown_key(where, place.owner, key, place.keys), remedy=remedy)
+        return unknown_key(where, place.owner, key, place.keys)
     if kind in ("too_short", "too_long"):
         most = f"at most {more.get('max_length')}"
         most = f"at least {more['min_length']}" if kind == "too_short" else most
@@ -185,10 +196,42 @@ def _problem(place: _Place, line: Any) -> Problem:
     return Problem(code, where, found, more.get("valid", ""), more.get("remedy", ""))
 
 
+UNITS = {
+    "m": ("m", 1.0),
+    "mm": ("m", 1000.0),
+    "cm": ("m", 100.0),
+    "rad": ("rad", 1.0),
+    "deg": ("rad", 180 / math.pi),
+    "°": ("rad", 180 / math.pi),
+    "rpm": ("rad/s", 30 / math.pi),
+    "rad/s": ("rad/s", 1.0),
+    "s": ("s", 1.0),
+    "kg": ("kg", 1.0),
+    "g": ("kg", 1000.0),
+    "N": ("N", 1.0),
+}
+"""Units that people write behind numbers -> the SI unit, and how many make one of it."""
+
+
+def _number_in(said: Any, unit: str) -> str:
+    """What to write in place of a text that holds a number, perhaps with a unit."""
+    number = re.fullmatch(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*(\S*)\s*", str(said))
+    if not isinstance(said, str) or number is None:
+        return ""
+    si, many = UNITS.get(number[2], (unit, 0.0)) if number[2] else (unit, 1.0)
+    fits = many and unit in ("", si)
+    return f"write {float(number[1].replace(',', '.')) / many!r}" if fits else ""
+
+
+def _choice(place: _Place) -> tuple[str, list[str]]:
+    """The key by which kinds are told there, and their words."""
+    choice = place.here.get("discriminator", {"propertyName": "law", "mapping": {}})
+    return choice["propertyName"], list(choice["mapping"])
+
+
 def _no_such_kind(place: _Place, line: Any) -> Problem:
     """The problem of a value that says its kind wrongly or not at all."""
-    choice = place.here.get("discriminator", {"propertyName": "law", "mapping": {}})
-    key, tags = choice["propertyName"], list(choice["mapping"])
+    key, tags = _choice(place)
     where, known = f"{place.where}.{key}", f"{key}s: {listed(tags)}"
     if line["type"] == "union_tag_not_found":
         return Problem("missing-key", where, f'{place.where} needs "{key}"', known, "add it")

@@ -29,6 +29,7 @@ from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.analysis.scan import TINY, TURN
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.structure import Structure
+from blockmech.reach import shortfall
 from blockmech.series import DOUBLE_ROOT, SCANNED
 
 if TYPE_CHECKING:
@@ -104,6 +105,7 @@ class Limits:
     nearest : where there is no arc: the group that never closes, and where it nearly does
     spacing : [rad or m] of the samples of the scan
     prefix : what names of outputs put before the driver's, "driver." in a document of joints
+    why : by how much the nearest group misses closing there, in words
     """
 
     driver: str
@@ -114,6 +116,7 @@ class Limits:
     nearest: Nearest | None
     spacing: float
     prefix: str = ""
+    why: str = ""
 
     def _q(self, driver: str) -> str:
         """Name of a driver's coordinate."""
@@ -158,10 +161,7 @@ class Limits:
         if self.nearest:
             near = self.nearest
             place = _shown(near.q * scale, 6)
-            yield (
-                f"  {near.block} never closes; it comes nearest at {place} {unit}, "
-                f"margin {near.margin:.4g}"
-            )
+            yield (f"  {near.block} never closes; it comes nearest at {place} {unit}: {self.why}")
         for arc in self.arcs:
             if not self.whole_turn:
                 start, end = (_shown(e.q * scale) for e in (arc.start, arc.end))
@@ -228,6 +228,10 @@ def limits(
     closure = Closure(mechanism.of_blocks, moved, held, _groups(mechanism.structure, blocks))
     span = one_turn() if joint.rotary else travel(mechanism, moved)
     pieces, nearest = closed_pieces(closure, span, samples)
+    why = ""
+    if nearest:
+        places = held | {moved: nearest.q}
+        why = shortfall(mechanism, nearest.block, places, nearest.margin)
     return Limits(
         driver=moved,
         unit=joint.coordinate_unit,
@@ -237,6 +241,7 @@ def limits(
         nearest=nearest,
         spacing=(TURN if joint.rotary else 2 * span.size) / samples,
         prefix=mechanism.driver_prefix,
+        why=why,
     )
 
 

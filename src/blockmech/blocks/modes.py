@@ -12,6 +12,7 @@ times -1 for each change point between home and q along the driver.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -79,6 +80,13 @@ class TwoModes(AssurGroup):
                 "unknown-key", f'"home" has no meaning with branch {said.branch}', "", "remove it"
             )
         return self
+
+    @abstractmethod
+    def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:
+        """What decides whether it closes: in words, its value, smallest and largest [m].
+
+        ``apart`` is the distance [m] of its outer pins, "{}" in the words stands for one.
+        """
 
     @property
     def follows(self) -> bool:

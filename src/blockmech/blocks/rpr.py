@@ -16,6 +16,7 @@ al. 2014, section 2 (groups of the second class).
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 from pydantic import Field
@@ -156,6 +157,10 @@ class RPR(TwoModes, type="dyad.rpr"):
     home: BranchHome | None = Field(default=None, repr=False)
     x_S: Distance = 0.0
     slider: Literal["later", "earlier", "j", "i"] = "later"
+
+    def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:
+        """The outer pins: no nearer than their offsets from the guide differ."""
+        return "the distance of {} and {}", apart, abs(self.h_i - self.h_j), math.inf
 
     @classmethod
     def from_points(cls, B: Point, D: Point, S: Point, along: Point, **more: object) -> RPR:

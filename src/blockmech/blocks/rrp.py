@@ -16,6 +16,7 @@ al. 2014, section 2 (groups of the second class).
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 from pydantic import Field
@@ -158,6 +159,10 @@ class RRP(TwoModes, type="dyad.rrp"):
     home: BranchHome | None = Field(default=None, repr=False)
     x_S: Distance = 0.0
     slider: Literal["later", "earlier"] = "later"
+
+    def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:
+        """The line on which C slides: no farther from B than link i is long."""
+        return "the distance of {} from the line of C", self.l * math.sqrt(1 - margin), 0.0, self.l
 
     @classmethod
     def from_points(cls, B: Point, C: Point, S: Point, along: Point, **more: object) -> RRP:

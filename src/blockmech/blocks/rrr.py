@@ -151,6 +151,11 @@ class RRR(TwoModes, type="dyad.rrr"):
     branch: AnyBranch = 1
     home: BranchHome | None = Field(default=None, repr=False)
 
+    def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:
+        """The outer pins: as far apart as both links at most, as their difference at least."""
+        low, high = abs(self.l_i - self.l_j), self.l_i + self.l_j
+        return "the distance of {} and {}", apart, low, high
+
     @classmethod
     def from_points(cls, B: Point, C: Point, D: Point, **more: object) -> RRR:
         """Make the dyad from one pose of its joints [m]; lengths and branch follow.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
@@ -19,6 +20,8 @@ from blockmech.cli.options import (
     switch,
 )
 from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar
+from blockmech.errors import BlockmechError, Problem
+from blockmech.testing.expectations import check_closing
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:
@@ -33,9 +36,21 @@ def check(file: GraphFile, json: AsJson = False) -> None:
     else:
         facts, text = ({}, "") if problems else _facts(opened(file))
         rows = [p.to_dict() for p in problems]
+        doubts = [] if problems else _doubts(file)
+        facts |= {"remarks": [p.to_dict() for p in doubts]} if doubts else {}
         answer(file, json, {"ok": not problems, **facts, "problems": rows}, text)
+        note(*(f"note: {p}" for p in doubts if not json))
     if problems:
         raise typer.Exit(WRONG)
+
+
+def _doubts(file: str) -> list[Problem]:
+    """What breaks no rule and is hardly meant: groups that do not close where it starts."""
+    try:
+        check_closing(compiled(file))
+    except BlockmechError as error:
+        return [replace(p, where=p.where.split(" (sample")[0], remedy="") for p in error.problems]
+    return []
 
 
 def _facts(found: Opened) -> tuple[dict[str, Any], str]:

@@ -27,7 +27,7 @@ from blockmech.cli.options import (
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
 from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
 from blockmech.export import gap_lines, leading
-from blockmech.failures import without_gaps
+from blockmech.failures import why_not, without_gaps
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 
@@ -83,10 +83,11 @@ def run(
     with progress_bar("computing"):
         result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")
         gaps = gap_lines(result, deg)
+        why = [why_not(result)] if gaps else []
         result = without_gaps(result, on_gap)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    output.show(result, _pictures, gaps, of=everything)
+    output.show(result, _pictures, [*gaps, *why], ["", *why] if why else [], everything)
     if on_gap == "stop" and not output.is_data:  # the table does not reach them
         note(*gaps)
     if gaps:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -27,6 +27,14 @@ class Named(Protocol):
     @property
     def drivers(self) -> tuple[str, ...]:
         """Drivers in formation order."""
+
+    @property
+    def outputs(self) -> Sized:
+        """Every output that can be wanted."""
+
+    @property
+    def frictional_joints(self) -> tuple[str, ...]:
+        """Names of the joints that have friction."""
 
     def said(self, block: str) -> str:
         """A block in a message."""
@@ -67,6 +75,10 @@ class Labelled(Mapping[str, NDArray[Any]]):
     @abstractmethod
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
+
+    @abstractmethod
+    def notes(self) -> list[str]:
+        """What a reader must know of the model to read the numbers."""
 
     @abstractmethod
     def unit_of_driver(self, name: str) -> str:

@@ -137,7 +137,8 @@ def _select(result: Labelled, degrees: bool, width: int, of: Collection[str]) ->
     status = quality.status if gaps else ()
     more: list[str] = []
     shown_any = False
-    for name in sorted(rest, key=_rank):
+    everything = len(of) == len(result.mechanism.outputs)
+    for name in sorted(rest, key=_rank) if everything else rest:  # else as they were asked for
         # Once one does not fit, smaller ones must not jump the queue.
         parts = output_columns(result, name, degrees) if name in result and not more else []
         if parts and (not shown_any or _wide([*chosen, *parts], rows, status) <= width):
@@ -211,9 +212,9 @@ def _cell(x: float) -> str:
 
 def _title(result: Labelled, outputs: int) -> str:
     settings = result.settings
-    how = f"friction {settings['friction']}" + (", static" if settings["static"] else "")
-    name = result.mechanism.name
-    return f"{name}: {_count(result.n, 'sample')}, {_count(outputs, 'output')}; {how}"
+    name, rubs = result.mechanism.name, bool(result.mechanism.frictional_joints)
+    how = f"; friction {settings['friction']}" * rubs + "; static" * bool(settings["static"])
+    return f"{name}: {_count(result.n, 'sample')}, {_count(outputs, 'output')}{how}"
 
 
 def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
@@ -227,6 +228,7 @@ def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
         yield f"{len(shown.rows)} of {result.n} samples shown"
     yield from gap_lines(result, degrees)
     yield from _flag_lines(result)
+    yield from (f"note: {text}" for text in result.notes())
     if shown.more:
         rest = ", ..." if len(shown.more) > LINES else ""
         yield f"{_count(len(shown.more), 'more output')}: {', '.join(shown.more[:LINES])}{rest}"

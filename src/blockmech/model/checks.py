@@ -94,6 +94,19 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
 
 def wire_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
     """What is locally wrong with a wire; ``fed`` is an earlier one to the same joint."""
+    problems = list(_local_problems(blocks, wire, fed))
+    turned = Wire(wire.target, wire.source)
+    if not problems or any(_local_problems(blocks, turned, None)):
+        yield from problems
+    elif problems[0].code == "not-a-marker":
+        yield problems[0]
+    else:
+        found, valid = "a wire does not end there", "a wire runs from a marker to a joint"
+        remedy = f"turn the wire round: {turned}"
+        yield Problem(problems[0].code, wire.target, found, valid, remedy)
+
+
+def _local_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
     marker = yield from _source_problems(blocks, wire)
     yield from _target_problems(blocks, wire, marker, fed)
 

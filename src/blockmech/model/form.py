@@ -164,6 +164,16 @@ class Draft:
             again, _ = validated(model, sound | more, "")
             self.said = again or model.model_validate(sound)
 
+    @property
+    def doubled(self) -> bool:
+        """Whether an item is given twice, so that nothing can be said of how they fit."""
+        twice = {p.where for p in self.odd if p.code == "duplicate-key"}
+        return any(
+            path_text((name, item)) in twice
+            for name in self.form.items()
+            for item in getattr(self.said, name)
+        )
+
     def note(self, problems: Iterable[Problem]) -> None:
         """Add what is wrong with the content, unless the text has said so already."""
         self.content += [p for p in problems if not said_already(p, self.odd)]

@@ -69,7 +69,7 @@ class Graph(Document):
             if block is None:  # a stand-in, so that wires to it are no problem
                 unread.add(name)
             self.blocks[name] = block or UnknownBlock("")
-        if not draft.wrong & {"blocks", "wires"}:
+        if not (draft.wrong & {"blocks", "wires"} or draft.doubled):
             wiring = self._wire_up(draft.said.wires, unread, bool(draft.content))
             draft.fit += islice(wiring, MOST + 1)
 

@@ -134,6 +134,9 @@ def _slip(text: str, at: int, before: str, message: str) -> tuple[str, str]:
     word = re.match(r'"[^"\n]{,20}"?|\w{1,20}|.', text[at:], re.DOTALL)
     sign = word.group() if word else ""
     sign = sign if sign.startswith('"') else json.dumps(sign, ensure_ascii=False)
+    comma = re.search(r"\d,$", before)
+    if comma and re.match(r"\d+\s*[,}]", text[at:]):
+        return "a comma inside of a number", "numbers have a point: 2.0"
     if message.startswith("Extra data"):
         return f"{sign} after the end of the document", "a file holds one object: remove the rest"
     if "control character" in message:

@@ -74,7 +74,8 @@ class Linkage(Document):
         for section in self.form.items():
             parts = {name: part for name, part in draft.items(section) if part is not None}
             getattr(self, section).update(parts)
-        draft.note(reference_problems(self, vars(said)))
+        if not draft.doubled:
+            draft.note(reference_problems(self, vars(said)))
 
     def _sections(self) -> dict[str, Any]:
         parts = {

@@ -1,0 +1,188 @@
+"""What a designer runs into: units, spellings, turned wires; each is told with what to do."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from tests.gallery import GRAPHS
+
+RUIZ = json.loads((GRAPHS / "ruiz_fourbar.json").read_text("utf-8"))
+LINKAGE = json.loads((GRAPHS / "joints" / "ruiz_fourbar.json").read_text("utf-8"))
+
+
+def changed(path: str, said: Any, whole: Any = RUIZ) -> Any:
+    """The document with the value at a path replaced."""
+    made = copy.deepcopy(whole)
+    *way, last = path.split("/")
+    place = made
+    for key in way:
+        place = place[int(key) if isinstance(place, list) else key]
+    place[int(last) if isinstance(place, list) else last] = said
+    return made
+
+
+LAW = "scene/drive/crank"
+TURNED = {"from": "crank.A", "to": "frame.A"}
+SPELLED = [
+    ("blocks/crank/length", "2000 mm", "a number in m", "write 2.0"),
+    ("blocks/crank/length", "2,0", "a number in m", "write 2.0"),
+    ("blocks/crank/offset", "360deg", "a number in rad", "write 6.283185307179586"),
+    ("blocks/crank/length", "2 parsec", "a number in m", "parsec"),
+    (f"{LAW}/rate", "30 rpm", "a number", "write 3.14159265"),
+    (f"{LAW}/rpm", 30, 'no key "rpm"', 'write "rate" in rad/s: 3.14159265'),
+    (LAW, "harmonic", "an object", '{"law": "harmonic", ...}'),
+    (LAW, 10, "an object", '{"law": "constant_rate", ...}'),
+    ("blocks/dyad/l_1", 6.0, 'no key "l_1"', 'did you mean "l_i"'),
+    ("blocks/dyad/l_2", 6.0, 'no key "l_2"', 'did you mean "l_j"'),
+    ("wires/0", TURNED, "does not end there", "turn the wire round: frame.A -> crank.A"),
+]
+
+
+@pytest.mark.parametrize(("path", "said", "found", "remedy"), SPELLED)
+def test_a_slip_of_spelling_is_one_message_that_says_what_to_write(
+    path: str, said: Any, found: str, remedy: str
+) -> None:
+    with pytest.raises((bm.FormatError, bm.GraphError)) as caught:
+        bm.Graph.from_data(changed(path, said)).compile()
+    (told,) = map(str, caught.value.problems)
+    assert found in told
+    assert remedy in told
+
+
+def test_a_comma_inside_of_a_number_is_called_that(tmp_path: Path) -> None:
+    file = tmp_path / "comma.json"
+    file.write_text(json.dumps(RUIZ).replace('"length": 2.0', '"length": 2,0'), "utf-8")
+    with pytest.raises(bm.FormatError, match=r"comma inside of a number.*point: 2\.0"):
+        bm.Graph.load(file)
+
+
+@pytest.mark.parametrize("section", ["blocks", "links"])
+def test_a_name_given_twice_is_one_message(section: str, tmp_path: Path) -> None:
+    whole = RUIZ if section == "blocks" else LINKAGE
+    first, other = list(whole[section])[:2]
+    file, text = tmp_path / "twice.json", json.dumps(whole)
+    file.write_text(text.replace(f'"{other}": {{', f'"{first}": {{', 1), "utf-8")
+    with pytest.raises(bm.FormatError) as caught:
+        (bm.Graph if section == "blocks" else bm.Linkage).load(file)
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.where) == ("duplicate-key", f"{section}.{first}")
+
+
+@pytest.mark.parametrize(
+    ("asked", "meant"), [("crank.torque", "crank.drive"), ("dyad.C.force", "dyad.C.reaction")]
+)
+def test_an_output_by_another_name_of_the_trade_is_found(asked: str, meant: str) -> None:
+    with pytest.raises(bm.RequestError, match=f'did you mean "{meant}"'):
+        bm.Graph.from_data(RUIZ).run(at=1.0, want=asked)
+
+
+# ---- lengths that do not close -----------------------------------------------------------
+
+IN_MM = [
+    ("blocks/crank/length", 2000.0, "too large", "crank.length 1000 times smaller"),
+    ("blocks/dyad/l_i", 6000.0, "too small", "dyad.l_i 1000 times smaller"),
+    ("blocks/frame/markers/D/at", [5500.0, 0.0], "too large", "frame 1000 times smaller"),
+    ("blocks/dyad/l_j", 0.003, "too small", "dyad.l_j 1000 times as large"),
+]
+
+
+@pytest.mark.parametrize(("path", "said", "way", "slip"), IN_MM)
+def test_lengths_in_mm_are_recognised(path: str, said: Any, way: str, slip: str) -> None:
+    with pytest.raises(bm.AssemblyError) as caught:
+        bm.Graph.from_data(changed(path, said)).run(at=1.0)
+    told = str(caught.value)
+    assert way in told
+    assert slip in told
+    assert "margin" not in told
+
+
+def test_a_group_that_misses_by_a_little_says_how_much_and_suspects_nothing() -> None:
+    graph = bm.Graph.from_data(changed("blocks/dyad/l_i", 2.0))
+    with pytest.raises(bm.AssemblyError) as caught:
+        graph.run(at=2.5)
+    apart = abs(2 * np.exp(2.5j) - 5.5)
+    told = str(caught.value)
+    assert f"{apart:.6g} m, {apart - 5:.4g} m too large: its lengths allow 1 to 5 m" in told
+    assert "1000" not in told
+
+
+@pytest.mark.parametrize(("kind", "change"), [("rrp", {"l": 0.5}), ("rpr", {"h_i": 9.0})])
+def test_dyads_with_guides_say_what_they_miss(kind: str, change: dict[str, float]) -> None:
+    g = bm.Graph("guided")
+    g.add("frame", bm.Frame(markers={"A": (0, 0), "D": (4, 0), "G": bm.Marker(at=(0, 3))}))
+    g.add("frame2", bm.Crank(length=1.0))
+    g.connect("frame.A", "frame2.A")
+    if kind == "rrp":
+        g.blocks["frame"] = bm.Frame(markers={"A": (0, 0), "G": bm.Marker(at=(0, 3), angle=0.0)})
+        g.add("dyad", bm.RRP(**change))
+        g.connect("frame.G", "dyad.S")
+    else:
+        g.add("dyad", bm.RPR(**change))
+        g.connect("frame.D", "dyad.D")
+    g.connect("frame2.B", "dyad.B")
+    with pytest.raises(bm.AssemblyError) as caught:
+        g.run(at=0.0)
+    said = {"rrp": "from the line of C is 3 m, 2.5 m too large", "rpr": "is 3 m, 6 m too small"}
+    assert said[kind] in str(caught.value)
+
+
+def test_check_and_limits_tell_it_too(call: Any, tmp_path: Path) -> None:
+    file = tmp_path / "mm.json"
+    file.write_text(json.dumps(changed("blocks/crank/length", 2000.0)), "utf-8")
+    checked, limits, run = call("check", file), call("limits", file), call("run", file)
+    assert (checked.code, limits.code, run.code) == (0, 0, 1)
+    for said in (checked.err, limits.out, run.out):
+        assert "crank.length 1000 times smaller" in said
+    assert json.loads(call("check", file, "--json").out)["remarks"]
+
+
+def test_the_command_line_says_how_much_friction_could_be_overcome(
+    call: Any, tmp_path: Path
+) -> None:
+    file = tmp_path / "locked.json"
+    file.write_text(json.dumps(changed("blocks/dyad/friction/C/coefficient", 400.0)), "utf-8")
+    with pytest.raises(bm.FrictionError) as caught:
+        bm.Graph.load(file).run(samples=5, want="crank.drive")
+    said = call("run", file, "--samples", "5", "--want", "crank.drive")
+    (part,) = [p for p in str(caught.value).split("(") if "times the friction" in p]
+    assert part.split(")")[0] in said.out
+
+
+# ---- tables ------------------------------------------------------------------------------
+
+
+def test_tables_keep_the_order_asked_for_and_name_friction_where_there_is_some() -> None:
+    result = bm.Graph.from_data(RUIZ).run(at=1.0, want=["dyad.C.p", "crank.drive"])
+    head = str(result).splitlines()
+    assert head[0].endswith("friction newton")
+    assert head[2].index("dyad") < head[2].rindex("crank")
+    smooth = bm.Graph.load(GRAPHS / "slider_crank.json").run(at=1.0)
+    assert "friction newton" not in str(smooth)
+
+
+@pytest.mark.parametrize(
+    ("links", "note"),
+    [
+        ({}, "no link has mass or inertia"),
+        ({"links": {"i": bm.Link(mass=2.0)}}, "dyad.i turn with mass and no inertia"),
+        ({"links": {"i": bm.Link(mass=2.0, inertia=1.0)}}, ""),
+    ],
+)
+def test_missing_inertia_is_one_note_where_a_force_is_asked(links: Any, note: str) -> None:
+    g = bm.Graph("fourbar", drive={"crank": bm.ConstantRate(rate=1.0)})
+    g.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0)}))
+    g.add("crank", bm.Crank(length=2.0))
+    g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, **links))
+    for wire in (("frame.A", "crank.A"), ("crank.B", "dyad.B"), ("frame.D", "dyad.D")):
+        g.connect(*wire)
+    noted = [x for x in str(g.run(at=1.0, want="crank.drive")).splitlines() if "note:" in x]
+    assert len(noted) == bool(note)
+    assert all(note in line for line in noted)
+    assert "note:" not in str(g.run(at=1.0, want="dyad.C.p"))
