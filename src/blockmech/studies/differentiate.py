@@ -85,11 +85,13 @@ def sensitivity(
         static=static,
         on_gap=on_gap,
     )
-    chosen, left_out = _chosen(mechanism, result, (to,) if isinstance(to, str) else tuple(to))
-    family = Family(mechanism, [p.address for p in chosen.values() if p.path[0] != GIVEN])
+    asked = _asked(mechanism, result, (to,) if isinstance(to, str) else tuple(to))
+    family, left_out = _separated(mechanism, asked, to)
+    chosen = {a: p for a, p in asked.items() if a not in left_out}
+    general = family.planned_for(p for p in chosen.values() if p.path[0] != GIVEN)
     for block in (b for b, x in mechanism.structure.blocks.items() if x.own_form):
-        family.general.structure.paths[block] = path_of(mechanism.structure, block)
-    plan = family.general.plan(names, **result.settings)
+        general.structure.paths[block] = path_of(mechanism.structure, block)
+    plan = general.plan(names, **result.settings)
     for address in [] if _varies(plan, family, chosen) else list(chosen):
         if not _varies(plan, family, {address: chosen[address]}):
             left_out[address] = "the pieces of its table follow it by no formula"
@@ -166,32 +168,34 @@ def _differentiable(mechanism: Compiled, patterns: tuple[str, ...]) -> tuple[str
     return tuple(names)
 
 
-def _chosen(
-    mechanism: Compiled, result: Result, patterns: tuple[str, ...]
-) -> tuple[dict[str, Parameter], dict[str, str]]:
-    """The numbers that patterns name, and those of them without a derivative, and why."""
+def _asked(mechanism: Compiled, result: Result, patterns: tuple[str, ...]) -> dict[str, Parameter]:
+    """The numbers that addresses and patterns name."""
     known = parameters_of(sections_of(mechanism))
-    moved = _of_drivers(mechanism, result)
-    asked: dict[str, Parameter] = {}
-    alone: set[str] = set()
+    every = {**known, **_of_drivers(mechanism, result)}
+    found: dict[str, Parameter] = {}
     for pattern in patterns:
-        if any(sign in pattern for sign in "*?["):
-            near = known if pattern == EVERY_NUMBER else {**known, **moved}
-            fits = {a: p for a, p in near.items() if fnmatch.fnmatchcase(a, pattern)}
-            asked |= fits or _named({**known, **moved}, pattern)
-        else:
-            exact = _named({**known, **moved}, pattern)
-            asked |= exact
-            alone |= exact.keys()
-    family = Family(mechanism, [a for a, p in asked.items() if p.path[0] != GIVEN])
-    left_out = {a: why for a, p in asked.items() if (why := _why_not(family, p))}
-    if wrong := [a for a in left_out if a in alone]:
+        near = known if pattern == EVERY_NUMBER else every
+        fits = {a: p for a, p in near.items() if a != pattern and fnmatch.fnmatchcase(a, pattern)}
+        found |= fits or {p.address: p for p in named(every, {pattern: None})}
+    return found
+
+
+def _separated(
+    mechanism: Compiled, asked: Mapping[str, Parameter], to: Iterable[str] | str
+) -> tuple[Family, dict[str, str]]:
+    """The family of the numbers, and why some have no derivative: of those named, an error."""
+    left_out = {a: why for a, p in asked.items() if (why := _chooses(p))}
+    numbers = [a for a, p in asked.items() if a not in left_out and p.path[0] != GIVEN]
+    family = Family(mechanism, numbers)
+    for p in family.parameters:
+        places = family.places[p]
+        if not places:
+            left_out[p.address] = "it goes through the geometry of the document"
+        elif any(path[0] == "scene" and path[1] not in BATCHED for path in places):
+            left_out[p.address] = "it says how the drivers move: name their coordinate or rate"
+    if wrong := [a for a in left_out if a in ((to,) if isinstance(to, str) else to)]:
         raise RequestError([Problem("no-derivative", a, left_out[a]) for a in wrong])
-    return {a: p for a, p in asked.items() if a not in left_out}, left_out
-
-
-def _named(known: Mapping[str, Parameter], address: str) -> dict[str, Parameter]:
-    return {p.address: p for p in named(known, {address: None})}
+    return family, left_out
 
 
 def _of_drivers(mechanism: Compiled, result: Result) -> dict[str, Parameter]:
@@ -206,17 +210,10 @@ def _of_drivers(mechanism: Compiled, result: Result) -> dict[str, Parameter]:
     return found
 
 
-def _why_not(family: Family, p: Parameter) -> str:
-    """Why a number has no derivative; "" where it has one."""
-    if p.path[0] == GIVEN:
-        return ""
+def _chooses(p: Parameter) -> str:
+    """Why a number only chooses between mechanisms; "" where it does not."""
     if isinstance(p.value, int):
         return "a whole number chooses, it does not grow"
-    if "home" in p.path:
+    if {"home", "pose"} & set(p.path):
         return "a home only tells the assembly mode"
-    places = family.places[p]
-    if not places:
-        return "it goes through the geometry of the document"
-    if any(path[0] == "scene" and path[1] not in BATCHED for path in places):
-        return "it says how the drivers move: name their coordinate or rate"
     return ""

@@ -104,11 +104,14 @@ class Family:
                 return f"{p.address} goes through the geometry of the document"
             if any(path[0] == "scene" and path[1] not in BATCHED for path in self.places[p]):
                 return f"{p.address} says how the drivers move"
-        aside = {p: beside(p.value, k) for k, p in enumerate(self.parameters)}
-        structure, scene = self.design(aside)
+        self.general = self.planned_for(self.parameters)
+        return self._moved(self.general.structure)
+
+    def planned_for(self, parameters: Iterable[Parameter]) -> Compiled:
+        """A mechanism beside this one: its plans hold for any values of these numbers."""
+        aside = {p: beside(p.value, k) for k, p in enumerate(parameters)}
         m = self.mechanism
-        self.general = type(m)(structure, scene, m.name, m.names, m.document)
-        return self._moved(structure)
+        return type(m)(*self.design(aside), m.name, m.names, m.document)
 
     def _moved(self, general: Structure) -> str:
         """Which path or branch that is found before planning depends on what varies."""
