@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import blockmech.dynamics.simulation as simulating
     import blockmech.modes.listing as listing
     import blockmech.studies.family as designing
+    import blockmech.studies.objective as optimising
     import blockmech.studies.tolerance as tolerating
 
 
@@ -41,6 +42,7 @@ class Mechanism(Compiled):
         extremes = extremal.extremes
         limits = limiting.limits
         modes = listing.modes
+        objective = optimising.objective
         parameters = designing.parameters
         sensitivity = sensing.sensitivity
         simulate = simulating.simulate
@@ -54,6 +56,7 @@ class Mechanism(Compiled):
         extremes = Later("blockmech.analysis.extremes")
         limits = Later("blockmech.analysis.limits")
         modes = Later("blockmech.modes.listing")
+        objective = Later("blockmech.studies.objective")
         parameters = Later("blockmech.studies.family")
         sensitivity = Later("blockmech.draw.sensitivity")
         simulate = Later("blockmech.dynamics.simulation")
