@@ -35,5 +35,5 @@ if __name__ == "__main__":
         axes.plot(np.degrees(run.drivers["crank.q"]), force, label=label)
     print(f"{asked} designs: " + ", ".join(f"{a} = {x:.3f} m" for a, x in places.items()))
     axes.set(xlabel="crank [deg]", ylabel="shaking force [kN]")
-    axes.legend()
+    axes.legend(frameon=False)
     write_figure(figure, "counterweight.png")

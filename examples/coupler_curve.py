@@ -10,7 +10,7 @@ import blockmech as bm
 from blockmech.draw.paper import new_figure, write_figure
 
 ANGLES = np.radians([0, 40, 80, 120, 160, 200])
-POINTS = np.array([1.9 + 2.6j, 1.2 + 2.9j, 0.6 + 2.7j, 0.2 + 2.3j, 0.15 + 1.8j, 0.4 + 1.4j])
+POINTS = np.array([0.5 + 2.2j, 0.9 + 2.9j, 0.4 + 3.2j, -0.4 + 3.1j, -1.2 + 2.6j, -1.6 + 2.0j])
 NUMBERS = ["crank.length", "dyad.l_i", "dyad.l_j", "dyad.P.x", "dyad.P.y"]
 NUMBERS += ["crank.offset", "frame.A.x", "frame.A.y", "frame.D.x", "frame.D.y"]
 
@@ -31,12 +31,12 @@ if __name__ == "__main__":
     path = fourbar().compile().objective(NUMBERS, want="poses(dyad.P.p)", over=ANGLES)
     wanted = np.concatenate([POINTS.real, POINTS.imag])
     found = least_squares(lambda x: path(x) - wanted, path.start, jac=path.jacobian)
-    print(f"largest miss: {np.abs(found.fun).max() * 1e3:.3f} mm after {found.nfev} designs")
-    best = fourbar().replace(path.numbers(found.x)).run(samples=181, want="dyad.P.p", on_gap="mark")
+    print(f"largest miss: {np.abs(found.fun).max() * 1e3:.1f} mm after {found.nfev} designs")
+    best = fourbar().replace(path.numbers(found.x)).run(samples=181, want="dyad.P.p")
     figure = new_figure(240, 200, layout="constrained")
     axes = figure.subplots()
     axes.plot(best["dyad.P.p"].real, best["dyad.P.p"].imag, label="coupler curve")
     axes.plot(POINTS.real, POINTS.imag, "o", mfc="none", label="wanted")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    axes.legend()
+    axes.legend(loc="upper left", frameon=False)
     write_figure(figure, "coupler_curve.png")
