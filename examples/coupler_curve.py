@@ -38,5 +38,5 @@ if __name__ == "__main__":
     axes.plot(best["dyad.P.p"].real, best["dyad.P.p"].imag, label="coupler curve")
     axes.plot(POINTS.real, POINTS.imag, "o", mfc="none", label="wanted")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    axes.legend(loc="upper left", frameon=False)
+    axes.legend(loc="lower right", frameon=False)
     write_figure(figure, "coupler_curve.png")
