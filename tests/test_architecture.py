@@ -20,6 +20,7 @@ from blockmech.plane import SCALAR_PRIMITIVES
 
 SOURCE = Path(blockmech.__file__).parent
 ROOMS = (
+    "early",
     "typing",
     "plane",
     "errors",
@@ -61,8 +62,8 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 42_538, 6_804
-NUMBERS, NUMBERS_OF_DYNAMICS = 206, 44
+LINES, LINES_OF_DYNAMICS = 42_985, 6_811
+NUMBERS, NUMBERS_OF_DYNAMICS = 211, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
 LATE = {

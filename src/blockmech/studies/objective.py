@@ -40,7 +40,7 @@ class Objective:
         self.start = np.array([p.value for p in runner.family.parameters], float)
         self._runner = runner
         self._over = over
-        self._planned = runner.prepared()
+        self._planned = runner.prepared(1)
         self._box = np.stack([self.start, self.start])  # values that the file takes
 
     def __call__(self, x: Any) -> Any:
