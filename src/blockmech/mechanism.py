@@ -19,11 +19,14 @@ if TYPE_CHECKING:
     import blockmech.analysis.limits as limiting
     import blockmech.analysis.stroke as stroking
     import blockmech.analysis.verify as verifying
+    import blockmech.draw.sensitivity as sensing
     import blockmech.draw.study as studying
     import blockmech.draw.trade as trading
     import blockmech.dynamics.simulation as simulating
     import blockmech.modes.listing as listing
     import blockmech.studies.family as designing
+    import blockmech.studies.objective as optimising
+    import blockmech.studies.tolerance as tolerating
 
 
 class Mechanism(Compiled):
@@ -39,10 +42,13 @@ class Mechanism(Compiled):
         extremes = extremal.extremes
         limits = limiting.limits
         modes = listing.modes
+        objective = optimising.objective
         parameters = designing.parameters
+        sensitivity = sensing.sensitivity
         simulate = simulating.simulate
         stroke = stroking.stroke
         study = studying.study
+        tolerance = tolerating.tolerance
         trade = trading.trade
         verify = verifying.verify
     else:
@@ -50,10 +56,13 @@ class Mechanism(Compiled):
         extremes = Later("blockmech.analysis.extremes")
         limits = Later("blockmech.analysis.limits")
         modes = Later("blockmech.modes.listing")
+        objective = Later("blockmech.studies.objective")
         parameters = Later("blockmech.studies.family")
+        sensitivity = Later("blockmech.draw.sensitivity")
         simulate = Later("blockmech.dynamics.simulation")
         stroke = Later("blockmech.analysis.stroke")
         study = Later("blockmech.draw.study")
+        tolerance = Later("blockmech.studies.tolerance")
         trade = Later("blockmech.draw.trade")
         verify = Later("blockmech.analysis.verify")
 

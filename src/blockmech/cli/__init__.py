@@ -22,6 +22,7 @@ from blockmech.cli.describe import blocks, schema
 from blockmech.cli.draw import draw
 from blockmech.cli.new import new
 from blockmech.cli.run import run
+from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate
 from blockmech.cli.sweep import sweep
 from blockmech.cli.terminal import (
@@ -42,7 +43,7 @@ from blockmech.files import sparing
 
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade, sweep),
-    *(test, new, blocks, schema),
+    *(sensitivity, test, new, blocks, schema),
 )
 
 FAULTY = "This is a fault of blockmech: please report it with these lines."

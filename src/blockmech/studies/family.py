@@ -100,15 +100,18 @@ class Family:
         for p in self.parameters:
             if isinstance(p.value, int):
                 return f"{p.address} chooses between structures"
-            if not self._places[p]:
+            if not self.places[p]:
                 return f"{p.address} goes through the geometry of the document"
-            if any(path[0] == "scene" and path[1] not in BATCHED for path in self._places[p]):
+            if any(path[0] == "scene" and path[1] not in BATCHED for path in self.places[p]):
                 return f"{p.address} says how the drivers move"
-        aside = {p: beside(p.value, k) for k, p in enumerate(self.parameters)}
-        structure, scene = self.design(aside)
+        self.general = self.planned_for(self.parameters)
+        return self._moved(self.general.structure)
+
+    def planned_for(self, parameters: Iterable[Parameter]) -> Compiled:
+        """A mechanism beside this one: its plans hold for any values of these numbers."""
+        aside = {p: beside(p.value, k) for k, p in enumerate(parameters)}
         m = self.mechanism
-        self.general = type(m)(structure, scene, m.name, m.names, m.document)
-        return self._moved(structure)
+        return type(m)(*self.design(aside), m.name, m.names, m.document)
 
     def _moved(self, general: Structure) -> str:
         """Which path or branch that is found before planning depends on what varies."""
@@ -134,7 +137,7 @@ class Family:
         return ""
 
     @cached_property
-    def _places(self) -> Mapping[Parameter, tuple[Path, ...]]:
+    def places(self) -> Mapping[Parameter, tuple[Path, ...]]:
         """Where each number of the document stands in the graph as it is; nowhere: ()."""
         if self._of_links:
             return {p: self._passed_on(p) for p in self.parameters}
@@ -178,7 +181,7 @@ class Family:
         """Structure and scene with other numbers, unchecked: of any type with arithmetic."""
         s, scene = self.mechanism.structure, self.mechanism.scene
         blocks = {s.frame: s.fixed, **s.blocks, **s.elements}
-        numbers = {path: x for p, x in values.items() for path in self._places[p]}
+        numbers = {path: x for p, x in values.items() for path in self.places[p]}
         found = replaced({BLOCKS: blocks, "scene": scene}, numbers) if numbers else {}
         turned = found.get(BLOCKS, blocks)
         structure = replace(

@@ -1,0 +1,72 @@
+"""``blockmech sensitivity``: what each number of a mechanism does to its outputs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from blockmech.builders import compiled
+from blockmech.cli.numbers import coordinates, times
+from blockmech.cli.options import (
+    AsJson,
+    At,
+    Friction,
+    GraphFile,
+    Samples,
+    Static,
+    Times,
+    names_of,
+    one_of,
+    option,
+)
+from blockmech.cli.terminal import answer, progress_bar, reading, say
+from blockmech.files import refuse_spared
+
+Wants = Annotated[list[str], option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")]
+To = Annotated[
+    list[str] | None,
+    option('Numbers or patterns, e.g. "dyad.l_*",crank.q; by default all numbers.', "A,B"),
+]
+Csv = Annotated[str | None, option("Write all derivatives at all samples (csv).", "FILE")]
+Plot = Annotated[str | None, option("Draw the ranking (png, svg, pdf).", "FILE")]
+
+
+def sensitivity(
+    file: GraphFile,
+    want: Wants,
+    to: To = None,
+    at: At = None,
+    samples: Samples = None,
+    at_times: Times = None,
+    friction: Friction = None,
+    static: Static = False,
+    csv: Csv = None,
+    plot: Plot = None,
+    json: AsJson = False,
+) -> None:
+    """Rank the numbers of a mechanism by what they do to its outputs: exact derivatives."""
+    from blockmech.draw.paper import suffix_of
+
+    with reading(file):
+        mechanism = compiled(file)
+    one_of(json=json, csv=csv is not None, plot=plot is not None)
+    refuse_spared(*filter(None, (csv, plot)))
+    if plot is not None:
+        suffix_of(plot)
+    request: dict[str, Any] = {
+        "to": names_of(to) or None,
+        "at": coordinates(mechanism, at or []),
+        "samples": samples,
+        "times": times(at_times),
+        "friction": friction,
+        "static": static or None,
+    }
+    given = {k: v for k, v in request.items() if v is not None}
+    with progress_bar("differentiating"):
+        found = mechanism.sensitivity(names_of(want), **given)
+    answer(file, json, found.to_dict(), found.text())
+    if csv is not None:
+        found.to_csv(csv)
+        say(f"wrote {csv}")
+    if plot is not None:
+        with progress_bar("drawing"):
+            say(f"wrote {found.plot(plot)}")

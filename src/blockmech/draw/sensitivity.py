@@ -1,0 +1,86 @@
+"""Pictures of sensitivities: for each output its numbers as bars, the strongest above."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from blockmech.draw import palette as ink
+from blockmech.draw.paper import (
+    new_figure,
+    scaled_unit,
+    shown_name,
+    styled,
+    suffix_of,
+    wrapped,
+    write_figure,
+)
+from blockmech.runnable import giving
+from blockmech.studies.differentiate import sensitivity as derived
+from blockmech.studies.sensitivity import SHOWN, Effect, Sensitivity
+
+PANELS = 6  # outputs that one picture can hold
+THICK = 0.62  # of a row: a bar
+
+
+class PlottedSensitivity(Sensitivity):
+    """Sensitivities with their picture."""
+
+    def plot(self, path: str | os.PathLike[str]) -> Path:
+        """Draw the ranked bars of the first outputs (png, svg or pdf)."""
+        return draw_sensitivity(self, path)
+
+
+sensitivity = giving(PlottedSensitivity, derived)
+"""`blockmech.studies.differentiate.sensitivity`, which can be drawn."""
+
+
+def draw_sensitivity(found: Sensitivity, path: str | os.PathLike[str]) -> Path:
+    """Write the picture of sensitivities; the suffix says the format (png, svg, pdf)."""
+    suffix = suffix_of(path)
+    return write_figure(sensitivity_figure(found), path, suffix)
+
+
+def sensitivity_figure(found: Sensitivity) -> Any:
+    """The picture of sensitivities, a column wide."""
+    ranked = {name: _moving(found, name) for name in list(found)[:PANELS]}
+    heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
+    said = (
+        f"{shown_name(found.result.mechanism.name, 40)}: largest change of an output over "
+        f"{found.result.n} samples by a hundredth of a number, of a zero by that of the largest "
+        "of its unit. Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
+    )
+    with styled():
+        lines = wrapped(said, ink.SMALL, ink.COLUMN - 10)
+        height = sum(heights) + ink.ROW * (len(lines) + 0.5)
+        figure = new_figure(ink.COLUMN, height, layout="constrained")
+        panels = figure.subplots(len(ranked), height_ratios=heights, squeeze=False)[:, 0]
+        for axes, (name, effects) in zip(panels, ranked.items(), strict=True):
+            _bars(axes, name, found.result.unit(name), effects)
+        figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=ink.SMALL)
+    return figure
+
+
+def _moving(found: Sensitivity, name: str) -> list[Effect]:
+    """The strongest numbers of an output, without those that do nothing."""
+    ranked = found.ranked(name)[:SHOWN]
+    return [e for e in ranked if e.change > 0.0] or ranked[:1]
+
+
+def _bars(axes: Any, name: str, unit: str, effects: list[Effect]) -> None:
+    factor, said = scaled_unit(unit, effects[0].change)
+    for row, e in enumerate(effects):
+        if isinstance(e.derivative, complex):
+            style: dict[str, Any] = {"color": ink.GREY}
+        elif e.derivative > 0:
+            style = {"color": ink.FORWARD}
+        else:
+            style = {"facecolor": ink.PAPER, "edgecolor": ink.BACK, "hatch": "/////", "lw": 0.8}
+        axes.barh(row, factor * e.change, height=THICK, **style)
+    axes.set_yticks(range(len(effects)), [e.parameter.address for e in effects])
+    axes.tick_params(axis="y", length=0)
+    axes.invert_yaxis()
+    axes.set_xlabel(f"{name}: change by 1 % [{said or '–'}]", labelpad=1)
+    axes.grid(True, axis="x")
+    axes.spines[["top", "right"]].set_visible(False)

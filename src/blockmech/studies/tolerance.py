@@ -1,0 +1,200 @@
+"""Tolerances: how an output scatters where numbers of the design do.
+
+Linear from exact sensitivities, sample by sample,
+
+    var f = sum_j |df/dp_j|^2 var p_j,
+
+whose terms are the shares of the numbers; beside it Monte Carlo through all designs of a
+family, which knows no linearity. Numbers scatter independently of each other.
+
+Sources: ISO/IEC Guide 98-3 (GUM), 5.1.2; its Supplement 1 for Monte Carlo.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.compiled import Compiled
+from blockmech.errors import Problem, RequestError
+from blockmech.export import aligned
+from blockmech.model.parameters import named, parameters_of
+from blockmech.studies.differentiate import sensitivity
+from blockmech.studies.family import Family, remade, sections_of
+from blockmech.studies.reductions import wanted
+from blockmech.studies.runner import Runner
+from blockmech.studies.sampling import Designs, Distribution, designs
+from blockmech.studies.sensitivity import Sensitivity
+from blockmech.studies.study import Told
+from blockmech.typing import Coordinates, FrictionMethod, Numbers
+
+Array = NDArray[Any]
+
+
+class Scatter(NamedTuple):
+    """What Monte Carlo found of an output.
+
+    mean : (n,), complex of a vector
+    deviation : (n,) standard deviation, of a vector that of both components together
+    designs : (n,) number of designs with an answer
+    """
+
+    mean: Array
+    deviation: Array
+    designs: Array
+
+
+@dataclass(frozen=True)
+class Tolerance(Mapping[str, Array]):
+    """Standard deviations of outputs: ``t["crank.drive"]`` is (n,), linear.
+
+    Attributes
+    ----------
+    sensitivity : derivatives at the means of all numbers
+    laws : address -> distribution
+    sampled : output -> what Monte Carlo found; empty where no designs were drawn
+    """
+
+    sensitivity: Sensitivity
+    laws: Mapping[str, Distribution]
+    sampled: Mapping[str, Scatter]
+
+    def __getitem__(self, output: str) -> Array:
+        return np.asarray(np.sqrt(self._variances(output).sum(axis=0)))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.sensitivity)
+
+    def __len__(self) -> int:
+        return len(self.sensitivity)
+
+    def shares(self, output: str) -> Array:
+        """Share (m, n) [-] of each number in the variance of an output; NaN where it is zero."""
+        terms = self._variances(output)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(terms / terms.sum(axis=0))
+
+    def _variances(self, output: str) -> Array:
+        deviations = np.array([law.deviation for law in self.laws.values()])
+        found: Array = np.square(np.abs(self.sensitivity[output]) * deviations[:, None])
+        return found
+
+    # -- shown --------------------------------------------------------------------------
+
+    def text(self) -> str:
+        """For each output its largest deviation, and what the numbers have in it there."""
+        return "\n\n".join("\n".join(self._table(output)) for output in self)
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _table(self, output: str) -> Iterator[str]:
+        deviation, unit = self[output], self.sensitivity.result.unit(output)
+        if not np.isfinite(deviation).any():
+            yield f"{output}: no answer"
+            return
+        k = int(np.nanargmax(deviation))
+        at = ", ".join(f"{d} = {q[k]:.6g}" for d, q in self.sensitivity.result.drivers.items())
+        yield f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip() + f", at {at}"
+        if output in self.sampled:
+            found = self.sampled[output]
+            n = int(found.designs[k])
+            error = found.deviation[k] / math.sqrt(2 * max(n, 1))
+            yield f"{n} designs: {found.deviation[k]:.4g} ± {error:.1g} {unit}".rstrip()
+        numbers = self.sensitivity.parameters
+        shares = self.shares(output)[:, k]
+        order = np.argsort(-np.nan_to_num(shares), kind="stable")
+        names, laws = list(numbers), list(self.laws.values())
+        rows = [
+            (names[j], f"{laws[j].deviation:.4g} {numbers[names[j]].unit}", f"{shares[j]:.1%}")
+            for j in order.tolist()
+        ]
+        yield from aligned(("number", "deviation", "share"), rows)
+
+
+def tolerance(
+    mechanism: Compiled,
+    numbers: Mapping[str, Distribution],
+    want: Iterable[str] | str,
+    at: Coordinates | None = None,
+    *,
+    samples: int | None = None,
+    times: Numbers | None = None,
+    count: int | None = None,
+    seed: int = 0,
+    friction: FrictionMethod | None = None,
+    static: bool = False,
+    progress: Told | None = None,
+) -> Tolerance:
+    """How outputs scatter: linear about the means, and by Monte Carlo if designs are asked for.
+
+    Parameters
+    ----------
+    numbers : address -> distribution (`normal`, `uniform`), independent of each other
+    want : names or patterns of outputs
+    at, samples, times : the samples, as those of a run
+    count, seed : of designs drawn at random for Monte Carlo; by default none
+    friction, static : as those of a run
+    progress : told how far it is: ``progress(what, done, whole)``
+
+    Returns
+    -------
+    Tolerance
+
+    Raises
+    ------
+    RequestError for unknown names, and where an output or a number has no derivative
+    AssemblyError, SingularError, FrictionError at gaps of the mean design
+    """
+    wrong = [a for a, law in numbers.items() if not isinstance(law, Distribution)]
+    if wrong or not numbers:
+        problems = (Problem("bad-request", a, "no distribution", "", "give e.g. normal(6.0, 1e-4)")
+                    for a in wrong or ["numbers"])  # fmt: skip
+        raise RequestError(problems)
+    found = named(parameters_of(sections_of(mechanism)), numbers)
+    laws = {p.address: law for p, law in found.items()}
+    moved = {p.address: law.mean for p, law in found.items() if law.mean != p.value}
+    centre = remade(mechanism, moved) if moved else mechanism
+    poses = {"at": at, "samples": samples, "times": times}
+    linear = sensitivity(centre, want, laws, **poses, friction=friction, static=static)  # type: ignore[arg-type]
+    sampled = {}
+    if count is not None:
+        runner = Runner(Family(centre, laws), (), poses, linear.result.settings)
+        sampled = _drawn(runner, designs(laws, "random", count, seed), linear, progress)
+    return Tolerance(linear, laws, sampled)
+
+
+def _drawn(
+    runner: Runner, chosen: Designs, linear: Sensitivity, progress: Told | None
+) -> dict[str, Scatter]:
+    """Mean and deviation of outputs over random designs, block by block."""
+    centre = runner.family.mechanism
+    taken = linear.result.samples
+    columns = wanted([f"poses({x})" for x in linear], centre.outputs, taken, centre.drivers)
+    runner = replace(runner, want=columns)
+    planned, size = runner.prepared(chosen.count), runner.size(taken.n)
+    sums: dict[str, list[Any]] = {c.output: [0, 0.0, 0.0] for c in columns}
+    for start in range(0, chosen.count, size):
+        made = chosen.columns(start, min(start + size, chosen.count))
+        numbers = dict(zip(runner.family.parameters, made.values(), strict=True))
+        block = runner.block(planned, numbers)
+        for c in columns:
+            off = block.values[c.label] - linear.result[c.output]
+            good = np.isfinite(off)
+            off = np.where(good, off, 0.0)
+            terms = good.sum(axis=0), off.sum(axis=0), np.square(np.abs(off)).sum(axis=0)
+            sums[c.output] = [a + b for a, b in zip(sums[c.output], terms, strict=True)]
+        if progress is not None:
+            progress(f"{start + size} of {chosen.count} designs", start + size, chosen.count)
+    found = {}
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for name, (n, first, second) in sums.items():
+            mean = first / n
+            deviation = np.sqrt((second / n - np.square(np.abs(mean))) * n / (n - 1))
+            found[name] = Scatter(linear.result[name] + mean, deviation, n)
+    return found

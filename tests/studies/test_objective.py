@@ -1,0 +1,63 @@
+"""A study point as a function for SciPy: its values are a study's, its derivatives exact."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import blockmech as bm
+from blockmech.studies.reductions import SIMPLE
+from tests.gallery import mechanism
+
+TURN = {"crank": np.linspace(0.1, 6.2, 24)}
+NUMBERS = ["dyad.l_i", "frame.D.y", "dyad.links.i.mass", "dyad.friction.C.radius"]
+WANT = [*(f"{how}(crank.drive)" for how in SIMPLE), f"at(crank.drive, {TURN['crank'][3]})"]
+WANT += ["max_abs(dyad.C.reaction)", "rms(dyad.C.reaction)", "mean(dyad.C.p)", "poses(dyad.S.p)"]
+WANT += ["max(dyad.C.p.x)", "min(dyad.C.p.y)"]
+
+
+@pytest.fixture(scope="module")
+def asked():
+    return mechanism("ruiz_fourbar").objective(NUMBERS, want=WANT, over=TURN)
+
+
+def test_values_are_those_of_a_study(asked):
+    x = asked.start * 1.01
+    vary = {a: [value] for a, value in asked.numbers(x).items()}
+    found = mechanism("ruiz_fourbar").study(vary, want=WANT, over=TURN)
+    kept = [np.atleast_1d(row[0]) for row in found.found.values.values()]
+    rows = [np.concatenate([r.real, r.imag]) if np.iscomplexobj(r) else r for r in kept]
+    np.testing.assert_array_equal(asked(x), np.concatenate(rows))
+
+
+def test_derivatives_of_every_reduction_are_those_of_differences(asked):
+    x = asked.start + np.array([0.01, 0.02, 0.3, 1e-4])
+    exact, whole = asked.jacobian(x), asked(x)
+    assert exact.shape == (len(whole), len(x))
+    for k in range(len(x)):
+        h = 1e-6 * (abs(x[k]) or 1.0)  # steps of differences: error h^2 and rounding / h
+        step = h * np.eye(len(x))[k]
+        near = (asked(x + step) - asked(x - step)) / (2 * h)
+        allowed = 1e-6 * np.maximum(np.abs(exact[:, k]), np.abs(whole) / (abs(x[k]) or 1.0)) + 1e-8
+        assert (np.abs(exact[:, k] - near) <= allowed).all()
+
+
+def test_a_design_that_does_not_assemble_or_that_a_file_refuses_is_infinitely_bad():
+    f = mechanism("ruiz_fourbar").objective("dyad.l_i", want="max_abs(crank.drive)", over=TURN)
+    assert np.isfinite(f([6.0]))
+    assert f([9.0]) == f([-6.0]) == f([0.0]) == np.inf
+    assert f([6.0]) == f(f.start)
+
+
+def test_scipy_finds_the_best_place_of_a_mass():
+    mech = mechanism("ruiz_fourbar")
+    f = mech.objective(["crank.links.crank.cm.x"], want="rms(mechanism.shaking_force)", over=TURN)
+    found = minimize(f, f.start, jac=f.jacobian)
+    assert found.fun < f(f.start)
+    assert abs(f.jacobian(found.x)[0]) < 1e-4 * abs(f.jacobian(f.start)[0])
+    around = [f(found.x + d) for d in (-1e-3, 1e-3)]
+    assert min(around) > found.fun
+
+
+def test_of_a_number_a_turn_there_is_no_derivative():
+    with pytest.raises(bm.RequestError, match="no-derivative"):
+        mechanism("ruiz_fourbar").objective(["dyad.l_i"], want="mechanism.friction_efficiency")

@@ -1,0 +1,188 @@
+"""Sensitivities: exact, by address, ranked, and honest where there is no derivative."""
+
+import csv
+import random
+
+import mpmath
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import RequestError
+from blockmech.plane import primitives_of
+from blockmech.studies.differentiate import sensitivity
+from blockmech.studies.family import Family
+from tests.engines.derivatives import STEP, outputs
+from tests.engines.test_derivatives import EXACT, request_of
+from tests.extremes.precise import DIGITS, PRIMITIVES, Precise
+from tests.gallery import GRAPHS, JOINTS, mechanism
+
+
+def in_double(function, *x):
+    return tuple(map(mpmath.mpf, function(*map(float, x))))
+
+
+for number in (mpmath.mpf, mpmath.mpc):
+    primitives_of.register(number, lambda x: PRIMITIVES | {"one_by_one": in_double})
+
+SPLINES = (".law.arguments", ".law.values")  # whose coefficients SciPy finds, in double
+
+
+def by_differences(mech, found, request, ways):
+    """Derivatives of all outputs along one way, by output, from formulas and kernels in 60 digits.
+
+    ``ways`` is a change of each number.
+    """
+    want = list(found)
+    family = Family(mech, found.parameters)
+    precise = Precise(family.general, want, "newton")
+    program = precise.plan.program
+    given = found.result.samples.given(program.inputs)
+    columns = {name: [] for name in want}
+    with mpmath.workdps(DIGITS):
+        sides = []
+        for h in (STEP, -STEP):
+            moved = {p: mpmath.mpf(p.value) + h * ways[a] for a, p in found.parameters.items()}
+            sides.append(program.values(*family.design(moved)))
+        for k in range(found.result.n):
+            one = {x: float(np.asarray(given[x])[k]) for x in given}
+            ahead, behind = (precise.run(one, side) for side in sides)
+            for name in want:
+                output = mech.outputs[name]
+                if output.read.__name__ == "_same":
+                    (i,) = precise.plan.layout[name]
+                    columns[name].append(complex((ahead[i] - behind[i]) / (2 * STEP)))
+    return {name: np.array(column) for name, column in columns.items() if column}
+
+
+GALLERY = (
+    *("ruiz_fourbar", "andrews_squeezer", "engine", "excavator", "pump", "toggle_press"),
+    *("stephenson_3_triad", "whitworth_shaper"),
+)
+
+
+@pytest.mark.parametrize("name", GALLERY)
+def test_derivatives_by_address_agree_with_60_digits(name):
+    mech = mechanism(name)
+    request = request_of(mech)
+    found = sensitivity(mech, outputs(mech), **request, on_gap="mark")
+    dice = random.Random(3)
+    ways = {
+        a: 0.0 if any(x in a for x in SPLINES) else (abs(p.value) or 1.0) * dice.uniform(-1.0, 1.0)
+        for a, p in found.parameters.items()
+    }
+    exact = by_differences(mech, found, request, ways)
+    margin = min([1.0, *(x.min() for x in found.result.quality.margin.values())])
+    largest = {}
+    for x, d in exact.items():
+        unit = mech.outputs[x].unit.removesuffix("/rad")
+        size = max(np.abs(d).max(), np.nanmax(np.abs(found.result[x])))
+        largest[unit] = max(size, largest.get(unit, 0.0))
+    assert len(exact) > 10
+    for x, d in exact.items():
+        along = np.einsum("m,mn->n", list(ways.values()), found[x])
+        scale = largest[mech.outputs[x].unit.removesuffix("/rad")] / margin
+        assert np.abs(along - d).max() <= EXACT * scale, x
+
+
+def test_the_coordinate_of_a_driver_is_turned_at_held_rates():
+    mech = mechanism("watt_sixbar")
+    want = ["second.C.p", "second.C.v", "crank.J_red", "crank.dJ_red"]
+    found = sensitivity(
+        mech, want, "crank.q", at=[0.3, 1.7], rates=[2.0, 2.0], accelerations=[0, 0]
+    )
+    result = found.result
+    np.testing.assert_allclose(
+        found["second.C.p", "crank.q"] * 2.0, result["second.C.v"], rtol=1e-13
+    )
+    np.testing.assert_allclose(found["crank.J_red", "crank.q"], result["crank.dJ_red"], rtol=1e-12)
+    acceleration = mech.run(**request_at([0.3, 1.7]), want=["second.C.a"])["second.C.a"]
+    np.testing.assert_allclose(found["second.C.v", "crank.q"] * 2.0, acceleration, rtol=1e-12)
+    assert found.unit("second.C.p", "crank.q") == "m/rad"
+
+
+def request_at(q):
+    return {"at": q, "rates": [2.0] * len(q), "accelerations": [0.0] * len(q)}
+
+
+def test_numbers_are_ranked_by_what_a_hundredth_of_them_does():
+    found = mechanism("ruiz_fourbar").sensitivity("crank.drive", "dyad.l_*", samples=73)
+    first, second = found.ranked("crank.drive")
+    assert first.change >= second.change > 0.0
+    assert first.parameter.address == "dyad.l_i"
+    assert first.change == pytest.approx(0.01 * 6.0 * abs(first.derivative), rel=1e-15)
+    assert "dyad.l_i" in found.text().splitlines()[2]
+
+
+def test_a_document_has_the_derivatives_of_its_graph():
+    by_blocks = mechanism("ruiz_fourbar").sensitivity("crank.drive", "dyad.l_i", samples=13)
+    linkage = bm.Linkage.load(JOINTS / "ruiz_fourbar.json").compile()
+    found = linkage.sensitivity("driver.motor.drive", "joints.C.at[0].x", samples=13)
+    np.testing.assert_allclose(
+        found["driver.motor.drive", "joints.C.at[0].x"],
+        by_blocks["crank.drive", "dyad.l_i"],
+        rtol=1e-11,
+    )
+
+
+def test_a_kink_has_two_derivatives():
+    graph = bm.Graph.load(GRAPHS / "slider_crank.json")
+    law = {"kind": "table", "arguments": [0.0, 1.0, 3.0], "values": [0.0, 2.0, 0.0]}
+    graph.add("motor", bm.Motor(law=law | {"interpolation": "linear"}, driver="crank"))
+    graph.connect("frame.frame", "motor.a")
+    graph.connect("crank.crank", "motor.b")
+    found = graph.compile().sensitivity("crank.tau_red", "crank.q", at=[0.9, 1.0, 1.1])
+    assert found.kinks("crank.tau_red").tolist() == [[False, True, False]]
+    step = found.behind["crank.tau_red"] - found.ahead["crank.tau_red"]
+    assert step[0, 1] == pytest.approx(2.0 - -1.0, rel=1e-12)
+    assert "one-sided at 1 of 3 samples" in found.text()
+
+
+def test_a_table_of_numbers_reads_back(tmp_path):
+    found = mechanism("ruiz_fourbar").sensitivity(
+        ["crank.drive", "dyad.C.p"], "dyad.l_*", at=[0.1, 0.2]
+    )
+    found.to_csv(tmp_path / "s.csv")
+    head, *rows = csv.reader((tmp_path / "s.csv").read_text("utf-8").splitlines())
+    assert head[-2:] == ["per dyad.l_i [m]", "per dyad.l_j [m]"]
+    assert [row[0] for row in rows] == ["crank.drive"] * 2 + ["dyad.C.p.x"] * 2 + ["dyad.C.p.y"] * 2
+    assert float(rows[0][-2]) == found["crank.drive", "dyad.l_i"][0]
+    assert float(rows[-1][-1]) == found["dyad.C.p", "dyad.l_j"][1].imag
+
+
+@pytest.mark.parametrize(
+    ("want", "to", "said"),
+    [
+        ("crank.drive", "dyad.li", 'did you mean "dyad.l_i"'),
+        ("crank.drive", "dyad.branch", "dyad.branch: a whole number chooses"),
+        ("crank.drive", "scene.drive.crank.rate", "it says how the drivers move"),
+        ("crank.drive", ["dyad.b*"], "dyad.branch: a whole number chooses"),
+        ("mechanism.friction_efficiency", "dyad.l_i", "a number or a vector a sample"),
+    ],
+)
+def test_what_has_no_derivative_is_refused(want, to, said):
+    with pytest.raises(RequestError, match=said.replace("?", r"\?")):
+        mechanism("ruiz_fourbar").sensitivity(want, to, at=0.3)
+
+
+def test_linear_tolerance_is_what_many_designs_scatter():
+    mech = mechanism("ruiz_fourbar")
+    laws = {"dyad.l_i": bm.normal(6.0, 1e-4), "dyad.l_j": bm.uniform(2.999, 3.001)}
+    laws["dyad.friction.C.radius"] = bm.normal(0.02, 1e-4)
+    count = 4000
+    found = mech.tolerance(laws, ["crank.drive", "dyad.C.p"], samples=7, count=count)
+    for name in found:
+        np.testing.assert_allclose(found.shares(name).sum(axis=0), 1.0, rtol=1e-14)
+        ratio = found.sampled[name].deviation / found[name]
+        # Four standard errors of a deviation, for a normal distribution the largest of the three.
+        np.testing.assert_allclose(ratio, 1.0, atol=4.0 / np.sqrt(2.0 * count))
+    assert found.shares("dyad.C.p")[2].max() == 0.0
+
+
+def test_tolerance_is_about_the_means():
+    moved = mechanism("ruiz_fourbar").tolerance(
+        {"dyad.l_i": bm.normal(6.1, 1e-3)}, "crank.drive", at=0.3
+    )
+    graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({"dyad.l_i": 6.1})
+    there = graph.compile().sensitivity("crank.drive", "dyad.l_i", at=0.3)
+    assert moved["crank.drive"] == abs(there["crank.drive", "dyad.l_i"]) * 1e-3
