@@ -93,10 +93,10 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
 
     found = where(inside, piece(k, x - where_[k]), np.nan)
     corner = inside & np.equal(value(x), at[k])
-    if not (isinstance(found, Dual) and np.any(corner)):
+    way = x - where_[k]
+    if not (isinstance(way, Dual) and np.any(corner)):
         return found
     before = np.where(k > 0, k - 1, last)  # of a table that repeats, the last piece
-    way = x - where_[k]
     other = piece(before, Dual(at[before + 1] - at[before], way.d))
     return Dual(found.x, np.where(corner & (way.d < 0.0), slope(other), found.d))
 
