@@ -11,14 +11,12 @@ that start with `blockmech ` in a block marked `sh` are commands. By hand:
 import ast
 import contextlib
 import io
-import json
 import os
 import re
 import shlex
-import subprocess
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from multiprocessing import Pool
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -30,7 +28,6 @@ FENCE = re.compile(
 )
 PROMISE = re.compile(r"^print\(.*\)  # +(-?\d[\d.]*(?:e-?\d+)?)")
 OUTSIDE = re.compile(r"(!?)\[([^\]]*)\]\(\.\./[^)]*\)")  # a link to a file of the repository
-SHOWN = "outputs.json"
 
 
 class BrokenPage(Exception):
@@ -117,6 +114,16 @@ def workplace(folder: Path) -> Iterator[Path]:
                 del sys.modules[name]
 
 
+def alone(page: Path, folder: Path) -> tuple[list[str], str]:
+    """Run a page in a new folder; what its programs show, or what is wrong with it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with workplace(folder):
+        try:
+            return run(page.read_text(encoding="utf-8"), page.name), ""
+        except BrokenPage as error:
+            return [], str(error)
+
+
 # ---- the site: hooks of mkdocs -----------------------------------------------------------
 
 _shown_on: dict[str, list[str]] = {}
@@ -127,15 +134,19 @@ def on_files(files, config):
     from mkdocs.exceptions import PluginError
     from mkdocs.structure.files import File
 
+    sys.path.insert(0, str(ROOT))  # the processes know this file by its own name
+    import blockmech.cli  # noqa: F401  once, for all processes that are forked
+    from docs.snippets import alone
+
     pages = files.documentation_pages()
-    with TemporaryDirectory() as home, ThreadPoolExecutor(os.cpu_count()) as pool:
+    with TemporaryDirectory() as home, Pool(maxtasksperchild=1) as pool:
         folders = [Path(home) / str(number) for number, _ in enumerate(pages)]
-        for page, folder, said in zip(
-            pages, folders, pool.map(_apart, pages, folders), strict=True
-        ):
-            if said:
-                raise PluginError(said)
-            _shown_on[page.src_uri] = json.loads((folder / SHOWN).read_text(encoding="utf-8"))
+        tasks = [(Path(page.abs_src_path), at) for page, at in zip(pages, folders, strict=True)]
+        ran = pool.starmap(alone, tasks, chunksize=1)
+        for page, folder, (shown, wrong) in zip(pages, folders, ran, strict=True):
+            if wrong:
+                raise PluginError(wrong)
+            _shown_on[page.src_uri] = shown
             for picture in re.findall(r"\]\(([\w/-]+\.(?:svg|png|gif))\)", page.content_string):
                 if not (folder / picture).exists():
                     raise PluginError(f"{page.src_uri}: no program of the page makes {picture}")
@@ -145,14 +156,6 @@ def on_files(files, config):
                 content = (folder / picture).read_bytes()
                 files.append(File.generated(config, uri, content=content))
     return files
-
-
-def _apart(page, folder: Path) -> str:
-    """Run a page in a process of its own; what is wrong with it."""
-    folder.mkdir()
-    words = [sys.executable, __file__, page.abs_src_path, str(folder)]
-    ran = subprocess.run(words, capture_output=True, text=True, check=False)
-    return "" if ran.returncode == 0 else ran.stderr.strip().splitlines()[-1]
 
 
 def on_page_markdown(markdown, page, config, files):
@@ -182,7 +185,5 @@ def on_post_page(output, page, config):
 
 
 if __name__ == "__main__":
-    page, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
-    with workplace(folder):
-        outputs = run(page.read_text(encoding="utf-8"), page.name)
-    (folder / SHOWN).write_text(json.dumps(outputs), encoding="utf-8")
+    shown, wrong = alone(Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve())
+    sys.exit(wrong or print(*filter(None, shown), sep="\n"))

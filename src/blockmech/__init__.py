@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from blockmech import early as _early  # noqa: F401 (before all that takes time)
 from blockmech.blocks import (
     PRP,
     RPP,

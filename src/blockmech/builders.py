@@ -138,7 +138,11 @@ def _kind(raw: dict[str, Any]) -> type[Opened]:
 
 def compiled(path: str | os.PathLike[str]) -> Mechanism:
     """The mechanism in a file. Raises `FormatError`, `GraphError` that name the file."""
-    found = opened(path)
+    return compiled_of(opened(path), path)
+
+
+def compiled_of(found: Opened, path: str | os.PathLike[str]) -> Mechanism:
+    """The mechanism of what was opened from a file. Raises `GraphError` that names the file."""
     try:
         return found.compile()
     except GraphError as error:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from blockmech.blocks.contract import Joint
@@ -24,7 +24,7 @@ from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
 from blockmech.outputs import Catalogue
-from blockmech.plan import Plan, Program
+from blockmech.plan import Friction, Plan, Program
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING, Runnable
 from blockmech.samples import Samples, make_samples
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from blockmech.engines.llvm import LlvmEngine
 
 T = TypeVar("T")
+PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 # Samples for which compiling pays: it takes 0.2 ms for each line of assembly, and NumPy takes
 # 0.3 ns longer for each line and sample; loading the compiler doubles that for short programs.
@@ -49,8 +50,7 @@ class Compiled(Runnable):
     name: str
     names: Names | None
     document: Document | None
-    _plans: dict[Any, Plan]
-    _engines: dict[Any, Any]
+    _planned: Callable[..., Plan]
     _kept: dict[Any, Any]
 
     def __init__(
@@ -75,8 +75,7 @@ class Compiled(Runnable):
             scene=scene,
             name=name,
             document=document,
-            _plans={},
-            _engines={},
+            _planned=lru_cache(PLANS)(partial(_plan, self)),
             _kept={},
         )
 
@@ -167,10 +166,7 @@ class Compiled(Runnable):
         names = (want,) if isinstance(want, str) else tuple(want)
         check_switch("static", static)
         how = friction_asked(friction, tolerance, iterations)
-        key = (names, how, static)
-        if key not in self._plans:
-            self._plans[key] = self.outputs.plan(self.scene, names, how, static)
-        return self._plans[key]
+        return self._planned(names, how, static)
 
     def plan_at(
         self, taken: Samples, want: Iterable[str] | str, *, static: bool, **how: Any
@@ -242,7 +238,7 @@ class Compiled(Runnable):
 
     def _chosen(self, plan: Plan, n: int) -> str:
         """The fastest engine for n samples: compiled ones where compiling is done or pays."""
-        if (id(plan), "llvm", "") in self._engines:
+        if ("llvm", "") in plan.engines:
             return "llvm"
         if n < COMPILED_FROM:
             return "scalar" if n <= SCALAR_UP_TO else "numpy"
@@ -252,23 +248,33 @@ class Compiled(Runnable):
             return "numpy"
         return "llvm"
 
+    def engine_of_designs(self, plan: Plan, n: int) -> NumpyEngine | LlvmEngine:
+        """The engine for n samples of designs: compiled where compiling is done or pays."""
+        found: NumpyEngine | LlvmEngine = (
+            self._engine(plan, "llvm", "")
+            if self._chosen(plan, n) == "llvm"
+            else self._engine(plan, "numpy", "complex128")
+        )
+        return found
+
     def once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
         if make not in self._kept:
-            self._kept[make] = make(self)
+            self._kept.setdefault(make, make(self))  # of two threads the first one's
         found: T = self._kept[make]
         return found
 
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
-        key = (id(plan), name, precision)
-        if key not in self._engines:
+        key = name, precision
+        if key not in plan.engines:
             if name == "llvm":
-                self._engines[key] = compiled_program(plan.program)
+                made: Any = compiled_program(plan.program)
             elif name == "scalar":
-                self._engines[key] = ScalarEngine(plan.program)
+                made = ScalarEngine(plan.program)
             else:
-                self._engines[key] = NumpyEngine(plan.program, precision)
-        return self._engines[key]
+                made = NumpyEngine(plan.program, precision)
+            plan.engines.setdefault(key, made)  # of two threads the first one's
+        return plan.engines[key]
 
     @cached_property
     def frictional_joints(self) -> tuple[str, ...]:
@@ -296,7 +302,7 @@ def compiled_program(program: Program) -> LlvmEngine:
     more than flat arithmetic.
     """
     from blockmech.engines.llvm import LlvmEngine
-    from blockmech.engines.trace import Untraceable
+    from blockmech.engines.nodes import Untraceable
 
     try:
         return LlvmEngine(program)
@@ -310,6 +316,10 @@ def compiled_program(program: Program) -> LlvmEngine:
                 'use engine="numpy", or "auto"',
             )
         ) from None
+
+
+def _plan(mechanism: Compiled, want: tuple[str, ...], how: Friction, static: bool) -> Plan:
+    return mechanism.outputs.plan(mechanism.scene, want, how, static)
 
 
 def _followed(structure: Structure, scene: Scene) -> Structure:

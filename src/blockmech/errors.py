@@ -229,7 +229,17 @@ def _printable(problem: Problem) -> Problem:
 
 
 def _line(text: str) -> str:
-    cut = text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
-    if cut.isprintable():
-        return cut
-    return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in cut)
+    return printable(text if len(text) <= LONGEST else text[: LONGEST - 3] + "...")
+
+
+def printable(text: str, but: str = "") -> str:
+    """Text without signs that move a cursor, colour or turn round what follows: escaped.
+
+    ``but`` are signs that stay as they are, e.g. the ends of lines.
+    """
+    plain = text
+    for sign in but:
+        plain = plain.replace(sign, "")
+    if plain.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in but else json.dumps(c)[1:-1] for c in text)

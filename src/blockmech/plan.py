@@ -353,6 +353,7 @@ class Plan:
     shares : of blocks in what is reduced to a driver
     program : the straight-line program
     layout : wanted output -> indices of the program's values
+    engines : (engine, precision) -> the program made ready for it, when it was first run
     """
 
     want: tuple[str, ...]
@@ -360,6 +361,7 @@ class Plan:
     program: Program
     layout: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     shares: tuple[Share, ...] = ()
+    engines: dict[tuple[str, str], Any] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
     def verdicts(self) -> tuple[tuple[int, ...], tuple[int, ...]]:

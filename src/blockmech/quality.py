@@ -164,16 +164,19 @@ def assess(
     rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
     outcomes = {k: v[3] for k, v in friction.items()}
     found = failures(margin, outcomes, wanted_bad, prismatic, following)
-    status = [WORDS[k] for k in found.word]
+    failing = bool(found.word.any())
+    status = np.array(WORDS, object)[found.word].tolist() if failing else [OK] * n
     blame = {i: found.blocks[found.block[i]] for i in np.flatnonzero(found.word).tolist()}
     flags: list[Flag] = []
     for k, (block, m) in enumerate(margin.items(), 1):
         name = CHANGE_POINT if block in following else DEAD_CENTRE
+        near = NEAR_CHANGE if block in following else NEAR
+        if m.min(initial=np.inf) >= near:  # the commonest case at once; not of NaN
+            continue
         mine = (found.word == 0) | (found.block >= k) | (found.block == 0)  # no earlier one's
         for i in np.flatnonzero(~(m > 0)):
             if m[i] == 0 or (name == CHANGE_POINT and mine[i] and not m[i] < -TOUCH):
                 flags.append(Flag(int(i), name, block, value=0.0))
-        near = NEAR_CHANGE if block in following else NEAR
         for i in np.flatnonzero((m > 0) & (m < near)):
             lost = found.word[i] > 0 and found.block[i] == k
             flags.append(Flag(int(i), name if lost else f"near-{name}", block, value=float(m[i])))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cmath import isfinite
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -124,6 +125,7 @@ class Result(Exported):
         """Unit of an output; empty where dimensionless."""
         return self.output(name).unit
 
+    @np.errstate(all="ignore")  # what is not finite is told by the quality
     def _make(self, name: str) -> Any:
         if name not in self.plan.layout or name not in self.plan.want:
             raise NotComputedError(
@@ -215,7 +217,7 @@ class Result(Exported):
             return False
         values = self._values
         try:
-            if not all(x - x == 0 for x in values):  # infinite or NaN
+            if not isfinite(sum(values)):
                 return False
             margins, outcomes = self.plan.verdicts
             return all(values[i] > 0 for i in margins) and not any(values[i] for i in outcomes)

@@ -16,8 +16,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_terminal_summary(terminalreporter, exitstatus: int, config: pytest.Config) -> None:
     if results.ROWS:
         terminalreporter.write_line("\n" + results.table())
-    if results.SAVINGS:
-        terminalreporter.write_line("\n" + results.savings())
     path = config.getoption("--results")
     if path and exitstatus == 0:
         results.write(Path(path))

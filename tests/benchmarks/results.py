@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-VERSIONS = ("blockmech", "numpy", "scipy", "pylinkage", "numba")
+VERSIONS = ("blockmech", "numpy", "scipy", "pylinkage", "numba", "llvmlite")
 
 
 @dataclass(frozen=True)

@@ -245,5 +245,5 @@ def test_run_does_not_write_over_the_file_that_it_reads(call, ruiz):
     before = ruiz.read_bytes()
     done = call("run", ruiz, "--csv", ruiz)
     assert done.code == 2
-    assert "it is the graph file itself" in done.err
+    assert "it is the file that is read" in done.err
     assert ruiz.read_bytes() == before

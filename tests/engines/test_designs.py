@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blockmech.compiled import compiled_program
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.plane import apply
 from blockmech.samples import make_samples
 from blockmech.values import Marker, Place
 from tests import gallery
 
-L, M, X, F = (5.5, 6.0, 6.5), (0.3, 2.0, 0.0), (5.0, 5.5, 5.25), (0.0, 0.1, 0.2)
+L, M, X, F = (5.5, 6.0, 6.5), (0.3, 2.0, 0.0), (5.0, 5.5, 5.25), (0.0, 0.1, 120.0)
 
 
 def design(mechanism, l_i, mass, x, coefficient):
@@ -34,8 +35,11 @@ def design(mechanism, l_i, mass, x, coefficient):
     )
 
 
+@pytest.mark.parametrize("engine", ["numpy", "llvm"])
 @pytest.mark.parametrize("friction", ["none", "newton"])
-def test_designs_of_one_program_equal_their_own_compile_to_the_last_bit(friction):
+def test_designs_of_one_program_equal_their_own_compile_to_the_last_bit(friction, engine):
+    if engine == "llvm":
+        pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
     plain = gallery.mechanism("ruiz_fourbar")
     q = np.linspace(0.0, 6.0, 7)
     want = ["dyad.C.reaction", "crank.drive", "dyad.i.alpha", "crank.q"]
@@ -44,11 +48,12 @@ def test_designs_of_one_program_equal_their_own_compile_to_the_last_bit(friction
     values = plan.program.values(design(plain, *columns), plain.scene)
     taken = make_samples(("crank",), plain.scene, q, None, None, 10.0, None)
     inputs = taken.given(plan.program.inputs)
-    found = NumpyEngine(plan.program).run_designs(inputs, values)
+    kind = NumpyEngine if engine == "numpy" else compiled_program
+    found = kind(plan.program).run_designs(inputs, values)
     for k, numbers in enumerate(zip(L, M, X, F, strict=True)):
         alone = type(plain)(design(plain, *numbers), plain.scene)
         own = alone.plan(want, friction=friction)
-        single, _ = alone.evaluate(own, taken, "numpy")
+        single, _ = alone.evaluate(own, taken, engine)
         for name in want:
             together, one = found[plan.layout[name][0]], single[own.layout[name][0]]
             np.testing.assert_array_equal(np.broadcast_to(together.real, (3, 7))[k], one.real)

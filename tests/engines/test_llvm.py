@@ -10,9 +10,9 @@ from hypothesis import given, settings
 import blockmech as bm
 from blockmech import compiled
 from blockmech.engines import llvm
-from blockmech.engines.llvm import LlvmEngine
+from blockmech.engines.llvm import LlvmEngine, WarmEngine
+from blockmech.engines.nodes import Untraceable
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.engines.trace import Untraceable
 from blockmech.friction.solvers import METHODS
 from blockmech.plan import Program
 from blockmech.plane import (
@@ -164,6 +164,11 @@ def test_what_branches_on_a_number_is_declined():
         LlvmEngine(program_of(lambda x: x if x > 0.0 else -x, 1))
 
 
+def test_a_kernel_beyond_the_primitives_is_declined():
+    with pytest.raises(Untraceable, match="more than the primitives"):
+        LlvmEngine(program_of(lambda x: math.sqrt(x), 1))
+
+
 # -- the choice of the engine --------------------------------------------------------------
 
 
@@ -199,6 +204,33 @@ def test_auto_compiles_where_it_pays_and_goes_on_with_what_is_compiled(monkeypat
     assert mech.run(samples=50, want=want, precision="complex64").engine == "numpy"
     g = mechanism("scissor_lift")
     assert g.run(samples=100, want="*.omega").engine == "numpy"
+
+
+def test_a_study_of_many_designs_is_compiled(monkeypatch):
+    monkeypatch.setattr(compiled, "COMPILED_FROM", 36)
+    asked = []
+    run = LlvmEngine.run_designs
+    monkeypatch.setattr(LlvmEngine, "run_designs", lambda *x: (asked.append(1), run(*x))[1])
+    q, lengths = np.linspace(0.0, 6.0, 12), [5.8, 6.0, 6.3]
+    want = {"crank.drive": "max_abs"}
+    found = ruiz().compile().study({"dyad.l_i": lengths}, over={"crank": q}, want=want)
+    assert asked
+    for k, length in enumerate(lengths):
+        mech = ruiz().replace({"dyad.l_i": length}).compile()
+        alone = mech.run(at=q, want="crank.drive", engine="llvm")["crank.drive"]
+        assert found["max_abs(crank.drive)"][k] == np.abs(alone).max()
+
+
+def test_an_engine_warms_up_and_nobody_sees_it(monkeypatch):
+    monkeypatch.setattr(llvm, "WORTH", 20)
+    mech = watt(spring=2.0).compile()
+    program = mech.plan("crank.drive").program
+    engine, scalar = WarmEngine(program), ScalarEngine(program)
+    states = [[0.1 * k + j for j in range(len(program.inputs))] for k in range(40)]
+    assert [engine.one(x) for x in states] == [scalar.one(x) for x in states]
+    assert isinstance(engine.one.__self__, LlvmEngine)
+    cold = WarmEngine(program_of(lambda x: math.sqrt(x), 1))
+    assert [cold.one([float(k)])[0] for k in range(30)] == [math.sqrt(k) for k in range(30)]
 
 
 def test_precisions_are_those_of_numpy():

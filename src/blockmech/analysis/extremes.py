@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import Problem, RequestError, listed
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -169,7 +169,11 @@ def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
     head, _, tail = name.rpartition(".")
     if name not in mechanism.outputs and tail in PARTS and head in mechanism.outputs:
         output, part = head, tail
-    mechanism.outputs.match([output])
+    fits = mechanism.outputs.match([output])
+    if output not in fits:
+        found = f"it is a pattern, which {len(fits)} outputs fit"
+        valid = f"outputs: {listed(fits)}"
+        raise RequestError(Problem("bad-request", name, found, valid, "name one of them"))
     kind = mechanism.outputs[output].kind
     if kind not in ("real", "vector") or (part and kind == "real"):
         what = {"real": "it is a real number without parts"}.get(kind, f"it is a {kind}")

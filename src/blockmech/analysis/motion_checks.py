@@ -27,6 +27,11 @@ def closures(e: Evidence) -> Iterator[Residual]:
     for block, kind in e.structure.blocks.items():
         ends = {ref: e.bodies.ends(ref) for ref in (JointRef(block, n) for n in kind.joints)}
         sizes = np.sum([one.sizes(other) for one, other in ends.values()], axis=0)
+        rate, spin = (
+            sum(np.abs(getattr(b, x)) for e in ends.values() for b in e) for x in ("om", "al")
+        )
+        sizes[1] += rate * sizes[0]  # any link may turn about places that are rounded as all are
+        sizes[2] += spin * sizes[0] + rate * sizes[1]
         sizes[1:] *= e.condition(block)
         reach = kind.largest_length() or 1.0
         for ref, (one, other) in ends.items():

@@ -96,6 +96,7 @@ class Verification:
         return "\n".join(lines)
 
 
+@np.errstate(all="ignore")  # a check that is not finite fails
 def verify(
     mechanism: Compiled,
     at: Coordinates | None = None,

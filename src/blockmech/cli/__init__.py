@@ -7,6 +7,7 @@ shown with its traceback and gives 3, Ctrl-C gives 130.
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -24,15 +25,28 @@ from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate
 from blockmech.cli.sweep import sweep
-from blockmech.cli.terminal import DONE, FAULT, INTERRUPTED, NO_ANSWER, WRONG, say
+from blockmech.cli.terminal import (
+    DONE,
+    FAULT,
+    INTERRUPTED,
+    NO_ANSWER,
+    WRONG,
+    Interrupted,
+    interruptible,
+    note,
+    say,
+)
 from blockmech.cli.test import test
 from blockmech.cli.trade import trade
 from blockmech.errors import BlockmechError, SampleError
+from blockmech.files import sparing
 
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade, sweep),
     *(sensitivity, test, new, blocks, schema),
 )
+
+FAULTY = "This is a fault of blockmech: please report it with these lines."
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -44,23 +58,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # an old console shows ? for letters that it lacks
             stream.reconfigure(errors="replace")
+    os.environ.pop("MPLBACKEND", None)  # pictures go to files: a window system may be unknown
+    with interruptible(), sparing():
+        return _answered(words)
+
+
+def _answered(words: list[str]) -> int:
+    """Run one command; every mistake becomes one message."""
     try:
         return _run([w for w in words if w != "--debug"])
     except BlockmechError as error:
-        if "--debug" in words:
-            traceback.print_exc()
-        else:
-            print(error, file=sys.stderr)
+        note(traceback.format_exc() if "--debug" in words else str(error))
         return NO_ANSWER if isinstance(error, SampleError) else WRONG
     except MemoryError:
-        print("not enough memory: ask for fewer samples or fewer outputs", file=sys.stderr)
+        note("not enough memory: ask for fewer samples or fewer outputs")
         return WRONG
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+    except (KeyboardInterrupt, Interrupted) as interrupt:
+        note(": ".join(["interrupted", *map(str, interrupt.args)]))
         return INTERRUPTED
     except Exception:
-        traceback.print_exc()
-        print("This is a fault of blockmech: please report it with these lines.", file=sys.stderr)
+        note(traceback.format_exc().rstrip(), FAULTY)
         return FAULT
 
 
@@ -77,10 +94,8 @@ def _run(words: list[str]) -> int:
         context = getattr(error, "ctx", None)
         called = context.command_path if context else "blockmech"
         message = " ".join(error.format_message().split())
-        if type(error).__name__ == "NoArgsIsHelpError":
-            print(error.format_message(), file=sys.stderr)
-        else:
-            print(f"{called}: {message} (see {called} --help)", file=sys.stderr)
+        is_help = type(error).__name__ == "NoArgsIsHelpError"
+        note(error.format_message() if is_help else f"{called}: {message} (see {called} --help)")
         return WRONG
     if code == INTERRUPTED:
         raise KeyboardInterrupt

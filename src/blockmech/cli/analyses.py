@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
 
-from blockmech.builders import Graph, Opened, compiled, opened, problems_in
+from blockmech.builders import Graph, Opened, compiled, compiled_of, opened
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import (
     AsJson,
@@ -19,8 +20,9 @@ from blockmech.cli.options import (
     si_only,
     switch,
 )
-from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar
-from blockmech.errors import BlockmechError, Problem
+from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar, reading
+from blockmech.errors import BlockmechError, FormatError, GraphError, Problem, RequestError, in_file
+from blockmech.mechanism import Mechanism
 from blockmech.testing.expectations import check_closing
 
 
@@ -30,13 +32,19 @@ def check(file: GraphFile, json: AsJson = False) -> None:
     Of links and joints that is the formation sequence and the mobility, or what keeps them
     from being a mechanism.
     """
-    problems = problems_in(file)
+    doubts: list[Problem] = []
+    try:
+        with reading(file):
+            found = opened(file)
+            problems = in_file(found.check(), file)
+            facts, text = ({}, "") if problems else _facts(found)
+            doubts = [] if problems else _doubts(found, file)
+    except (FormatError, GraphError) as error:
+        problems, facts, text = list(error.problems), {}, ""
     if problems and not json:
         note(*map(str, problems))
     else:
-        facts, text = ({}, "") if problems else _facts(opened(file))
         rows = [p.to_dict() for p in problems]
-        doubts = [] if problems else _doubts(file)
         facts |= {"remarks": [p.to_dict() for p in doubts]} if doubts else {}
         answer(file, json, {"ok": not problems, **facts, "problems": rows}, text)
         note(*(f"note: {p}" for p in doubts if not json))
@@ -44,10 +52,10 @@ def check(file: GraphFile, json: AsJson = False) -> None:
         raise typer.Exit(WRONG)
 
 
-def _doubts(file: str) -> list[Problem]:
+def _doubts(found: Opened, file: str) -> list[Problem]:
     """What breaks no rule and is hardly meant: groups that do not close where it starts."""
     try:
-        check_closing(compiled(file))
+        check_closing(compiled_of(found, file))
     except BlockmechError as error:
         return [replace(p, where=p.where.split(" (sample")[0], remedy="") for p in error.problems]
     return []
@@ -74,7 +82,8 @@ def _facts(found: Opened) -> tuple[dict[str, Any], str]:
 
 def verify(file: GraphFile, at: At = None, json: AsJson = False) -> None:
     """Check balances, powers and the two routes to the driving moment."""
-    mechanism = compiled(file)
+    with reading(file):
+        mechanism = compiled(file)
     given = coordinates(mechanism, at or [])
     with progress_bar("verifying"):
         found = mechanism.verify(given)
@@ -97,7 +106,8 @@ def limits(
 ) -> None:
     """Find the arcs of each driver on which the mechanism closes."""
     si_only(json, deg)
-    mechanism = compiled(file)
+    with reading(file):
+        mechanism = compiled(file)
     moving = mechanism.drivers if driver is None else (driver,)
     held = {}
     for name, row in (coordinates(mechanism, at or []) or {}).items():
@@ -128,7 +138,8 @@ def modes(
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""
     si_only(json, deg)
-    mechanism = compiled(file)
+    with reading(file):
+        mechanism = compiled(file)
     given = coordinates(mechanism, at or [])
     with progress_bar("searching"):
         found = mechanism.modes(given, driver=driver, groups=group or None, arcs=not no_arcs)
@@ -138,7 +149,8 @@ def modes(
 def extremes(
     file: GraphFile,
     names: Annotated[
-        list[str], typer.Argument(metavar="OUTPUT...", help="Outputs, e.g. dyad.C.p.x crank.drive.")
+        list[str],
+        typer.Argument(metavar="OUTPUT...", help="Outputs or patterns, e.g. dyad.C.p.x 'crank.*'."),
     ],
     stroke: Annotated[
         bool, switch("stroke", "Of each its stroke and the time ratio instead.")
@@ -146,8 +158,29 @@ def extremes(
     json: AsJson = False,
 ) -> None:
     """Find extremes of outputs over the cycle, refined beyond the samples."""
-    mechanism = compiled(file)
+    with reading(file):
+        mechanism = compiled(file)
+    ask: Any = mechanism.stroke if stroke else mechanism.extremes
     with progress_bar("searching"):
-        found = [mechanism.stroke(n) if stroke else mechanism.extremes(n) for n in names]
+        found = [row for name in names for row in _of_all(mechanism, name, ask)]
     rows = [f.to_dict() for f in found]
     answer(file, json, {"strokes" if stroke else "extremes": rows}, "\n".join(map(str, found)))
+
+
+def _of_all(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[Any]:
+    """What is asked of an output; of a pattern, of all that fit and have an answer."""
+    try:
+        return [ask(name)]
+    except RequestError as error:
+        fits = mechanism.outputs.match([name]) if any(sign in name for sign in "*?[") else ()
+        if not fits:
+            raise
+        found, problems = [], list(error.problems)
+        for one in fits:
+            try:
+                found.append(ask(one))
+            except RequestError as refusal:
+                problems += refusal.problems
+        if not found:
+            raise RequestError(problems) from None
+        return found

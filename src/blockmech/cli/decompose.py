@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from blockmech.builders import Graph, opened
-from blockmech.cli.options import AsJson, refused, spare
-from blockmech.cli.terminal import answer
+from blockmech.cli.options import AsJson, refused
+from blockmech.cli.terminal import answer, reading
 from blockmech.export import aligned
 from blockmech.model.naming import JointName
 from blockmech.model.structure import Structure
@@ -42,10 +42,10 @@ def decompose(
 
     Without -o nothing is written.
     """
-    found = opened(file)
+    with reading(file):
+        found = opened(file)
     if isinstance(found, Graph):
         raise refused(file, "it is a graph of blocks already", "name a file of links and joints")
-    spare(file, output)
     made = found.decompose(general.value if general else "")
     if output is not None:
         made.graph.save(output)

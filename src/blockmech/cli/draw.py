@@ -7,10 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.builders import compiled, opened
+from blockmech.builders import compiled_of, opened
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import At, GraphFile, names_of
-from blockmech.cli.terminal import progress_bar, say
+from blockmech.cli.terminal import progress_bar, reading, say
+from blockmech.files import refuse_spared
 
 Picture = Annotated[
     str,
@@ -46,10 +47,12 @@ def draw(
     if kind is None:
         moving = Path(picture).suffix.lower() in MOVING
         kind = "animation" if moving else "mechanism" if at else "diagram"
-    subject: Any = opened(file)
+    with reading(file):
+        subject: Any = opened(file)
+        if kind in ("mechanism", "animation", "schedule"):
+            subject = compiled_of(subject, file)
+    refuse_spared(picture)
     given: Any = at  # which a diagram refuses
-    if kind in ("mechanism", "animation", "schedule"):
-        subject = compiled(file)
     if kind in ("mechanism", "animation"):
         given = coordinates(subject, at or [])
     with progress_bar("drawing"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -32,7 +33,7 @@ def new(
         raise refused(name, "no such graph in the gallery", close_match(name, graphs), there)
     if file is None:
         raise refused(name, "no file to write is named", f"blockmech new {name} {name}.json")
-    if Path(file).exists() and not force:
+    if os.path.exists(file) and not force:
         raise refused(file, "the file exists", "choose another name, or add --force")
     with writing(file) as stream:
         stream.write(graphs[name].read_bytes())

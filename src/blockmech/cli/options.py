@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -68,10 +67,3 @@ def one_of(**given: bool) -> None:
 def refused(where: str, found: str, remedy: str, valid: str = "") -> RequestError:
     """The error of a call that makes no sense."""
     return RequestError(Problem("bad-request", where, found, valid, remedy))
-
-
-def spare(source: str, *targets: str | None) -> None:
-    """Refuse to write over the file that is read."""
-    for target in targets:
-        if target and Path(target).exists() and Path(target).samefile(source):
-            raise refused(target, "it is the graph file itself", "give the output another name")

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
-from blockmech.cli.options import one_of, option, si_only, spare, switch
-from blockmech.cli.terminal import note, pour, progress_bar, say
+from blockmech.cli.options import one_of, option, si_only, switch
+from blockmech.cli.terminal import UNDRAWN, Interrupted, note, pour, progress_bar, saving, say
 from blockmech.export import csv_chunks, json_chunks, table, write_csv
-from blockmech.files import folder, writing
+from blockmech.files import folder, refuse_spared, writing
 from blockmech.result import Result
 
 Json = Annotated[bool, switch("json", "Print the result as JSON.")]
@@ -21,7 +22,14 @@ Degrees = Annotated[bool, switch("deg", "Angles in degrees in the table, CSV and
 Separator = Annotated[str, option('Of CSV cells: "," ";" "|" or tab.', "SIGN")]
 Decimal = Annotated[str, option('Of CSV numbers: "." or ",".', "SIGN")]
 
-Pictures: TypeAlias = Callable[..., Any]  # (result, folder, degrees=) -> files drawn
+Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder, degrees=) -> files drawn
+
+NUMBERS = ("results.csv", "result.json")
+PICTURES = (
+    *("drive.png", "friction_power.png", "reactions.png", "kinematics.png", "motion.png"),
+    *("energy.png", "phase.png", "phase_slides.png", "animation.gif", "animation.html"),
+)
+"""What `run` and `simulate` draw into a folder: those of an earlier run do not stay."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +39,6 @@ class Output:
     Raises `RequestError` for ways that do not go together.
     """
 
-    source: str  # the file that is read
     json: bool
     out: str | None
     csv: str | None
@@ -43,8 +50,12 @@ class Output:
     def __post_init__(self) -> None:
         asked = {name: getattr(self, name) is not None for name in ("out", "csv", "plot")}
         one_of(json=self.json, **asked)
-        spare(self.source, self.csv, self.plot)
         si_only(self.json, self.degrees)
+
+    def check(self) -> None:
+        """Raise `RequestError`, before anything is computed, where the input would be written."""
+        inside = (Path(self.out or "") / name for name in (*NUMBERS, *PICTURES))
+        refuse_spared(*filter(None, (self.csv, self.plot)), *(inside if self.out else ()))
 
     @property
     def is_table(self) -> bool:
@@ -91,13 +102,24 @@ class Output:
 
             with progress_bar("drawing"):
                 return [plot(result, self.plot, degrees=self.degrees)]
-        if self.out is None:
-            return []
-        with progress_bar("writing and drawing"), folder(self.out) as draft:  # all or none
-            write_csv(self._csv(result), draft / "results.csv")
-            with writing(draft / "result.json") as stream:
-                for chunk in json_chunks(result):
+        return [] if self.out is None else self._filled(Path(self.out), result, pictures)
+
+    def _filled(self, out: Path, result: Result, pictures: Pictures) -> list[Path]:
+        """Fill a folder: first the numbers, without an earlier run's pictures; then the new ones.
+
+        Of an interrupted simulation the numbers alone.
+        """
+        outdated = PICTURES if os.path.exists(out / NUMBERS[1]) else ()
+        with progress_bar("writing"), saving() as saved, folder(out, outdated) as draft:
+            write_csv(saved(self._csv(result)), draft / NUMBERS[0])
+            with writing(draft / NUMBERS[1]) as stream:
+                for chunk in saved(json_chunks(result)):
                     stream.write(chunk.encode())
-            pictures(result, draft, degrees=self.degrees)
-            names = sorted(path.name for path in draft.iterdir())
-        return [Path(self.out) / name for name in names]
+        written = [out / name for name in NUMBERS]
+        if result.motion is not None and result.motion.end == "interrupted":
+            return written
+        try:
+            with progress_bar("drawing"):
+                return sorted(written + pictures(result, out, degrees=self.degrees))
+        except KeyboardInterrupt:
+            raise Interrupted(UNDRAWN) from None

@@ -25,7 +25,7 @@ from blockmech.cli.options import (
     option,
 )
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
-from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
+from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, reading, say
 from blockmech.export import gap_lines, leading
 from blockmech.failures import why_not, without_gaps
 from blockmech.result import Result
@@ -67,8 +67,10 @@ def run(
     Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that
     some sample has no answer.
     """
-    output = Output(file, json, out, csv, plot, deg, separator, decimal)
-    mechanism = compiled(file)
+    output = Output(json, out, csv, plot, deg, separator, decimal)
+    with reading(file):
+        mechanism = compiled(file)
+    output.check()
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     request: dict[str, Any] = {"want": names_of(want) or EVERYTHING, "static": static, **settings}
     if explain:
@@ -94,7 +96,7 @@ def run(
         raise typer.Exit(NO_ANSWER)
 
 
-def _pictures(result: Result, folder: Path, degrees: bool) -> None:
+def _pictures(result: Result, folder: Path, degrees: bool) -> list[Path]:
     from blockmech.draw import run_pictures
 
-    run_pictures(result, folder, degrees=degrees)
+    return run_pictures(result, folder, degrees=degrees)

@@ -22,7 +22,7 @@ from blockmech.cli.options import (
     option,
 )
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
-from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
+from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, reading, say
 from blockmech.export import gap_lines
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
@@ -78,8 +78,10 @@ def simulate(
     motion ended before some wanted time, or that none could be computed. Ctrl-C ends the
     run: what was computed until then is shown or written, and the exit code is 130.
     """
-    output = Output(file, json, out, csv, plot, deg, separator, decimal)
-    mechanism = compiled(file)
+    output = Output(json, out, csv, plot, deg, separator, decimal)
+    with reading(file):
+        mechanism = compiled(file)
+    output.check()
     names = names_of(want) or (EVERYTHING if out is not None else DRIVERS)
     settings: dict[str, Any] = {
         "friction": friction,
@@ -93,7 +95,7 @@ def simulate(
         return
     given, begun = times(at_times), starts(mechanism, start or [])
     settings["method"] = method
-    with progress_bar("simulating", quiet=output.is_data) as told:
+    with progress_bar("simulating") as told:
         result = mechanism.simulate(
             until,
             accuracy=accuracy,
@@ -112,10 +114,10 @@ def simulate(
         raise typer.Exit(NO_ANSWER)
 
 
-def _pictures(result: Result, folder: Path, degrees: bool) -> None:
+def _pictures(result: Result, folder: Path, degrees: bool) -> list[Path]:
     from blockmech.draw.simulation import simulation_pictures
 
-    simulation_pictures(result, folder, degrees=degrees)
+    return simulation_pictures(result, folder, degrees=degrees)
 
 
 def _unanswered(result: Result, given: list[float] | None) -> bool:

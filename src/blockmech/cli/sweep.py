@@ -6,8 +6,6 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from blockmech.builders import compiled
 from blockmech.cli.numbers import UNITS, coordinates, row, times
 from blockmech.cli.options import (
@@ -21,9 +19,9 @@ from blockmech.cli.options import (
     Tolerance,
     option,
     refused,
-    spare,
 )
-from blockmech.cli.terminal import INTERRUPTED, note, progress_bar, say
+from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
+from blockmech.files import refuse_spared
 from blockmech.model.parameters import named
 from blockmech.studies.sampling import Distribution, normal, uniform
 
@@ -62,8 +60,9 @@ def sweep(
     """Run many designs: turn numbers of the file, and keep extremes or means of outputs."""
     from blockmech.draw.paper import suffix_of
 
-    mechanism = compiled(file)
-    spare(file, out, plot)
+    with reading(file):
+        mechanism = compiled(file)
+    refuse_spared(*filter(None, (out, plot)))
     if plot is not None:
         suffix_of(plot)
     if out is not None and Path(out).suffix.lower() not in (".csv", ".parquet"):
@@ -85,12 +84,11 @@ def sweep(
     if out is not None:
         (found.to_csv if Path(out).suffix.lower() == ".csv" else found.to_parquet)(out)
         say(f"wrote {out}")
-    if plot is not None:
+    if plot is not None and not found.interrupted:
         with progress_bar("drawing"):
             say(f"wrote {found.plot(plot)}")
     if found.interrupted:
-        note("interrupted: what was run is kept")
-        raise typer.Exit(INTERRUPTED)
+        raise Interrupted("what was run is kept")
 
 
 def _varied(mechanism: Any, given: list[str]) -> dict[str, list[float] | Distribution]:

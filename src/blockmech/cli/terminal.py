@@ -1,19 +1,23 @@
-"""Talking to the terminal: text that survives pipes and old consoles, and patience."""
+"""Talking to the terminal: text that survives pipes and old consoles, patience, and Ctrl-C."""
 
 from __future__ import annotations
 
 import errno
 import json
 import os
+import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import IO, Any
 
 import typer
 
-from blockmech.files import cannot_write
+from blockmech.early import leave
+from blockmech.errors import printable
+from blockmech.files import cannot_write, spare
 
 DONE, NO_ANSWER, WRONG, FAULT, INTERRUPTED = 0, 1, 2, 3, 130  # exit codes
 PATIENCE = 1.0  # [s] after which a reader wants to see that something happens
@@ -36,47 +40,133 @@ def pour(pieces: Iterable[str]) -> None:
     Raises `RequestError` where standard output cannot be written, e.g. on a full disk.
     """
     try:
-        for piece in pieces:
-            sys.stdout.write(piece)
-        sys.stdout.flush()
+        _write(sys.stdout, pieces)
     except OSError as error:
-        # What is still buffered would fail again when Python ends.
-        with suppress(OSError, ValueError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if error.errno in (errno.EPIPE, errno.EINVAL):  # EINVAL is how Windows says it
             raise typer.Exit from None
         raise cannot_write("standard output", (error.strerror or "").lower(), "") from error
 
 
 def note(*lines: str) -> None:
-    """Write lines to standard error."""
-    for line in lines:
-        print(line, file=sys.stderr)
+    """Write lines to standard error, if anybody listens there."""
+    with suppress(OSError):
+        _write(sys.stderr, (f"{line}\n" for line in lines))
+
+
+def _write(stream: IO[str] | None, pieces: Iterable[str]) -> None:
+    """The one place where text leaves: no sign of it moves a cursor; a closed stream is silent."""
+    if stream is None:
+        return
+    try:
+        for piece in pieces:
+            stream.write(printable(piece, but="\n\t"))
+        stream.flush()
+    except OSError:
+        # What is still buffered would fail again when Python ends.
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        raise
+
+
+# -- Ctrl-C ------------------------------------------------------------------------------
+
+UNDRAWN = "the numbers are written, the pictures are not"
+INSISTS = 3  # times Ctrl-C, after which also what is being saved is given up
+SAVING = 0.5  # [s] that saving may still take after Ctrl-C: the whole ends within a second
+
+
+class Interrupted(Exception):
+    """Ctrl-C, and in words what was kept; typer would lose the words of a KeyboardInterrupt."""
+
+
+class Interrupts:
+    """What Ctrl-C does to a command: it ends the computing, but not the saving of what is done.
+
+    The second one is ignored, as the first is being obeyed; the third is insistence.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.saving = False
+        self.since = 0.0  # [s] on the clock, of the first while saving
+
+    def __call__(self, signum: int, frame: Any) -> None:
+        """Handle the signal."""
+        self.count += 1
+        if self.count == 1 and self.saving:
+            self.since = time.monotonic()
+        elif self.count in (1, INSISTS):
+            raise KeyboardInterrupt
 
 
 @contextmanager
-def progress_bar(
-    what: str, quiet: bool = False, still: bool = False
-) -> Iterator[Callable[..., None] | None]:
+def interruptible() -> Iterator[None]:
+    """Ctrl-C does what `Interrupts` says, unless this program or its parent has other plans."""
+    ours = (signal.default_int_handler, leave)
+    main = threading.current_thread() is threading.main_thread()
+    if not main or (before := signal.getsignal(signal.SIGINT)) not in ours:
+        yield
+        return
+    signal.signal(signal.SIGINT, Interrupts())
+    try:
+        yield
+    finally:
+        # Nothing that can be lost comes after the command itself.
+        signal.signal(signal.SIGINT, signal.SIG_IGN if before is leave else before)
+
+
+@contextmanager
+def saving() -> Iterator[Callable[[Iterable[str]], Iterator[str]]]:
+    """Save inside what is done, in pieces that are passed through what is handed out.
+
+    Ctrl-C is raised afterwards, or before a piece that comes too late; what was computed of an
+    interrupted run is saved, however long that takes.
+    """
+    handler: Any = signal.getsignal(signal.SIGINT)
+    if not isinstance(handler, Interrupts) or handler.count:
+        yield iter
+        return
+
+    def passed(pieces: Iterable[str]) -> Iterator[str]:
+        for piece in pieces:
+            if handler.count and time.monotonic() - handler.since > SAVING:
+                raise KeyboardInterrupt
+            yield piece
+
+    handler.saving = True
+    try:
+        yield passed
+    finally:
+        handler.saving = False
+    if handler.count:
+        raise Interrupted(UNDRAWN)
+
+
+# -- patience ----------------------------------------------------------------------------
+
+
+@contextmanager
+def progress_bar(what: str, still: bool = False) -> Iterator[Callable[..., None] | None]:
     """A bar on a terminal for work that lasts over a second, and what tells it how far that is.
 
     ``told(what, done, whole)`` moves the bar; ``whole`` is None where it is not known. None
-    where nobody would see it: in a pipe, or where ``quiet`` is asked for. A ``still`` one
-    moves only when it is told: one that draws itself would be measured as well.
+    where nobody would see it: in a pipe. A ``still`` one moves only when it is told: one that
+    draws itself would be measured as well.
     """
-    if quiet or not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    parts = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    said = TextColumn("{task.description}", markup=False)
+    parts = (said, BarColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     bar = Progress(*parts, console=console, transient=True, auto_refresh=not still)
     task = bar.add_task(what, total=None)
 
     def tell(said: str, done: float, whole: float | None) -> None:
-        description = f"{what}: {said}"
+        description = printable(f"{what}: {said}")
         bar.update(task, description=description, completed=done, total=whole, refresh=still)
 
     timer = threading.Timer(PATIENCE, bar.start)
@@ -88,3 +178,11 @@ def progress_bar(
         timer.cancel()
         timer.join()
         bar.stop()
+
+
+@contextmanager
+def reading(file: str) -> Iterator[None]:
+    """Read the command's file inside, once, so that a pipe will do; no output is written to it."""
+    spare(file)
+    with progress_bar("reading"):
+        yield

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as text_of
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,7 +21,8 @@ from blockmech.cli.options import (
     refused,
     switch,
 )
-from blockmech.cli.terminal import note, progress_bar, say
+from blockmech.cli.terminal import UNDRAWN, Interrupted, progress_bar, reading, saving, say
+from blockmech.files import folder, refuse_spared, writing
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade import Trade
@@ -42,6 +44,8 @@ Friction = Annotated[str | None, option("Of simulate: one method of joint fricti
 Json = Annotated[bool, switch("json", "Print the trade as JSON.")]
 Out = Annotated[str | None, option("Write trade.csv, trade.json and trade.png.", "DIR")]
 Plot = Annotated[str | None, option("Draw it (png, svg, pdf).", "FILE")]
+
+FILES = ("trade.csv", "trade.json", "trade.png")
 
 
 def trade(
@@ -67,11 +71,14 @@ def trade(
     from blockmech.draw.paper import suffix_of
 
     one_of(json=json, out=out is not None, plot=plot is not None)
-    mechanism = compiled(file)
+    with reading(file):
+        mechanism = compiled(file)
     wants: list[Any] = [names_of([text]) for text in want or ()] or [None]
     if len(wants) > 1 and (out is not None or plot is not None):
         raise refused("--want", "pictures and files are of one request", "give --want once")
     # What is wrong is said before anything is measured.
+    places = [Path(out) / name for name in FILES] if out is not None else []
+    refuse_spared(*filter(None, [plot]), *places)
     if plot is not None:
         suffix_of(plot)
     for names in wants:
@@ -90,10 +97,10 @@ def trade(
     given = {k: v for k, v in request.items() if v is not None}
     each = _seconds("--budget", budget) / len(wants)
     with progress_bar("measuring", still=True) as told:
-        found = [
-            traded(mechanism, question, names, each, say=told, **given)  # type: ignore[arg-type]
-            for names in wants
-        ]
+        found: list[Trade] = []
+        for names in wants:
+            if not (found and _interrupted(found[-1])):
+                found.append(traded(mechanism, question, names, each, say=told, **given))  # type: ignore[arg-type]
     if json:
         rows = [t.to_dict() for t in found]
         say(text_of.dumps(rows[0] if len(rows) == 1 else rows, indent=2))
@@ -102,27 +109,37 @@ def trade(
         if len(found) > 1:
             say("\n\nrequests compared")
             say("\n".join(f"  {t.question}: {t.recommendation}" for t in found))
-        with progress_bar("drawing"):
-            say("".join(f"wrote {path}\n" for path in _written(found[0], out, plot)), end="")
-    if any(s.why == "interrupted" for t in found for s in t.skipped):
-        note("interrupted: what was measured is kept")
+        say("".join(f"wrote {path}\n" for path in _written(found[0], out, plot)), end="")
+    if _interrupted(found[-1]):
+        raise Interrupted("what was measured is kept")
+
+
+def _interrupted(found: Trade) -> bool:
+    return any(s.why == "interrupted" for s in found.skipped)
 
 
 def _written(found: Trade, out: str | None, plot: str | None) -> list[Path]:
-    """The files that are asked for, written."""
+    """The files that are asked for, written: first the numbers, then the picture."""
     from blockmech.draw.trade import draw_trade
-    from blockmech.files import folder
 
-    if plot is not None:
-        return [draw_trade(found, plot)]
     if out is None:
-        return []
-    with folder(out) as draft:
-        found.to_csv(draft / "trade.csv")
-        (draft / "trade.json").write_text(text_of.dumps(found.to_dict(), indent=2), "utf-8")
-        draw_trade(found, draft / "trade.png")
-        names = sorted(p.name for p in draft.iterdir())
-    return [Path(out) / name for name in names]
+        with progress_bar("drawing"):
+            return [draw_trade(found, plot)] if plot is not None else []
+    home = Path(out)
+    csv, json, picture = (home / name for name in FILES)
+    outdated = FILES if os.path.exists(json) else ()
+    with saving() as saved, folder(out, outdated) as draft:
+        found.to_csv(draft / csv.name)
+        with writing(draft / json.name) as stream:
+            for text in saved([text_of.dumps(found.to_dict(), indent=2)]):
+                stream.write(text.encode())
+    if _interrupted(found):
+        return [csv, json]
+    try:
+        with progress_bar("drawing"):
+            return [csv, json, draw_trade(found, picture)]
+    except KeyboardInterrupt:
+        raise Interrupted(UNDRAWN) from None
 
 
 def _seconds(where: str, text: str) -> float:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics.motion import Floats
+from blockmech.dynamics.system import solved
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import Resisted
@@ -79,9 +80,9 @@ class Equation:
         qd = y[k : 2 * k]
         M, c, Q, margin = self.system.terms(y[:k], qd, t)
         self._last = tuple(y[:k]), margin, math.nan
-        if not (margin > 0 and np.isfinite(M).all()):
+        if not margin > 0:
             return np.full(2 * k + 1, math.nan)
-        return np.concatenate([qd, np.linalg.solve(M, Q - c), [Q @ qd]])
+        return np.concatenate([qd, solved(M, Q - c), [Q @ qd]])
 
     def resisted(self, q: float, qd: float, t: float) -> Resisted:
         """Acceleration and friction of the pairs at a state."""

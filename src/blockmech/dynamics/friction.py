@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.binding import bind_functions
+from blockmech.engines.llvm import WarmEngine
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
-from blockmech.engines.scalar import ScalarEngine
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.model.structure import Structure
@@ -92,9 +92,9 @@ class MotionProgram:
         return NumpyEngine(self.program)
 
     @cached_property
-    def single(self) -> ScalarEngine:
+    def single(self) -> WarmEngine:
         """The program on Python numbers."""
-        return ScalarEngine(self.program)
+        return WarmEngine(self.program)
 
 
 class State(NamedTuple):

@@ -57,6 +57,7 @@ ACTIONS = (".couple", ".force")  # outputs of a load
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
 
 
+@np.errstate(all="ignore")  # what is not finite ends a motion by name
 def simulate(
     mechanism: Compiled,
     until: str | Until | None = None,

@@ -28,8 +28,8 @@ from blockmech.dynamics import loads
 from blockmech.dynamics.friction import JointFriction, MotionProgram
 from blockmech.dynamics.motion import Cost
 from blockmech.dynamics.table import PlaceTable
+from blockmech.engines.llvm import WarmEngine
 from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes import forward, reduction
@@ -112,7 +112,7 @@ class Programs:
         return program, NumpyEngine(program)
 
     @cached_property
-    def equation(self) -> tuple[Program, ScalarEngine]:
+    def equation(self) -> tuple[Program, WarmEngine]:
         """M, Q, c (one driver: dJ/dq), then the margins, at one state."""
         s = self._schedule()
         drivers = self.drivers
@@ -121,7 +121,7 @@ class Programs:
         rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
         c = [s.ask(rule, k) for k in drivers]
         program = s.program([*M, *Q, *c, *margins(s)])
-        return program, ScalarEngine(program)
+        return program, WarmEngine(program)
 
     @cached_property
     def friction(self) -> MotionProgram | None:
@@ -318,10 +318,7 @@ class System:
             J, tau, dJ, margin = self.one(q, qd, t)
             return ((tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan), margin
         M, c, Q, margin = self.terms(q, qd, t)
-        try:
-            return np.linalg.solve(M, Q - c), margin
-        except np.linalg.LinAlgError:
-            return np.full(len(Q), math.nan), margin
+        return solved(M, Q - c), margin
 
     def _count(self, samples: int, batch: bool) -> None:
         before = self.samples + self.singles
@@ -333,6 +330,14 @@ class System:
         after = self.samples + self.singles
         if self.progress is not None and before // REPORTED != after // REPORTED:
             self.progress("computing", float(after), None)
+
+
+def solved(M: Floats, Q: Floats) -> Floats:
+    """Accelerations (k,) that efforts give to an inertia; NaN where a driver has none."""
+    try:
+        return np.asarray(np.linalg.solve(M, Q), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.full(len(Q), math.nan)
 
 
 def least(values: Any) -> float:

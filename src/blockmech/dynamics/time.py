@@ -439,7 +439,7 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
     def finer(tolerance: float, apart: float) -> float | None:
         if tolerance <= FLOOR:
             return None
-        share = 1 / FINER if not math.isfinite(apart) else min(1 / FINER, 0.3 * target / apart)
+        share = min(1 / FINER, 0.3 * target / apart) if 0 < apart < math.inf else 1 / FINER
         return max(tolerance * share, FLOOR)
 
     found = refined(

@@ -1,11 +1,12 @@
 """A traced program as LLVM assembly: one function over all samples.
 
-    fill(x, P, out, stride, n):                 inputs, parameters, rows of numbers
-        what hangs on parameters alone
-        for each block of samples:
-            flat arithmetic on LANES samples side by side
-            a loop for each `blockmech.plane.repeat`, until every lane has stopped
-            rows of out
+    fill(x, numbers, out, stride, n, slots, designs):
+        for each design, with its slots of the numbers:
+            what hangs on parameters alone
+            for each block of its n samples:
+                flat arithmetic on LANES samples side by side
+                a loop for each `blockmech.plane.repeat`, until every lane has stopped
+                rows of out, a design's samples behind those of the one before
 
 No operation is fused or re-associated, and a lane never depends on another. The text
 says all that is compiled but the numbers of the mechanism, so designs of one structure
@@ -20,7 +21,7 @@ import struct
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from blockmech.engines.trace import PARAMETER, SAMPLE, Loop, Node, Trace, is_truth
+from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, is_truth, needed
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 REALS, TRUTHS = f"<{LANES} x double>", f"<{LANES} x i1>"
@@ -61,11 +62,12 @@ found:
 ]
 
 
-def fill(trace: Trace, inputs: int, rows: Sequence[Node]) -> str:
+def fill(inputs: int, rows: Sequence[Node]) -> str:
     """The text of the module; ``rows`` are what is stored, in the order of ``out``."""
-    nodes = trace.needed(rows)
+    nodes = needed(rows)
     lines = [
-        "define void @fill(ptr %x, ptr noalias %P, ptr noalias %out, i64 %stride, i64 %n) {",
+        "define void @fill(ptr %x, ptr noalias %numbers, ptr noalias %out, i64 %stride, i64 %n, "
+        "i64 %slots, i64 %designs) {",
         "start:",
     ]
     for k in range(inputs):
@@ -73,22 +75,35 @@ def fill(trace: Trace, inputs: int, rows: Sequence[Node]) -> str:
             f"%x{k}.at = getelementptr ptr, ptr %x, i64 {k}",
             f"%x{k} = load ptr, ptr %x{k}.at",
         ]
+    lines += [
+        "br label %test",
+        "test:",
+        "%d = phi i64 [ 0, %start ], [ %d.next, %designed ]",
+        "%d.more = icmp slt i64 %d, %designs",
+        "br i1 %d.more, label %design, label %done",
+        "design:",
+        "%d.slots = mul i64 %d, %slots",
+        "%P = getelementptr double, ptr %numbers, i64 %d.slots",
+        "%d.first = mul i64 %d, %n",
+    ]
     for node in nodes:
         if node.scope == PARAMETER:
             lines += _statement(node)
     body, last = _sample(nodes)
     lines += [
-        "br label %test",
-        "test:",
-        f"%i = phi i64 [ 0, %start ], [ %i.next, %{last} ]",
+        "br label %sampled",
+        "sampled:",
+        f"%i = phi i64 [ 0, %design ], [ %i.next, %{last} ]",
         "%more = icmp slt i64 %i, %n",
-        "br i1 %more, label %sample, label %done",
+        "br i1 %more, label %sample, label %designed",
         "sample:",
         *body,
+        "%place = add i64 %d.first, %i",
     ]
     for row, node in enumerate(rows):
         lines += _stored(row, node)
-    lines += [f"%i.next = add i64 %i, {LANES}", "br label %test", "done:", "ret void", "}"]
+    lines += [f"%i.next = add i64 %i, {LANES}", "br label %sampled"]
+    lines += ["designed:", "%d.next = add i64 %d, 1", "br label %test", "done:", "ret void", "}"]
     return "\n".join([*HEAD, *lines]) + "\n"
 
 
@@ -99,7 +114,7 @@ def _stored(row: int, node: Node) -> list[str]:
     return [
         *lines,
         f"%o{row}.first = mul i64 %stride, {row}",
-        f"%o{row}.number = add i64 %o{row}.first, %i",
+        f"%o{row}.number = add i64 %o{row}.first, %place",
         f"%o{row} = getelementptr double, ptr %out, i64 %o{row}.number",
         f"store {REALS} {name}, ptr %o{row}, align 8",
     ]

@@ -14,7 +14,8 @@ from __future__ import annotations
 import ctypes
 import functools
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,15 +23,20 @@ from numpy.typing import NDArray
 
 from blockmech.engines import assembly
 from blockmech.engines.assembly import LANES
+from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import Planar, _leaves
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.engines.trace import Node, Trace, Untraceable, numbers
+from blockmech.engines.trace import Trace, filled, numbers
 from blockmech.errors import MissingEngineError, Problem
 from blockmech.plan import Program
 
 Array = NDArray[np.float64]
 LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run longer programs
-PARALLEL = 2**16  # samples: some milliseconds of work, of which starting threads is a twentieth
+# Samples that the scalar engine takes as long for as compiling takes, the compiler's loading
+# included: 0.3 s by some 20 us. Who stops there has waited twice as long as needed, nobody longer.
+WORTH = 15_000
+LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
+PARALLEL = 2**17  # samples: some five milliseconds of work, beside which starting threads is little
 
 
 class LlvmEngine:
@@ -49,10 +55,12 @@ class LlvmEngine:
         rows = list(dict.fromkeys([*wanted, *([] if flag is None else [flag])]))
         self._row = {node: row for row, node in enumerate(rows)}
         self._flag = flag
-        self._fill = _compiled(assembly.fill(trace, len(program.inputs), rows)).function
+        self._fill = _compiled(assembly.fill(len(program.inputs), rows)).function
         self._numbers = np.array([*numbers(program.parameters.values()), 0.0])  # never empty
         self._parameters = self._numbers.ctypes.data
         self._scalar = ScalarEngine(program)
+        self._room = ctypes.c_double * (LANES * (len(program.inputs) + len(rows)))
+        self._places = ctypes.c_void_p * (len(program.inputs) + 1)  # never empty
         self._read_one = eval(f"lambda x, row: {self._text(trace.values)}")
 
     def _text(self, value: Any) -> str:
@@ -67,12 +75,13 @@ class LlvmEngine:
 
     def one(self, inputs: Sequence[float]) -> tuple[Any, ...]:
         """Values of one sample: float or complex each, NaN or infinite where impossible."""
-        lanes = ctypes.c_double * LANES
-        given = [lanes(x) for x in inputs]  # the other lanes compute with zeros, for nobody
-        places = (ctypes.c_void_p * (len(given) + 1))(*map(ctypes.addressof, given))
-        out = np.empty((max(1, len(self._row)), LANES))
-        self._fill(places, self._parameters, out.ctypes.data, LANES, LANES)
-        row = out[:, 0].tolist()
+        room = self._room()  # inputs, then rows; the other lanes compute with zeros, for nobody
+        k = LANES * len(inputs)
+        room[0:k:LANES] = list(inputs)
+        first = ctypes.addressof(room)
+        places = self._places(*range(first, first + LINE * len(inputs), LINE))
+        self._fill(places, self._parameters, first + LINE * len(inputs), LANES, LANES, 0, 1)
+        row = room[k::LANES]
         if self._flag is not None and row[self._row[self._flag]]:
             return self._scalar.one(inputs)
         found: tuple[Any, ...] = self._read_one(inputs, row)
@@ -84,9 +93,9 @@ class LlvmEngine:
         if n == 1:
             return self.one([float(inputs[x][0]) for x in self.program.inputs])
         columns = [np.ascontiguousarray(inputs[x], np.float64) for x in self.program.inputs]
-        out = self._filled(columns, n)
+        out = self._samples(columns, n)
         if self._flag is not None:
-            self._again(columns, out, np.flatnonzero(out[self._row[self._flag], :n]))
+            self._again(self._scalar, columns, out, np.flatnonzero(out[self._row[self._flag], :n]))
 
         def read(x: Any) -> Array:
             if not isinstance(x, Node):
@@ -95,43 +104,99 @@ class LlvmEngine:
 
         return tuple(_mapped(x, read) for x in self.values)
 
-    def _filled(self, columns: list[Array], n: int) -> Array:
+    def run_designs(
+        self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]
+    ) -> tuple[Any, ...]:
+        """Values of m designs at n samples each, as batches (m, n).
+
+        ``values`` are those of `Program.values`, numbers of designs as columns (m, 1); inputs
+        are (n,). A design's numbers are those that it has alone.
+        """
+        rows = [*numbers(values), 0.0]
+        m = max(np.size(x) for x in rows)
+        slots = np.empty((m, len(rows)))
+        for k, x in enumerate(rows):
+            slots[:, k] = x if np.size(x) == 1 else np.ravel(x)
+        given = [np.asarray(inputs[x], np.float64) for x in self.program.inputs]
+        n = max((c.size for c in given), default=1)
+        blocks = -(-n // LANES)
+        columns = [_whole_blocks(c) for c in given]
+        out = np.empty((max(1, len(self._row)), m, blocks * LANES))
+
+        def part(first: int, last: int) -> None:
+            self._call(columns, out[:, first], blocks * LANES, slots[first:last])
+
+        self._threads(part, m, m * n >= PARALLEL)
+        if self._flag is not None:
+            flags = out[self._row[self._flag], :, :n]
+            for d in np.flatnonzero(flags.any(axis=1)).tolist():
+                number = iter(slots[d].tolist()).__next__
+                names = self.program.parameters.items()
+                design = {name: filled(x, number, complex) for name, x in names}
+                scalar = ScalarEngine(replace(self.program, parameters=design))
+                self._again(scalar, columns, out[:, d], np.flatnonzero(flags[d]))
+
+        def read(x: Any) -> Array:
+            if not isinstance(x, Node):
+                return np.broadcast_to(np.float64(x), (m, n))
+            if x.op == "input":
+                return np.broadcast_to(columns[x.args[0]][:n], (m, n))
+            return out[self._row[x], :, :n]
+
+        return tuple(_mapped(x, read) for x in self.values)
+
+    def _samples(self, columns: list[Array], n: int) -> Array:
         """The rows of numbers (rows, at least n)."""
         blocks = -(-n // LANES)
         # An odd number of cache lines: rows do not fall on the same sets of the cache.
         out = np.empty((max(1, len(self._row)), LANES * (blocks | 1)))
-        whole = n - n % LANES
-        parts = os.cpu_count() or 1 if n >= PARALLEL else 1
-        step = -(-blocks // parts) * LANES
-        starts = range(0, whole, step)
-        if len(starts) > 1:
-            from concurrent.futures import ThreadPoolExecutor
+        whole = n // LANES
 
-            with ThreadPoolExecutor(len(starts)) as pool:
-                list(pool.map(lambda k: self._call(columns, out, k, min(step, whole - k)), starts))
-        elif whole:
-            self._call(columns, out, 0, whole)
-        if whole < n:  # the last samples beside copies of the last one
-            missing = (0, blocks * LANES - n)
-            rest = [np.pad(c[whole:], missing, mode="edge") for c in columns]
-            self._call(rest, out[:, whole:], 0, LANES)
+        def part(first: int, last: int) -> None:
+            here = slice(first * LANES, last * LANES)
+            given = [c[here] for c in columns]
+            self._call(given, out[:, here], (last - first) * LANES, self._numbers)
+
+        self._threads(part, whole, n >= PARALLEL)
+        if whole < blocks:  # the last samples beside copies of the last one
+            rest = [_whole_blocks(c[whole * LANES :]) for c in columns]
+            self._call(rest, out[:, whole * LANES :], LANES, self._numbers)
         return out
 
-    def _call(self, columns: list[Array], out: Array, start: int, count: int) -> None:
-        places = (ctypes.c_void_p * (len(columns) + 1))(
-            *(c.ctypes.data + c.itemsize * start for c in columns)
-        )
-        first = out.ctypes.data + out.itemsize * start
-        stride = out.strides[0] // out.itemsize
-        self._fill(places, self._parameters, first, stride, count)
+    def _threads(self, part: Callable[[int, int], None], count: int, many: bool) -> None:
+        """Do a count of things in parts, side by side where they are many."""
+        step = -(-count // ((os.cpu_count() or 1) if many else 1))
+        if 0 < step < count:
+            from concurrent.futures import ThreadPoolExecutor
 
-    def _again(self, columns: list[Array], out: Array, samples: NDArray[np.intp]) -> None:
+            with ThreadPoolExecutor() as pool:
+                firsts = range(0, count, step)
+                list(pool.map(lambda k: part(k, min(k + step, count)), firsts))
+        elif count:
+            part(0, count)
+
+    def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> None:
+        places = self._places(*(c.ctypes.data for c in columns))
+        stride = out.strides[0] // out.itemsize
+        designs = slots.shape[0] if slots.ndim > 1 else 1
+        data = out.ctypes.data, stride, n, slots.shape[-1], designs
+        self._fill(places, slots.ctypes.data, *data)
+
+    def _again(
+        self, scalar: ScalarEngine, columns: list[Array], out: Array, samples: NDArray[np.intp]
+    ) -> None:
         """Flagged samples by the scalar engine."""
         for i in samples.tolist():
-            found = self._scalar.one([float(c[i]) for c in columns])
-            for node, x in zip(_leaves(self.values), _parts(found), strict=True):
+            found = scalar.one([float(c[i]) for c in columns])
+            for node, x in zip(_leaves(self.values), numbers(found), strict=True):
                 if isinstance(node, Node) and node.op != "input":
                     out[self._row[node], i] = x
+
+
+def _whole_blocks(column: Array) -> Array:
+    """A column with copies of its last number behind it, up to whole blocks."""
+    missing = -column.size % LANES
+    return np.concatenate([column, np.full(missing, column[-1])]) if missing else column
 
 
 def _mapped(value: Any, read: Any) -> Any:
@@ -141,11 +206,35 @@ def _mapped(value: Any, read: Any) -> Any:
     return Planar(read(value.real), read(value.imag)) if isinstance(value, Planar) else read(value)
 
 
-def _parts(value: Any) -> list[float]:
-    """Real numbers of a (nested) tuple of numbers and vectors, in order."""
-    if isinstance(value, tuple):
-        return [x for part in value for x in _parts(part)]
-    return [value.real, value.imag] if isinstance(value, complex) else [value]
+class WarmEngine:
+    """A program that is asked for one sample after the other, as an integrator asks.
+
+    By the scalar engine until compiling pays, by machine code after: nobody sees the change
+    but the clock.
+    """
+
+    one: Callable[[Sequence[float]], tuple[Any, ...]]
+    """Values of one sample; see `ScalarEngine.one`."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self._scalar = ScalarEngine(program)
+        self._left = WORTH
+        self.one = self._counted
+
+    def _counted(self, inputs: Sequence[float]) -> tuple[Any, ...]:
+        self._left -= 1
+        if self._left <= 0:
+            self.one = self._scalar.one
+            self.one = self._compiled()
+        return self._scalar.one(inputs)
+
+    def _compiled(self) -> Callable[[Sequence[float]], tuple[Any, ...]]:
+        """Machine code where there can be some."""
+        try:
+            return LlvmEngine(self.program).one
+        except (Untraceable, MissingEngineError):
+            return self._scalar.one
 
 
 # -- machine code ------------------------------------------------------------------
@@ -177,7 +266,7 @@ def _compiled(text: str) -> _Code:
     passes.getModulePassManager().run(module, passes)
     engine = llvm.create_mcjit_compiler(module, target)
     engine.finalize_object()
-    kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 2)
+    kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
     return _Code(kind(engine.get_function_address("fill")), (engine, target))
 
 

@@ -1,10 +1,8 @@
 """Tracing: a program bound to symbolic numbers becomes a list of flat real operations.
 
-A `Node` is one operation on earlier nodes; the same operation on the same nodes is made
-once. What a node depends on says where it has to be worked out: parameters alone once for
-all samples, a `blockmech.plane.repeat` in its loop, all else once a sample. Planar vectors
-are pairs of nodes, numbers of the text stay Python numbers, and what the program looks at
-while it is traced (kinds of pairs, numbers of links) is gone. Nothing is re-associated.
+The same operation on the same nodes is made once. Planar vectors are pairs of nodes, numbers
+of the text stay Python numbers, and what the program looks at while it is traced (kinds of
+pairs, numbers of links) is gone. Nothing is re-associated.
 
 Source: tracing by operator overloading is that of automatic differentiation; Griewank &
 Walther, Evaluating Derivatives, 2008, ch. 6.
@@ -18,81 +16,13 @@ from types import FunctionType
 from typing import Any, NoReturn
 
 from blockmech.engines.binding import bind
+from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, Untraceable
 from blockmech.engines.numpy import Planar, _leaves, imul, mul
 from blockmech.plan import Program
 from blockmech.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
 
-PARAMETER, SAMPLE = 0, 1  # scopes: known before the samples, once a sample; loops count on
 CONSTANTS = {"ZERO": Planar(0.0, 0.0), "ONE": Planar(1.0, 0.0), "REST": REST_SHARE}
-
-
 FOLLOWED = "it follows a group without closed form from its home"
-TRUTHS = ("<", "<=", ">", ">=", "==", "is nan", "&", "|")  # operations that give truth values
-
-
-class Untraceable(Exception):
-    """A program that flat arithmetic cannot say, and why."""
-
-
-Operation = Callable[..., "Node"]
-
-
-def _both(op: str) -> tuple[Operation, Operation]:
-    """An operator with the node on its left, and on its right."""
-    return lambda a, b: a.trace.node(op, a, b), lambda b, a: b.trace.node(op, a, b)
-
-
-def _of_one(op: str) -> Operation:
-    return lambda a: a.trace.node(op, a)
-
-
-class Node:
-    """One real (or truth value) of a program, as an operation on others."""
-
-    __slots__ = ("args", "number", "op", "scope", "trace")
-    __hash__ = object.__hash__
-
-    def __init__(self, trace: Trace, op: str, args: tuple[Any, ...], scope: int) -> None:
-        self.trace, self.op, self.args, self.scope = trace, op, args, scope
-        self.number = len(trace.nodes)
-        trace.nodes.append(self)
-
-    @property
-    def truth(self) -> bool:
-        """Whether it is a truth value."""
-        if self.op in ("state", "after"):
-            loop, i = self.args
-            return is_truth(loop.first[i])
-        return self.op in TRUTHS or (self.op == "where" and is_truth(self.args[1]))
-
-    def __bool__(self) -> NoReturn:
-        raise Untraceable("it branches on a number of the sample")
-
-    __add__, __radd__ = _both("+")
-    __sub__, __rsub__ = _both("-")
-    __mul__, __rmul__ = _both("*")
-    __truediv__, __rtruediv__ = _both("/")
-    __and__, __rand__ = _both("&")
-    __or__, __ror__ = _both("|")
-    (__lt__, _), (__le__, _), (__gt__, _), (__ge__, _) = map(_both, ("<", "<=", ">", ">="))
-    __eq__ = _both("==")[0]  # type: ignore[assignment]
-    __neg__, __abs__ = _of_one("neg"), _of_one("abs")
-
-
-def is_truth(x: Any) -> bool:
-    """Whether a node or number of the text is a truth value."""
-    return x.truth if isinstance(x, Node) else isinstance(x, bool)
-
-
-class Loop:
-    """A `blockmech.plane.repeat`: its state before, in, and after a step, and its cap."""
-
-    def __init__(self, trace: Trace, cap: int, first: list[Any]) -> None:
-        trace.loops.append(self)
-        self.scope = SAMPLE + len(trace.loops)
-        self.cap, self.first = cap, first
-        self.state = [Node(trace, "state", (self, i), self.scope) for i in range(len(first))]
-        self.ahead: list[Any] = []
 
 
 class Trace:
@@ -120,9 +50,12 @@ class Trace:
         def slot() -> Node:
             return self._leaf("parameter", next(count), PARAMETER)
 
-        slots = [_filled(value, slot) for value in program.parameters.values()]
+        slots = [filled(value, slot) for value in program.parameters.values()]
         run = bind(program, PRIMITIVES, CONSTANTS)
-        self.values: tuple[Any, ...] = run(*inputs, tuple(slots))
+        try:
+            self.values: tuple[Any, ...] = run(*inputs, tuple(slots))
+        except (TypeError, AttributeError) as error:  # what a number can that a node cannot
+            raise Untraceable(f"a kernel is more than the primitives ({error})") from error
 
     def node(self, op: str, *args: Any) -> Node:
         """The operation on these arguments, nodes or numbers."""
@@ -142,49 +75,33 @@ class Trace:
         made = Loop(self, cap, _leaves(state))
         inside = iter(made.state)
         self._open = True
-        made.ahead = _leaves(step(_filled(state, lambda: next(inside)), *data))
+        made.ahead = _leaves(step(filled(state, lambda: next(inside)), *data))
         self._open = False
         after = (Node(self, "after", (made, i), SAMPLE) for i in range(len(made.state)))
-        return _filled(state, lambda: next(after))
-
-    def needed(self, wanted: Iterable[Any]) -> list[Node]:
-        """The nodes that some nodes are made of, in order."""
-        waiting, found = [x for x in wanted if isinstance(x, Node)], set[Node]()
-        while waiting:
-            node = waiting.pop()
-            if node in found:
-                continue
-            found.add(node)
-            if node.op in ("after", "state"):
-                loop = node.args[0]
-                more = [*loop.first, *loop.ahead]
-            else:
-                more = list(node.args)
-            waiting += [x for x in more if isinstance(x, Node)]
-        return sorted(found, key=lambda n: n.number)
+        return filled(state, lambda: next(after))
 
 
-def numbers(parameters: Iterable[Any]) -> list[float]:
-    """Parameters as a row of numbers, those of records and tables one after the other."""
+def numbers(parameters: Iterable[Any]) -> list[Any]:
+    """Parameters as a row of numbers (or of arrays of designs), records and tables in order."""
     return [x for value in parameters for x in _plain(value)]
 
 
-def _plain(value: Any) -> Iterator[float]:
+def _plain(value: Any) -> Iterator[Any]:
     if isinstance(value, tuple):
         for x in value:
             yield from _plain(x)
-    elif isinstance(value, complex):
+    elif isinstance(value, complex | Planar):
         yield from (value.real, value.imag)
     else:
-        yield float(value)
+        yield value
 
 
-def _filled(value: Any, fresh: Callable[[], Any]) -> Any:
-    """A nested tuple with fresh numbers in the place of its own."""
+def filled(value: Any, fresh: Callable[[], Any], pair: Callable[..., Any] = Planar) -> Any:
+    """A nested tuple with fresh numbers in the place of its own, and pairs of them as vectors."""
     if isinstance(value, tuple):
-        parts = [_filled(x, fresh) for x in value]
+        parts = [filled(x, fresh, pair) for x in value]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return Planar(fresh(), fresh()) if isinstance(value, complex | Planar) else fresh()
+    return pair(fresh(), fresh()) if isinstance(value, complex | Planar) else fresh()
 
 
 # -- the primitives of the plane ---------------------------------------------------

@@ -9,12 +9,13 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic_core import to_json
 
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import Problem, RequestError, printable
 from blockmech.export.columns import AnyPath, Labelled, columns
 from blockmech.files import writing
 
 ROWS = 2000  # rows that are turned into text at once
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
+FORMULA = ("=", "+", "-", "@")  # with which a spreadsheet lets one begin
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -25,7 +26,8 @@ def to_csv(
 
     Columns are headed ``name [unit]``, a vector has two. Numbers read back to the
     last bit; a cell without an answer is empty and ``status``, the last column, says
-    why. ``decimal=","`` with ``separator=";"`` suits spreadsheets of many countries.
+    why. A name that a spreadsheet would take for a formula begins with a quotation mark.
+    ``decimal=","`` with ``separator=";"`` suits spreadsheets of many countries.
 
     Raises `RequestError` for a separator that would tear numbers, or where the
     place cannot be written.
@@ -44,6 +46,12 @@ def csv_chunks(
     return _chunks(result, separator, decimal, degrees)
 
 
+def text_cell(text: str) -> str:
+    """A text as a cell that no spreadsheet takes for a formula or for the end of a row."""
+    line = printable(text)
+    return f"'{line}" if line.startswith(FORMULA) else line
+
+
 def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
     """Write CSV text atomically; marked as UTF-8 for spreadsheets if it is not ASCII."""
     with writing(path) as stream:
@@ -57,7 +65,7 @@ def _chunks(result: Labelled, separator: str, decimal: str, degrees: bool) -> It
     found = columns(result, degrees)
     head = io.StringIO()
     row = csv.writer(head, delimiter=separator, lineterminator="\n")
-    row.writerow([*(column.head for column in found), "status"])
+    row.writerow([*(text_cell(column.head) for column in found), "status"])
     yield head.getvalue()
     status = result.quality.status
     for start in range(0, result.n, ROWS):

@@ -20,6 +20,7 @@ from typing import Any
 from blockmech.errors import MOST, FormatError, Problem, in_file, path_text
 
 LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
+HIGHEST = 1e75  # of a number: a term of mechanics is the product of at most four
 DEEPEST = 64  # nested objects and lists; a graph needs nine
 
 
@@ -202,6 +203,7 @@ def _misfits(text: str) -> Iterator[Problem]:
             if not said.isascii() and any("\ud800" <= c <= "\udfff" for c in said):
                 found = f"half of a character ({place(text, at)})"
                 yield problem("wrong-encoding", found, "write the whole character")
-        elif sign[0] not in "tfn" and not math.isfinite(float(sign)):
-            found = f"{sign[:20]} is not a finite number ({place(text, at)})"
-            yield problem("non-finite", found)
+        elif sign[0] not in "tfn" and not abs(float(sign)) <= HIGHEST:
+            large = math.isfinite(float(sign))
+            found = "so large that its products are not finite" if large else "not a finite number"
+            yield problem("non-finite", f"{sign[:20]} is {found} ({place(text, at)})")

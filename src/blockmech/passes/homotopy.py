@@ -46,7 +46,7 @@ SMALLEST = (
 CHANGE = 0.7  # of what the singular values allow: how much J may change in one step
 FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
 BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
-MOST = 5000  # steps of a line
+MOST = 5000  # steps of a line, and knots on one side of home
 LAYING = threading.RLock()  # knots are laid by one thread at a time: they grow from each other
 MODES = 12  # turns of the driver on which a group may be in another mode each
 
@@ -143,7 +143,8 @@ class Path:
                 places += self._of_another(name)
         still = np.zeros((1, len(self.drivers)))
         found, first = self.tracker.at(self.home[None, :], still, np.array([places]), one=True)
-        if not (np.isfinite(first).all() and (found.nearest > DOUBLE_ROOT).all()):
+        closes = np.isfinite(first).all() and (found.nearest > DOUBLE_ROOT).all()
+        if not (closes and self._is_near(np.array(places), found.place[0])):
             raise GraphError(
                 Problem(
                     "bad-home",
@@ -154,6 +155,12 @@ class Path:
                 )
             )
         return found
+
+    def _is_near(self, given: Array, found: Array) -> bool:
+        """Whether no link had to move by more than the whole group measures: a slip of units."""
+        own = found[-self.own :]
+        moved = np.abs(own - given[-self.own :])[:, :2].max()
+        return bool(moved <= (self.group.extent((own[:, 0] + 1j * own[:, 1]).tolist()) or math.inf))
 
     def _of_another(self, name: str) -> list[tuple[float, float, float, float]]:
         other = path_of(self.structure, name)
@@ -376,7 +383,10 @@ class _Side:
     def _grow(self, reach: float) -> None:
         """Lay knots until one is further from home than ``reach``; each by its forerunner."""
         path, home = self.path, float(self.path.home[0])
-        while not self.ended and abs(self.q[-1] - home) <= reach and len(self.q) < MOST * 20:
+        while not self.ended and abs(self.q[-1] - home) <= reach:
+            if len(self.q) > MOST:  # each as short as ever: parts of very unlike sizes
+                self.ended = True
+                return
             stand = self.stands[-1]
             step = min(self.step, float(strides(stand.rate)[0]))
             while True:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
-from blockmech.engines.numpy import CHUNK, NumpyEngine, Planar
+from blockmech.engines.numpy import CHUNK, Planar
 from blockmech.errors import BlockmechError
 from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
@@ -77,9 +77,9 @@ class Runner:
         """Designs of a block of n poses."""
         return 1 if self.family.alone else max(1, CHUNK // n)
 
-    def prepared(self) -> _Planned:
-        """The plan that serves all designs, or that of the first one."""
-        return _Planned(self, self.family.general)
+    def prepared(self, count: int) -> _Planned:
+        """The plan that serves all of so many designs, or that of the first one."""
+        return _Planned(self, self.family.general, count)
 
     def block(self, planned: _Planned, columns: Mapping[Parameter, Array]) -> Block:
         """Some designs; one whose numbers do not make a mechanism is a row without answers."""
@@ -90,7 +90,7 @@ class Runner:
             return planned.block(program.values(*design), m)
         numbers = {p.address: as_said(p, x[0]) for p, x in columns.items()}
         try:
-            own = _Planned(self, remade(self.family.mechanism, numbers))
+            own = _Planned(self, remade(self.family.mechanism, numbers), 1)
         except BlockmechError as error:
             return self._without(planned.samples.n, error)
         return own.block(tuple(own.plan.program.parameters.values()), 1)
@@ -109,13 +109,13 @@ class Runner:
 class _Planned:
     """A plan that is run for designs, at given poses."""
 
-    def __init__(self, runner: Runner, mechanism: Compiled) -> None:
+    def __init__(self, runner: Runner, mechanism: Compiled, count: int) -> None:
         self.mechanism = mechanism
         self.want = runner.want
         self.samples = runner.samples(mechanism)
         names = tuple(dict.fromkeys(column.output for column in runner.want))
         self.plan: Plan = mechanism.plan(names, **runner.settings)
-        self.engine = NumpyEngine(self.plan.program)
+        self.engine = mechanism.engine_of_designs(self.plan, count * self.samples.n)
         self.inputs = self.samples.given(self.plan.program.inputs)
         self.weights = self.samples.weights(len(mechanism.drivers))
         blocks = mechanism.structure.blocks

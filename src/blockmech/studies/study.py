@@ -114,7 +114,7 @@ def _run(runner: Runner, chosen: Designs, n: int, say: Told | None) -> tuple[lis
     blocks: list[Block] = []
     size, done = runner.size(n), 0
     try:
-        planned = runner.prepared()
+        planned = runner.prepared(chosen.count)
         for start in range(0, chosen.count, size):
             stop = min(start + size, chosen.count)
             made = chosen.columns(start, stop)

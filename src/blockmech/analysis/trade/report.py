@@ -15,6 +15,7 @@ import numpy as np
 
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
 from blockmech.export import aligned
+from blockmech.export.spreadsheet import text_cell
 from blockmech.files import writing
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
@@ -164,7 +165,8 @@ class Trade:
         table = csv.DictWriter(stream, names, extrasaction="ignore", lineterminator="\n")
         times = ("seconds", "fastest", "slowest")
         table.writerow({name: f"{name} [s]" if name in times else name for name in names})
-        table.writerows(rows)
+        for row in rows:
+            table.writerow({k: text_cell(x) if isinstance(x, str) else x for k, x in row.items()})
         if path is not None:
             with writing(path) as out:
                 out.write(stream.getvalue().encode())

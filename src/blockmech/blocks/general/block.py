@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import namedtuple
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
@@ -266,9 +266,12 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     def largest_length(self) -> float:
         """The largest distance [m] of a pair or marker from its link's origin, or of origins."""
+        return self.extent([complex(x, y) for x, y, _ in self.home.poses.values()])
+
+    def extent(self, origins: Sequence[complex]) -> float:
+        """The largest length [m] where the links' origins stand at these places."""
         places = [m.at.z for pair in self.pairs.values() for m in pair.sides.values()]
         places += [m.at.z for link in self.links.values() for m in link.markers.values()]
-        origins = [complex(x, y) for x, y, _ in self.home.poses.values()]
         places += [z - origins[0] for z in origins[1:]]
         return largest(map(abs, places))
 

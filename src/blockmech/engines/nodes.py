@@ -1,0 +1,98 @@
+"""Operations: what a traced program is made of, and in which order they are done.
+
+A `Node` is one operation on earlier nodes. What it depends on says where it has to be worked
+out: parameters alone once for all samples, a `blockmech.plane.repeat` in its loop, all else
+once a sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, NoReturn
+
+PARAMETER, SAMPLE = 0, 1  # scopes: known before the samples, once a sample; loops count on
+
+
+TRUTHS = ("<", "<=", ">", ">=", "==", "is nan", "&", "|")  # operations that give truth values
+
+
+class Untraceable(Exception):
+    """A program that flat arithmetic cannot say, and why."""
+
+
+Operation = Callable[..., "Node"]
+
+
+def _both(op: str) -> tuple[Operation, Operation]:
+    """An operator with the node on its left, and on its right."""
+    return lambda a, b: a.trace.node(op, a, b), lambda b, a: b.trace.node(op, a, b)
+
+
+def _of_one(op: str) -> Operation:
+    return lambda a: a.trace.node(op, a)
+
+
+class Node:
+    """One real (or truth value) of a program, as an operation on others."""
+
+    __slots__ = ("args", "number", "op", "scope", "trace")
+    __hash__ = object.__hash__
+
+    def __init__(self, trace: Any, op: str, args: tuple[Any, ...], scope: int) -> None:
+        self.trace, self.op, self.args, self.scope = trace, op, args, scope
+        self.number = len(trace.nodes)
+        trace.nodes.append(self)
+
+    @property
+    def truth(self) -> bool:
+        """Whether it is a truth value."""
+        if self.op in ("state", "after"):
+            loop, i = self.args
+            return is_truth(loop.first[i])
+        return self.op in TRUTHS or (self.op == "where" and is_truth(self.args[1]))
+
+    def __bool__(self) -> NoReturn:
+        raise Untraceable("it branches on a number of the sample")
+
+    __add__, __radd__ = _both("+")
+    __sub__, __rsub__ = _both("-")
+    __mul__, __rmul__ = _both("*")
+    __truediv__, __rtruediv__ = _both("/")
+    __and__, __rand__ = _both("&")
+    __or__, __ror__ = _both("|")
+    (__lt__, _), (__le__, _), (__gt__, _), (__ge__, _) = map(_both, ("<", "<=", ">", ">="))
+    __eq__ = _both("==")[0]  # type: ignore[assignment]
+    __neg__, __abs__ = _of_one("neg"), _of_one("abs")
+
+
+def is_truth(x: Any) -> bool:
+    """Whether a node or number of the text is a truth value."""
+    return x.truth if isinstance(x, Node) else isinstance(x, bool)
+
+
+class Loop:
+    """A `blockmech.plane.repeat`: its state before, in, and after a step, and its cap."""
+
+    def __init__(self, trace: Any, cap: int, first: list[Any]) -> None:
+        trace.loops.append(self)
+        self.scope = SAMPLE + len(trace.loops)
+        self.cap, self.first = cap, first
+        self.state = [Node(trace, "state", (self, i), self.scope) for i in range(len(first))]
+        self.ahead: list[Any] = []
+
+
+def needed(wanted: Iterable[Any]) -> list[Node]:
+    """The nodes that some nodes are made of, in order."""
+    waiting, found = [x for x in wanted if isinstance(x, Node)], set[Node]()
+    while waiting:
+        node = waiting.pop()
+        if node in found:
+            continue
+        found.add(node)
+        if node.op in ("after", "state"):
+            loop = node.args[0]
+            more = [*loop.first, *loop.ahead]
+        else:
+            more = list(node.args)
+        waiting += [x for x in more if isinstance(x, Node)]
+    return sorted(found, key=lambda n: n.number)

@@ -1,0 +1,116 @@
+"""The compiled engine against the C bounds, in one run; see `tests/benchmarks/test_speed.py`."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.compiled import compiled_program
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.mechanism import Mechanism
+from blockmech.samples import make_samples
+from tests.engines.test_designs import design
+
+from . import c_bounds
+from .results import NOTES, ROWS, Row, micro, python
+from .test_speed import FORCES, KINEMATICS, POSES, RUIZ, measure
+
+pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+pytestmark = pytest.mark.benchmark(timer=time.process_time)  # others use the machine, too
+ROOT = Path(__file__).parents[2]
+DESIGNS, TURN = 2000, 72
+
+
+@pytest.fixture(scope="module")
+def mech() -> Mechanism:
+    return bm.Graph.load(ROOT / "graphs" / "ruiz_fourbar.json").compile()
+
+
+def sweep() -> np.ndarray:
+    q = np.linspace(0.0, 2 * np.pi, POSES, endpoint=False)
+    q[1] = RUIZ[1]["crank"]
+    return q
+
+
+def test_kinematics_of_a_sweep(benchmark, mech: Mechanism) -> None:
+    q, bound = sweep(), ("C, scalar libm", c_bounds.kinematics())
+
+    def run() -> bm.Result:
+        return mech.run(at=q, want=KINEMATICS, engine="llvm")
+
+    result = measure(benchmark, "T1 1e5 poses, p + v + a, llvm", run, POSES, bound, 1.8)
+    assert result["dyad.j.alpha"][1] == pytest.approx(RUIZ[1]["alpha"]["3"], rel=1e-13)
+
+
+@pytest.mark.parametrize(("friction", "goal"), [("none", 0.6), ("newton", 2.2)])
+def test_kinetostatics_of_a_sweep(benchmark, mech: Mechanism, friction: str, goal: float) -> None:
+    q, bound = sweep(), ("C, scalar libm", c_bounds.kinetostatics(friction != "none"))
+
+    def run() -> bm.Result:
+        return mech.run(at=q, want=FORCES, friction=friction, engine="llvm")
+
+    what = f"T2 1e5 poses, reactions, friction {friction}, llvm"
+    result = measure(benchmark, what, run, POSES, bound, goal)
+    key = "frictionless_driving_moment" if friction == "none" else "driving_moment"
+    assert result["crank.drive"][1] == pytest.approx(RUIZ[1][key], rel=1e-8)
+
+
+def test_one_warm_pose_with_reactions(benchmark, mech: Mechanism) -> None:
+    def run() -> bm.Result:
+        return mech.run(at=RUIZ[1]["crank"], want=FORCES, engine="llvm")
+
+    goal = ("goal of 15 µs", 15e-6)
+    result = measure(benchmark, "T2 one pose, reactions, labelled, llvm", run, 1, goal, 1.0)
+    assert result["crank.drive"][0] == pytest.approx(RUIZ[1]["driving_moment"], rel=1e-8)
+
+
+@pytest.mark.parametrize(("friction", "goal"), [("none", 0.9), ("newton", 2.5)])
+def test_largest_driving_moment_of_designs(
+    benchmark, mech: Mechanism, friction: str, goal: float
+) -> None:
+    plan = mech.plan("crank.drive", friction=friction)
+    q = np.linspace(0.0, 2 * np.pi, TURN, endpoint=False)
+    taken = make_samples(("crank",), mech.scene, q, None, None, 10.0, None)
+    inputs = taken.given(plan.program.inputs)
+    columns = [np.linspace(a, b, DESIGNS)[:, None] for a, b in ((5.6, 6.4), (1.0, 3.0))]
+    values = plan.program.values(design(mech, *columns, 5.5, 0.4), mech.scene)
+    engines = [kind(plan.program) for kind in (compiled_program, NumpyEngine)]
+
+    def largest(engine: object) -> np.ndarray:
+        found = engine.run_designs(inputs, values)  # type: ignore[attr-defined]
+        return np.abs(found[plan.layout["crank.drive"][0]]).max(axis=1)
+
+    found = benchmark(lambda: largest(engines[0]))
+    seconds = benchmark.stats.stats.median / (DESIGNS * TURN)
+    bound = c_bounds.kinetostatics(friction != "none")
+    task = f"T2 largest drive of {DESIGNS} designs, {TURN} poses, friction {friction}, llvm"
+    ROWS.append(Row(task, seconds, bound, "C, scalar libm", goal))
+    start = time.process_time()
+    reference = largest(engines[1])
+    spent = (time.process_time() - start) / (DESIGNS * TURN)
+    ROWS.append(Row(task, seconds, spent, "NumPy engine, one block", 0.4))
+    np.testing.assert_allclose(found, reference, rtol=1e-10)
+
+
+SECOND = """
+import sys, time
+start = time.process_time()
+import blockmech as bm
+mech = bm.Graph.load(sys.argv[1]).compile()
+mech.run(samples=361, want=["*.reaction", "crank.drive"], engine="llvm")
+print(time.process_time() - start)
+"""
+
+
+def test_first_result_of_a_process() -> None:
+    seconds = float(python(SECOND, str(ROOT / "graphs" / "ruiz_fourbar.json")))
+    ROWS.append(Row("first result of a process, llvm", seconds, 1.0, "goal of 1 s", 1.0))
+    NOTES.append(
+        f"the first compiled result of a process comes after {micro(seconds)}, imports included: "
+        "nothing is kept on disk, because compiling takes a tenth of a second"
+    )
+    assert seconds > 0

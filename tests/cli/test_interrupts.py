@@ -1,0 +1,131 @@
+"""Ctrl-C at any moment: one sentence, exit code 130, and what is whole is kept."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import pytest
+
+from blockmech.cli import output, terminal
+from blockmech.cli.output import NUMBERS
+from blockmech.export import csv_chunks
+from tests.gallery import GRAPHS
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to a console")
+SIXBAR = str(GRAPHS / "watt_sixbar.json")
+LONG = ["--until", "time=20", "--method", "rk4", "--step", "5e-5"]  # half a minute at least
+
+
+def press(*_, **__):
+    """Ctrl-C, as it reaches this process."""
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.fixture(autouse=True)
+def ctrl_c():
+    """The command has Ctrl-C to itself, as in a process of its own; nothing is left pressed."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("seen", ["blockmech.early", "pydantic", "blockmech.builders"])
+@pytest.mark.parametrize("called", ["module", "script"])
+def test_ctrl_c_while_modules_are_loaded(called, seen, tmp_path):
+    """That takes most of the first half second."""
+    script = tmp_path / "blockmech"  # what an installer writes
+    script.write_text("import sys\nfrom blockmech.cli import main\nsys.exit(main())\n")
+    words = ["-m", "blockmech"] if called == "module" else [str(script)]
+    run = subprocess.Popen(
+        [sys.executable, "-X", "importtime", *words, "run", SIXBAR],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    while not run.stderr.readline().rstrip().endswith(f" {seen}"):
+        assert run.poll() is None
+    run.send_signal(signal.SIGINT)
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=60)
+    said = [line for line in err.splitlines() if not line.startswith("import time:")]
+    assert (run.returncode, out, said) == (130, "", ["interrupted"])
+
+
+def test_a_program_of_another_name_keeps_its_own_ctrl_c():
+    code = (
+        "import signal; a = signal.getsignal(2); import blockmech; assert a is signal.getsignal(2)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_while_pictures_are_drawn_the_numbers_are_there(call, tmp_path, monkeypatch):
+    monkeypatch.setattr("blockmech.draw.run_pictures", press)
+    said = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
+    assert (said.code, said.out) == (130, "")
+    assert said.err == "interrupted: the numbers are written, the pictures are not\n"
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {*NUMBERS}
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["samples"] == 3
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_while_numbers_are_written_they_are_completed(call, tmp_path, monkeypatch, times):
+    def pressed(*given, **settings):
+        for _ in range(times):
+            press()
+        yield from csv_chunks(*given, **settings)
+
+    monkeypatch.setattr(output, "csv_chunks", pressed)
+    said = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
+    assert (said.code, said.out, len(said.err.splitlines())) == (130, "", 1)
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {*NUMBERS}
+
+
+def test_numbers_that_take_long_are_given_up(call, tmp_path, monkeypatch):
+    def endless(*_, **__):
+        while True:
+            yield "1"
+            press()
+
+    monkeypatch.setattr(output, "csv_chunks", endless)
+    monkeypatch.setattr(terminal, "INSISTS", None)
+    monkeypatch.setattr(terminal, "SAVING", 0.05)
+    said = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
+    assert (said.code, said.out, said.err) == (130, "", "interrupted\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_simulation_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
+    """The second Ctrl-C comes while its numbers are made and written."""
+
+    @contextmanager
+    def bar(*_):
+        told = iter(range(100))
+        yield lambda *_: press() if next(told) == 50 else None
+
+    def again(*given, **settings):
+        press()
+        return csv_chunks(*given, **settings)
+
+    monkeypatch.setattr(sys.modules["blockmech.cli.simulate"], "progress_bar", bar)
+    monkeypatch.setattr(output, "csv_chunks", again)
+    said = call("simulate", SIXBAR, *LONG, "--out", tmp_path / "out")
+    assert (said.code, said.err) == (130, "interrupted\n")
+    assert "ended: interrupted, after" in said.out
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {*NUMBERS}
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["samples"] == 201
+
+
+def test_a_trade_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
+    monkeypatch.setattr("blockmech.analysis.trade.measure._point", press)
+    words = ["--want", "*.drive", "--want", "*.p", "--budget", "20s"]
+    said = call("trade", SIXBAR, *words)
+    assert (said.code, said.err) == (130, "interrupted: what was measured is kept\n")
+    said = call("trade", SIXBAR, "--out", tmp_path / "out")
+    assert said.code == 130
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"trade.csv", "trade.json"}

@@ -1,0 +1,163 @@
+"""What may not happen to a document, whatever stands in it.
+
+It is read, compiled, run, verified and simulated. A `BlockmechError` is an answer; any other
+exception, a hang, a number that is none in a sample with an answer, and an answer beside a failing
+`verify` are findings.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+
+import blockmech as bm
+from blockmech.builders import Graph, Linkage, Opened
+from blockmech.mechanism import Mechanism
+from blockmech.model.document import read
+from blockmech.quality import OK
+from blockmech.result import Result
+from tests.fuzz.mutants import Mutant, mutant
+
+LONGEST = 10.0  # [s] of processor time of one document
+SAMPLES = 7
+MOVES = "time=0.3"
+
+T = TypeVar("T")
+
+
+class Hang(BaseException):
+    """No answer within the time: no `except Exception` may swallow it."""
+
+
+@dataclass
+class Findings:
+    """What became of some documents: how far each came, and what may not happen."""
+
+    reached: Counter[str] = field(default_factory=Counter)
+    problems: list[tuple[Mutant, str, str]] = field(default_factory=list)  # mutant, kind, detail
+
+    def judge(self, seed: int, number: int) -> None:
+        """Make a mutant and see what becomes of it."""
+        made = mutant(seed, number)
+        try:
+            with _soon(LONGEST), warnings.catch_warnings(record=True) as warned:
+                warnings.simplefilter("always")
+                for stage, kind, detail in judged(made.text):
+                    self.reached[stage] += 1
+                    if kind:
+                        self.problems.append((made, kind, detail))
+                for said in sorted({f"{w.filename}:{w.lineno}: {w.message}" for w in warned}):
+                    self.problems.append((made, "warning", said))
+        except Hang:
+            self.problems.append((made, "hang", _last_lines()))
+        except Exception:
+            self.problems.append((made, "traceback", traceback.format_exc()))
+
+
+def judged(text: str) -> Iterator[tuple[str, str, str]]:
+    """(Stage, kind of finding, detail) of each stage that a document comes through."""
+    found = _answer(lambda: read(text, "mutant.json", _kind))
+    if found is None:
+        yield "refused", "", ""
+        return
+    repr(found)
+    mechanism = _answer(found.compile)
+    if mechanism is None:
+        found.check()
+        yield "not compiled", "", ""
+        return
+    yield "compiled", "", ""
+    result = _answer(lambda: mechanism.run(samples=SAMPLES, on_gap="mark"))
+    result = result or _answer(lambda: mechanism.run(_zeros(mechanism), on_gap="mark"))
+    if result is not None:
+        yield "run", *_numbers(result)
+        checks = _answer(lambda: mechanism.verify(**_places(result)))
+        if checks is not None and checks.samples and not checks.ok and not _doubted(result):
+            bad = ", ".join(f"{r.name} {r.value:.2g}" for r in checks.rows if not r.ok)
+            yield "verified", "ok beside a failing verify", bad
+        else:
+            yield "verified", "", ""
+    moved = _answer(lambda: mechanism.simulate(MOVES))
+    if moved is not None:
+        yield f"moved: {moved.motion.status}", *_numbers(moved)
+
+
+def _kind(raw: dict[str, Any]) -> type[Opened]:
+    return Linkage if "joints" in raw else Graph
+
+
+def _answer(ask: Callable[[], T]) -> T | None:
+    """What is asked for; None where blockmech refuses in its own words."""
+    try:
+        return ask()
+    except bm.BlockmechError as error:
+        if not all(p.code and p.found and str(p).isprintable() for p in error.problems):
+            raise RuntimeError("an error without words, or with signs that are none") from error
+        return None
+
+
+def _zeros(mechanism: Mechanism) -> dict[str, list[float]]:
+    return {driver: [0.1, 0.7, 2.0] for driver in mechanism.drivers}
+
+
+def _places(result: Result) -> dict[str, Any]:
+    """The same samples, once more."""
+    if result.samples.times is not None:
+        return {"times": result.samples.times}
+    if not result.mechanism.drivers:
+        return {"samples": result.n}
+    at = {d: result.samples.coordinate(i) for i, d in enumerate(result.mechanism.drivers)}
+    return {"at": at}
+
+
+def _doubted(result: Result) -> bool:
+    """Whether the run itself says that digits are lost."""
+    return any(flag.code == "digits-lost" for flag in result.quality.flags)
+
+
+def _numbers(result: Result) -> tuple[str, str]:
+    """A finding if a sample with an answer holds a number that is none, or data are not JSON."""
+    json.dumps(result.to_dict(), allow_nan=False)
+    repr(result)
+    good = np.array([s == OK for s in result.quality.status])
+    known = {flag.where for flag in result.quality.flags if flag.code == "infinite"}
+    for name in result:
+        if result.output(name).kind == "number" or name in known:
+            continue
+        values = np.asarray(result[name])
+        if len(values) == len(good) and not np.isfinite(values[good]).all():
+            return "silent NaN", name
+    return "", ""
+
+
+@contextmanager
+def _soon(longest: float) -> Iterator[None]:
+    """Raise `Hang` after so much processor time [s] of this process, and again until it ends."""
+
+    def stop(signum: int, frame: Any) -> None:
+        _STOPPED[:] = traceback.format_stack(frame)[-6:]
+        raise Hang
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, longest, 1.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+_STOPPED: list[str] = []
+
+
+def _last_lines() -> str:
+    return "".join(_STOPPED)
