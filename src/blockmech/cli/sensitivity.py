@@ -17,9 +17,9 @@ from blockmech.cli.options import (
     names_of,
     one_of,
     option,
-    spare,
 )
-from blockmech.cli.terminal import answer, progress_bar, say
+from blockmech.cli.terminal import answer, progress_bar, reading, say
+from blockmech.files import refuse_spared
 
 Wants = Annotated[list[str], option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")]
 To = Annotated[
@@ -46,9 +46,9 @@ def sensitivity(
     """Rank the numbers of a mechanism by what they do to its outputs: exact derivatives."""
     from blockmech.draw.paper import suffix_of
 
-    mechanism = compiled(file)
+    mechanism = compiled(reading(file))
     one_of(json=json, csv=csv is not None, plot=plot is not None)
-    spare(file, csv, plot)
+    refuse_spared(*filter(None, (csv, plot)))
     if plot is not None:
         suffix_of(plot)
     request: dict[str, Any] = {

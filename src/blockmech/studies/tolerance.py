@@ -177,7 +177,7 @@ def _drawn(
     taken = linear.result.samples
     columns = wanted([f"poses({x})" for x in linear], centre.outputs, taken, centre.drivers)
     runner = replace(runner, want=columns)
-    planned, size = runner.prepared(), runner.size(taken.n)
+    planned, size = runner.prepared(chosen.count), runner.size(taken.n)
     sums: dict[str, list[Any]] = {c.output: [0, 0.0, 0.0] for c in columns}
     for start in range(0, chosen.count, size):
         made = chosen.columns(start, min(start + size, chosen.count))
