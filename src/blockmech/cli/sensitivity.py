@@ -46,7 +46,8 @@ def sensitivity(
     """Rank the numbers of a mechanism by what they do to its outputs: exact derivatives."""
     from blockmech.draw.paper import suffix_of
 
-    mechanism = compiled(reading(file))
+    with reading(file):
+        mechanism = compiled(file)
     one_of(json=json, csv=csv is not None, plot=plot is not None)
     refuse_spared(*filter(None, (csv, plot)))
     if plot is not None:
