@@ -25,11 +25,12 @@ Floats: TypeAlias = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 NODES = 32  # of a panel: a quarter of its coefficients shows the end of the series
 TOLERANCE = 1e-13  # tail of a panel that needs no halving: 450 roundings
-LEVELS = 24  # halvings of a panel: 6e-8 of it, a corner's place to the root of rounding
-MOST = 512  # panels: what has no series anywhere is not halved for ever
+LEVELS = round(-np.log2(EPS) / 2)  # halvings of a panel: a corner's place to the root of rounding
+MOST = 20 * LEVELS  # panels: a score of corners; what has no series anywhere is not halved for ever
 NOISE = 1e-9  # below it a tail that no longer falls is rounding
 # Last quarter of the coefficients over the one before: of noise 1; of a corner, whose
-# coefficients fall like 1/k^2, (2/3)^2 = 0.44, and that is to be halved further.
+# coefficients fall like 1/k^2, (2/3)^2 = 0.44, and that is to be halved further. Nearer to the
+# corner: noise falls below two thirds by chance, and a panel of noise is halved for nothing.
 LEVEL = 0.55
 STANDS_OUT = 4.0  # times the largest of a quarter: noise hardly ever does
 SCANNED = 720  # samples of a turn among which something is looked for: every half degree

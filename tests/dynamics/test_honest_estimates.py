@@ -15,13 +15,16 @@ import pytest
 import blockmech as bm
 from tests.dynamics.honesty import (
     DEAR,
+    FINEST,
     GRAPHS,
     REQUESTED,
     RUNS,
     TARGETS,
+    Run,
     agree,
     assert_honest,
     mechanism,
+    moved,
     sweep,
 )
 
@@ -111,3 +114,22 @@ def _until_dead_centre(q, rate):
 def _order():
     blocks = list(mechanism("elliptic_trammel").structure.blocks)
     return blocks.index("shoe"), blocks.index("bar"), blocks.index("bar")
+
+
+def test_a_motion_that_ends_before_a_dead_centre_does_not_lose_the_digits_of_its_poses():
+    """0.7 mrad of a chain that folds 0.7 rad further on, by two kinds of methods."""
+    run = Run(0.7241827027570691, 0.0, 0.006323030953346298)
+    path, time = (moved("parallelogram_chain", run, m, 1e-14) for m in ("energy", "dop853"))
+    assert abs(path.q_end - time.q_end) <= 4 * np.spacing(run.q)
+    assert 0 < path.error <= 64 * np.spacing(run.q)
+
+
+def test_two_runs_share_no_step_where_a_tolerance_asks_for_none_that_is_short():
+    """A slider comes to rest at once and is shaken loose: steps grow by ten from the first."""
+    slider = bm.Graph.load(GRAPHS / "motions" / "sticking_slider.json").compile()
+    start = {"slider": (0.2623050323647527, 3.3383364705564734e-05)}
+
+    def shaken(accuracy):
+        return slider.simulate("time=0.35", start=start, accuracy=accuracy).motion
+
+    assert agree(shaken(1e-3), shaken(FINEST))

@@ -19,7 +19,6 @@ from blockmech.failures import without_gaps
 from blockmech.series import EPS, Floats, panels
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
-LARGE = 0.9  # share of the samples below the size that rounding is judged by
 NOISY = 0.1  # extrema a sample, above which a signal is rounding only
 BESIDE = np.geomspace(1e-7, 1.0, 8)  # of the way to the next place: looked at around an extremum
 ALIKE = 1e-9  # relative, of values that count as the same: outputs lose some digits
@@ -161,7 +160,7 @@ def _turning(y: Floats, closed: bool) -> list[tuple[int, int]]:
     Values that are alike within rounding count as one.
     """
     # Not the largest value: near a pole of the output that says nothing about the rest.
-    size = np.maximum(np.abs(y), np.quantile(np.abs(y), LARGE))
+    size = np.maximum(np.abs(y), np.median(np.abs(y)))
     groups = [[0]]
     for i in range(1, len(y)):
         if abs(y[i] - y[groups[-1][-1]]) <= ROUNDING * size[i]:

@@ -16,14 +16,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from blockmech.dynamics.loads import SAME
-from blockmech.dynamics.motion import (
-    DEAD_CENTRE,
-    END_STOP,
-    NO_INERTIA,
-    Event,
-    Floats,
-    Motion,
-)
+from blockmech.dynamics.motion import DEAD_CENTRE, END_STOP, NO_INERTIA, Event, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN

@@ -69,7 +69,7 @@ SOLVERS = {"dop853": DOP853, "lsoda": LSODA, "radau": Radau}
 STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
-SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
+SHORTER = FINER ** (-1 / 8)  # its first and longest steps, at order 8: equal ones show no error
 FOREVER = 1 / EPS  # [s] for goals without a time
 
 
@@ -244,9 +244,12 @@ class Run:
         if self.method != "radau":  # SciPy's takes one number only
             rtol = np.array([FLOOR] * k + [rtol] * (y.size - k))
         atol = np.array([tol] * k + [tol * speed] * k + [tol * work] * (y.size - 2 * k))
-        return SOLVERS[self.method](
+        solver = SOLVERS[self.method](
             self.equation, t, y, bound, rtol=rtol, atol=atol, max_step=longest
         )
+        if self.method != "lsoda" and math.isfinite(longest):  # which starts by its tolerance
+            solver.h_abs *= SHORTER
+        return solver
 
     def _stepped(self, solver: Any) -> Any:
         """Dense output of one more step; None where there is no step."""
@@ -442,9 +445,8 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
         share = min(1 / FINER, 0.3 * target / apart) if 0 < apart < math.inf else 1 / FINER
         return max(tolerance * share, FLOOR)
 
-    found = refined(
-        run, max(target / 10, FLOOR * FINER), finer, target, system.rotary, request.times
-    )
+    first = max(target / 10, FLOOR * FINER)
+    found = refined(run, first, finer, target, system.rotary, request.times)
     return with_rounding(system, found, target)
 
 

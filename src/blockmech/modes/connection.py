@@ -44,7 +44,7 @@ from blockmech.modes.closing import (
 from blockmech.modes.found import DEAD, EARLIER, LOST, RANGE, TURN, WHOLE, Arc, ArcEnd
 from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
 from blockmech.plane import EPS
-from blockmech.series import GOLDEN, fit
+from blockmech.series import GOLDEN, NOISE, fit
 
 Outer: TypeAlias = Callable[[Floats], Sequence[Support]]
 TriadAt: TypeAlias = Callable[[Floats], Triad]
@@ -298,7 +298,7 @@ class _Line:
         ends = np.array([0.0, h])
         first, last = np.abs(determinant(ends))
         straight = h * float(first / (first + last))
-        roots = fit(determinant, ends, levels=0).roots().tolist()
+        roots = fit(determinant, ends, levels=0, tolerance=NOISE).roots().tolist()
         return min(roots, key=lambda step: abs(step - straight), default=straight)
 
     # -- arcs ------------------------------------------------------------------------------
