@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from blockmech import early as _early  # noqa: F401 (before all that takes time)
+
+# isort: split
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from blockmech import early as _early  # noqa: F401 (before all that takes time)
 from blockmech.blocks import (
     PRP,
     RPP,

@@ -10,12 +10,11 @@ import os
 import signal
 import sys
 from itertools import pairwise
-from typing import Any
 
 NAMES = ("blockmech", "blockmech.exe", "blockmech-script.py")  # as which installers call it
 
 
-def leave(signum: int, frame: Any) -> None:
+def leave(signum: int, frame: object) -> None:
     """End the process at once: nothing is done yet, and half an import cannot be left otherwise."""
     os.write(2, b"interrupted\n")
     os._exit(128 + signum)
