@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     import blockmech.analysis.verify as verifying
     import blockmech.draw.sensitivity as sensing
     import blockmech.draw.study as studying
+    import blockmech.draw.tolerance as tolerating
     import blockmech.draw.trade as trading
     import blockmech.dynamics.simulation as simulating
     import blockmech.modes.listing as listing
     import blockmech.studies.family as designing
     import blockmech.studies.objective as optimising
-    import blockmech.studies.tolerance as tolerating
 
 
 class Mechanism(Compiled):
@@ -62,7 +62,7 @@ class Mechanism(Compiled):
         simulate = Later("blockmech.dynamics.simulation")
         stroke = Later("blockmech.analysis.stroke")
         study = Later("blockmech.draw.study")
-        tolerance = Later("blockmech.studies.tolerance")
+        tolerance = Later("blockmech.draw.tolerance")
         trade = Later("blockmech.draw.trade")
         verify = Later("blockmech.analysis.verify")
 

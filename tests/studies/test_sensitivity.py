@@ -179,6 +179,22 @@ def test_linear_tolerance_is_what_many_designs_scatter():
     assert found.shares("dyad.C.p")[2].max() == 0.0
 
 
+def test_a_tolerance_is_drawn_and_told(tmp_path):
+    laws = {"dyad.l_i": bm.normal(6.0, 1e-3), "dyad.l_j": bm.uniform(2.99, 3.01)}
+    found = mechanism("ruiz_fourbar").tolerance(laws, "crank.drive", samples=5, count=20)
+    assert found.plot(tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
+    said = found.text().splitlines()
+    assert said[0].startswith("crank.drive: deviation up to ")
+    assert said[1].startswith("20 designs: ")
+    assert {line.split()[0] for line in said[3:]} == set(laws)
+
+
+@pytest.mark.parametrize("numbers", [{}, {"dyad.l_i": 6.0}])
+def test_a_tolerance_needs_distributions(numbers):
+    with pytest.raises(RequestError, match="no distribution"):
+        mechanism("ruiz_fourbar").tolerance(numbers, "crank.drive")
+
+
 def test_tolerance_is_about_the_means():
     moved = mechanism("ruiz_fourbar").tolerance(
         {"dyad.l_i": bm.normal(6.1, 1e-3)}, "crank.drive", at=0.3

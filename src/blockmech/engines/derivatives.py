@@ -65,6 +65,8 @@ def sign(x: Any) -> Any:
 def modulo(x: Any, period: Any) -> Any:
     """x less whole periods, whose number does not change but for jumps."""
     rest = plain.modulo(value(x), value(period))
+    if not isinstance(x, Dual) and not isinstance(period, Dual):
+        return rest
     return Dual(rest, slope(x) - np.round((value(x) - rest) / value(period)) * slope(period))
 
 
@@ -83,20 +85,20 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
     at, last = np.asarray(values(knots)), len(knots) - 2
     inside = (at[0] <= value(x)) & (value(x) <= at[-1])
     k = np.clip(np.searchsorted(at, value(x), side="right") - 1, 0, last)
-    where_, what = stacked(knots), [stacked(row) for row in rows]
+    starts, table = stacked(knots), [stacked(row) for row in rows]
 
     def piece(k: Any, s: Any) -> Any:
-        total = what[0][k]
-        for row in what[1:]:
+        total = table[0][k]
+        for row in table[1:]:
             total = total * s + row[k]
         return total
 
-    found = where(inside, piece(k, x - where_[k]), np.nan)
+    way = x - starts[k]
+    found = where(inside, piece(k, way), np.nan)
     corner = inside & np.equal(value(x), at[k])
-    if not (isinstance(found, Dual) and np.any(corner)):
+    if not (isinstance(way, Dual) and np.any(corner)):
         return found
     before = np.where(k > 0, k - 1, last)  # of a table that repeats, the last piece
-    way = x - where_[k]
     other = piece(before, Dual(at[before + 1] - at[before], way.d))
     return Dual(found.x, np.where(corner & (way.d < 0.0), slope(other), found.d))
 
@@ -212,7 +214,9 @@ def _linear(function: Any, at: Array, y: Array, way: Array) -> Array:
         ahead, behind = (np.array(function(*(at + side * size * way))) for side in (1.0, -1.0))
     except ValueError:  # no knots in order
         ahead = behind = np.full_like(y, np.nan)
-    if not np.abs(ahead + behind - 2.0 * y).max() <= 1e3 * EPS * np.abs([ahead, behind]).max():
+    bend = np.abs(ahead + behind - 2.0 * y).max()
+    rounding = 1e3 * EPS * np.abs([ahead, behind]).max()  # of a spline's system, condition < 10
+    if not bend <= rounding:
         raise _no_derivative(
             "table", "the arguments of a cubic table have no known derivative", "name its values"
         )

@@ -34,7 +34,7 @@ class Effect(NamedTuple):
     unit : of the derivative
     sample : where that is
     change : of the output by a hundredth of the number's size, which is its own, or of a
-        zero the largest of its unit
+        zero the largest of its unit (1 where that is not known)
     """
 
     parameter: Parameter
@@ -105,8 +105,8 @@ class Sensitivity(Mapping[str, Array]):
         return sorted(found, key=lambda e: (-np.nan_to_num(e.change), e.parameter.address))
 
     def _size(self, p: Parameter) -> float:
-        alike = (abs(x.value) for x in self.parameters.values() if x.unit == p.unit)
-        return abs(p.value) or max(alike) or 1.0
+        alike = (abs(x.value) for x in self.parameters.values() if x.unit == p.unit != "")
+        return abs(p.value) or max(alike, default=0.0) or 1.0
 
     # -- shown ------------------------------------------------------------------------
 

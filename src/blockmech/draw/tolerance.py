@@ -1,0 +1,91 @@
+"""Pictures of tolerances: an output with its band, and what its deviation is made of."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blockmech.draw import palette as ink
+from blockmech.draw.curves import abscissa, values
+from blockmech.draw.paper import (
+    legend_above,
+    new_figure,
+    scaled_unit,
+    shown_name,
+    styled,
+    suffix_of,
+    wrapped,
+    write_figure,
+)
+from blockmech.runnable import giving
+from blockmech.studies.tolerance import Tolerance
+from blockmech.studies.tolerance import tolerance as found_of
+
+PANEL = 11.0 * ink.TEXT  # [pt] height of a panel
+OUTPUTS, NUMBERS = 3, 5  # that one picture can hold
+BAND = 3.0  # standard deviations: 99.7 % of a normal distribution
+
+
+class PlottedTolerance(Tolerance):
+    """A tolerance with its picture."""
+
+    def plot(self, path: str | os.PathLike[str]) -> Path:
+        """Draw the first outputs with their bands and deviations (png, svg or pdf)."""
+        return write_figure(tolerance_figure(self), path, suffix_of(path))
+
+
+tolerance = giving(PlottedTolerance, found_of)
+"""`blockmech.studies.tolerance.tolerance`, which can be drawn."""
+
+
+def tolerance_figure(found: Tolerance) -> Any:
+    """The picture of a tolerance, a column wide."""
+    result, names = found.sensitivity.result, list(found)[:OUTPUTS]
+    across = abscissa(result)
+    total = sum(np.nan_to_num(found.shares(name)).sum(axis=1) for name in names)
+    order = np.argsort(-np.asarray(total), kind="stable")[:NUMBERS]  # one colour in all panels
+    said = (
+        f"{shown_name(result.mechanism.name, 40)}: outputs with bands of {BAND:g} standard "
+        "deviations, a vector by its length; below the deviation, filled by the shares of the "
+        "numbers in the variance"
+    ) + (", dots by Monte Carlo." if found.sampled else ".")
+    with styled():
+        lines = wrapped(said, ink.SMALL, ink.COLUMN - 10)
+        height = 2 * len(names) * PANEL + ink.ROW * (len(lines) + 2.5)
+        figure = new_figure(ink.COLUMN, height, layout="constrained")
+        panels = figure.subplots(2 * len(names), sharex=True, squeeze=False)[:, 0]
+        for k, name in enumerate(names):
+            _band(panels[2 * k], found, name, across.values)
+            _shares(panels[2 * k + 1], found, name, across.values, order)
+        legend_above(panels[1], ink.COLUMN)
+        panels[-1].set_xlabel(across.words, labelpad=1)
+        figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=ink.SMALL)
+    return figure
+
+
+def _band(axes: Any, found: Tolerance, name: str, x: Any) -> None:
+    y, deviation = values(found.sensitivity.result, name), found[name]
+    factor, unit = scaled_unit(found.sensitivity.result.unit(name), float(np.nanmax(np.abs(y))))
+    low, high = (factor * (y + side * BAND * deviation) for side in (-1.0, 1.0))
+    axes.fill_between(x, low, high, color=ink.LINK_FILLS[0], lw=0)
+    axes.plot(x, factor * y, color=ink.FORWARD, lw=0.8)
+    axes.set_ylabel(f"{shown_name(name)} [{unit or '–'}]", labelpad=2)
+    axes.grid(True)
+
+
+def _shares(axes: Any, found: Tolerance, name: str, x: Any, order: Any) -> None:
+    deviation, shares = found[name], np.nan_to_num(found.shares(name))
+    factor, unit = scaled_unit(found.sensitivity.result.unit(name), float(np.nanmax(deviation)))
+    rows = [factor * deviation * shares[j] for j in order]
+    addresses = list(found.laws)
+    labels = [addresses[j] for j in order]
+    axes.stackplot(x, rows, labels=labels, colors=ink.LINK_FILLS, lw=0)
+    axes.plot(x, factor * deviation, color=ink.INK, lw=0.8)
+    if name in found.sampled:
+        axes.plot(x, factor * found.sampled[name].deviation, ".", ms=3, color=ink.ALARM)
+    axes.set_ylabel(f"deviation [{unit or '–'}]", labelpad=2)
+    axes.set_ylim(bottom=0.0)
+    axes.grid(True)
