@@ -22,6 +22,7 @@ SOURCE = Path(blockmech.__file__).parent
 ROOMS = (
     "typing",
     "plane",
+    "told",
     "errors",
     "files",
     "validation_errors",
@@ -60,8 +61,8 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 39_822, 6_804
-NUMBERS, NUMBERS_OF_DYNAMICS = 196, 44
+LINES, LINES_OF_DYNAMICS = 39_989, 6_829
+NUMBERS, NUMBERS_OF_DYNAMICS = 199, 45
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
 LATE = {
