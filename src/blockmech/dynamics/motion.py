@@ -30,7 +30,6 @@ SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulo
 AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 
-LINES, DIGITS = 8, 12  # events that are told, significant digits of a number
 EVALUATIONS = 500_000  # of kernels, or steps, at most in a run of an integrator; some seconds
 FACT_UNITS: Mapping[str, str] = {
     "swing_time": "s",
@@ -145,25 +144,19 @@ class Motion(Told):
         return self.accuracy is None or self.error <= self.accuracy
 
     def text(self, degrees: bool = False) -> str:
-        """How it went: events, what ended it, method, error and figures."""
-        angle = 180 / math.pi if degrees else 1.0
-        events = [
-            f"{e.kind} at {e.t:.9g} s, q = {e.q * angle:.9g}"
-            for e in self.events[:LINES]
-            if np.ndim(e.q) == 0
-        ]
-        return "\n".join([*events, *self.summary()])
+        """What ended it, method, error and figures, one a line."""
+        return "\n".join(self.summary())
 
     def summary(self, unit: str = "rad or m") -> list[str]:
         """Lines about its end, method, error and figures; ``unit`` is the coordinates'."""
-        lines = [f"{self.status}: {self.end}, after {self.t_end:.{DIGITS}g} s"]
+        lines = [f"{self.status}: {self.end}, after {self.t_end:.12g} s"]
         why = f" ({self.why})" if self.why else ""
         lines.append(f"method {self.method}{why}, {self.cost.evaluations} kernel evaluations")
         if math.isfinite(self.error):
             clock = f", {self.time_error:.1e} s at the end" if self.time_error > 0 else ""
             lines.append(f"estimated error {self.error:.1e} {unit}{clock}")
         for name, x in self.figures().items():
-            said = f"{name.replace('_', ' ')} {x:.{DIGITS}g} {fact_unit(name, unit)}"
+            said = f"{name.replace('_', ' ')} {x:.12g} {fact_unit(name, unit)}"
             lines.append(said.rstrip())
         return [*lines, *(f"note: {text}" for text in self.notes)]
 
