@@ -10,11 +10,10 @@ from typing import Any, TypeAlias, cast
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.modes import TwoModes
 from blockmech.model.structure import JointRef, LinkRef, Structure
-from blockmech.values import Place
+from blockmech.values import MILLI, Place
 
 Places: TypeAlias = Mapping[str, float]
 Scaled: TypeAlias = tuple[str, str, Block]  # what it is, its block, the block with it scaled
-MILLI = {1e3: "1000 times as large", 1e-3: "1000 times smaller"}
 MOST_TRIED = 8  # slips of units, the likeliest first; a millisecond or two each
 
 
