@@ -61,7 +61,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 40_120, 6_822
+LINES, LINES_OF_DYNAMICS = 40_100, 6_822
 NUMBERS, NUMBERS_OF_DYNAMICS = 199, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0

@@ -88,7 +88,7 @@ def test_an_output_by_another_name_of_the_trade_is_found(asked: str, meant: str)
 IN_MM = [
     ("blocks/crank/length", 2000.0, "too large", "crank.length 1000 times smaller"),
     ("blocks/dyad/l_i", 6000.0, "too small", "dyad.l_i 1000 times smaller"),
-    ("blocks/frame/markers/D/at", [5500.0, 0.0], "too large", "frame 1000 times smaller"),
+    ("blocks/frame/markers/D/at", [5500.0, 0.0], "too large", "frame.markers 1000 times smaller"),
     ("blocks/dyad/l_j", 0.003, "too small", "dyad.l_j 1000 times as large"),
 ]
 

@@ -81,7 +81,7 @@ class Animation:
         self.shapes = sorted(shapes_of(stage), key=lambda shape: shape.order)
         self.names = []
         if len(sketch.pins) <= NAMES:
-            crowd = self.page.crowd(self.shapes, {}, range(0, len(good), -(-len(good) // SEEN)))
+            crowd = self.page.crowd(self.shapes, paths, range(0, len(good), -(-len(good) // SEEN)))
             self.names = [*map(crowd.place, joint_labels(self.page, stage))]
             self.shapes += [self.page.leader(p, len(good)) for p in self.names if p.far.any()]
 
