@@ -38,6 +38,7 @@ from blockmech.model.laws_of_motion import (
     RateAcceleration,
     Table,
 )
+from blockmech.studies.sampling import normal, uniform
 from blockmech.values import Link, Marker
 
 if TYPE_CHECKING:
@@ -89,6 +90,8 @@ __all__ = [
     "__version__",
     "draw",
     "laws",
+    "normal",
+    "uniform",
 ]
 
 __version__ = "0.1.0"

@@ -59,7 +59,7 @@ class Decomposition(decomposition.Decomposition):
         """A mechanism that computes, with the names of the document."""
         from blockmech.mechanism import Mechanism
 
-        return Mechanism.of(self.graph, self.names)
+        return Mechanism.of(self.graph, self.names, self.document)
 
 
 class Linkage(linkage.Linkage, Runnable):

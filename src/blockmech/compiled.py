@@ -18,6 +18,7 @@ from blockmech.engines.numpy import PRECISIONS, NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import GraphError, MissingEngineError, Problem, RequestError
 from blockmech.failures import without_gaps
+from blockmech.model.document import Document
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
@@ -47,6 +48,7 @@ class Compiled(Runnable):
     scene: Scene
     name: str
     names: Names | None
+    document: Document | None
     _plans: dict[Any, Plan]
     _engines: dict[Any, Any]
     _kept: dict[Any, Any]
@@ -57,11 +59,13 @@ class Compiled(Runnable):
         scene: Scene,
         name: str = "mechanism",
         names: Names | None = None,
+        document: Document | None = None,
     ) -> None:
         """``structure`` and ``scene`` are those of a graph.
 
         With ``names`` outputs are those of the links, joints and drivers of the
-        joint-based document that the graph was made of.
+        joint-based document that the graph was made of. ``document`` is what the user
+        wrote, graph or linkage: other designs are made of it.
         """
         if names is not None and not isinstance(scene, SceneOfLinks):
             scene = SceneOfLinks(**dict(scene))
@@ -70,13 +74,14 @@ class Compiled(Runnable):
             names=names,
             scene=scene,
             name=name,
+            document=document,
             _plans={},
             _engines={},
             _kept={},
         )
 
     @classmethod
-    def of(cls, graph: Graph, names: Names | None = None) -> Self:
+    def of(cls, graph: Graph, names: Names | None = None, document: Document | None = None) -> Self:
         """A snapshot of a graph, checked.
 
         With ``names`` it speaks of the document that a graph was made of. Raises
@@ -86,7 +91,8 @@ class Compiled(Runnable):
 
         structure = graph.structure()
         refuse_open_homes(structure)
-        return cls(structure, graph.scene, graph.name, names)
+        source = (document or graph).snapshot()
+        return cls(structure, graph.scene, graph.name, names, source)
 
     def __setattr__(self, name: str, value: object) -> None:
         where, found = f"Mechanism.{name}", "a compiled mechanism does not change"
@@ -96,7 +102,7 @@ class Compiled(Runnable):
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as what it was compiled of; plans and programs are made again when asked for."""
         structure = replace(self.structure)  # without what was found from its fields
-        return type(self), (structure, self.scene, self.name, self.names)
+        return type(self), (structure, self.scene, self.name, self.names, self.document)
 
     @cached_property
     def outputs(self) -> Catalogue:

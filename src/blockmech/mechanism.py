@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     import blockmech.analysis.limits as limiting
     import blockmech.analysis.stroke as stroking
     import blockmech.analysis.verify as verifying
+    import blockmech.draw.study as studying
     import blockmech.draw.trade as trading
     import blockmech.dynamics.simulation as simulating
     import blockmech.modes.listing as listing
+    import blockmech.studies.family as designing
 
 
 class Mechanism(Compiled):
@@ -39,8 +41,10 @@ class Mechanism(Compiled):
         extremes = extremal.extremes
         limits = limiting.limits
         modes = listing.modes
+        parameters = designing.parameters
         simulate = simulating.simulate
         stroke = stroking.stroke
+        study = studying.study
         trade = trading.trade
         verify = verifying.verify
     else:
@@ -48,8 +52,10 @@ class Mechanism(Compiled):
         extremes = Later("blockmech.analysis.extremes")
         limits = Later("blockmech.analysis.limits")
         modes = Later("blockmech.modes.listing")
+        parameters = Later("blockmech.studies.family")
         simulate = Later("blockmech.dynamics.simulation")
         stroke = Later("blockmech.analysis.stroke")
+        study = Later("blockmech.draw.study")
         trade = Later("blockmech.draw.trade")
         verify = Later("blockmech.analysis.verify")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
     "self-locked",
     "jammed",
 )
+WORDS = (OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED)
 DEAD_CENTRE, CHANGE_POINT = "dead-centre", "change-point"
 TOUCH = 1e-12  # margin below zero that is rounding where a margin touches zero
 NEAR = 1e-6  # margin below which a surviving doubt is flagged
@@ -91,6 +92,54 @@ class Quality:
         }
 
 
+class Failures(NamedTuple):
+    """Which samples have no answer, and why.
+
+    word : (...) index in `WORDS`, 0 where there is an answer
+    block : (...) index in ``blocks`` of the block that has none; 0 where it is not one's
+    """
+
+    word: NDArray[np.int8]
+    block: NDArray[np.int64]
+    blocks: tuple[str, ...]
+
+
+def failures(
+    margin: Mapping[str, Any],
+    outcome: Mapping[str, Any],
+    wanted_bad: NDArray[np.bool_],
+    prismatic: frozenset[str],
+    following: frozenset[str],
+) -> Failures:
+    """Samples (...) without an answer: the first block that fails is blamed.
+
+    Arguments as those of `assess`; margins and outcomes of friction by block.
+    """
+    blocks = ("", *dict.fromkeys((*margin, *outcome)))
+    word, blame = np.zeros(wanted_bad.shape, np.int8), np.zeros(wanted_bad.shape, np.int64)
+
+    def note(failing: NDArray[np.bool_], said: str, block: str) -> None:
+        new = failing & (word == 0)
+        if new.any():
+            word[new], blame[new] = WORDS.index(said), blocks.index(block)
+
+    for block, m in margin.items():
+        if block not in following and (m > 0).all():
+            continue
+        failing = ~(m > 0) & ~((m == 0) & ~wanted_bad)
+        if block in following:
+            failing |= (m > 0) & (m < NEAR_CHANGE) & wanted_bad
+        note(failing, NO_ASSEMBLY, block)
+    for block, ended in outcome.items():
+        locked = JAMMED if block in prismatic else SELF_LOCKED
+        for how in Outcome:
+            if not how.solved and np.any(ended):
+                said = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
+                note((ended == how) & np.ones_like(wanted_bad), said, block)
+    note(wanted_bad, NO_ASSEMBLY, "")
+    return Failures(word, blame, blocks)
+
+
 def assess(
     n: int,
     values: Mapping[str, tuple[NDArray[Any], ...]],
@@ -113,21 +162,20 @@ def assess(
     friction = {k[9:]: v for k, v in values.items() if k.startswith("friction/")}
     paths = {k[5:]: v[0] for k, v in values.items() if k.startswith("path/")}
     rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
-    status = [OK] * n
-    blame: dict[int, str] = {}
+    outcomes = {k: v[3] for k, v in friction.items()}
+    found = failures(margin, outcomes, wanted_bad, prismatic, following)
+    status = [WORDS[k] for k in found.word]
+    blame = {i: found.blocks[found.block[i]] for i in np.flatnonzero(found.word).tolist()}
     flags: list[Flag] = []
-    for block, m in margin.items():
+    for k, (block, m) in enumerate(margin.items(), 1):
         name = CHANGE_POINT if block in following else DEAD_CENTRE
+        mine = (found.word == 0) | (found.block >= k) | (found.block == 0)  # no earlier one's
         for i in np.flatnonzero(~(m > 0)):
-            if m[i] == 0 or (name == CHANGE_POINT and i not in blame and not m[i] < -TOUCH):
+            if m[i] == 0 or (name == CHANGE_POINT and mine[i] and not m[i] < -TOUCH):
                 flags.append(Flag(int(i), name, block, value=0.0))
-            if not (m[i] == 0 and not wanted_bad[i]) and i not in blame:
-                status[i], blame[int(i)] = NO_ASSEMBLY, block
         near = NEAR_CHANGE if block in following else NEAR
         for i in np.flatnonzero((m > 0) & (m < near)):
-            lost = name == CHANGE_POINT and wanted_bad[i] and i not in blame
-            if lost:
-                status[i], blame[int(i)] = NO_ASSEMBLY, block
+            lost = found.word[i] > 0 and found.block[i] == k
             flags.append(Flag(int(i), name if lost else f"near-{name}", block, value=float(m[i])))
     for block, share in paths.items():  # followed from home, and lost on the way
         for i in np.flatnonzero(share < 1.0):
@@ -136,19 +184,13 @@ def assess(
         for i in np.flatnonzero(outcome > 0):
             how = Outcome(int(outcome[i]))
             flags.append(Flag(int(i), DETAIL[how], block, value=_finite(limit[i])))
-            if not how.solved and i not in blame:
-                locked = JAMMED if block in prismatic else SELF_LOCKED
-                word = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
-                status[i], blame[int(i)] = word, block
     for joint, (resting, load, factor) in rest.items():
         for i in np.flatnonzero(resting > 0):
             reach = float(factor[i] * load[i])
             if np.isfinite(reach):
                 flags.append(Flag(int(i), "zero-relative-speed", joint, interval=(-reach, reach)))
-    for i in np.flatnonzero(wanted_bad):
-        if i not in blame:
-            status[i], blame[int(i)] = NO_ASSEMBLY, ""
-            flags.append(Flag(int(i), "undefined", "mechanism"))
+    for i in np.flatnonzero((found.word > 0) & (found.block == 0)):
+        flags.append(Flag(int(i), "undefined", "mechanism"))
     flags.sort(key=lambda f: (f.sample, f.code, f.where))
     return Quality(
         tuple(status),

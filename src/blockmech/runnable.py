@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from types import MethodType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, OnGap, Precision
 
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from blockmech.result import Result
 
 EVERYTHING = ("*",)
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class Runnable(ABC):
@@ -88,6 +91,16 @@ class Runnable(ABC):
             taken, want, given, accuracy, engine, precision, chunk, on_gap
         )
         return found
+
+
+def giving(cls: type[R], function: Callable[P, Any]) -> Callable[P, R]:
+    """A function with its answer as a class that adds to it, e.g. a picture."""
+
+    @functools.wraps(function)
+    def more(*asked: P.args, **how: P.kwargs) -> R:
+        return cls(**vars(function(*asked, **how)))
+
+    return more
 
 
 class Later:

@@ -96,6 +96,7 @@ class Pair:
     __slots__ = ("written", "z")
     what = "a vector"
     polar = False
+    unit: ClassVar[str] = ""  # of its components, where the field says none
 
     def __init__(self, z: complex, written: Any = None) -> None:
         self.z = z
@@ -162,6 +163,7 @@ class Place(Pair):
     __slots__ = ()
     what = "a place in m,"
     polar = True
+    unit = "m"
 
 
 class Vector(Pair):

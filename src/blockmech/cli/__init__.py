@@ -22,13 +22,14 @@ from blockmech.cli.draw import draw
 from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.simulate import simulate
+from blockmech.cli.sweep import sweep
 from blockmech.cli.terminal import DONE, FAULT, INTERRUPTED, NO_ANSWER, WRONG, say
 from blockmech.cli.test import test
 from blockmech.cli.trade import trade
 from blockmech.errors import BlockmechError, SampleError
 
 COMMANDS = (
-    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade),
+    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade, sweep),
     *(test, new, blocks, schema),
 )
 

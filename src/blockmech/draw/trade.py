@@ -6,12 +6,10 @@ reference hatched. Above the cost in seconds, below in kernel evaluations.
 
 from __future__ import annotations
 
-import functools
 import math
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.trade import Trade
 from blockmech.analysis.trade import trade as measured
@@ -25,6 +23,7 @@ from blockmech.draw.paper import (
     wrapped,
     write_figure,
 )
+from blockmech.runnable import giving
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade.measure import Point
@@ -35,7 +34,6 @@ MARK = 0.425 * ink.TEXT  # [pt] size of a point
 LABEL = 0.75 * ink.TEXT  # [pt] size of the settings' labels
 SPOTS = ((5, 5), (5, -5), (-5, 5), (-5, -5), (0, 8), (0, -8))  # [pt] of a label, tried in turn
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-P = ParamSpec("P")
 COSTS = {"seconds": "time of one run [s]", "evaluations": "kernel evaluations [–]"}
 
 
@@ -47,15 +45,7 @@ class PlottedTrade(Trade):
         return draw_trade(self, path)
 
 
-def _drawn(measure: Callable[P, Trade]) -> Callable[P, PlottedTrade]:
-    @functools.wraps(measure)
-    def trade(*asked: P.args, **more: P.kwargs) -> PlottedTrade:
-        return PlottedTrade(**vars(measure(*asked, **more)))
-
-    return trade
-
-
-trade = _drawn(measured)
+trade = giving(PlottedTrade, measured)
 
 
 def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:

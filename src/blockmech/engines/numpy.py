@@ -91,7 +91,16 @@ def modulo(x: Any, period: Any) -> Any:
 
 
 def piecewise(x: Any, knots: Any, rows: Any) -> Any:
-    """A piecewise polynomial; see `blockmech.plane.piecewise`."""
+    """A piecewise polynomial; see `blockmech.plane.piecewise`.
+
+    Tables of m designs have columns (k, m, 1), and are read one by one.
+    """
+    if any(np.ndim(column) > 1 for column in (knots, *rows)):
+        columns = [np.reshape(column, (len(column), -1)).T for column in (knots, *rows)]
+        m = max(map(len, columns))
+        each = zip(*(np.broadcast_to(c, (m, c.shape[1])) for c in columns), strict=True)
+        places = np.broadcast_to(x, (m, np.shape(x)[-1]))
+        return np.stack([piecewise(q, k, r) for q, (k, *r) in zip(places, each, strict=True)])
     inside = (knots[0] <= x) & (x <= knots[-1])
     k = np.minimum(np.searchsorted(knots, x, side="right"), len(knots) - 1) - 1
     k = np.where(inside, k, 0)

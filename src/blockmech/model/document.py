@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 import os
 from abc import abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 from blockmech.errors import FormatError, GraphError, Problem, close_match, in_file, listed
 from blockmech.model.form import Draft, Form
+from blockmech.model.parameters import named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.writing import canonical_text, plain
 
@@ -89,6 +91,40 @@ class Document:
         """What stands in the file."""
         extras = {key: plain(self.extras.get(key)) for key in EXTRAS}
         return self.form.written(self.name, self.title, self._sections() | extras)
+
+    # -- designs ----------------------------------------------------------
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """The same mechanism with other numbers, checked like a file.
+
+        ``values`` is address -> number, e.g. ``{"dyad.l_i": 6.1, "frame.D.x": 5.0}``; see
+        `blockmech.model.parameters`. What the file expects of its own numbers is left out.
+
+        Raises
+        ------
+        RequestError for addresses of nothing
+        FormatError, GraphError for numbers that do not fit
+        """
+        sections = self.sections()
+        given = named(parameters_of(sections), values)
+        other = copy.copy(self)
+        numbers = {p.path: x.item() if hasattr(x, "item") else x for p, x in given.items()}
+        for section, content in replaced(sections, numbers).items():
+            setattr(other, section, content)
+        data = other.to_data()
+        data.pop("expect", None)
+        return self.from_data(data, (), self.file)
+
+    def snapshot(self) -> Self:
+        """A copy that does not change with this one; its models do not change anyway."""
+        other = copy.copy(self)
+        for name, x in vars(self).items():
+            vars(other)[name] = copy.copy(x) if isinstance(x, dict | list) else x
+        return other
+
+    @abstractmethod
+    def sections(self) -> dict[str, Any]:
+        """Its models by section: a named one each, or one for all."""
 
     @abstractmethod
     def _fill(self, draft: Draft) -> None:

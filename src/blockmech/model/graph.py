@@ -112,6 +112,10 @@ class Graph(Document):
             "scene": plain(self.scene),
         }
 
+    def sections(self) -> dict[str, Any]:
+        """Blocks and scene."""
+        return {"blocks": self.blocks, "scene": self.scene}
+
     # -- the scene --------------------------------------------------------
 
     @property

@@ -117,7 +117,7 @@ def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposi
         raise GraphError(problems)
     diagram.add_loads()
     shown = Formation(tuple(units), (), ())
-    return Decomposition(diagram.data(), diagram.names(), shown)
+    return Decomposition(diagram.data(), diagram.names(), shown, None if general else linkage)
 
 
 def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+from blockmech.model.document import Document
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 
@@ -24,11 +25,13 @@ class Decomposition:
     data : the graph as it would stand in its file
     names : where the links, joints and drivers of the document are in the graph
     formation : drivers and groups in formation order, by the document's names
+    document : what it was made of, if that tells it
     """
 
     data: dict[str, Any]
     names: Names
     formation: Formation
+    document: Document | None = None
 
     @cached_property
     def graph(self) -> Graph:

@@ -88,6 +88,11 @@ class Linkage(Document):
         more = {"initial": plain(self.initial), "stops": plain(self.stops)}
         return {"gravity": gravity, **parts, **more}
 
+    def sections(self) -> dict[str, Any]:
+        """Links, joints, drivers and loads, gravity, starts and stops."""
+        named = (*self.form.items(), "initial", "stops")
+        return {"gravity": self.gravity, **{name: getattr(self, name) for name in named}}
+
     @property
     def gravity(self) -> Vector:
         """Gravity [m/s2]."""

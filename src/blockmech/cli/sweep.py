@@ -1,0 +1,114 @@
+"""``blockmech sweep``: many designs of a mechanism, and a few numbers of each."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from blockmech.builders import compiled
+from blockmech.cli.numbers import UNITS, coordinates, row, times
+from blockmech.cli.options import (
+    At,
+    Friction,
+    GraphFile,
+    Iterations,
+    Samples,
+    Static,
+    Times,
+    Tolerance,
+    option,
+    refused,
+    spare,
+)
+from blockmech.cli.terminal import INTERRUPTED, note, progress_bar, say
+from blockmech.model.parameters import named
+from blockmech.studies.sampling import Distribution, normal, uniform
+
+Vary = Annotated[
+    list[str],
+    option("A number and its values: dyad.l_i=5.5:6.5:201, normal(6,1e-4), ...", "ADDRESS=VALUES"),
+]
+Keep = Annotated[list[str], option('What is kept, e.g. "max_abs(crank.drive)".', "REDUCTION")]
+How = Annotated[str | None, option("grid or paired; latin, sobol or random.", "SAMPLING")]
+Count = Annotated[int | None, option("Of distributions: how many designs.", "N", min=1)]
+Seed = Annotated[int, option("Of distributions: which designs.", "N", min=0)]
+Out = Annotated[str | None, option("Write a table (csv, parquet).", "FILE")]
+Plot = Annotated[str | None, option("Draw it (png, svg, pdf).", "FILE")]
+
+LAWS = {"normal": normal, "uniform": uniform}
+LAW = re.compile(r"(normal|uniform)\((.*)\)")
+
+
+def sweep(
+    file: GraphFile,
+    vary: Vary,
+    want: Keep,
+    at: At = None,
+    samples: Samples = None,
+    at_times: Times = None,
+    sampling: How = None,
+    count: Count = None,
+    seed: Seed = 0,
+    friction: Friction = None,
+    tolerance: Tolerance = None,
+    iterations: Iterations = None,
+    static: Static = False,
+    out: Out = None,
+    plot: Plot = None,
+) -> None:
+    """Run many designs: turn numbers of the file, and keep extremes or means of outputs."""
+    from blockmech.draw.paper import suffix_of
+
+    mechanism = compiled(file)
+    spare(file, out, plot)
+    if plot is not None:
+        suffix_of(plot)
+    if out is not None and Path(out).suffix.lower() not in (".csv", ".parquet"):
+        raise refused(out, "a table is csv or parquet", "give the name such a suffix")
+    given: dict[str, Any] = {
+        "over": coordinates(mechanism, at or []),
+        "samples": samples,
+        "times": times(at_times),
+        "friction": friction,
+        "tolerance": tolerance,
+        "iterations": iterations,
+    }
+    asked = {k: x for k, x in given.items() if x is not None}
+    how: dict[str, Any] = {"sampling": sampling, "count": count, "seed": seed, "static": static}
+    numbers = _varied(mechanism, vary)
+    with progress_bar("running") as told:
+        found = mechanism.study(numbers, want=list(want), progress=told, **how, **asked)
+    say(repr(found))
+    if out is not None:
+        (found.to_csv if Path(out).suffix.lower() == ".csv" else found.to_parquet)(out)
+        say(f"wrote {out}")
+    if plot is not None:
+        with progress_bar("drawing"):
+            say(f"wrote {found.plot(plot)}")
+    if found.interrupted:
+        note("interrupted: what was run is kept")
+        raise typer.Exit(INTERRUPTED)
+
+
+def _varied(mechanism: Any, given: list[str]) -> dict[str, list[float] | Distribution]:
+    """Address -> values or distribution, from the ``--vary`` options."""
+    known = mechanism.parameters()
+    found: dict[str, list[float] | Distribution] = {}
+    for text in given:
+        address, equals, values = text.partition("=")
+        if not equals:
+            remedy = f"write for example {address}=1:2:11"
+            raise refused(f"--vary {text}", "it names no values", remedy)
+        (parameter,) = named(known, {address: 0})
+        if parameter.address in found:
+            raise refused(f"--vary {text}", f"{address} is given twice", "give it once")
+        units = UNITS.get(parameter.unit, {"": 1.0})
+        law = LAW.fullmatch(values)
+        numbers = row(f"--vary {text}", law[2] if law else values, units)
+        if law and len(numbers) != 2:
+            raise refused(f"--vary {text}", f"{len(numbers)} numbers", f"{law[1]} has two")
+        found[parameter.address] = LAWS[law[1]](*numbers) if law else numbers
+    return found

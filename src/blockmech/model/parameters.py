@@ -1,0 +1,160 @@
+"""Every number of a design has an address: ``dyad.l_i``, ``frame.D.x``, ``gas.law.values[3]``.
+
+Addresses are those of the file, from the item on: keys with dots, places of a list in
+brackets, the parts of a place or vector as ``.x`` and ``.y``. A marker is called as in wires,
+``block.marker``. They are found by walking the declared models; no list of them exists.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple, TypeVar
+
+from pydantic.fields import FieldInfo
+
+from blockmech.errors import Problem, RequestError, close_match, listed, path_text
+from blockmech.plane import apply
+from blockmech.validation_errors import field_order
+from blockmech.values import Marker, Pair, Strictly
+
+Path = tuple[str | int, ...]
+BLOCKS = "blocks"  # the section whose items an address names without it
+PARTS = ("x", "y")  # of a place or vector
+T = TypeVar("T")
+
+
+class Parameter(NamedTuple):
+    """A number of a design.
+
+    Attributes
+    ----------
+    address : how it is called
+    value : what it is
+    unit : SI, ``""`` where dimensionless or not known
+    path : keys of the file that lead to it, with "x" and "y" for the parts of a vector
+    """
+
+    address: str
+    value: float
+    unit: str
+    path: Path
+
+
+def parameters_of(sections: Mapping[str, Any]) -> dict[str, Parameter]:
+    """All numbers of a design by address, in the order of the file.
+
+    ``sections`` are those of the document: named items, or models.
+    """
+    found: dict[str, Parameter] = {}
+    for section, content in sections.items():
+        named = isinstance(content, Mapping)
+        for key, item in content.items() if named else [("", content)]:
+            path: Path = (section, key) if named else (section,)
+            head = path_text(path[1:] if section == BLOCKS else path)
+            for parameter in _numbers(item, path, head, head, ""):
+                found.setdefault(parameter.address, parameter)
+    return found
+
+
+def _numbers(x: Any, path: Path, text: str, item: str, unit: str) -> Iterator[Parameter]:
+    """The numbers in a value at a path, called ``text``, of an item of the document."""
+    if isinstance(x, Strictly):
+        for name in field_order(type(x)):
+            field = type(x).model_fields[name]
+            key = field.alias or name
+            inner = f"{text}.{key}"
+            if name == "markers":
+                inner = item
+            elif isinstance(x, Marker) and name == "at":
+                inner = text
+            yield from _numbers(getattr(x, name), (*path, key), inner, item, _unit(field))
+    elif isinstance(x, Mapping):
+        for key, value in x.items():
+            yield from _numbers(value, (*path, key), f"{text}.{key}", item, unit)
+    elif isinstance(x, list | tuple):
+        for k, value in enumerate(x):
+            yield from _numbers(value, (*path, k), f"{text}[{k}]", item, unit)
+    elif isinstance(x, Pair):
+        for part, value in zip(PARTS, (x.z.real, x.z.imag), strict=True):
+            yield Parameter(f"{text}.{part}", value, unit or x.unit, (*path, part))
+    elif isinstance(x, int | float) and not isinstance(x, bool):
+        yield Parameter(text, x, unit, path)
+
+
+def _unit(declared: Any) -> str:
+    """The unit that a field declares, or what it is made of."""
+    if isinstance(declared, FieldInfo):
+        extra = declared.json_schema_extra
+        if isinstance(extra, dict) and "unit" in extra:
+            return str(extra["unit"])
+        return _unit(declared.annotation)
+    parts = (*getattr(declared, "__metadata__", ()), *typing.get_args(declared))
+    return next((unit for part in parts if (unit := _unit(part))), "")
+
+
+def named(known: Mapping[str, Parameter], given: Mapping[str, T]) -> dict[Parameter, T]:
+    """The parameters that addresses name, as they are listed or as the file has them.
+
+    Raises `RequestError` for addresses of nothing, all at once.
+    """
+    as_written: dict[str, Parameter] = {}
+    if not known.keys() >= given.keys():
+        for p in known.values():
+            as_written |= dict.fromkeys(_spellings(p.path), p)
+    found: dict[Parameter, T] = {}
+    problems = []
+    parameter: Parameter | None
+    for address, x in given.items():
+        parameter = known[address] if address in known else as_written.get(address)
+        if parameter is None:
+            problems.append(_unknown(address, known))
+        elif parameter in found:
+            what = f"{parameter.address} is given twice"
+            problems.append(Problem("taken-name", address, what, "", "give it once"))
+        else:
+            found[parameter] = x
+    if problems:
+        raise RequestError(problems)
+    return found
+
+
+def _spellings(path: Path) -> Iterator[str]:
+    """How a file or its messages would say where a number is."""
+    ends = [path]
+    if path[-1] in PARTS:
+        ends.append((*path[:-1], PARTS.index(str(path[-1]))))
+    for end in ends:
+        yield path_text(end)
+        yield path_text(end[1:] if end[0] == BLOCKS else (str(end[0]).removesuffix("s"), *end[1:]))
+
+
+def _unknown(address: object, known: Mapping[str, Parameter]) -> Problem:
+    found = "no number of the mechanism has that address"
+    head = str(address).split(".")[0]
+    near = [a for a in known if a.split(".")[0] == head]
+    valid = f"addresses there: {listed(near or known, 16)}"
+    remedy = close_match(str(address), list(known))
+    return Problem("unknown-parameter", str(address), found, valid, remedy)
+
+
+def replaced(x: Any, values: Mapping[Path, Any]) -> Any:
+    """A value with other numbers at paths inside it, unchecked: of any type with arithmetic."""
+    if () in values:
+        return values[()]
+    inside: dict[str | int, dict[Path, Any]] = {}
+    for path, value in values.items():
+        inside.setdefault(path[0], {})[path[1:]] = value
+    if isinstance(x, Strictly):
+        fields = type(x).model_fields
+        names = {field.alias or name: name for name, field in fields.items()}
+        update = {names[str(k)]: replaced(getattr(x, names[str(k)]), v) for k, v in inside.items()}
+        return x.model_copy(update=update)
+    if isinstance(x, Mapping):
+        return {**x, **{key: replaced(x[key], v) for key, v in inside.items()}}
+    if isinstance(x, Pair):
+        parts = zip(PARTS, (x.z.real, x.z.imag), strict=True)
+        z = apply("planar", *(inside[part][()] if part in inside else own for part, own in parts))
+        return type(x)(z)
+    items = [replaced(item, inside[k]) if k in inside else item for k, item in enumerate(x)]
+    return type(x)(items)

@@ -1,0 +1,203 @@
+"""What is kept of an output over the poses of a design: its extremes, its mean, one pose.
+
+A want is an output and a reduction, ``max_abs(crank.drive)``. The part ``.x`` or ``.y`` of a
+vector is an output of its own. Reductions of a vector are those of its length; a mean and a
+single pose are vectors.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.outputs import Catalogue
+from blockmech.samples import Samples
+from blockmech.studies.sampling import as_sequence
+
+Array = NDArray[Any]
+PARTS = {".x": "real", ".y": "imag"}
+TEXT = re.compile(r"(?P<how>\w+)\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
+AT = re.compile(r"at\(\s*(?P<at>[^()]+)\s*\)")
+WHOLE, POSES = "value", "poses"
+
+
+def mean(x: Array) -> Array:
+    """Mean over the poses of each design."""
+    return np.asarray(np.add.reduce(np.ascontiguousarray(x), axis=1) / x.shape[1])
+
+
+SIMPLE: Mapping[str, Callable[[Array], Array]] = {
+    "min": lambda x: x.min(axis=1),
+    "max": lambda x: x.max(axis=1),
+    "max_abs": lambda x: np.abs(x).max(axis=1),
+    "range": lambda x: x.max(axis=1) - x.min(axis=1),
+    "mean": mean,
+    "rms": lambda x: np.sqrt(mean(x * x)),
+}
+OF_VECTORS = ("max_abs", "rms", "mean", "at", POSES)
+VALID = f"{listed(SIMPLE)}, at(coordinate), {POSES}"
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One column of a study.
+
+    Attributes
+    ----------
+    label : how it is called, ``max_abs(crank.drive)``
+    output : name of the output
+    part : "real" or "imag" of a vector whose component is wanted
+    how : name of the reduction
+    sample : the pose, of ``at``
+    unit, kind : as the output's; "vector" only where the column is one
+    vector : whether the output is one
+    read : the program's values -> the output
+    """
+
+    label: str
+    output: str
+    how: str
+    unit: str
+    kind: str
+    part: str = ""
+    sample: int = 0
+    vector: bool = False
+    read: Callable[..., Any] = field(default=lambda x: x, compare=False)
+
+    def of(self, columns: Sequence[Any], shape: tuple[int, int], weights: Array) -> Array:
+        """The column (m,), or (m, n) of poses, of program values that broadcast to (m, n)."""
+        if self.how == WHOLE:
+            rows = [np.broadcast_to(x, shape) for x in columns]
+            return np.array([self.read(*row, weights) for row in zip(*rows, strict=True)])
+        made = self.read(*columns)
+        if not self.vector:
+            return self._real(np.broadcast_to(_finite(made), shape))
+        if self.part:
+            return self._real(np.broadcast_to(_finite(getattr(made, self.part)), shape))
+        x, y = (np.broadcast_to(_finite(part), shape) for part in (made.real, made.imag))
+        if self.how in ("max_abs", "rms"):
+            return self._real(np.hypot(x, y))
+        return np.asarray(self._real(x) + 1j * self._real(y))
+
+    def _real(self, x: Array) -> Array:
+        if self.how == POSES:
+            return np.array(x)
+        return np.array(x[:, self.sample]) if self.how == "at" else SIMPLE[self.how](x)
+
+
+def _finite(x: Any) -> Array:
+    """An output with NaN for what is infinite; the sum tells quickly that nothing is."""
+    return np.asarray(x if np.isfinite(np.sum(x)) else np.where(np.isfinite(x), x, np.nan))
+
+
+def wanted(
+    want: Any, outputs: Catalogue, samples: Samples, drivers: Sequence[str]
+) -> tuple[Wanted, ...]:
+    """The columns that a request names: ``{"crank.drive": ["max_abs", "rms"]}`` or texts.
+
+    Patterns of names are as those of a run. Raises `RequestError` with all that is wrong.
+    """
+    found: dict[str, Wanted] = {}
+    problems: list[Problem] = []
+    for name, how in _pairs(want, problems):
+        try:
+            stem, part = _component(name, outputs)
+            names = outputs.match([stem])
+            for output in names:
+                column = _column(outputs, output, part, how, samples, drivers)
+                found[column.label] = column
+        except RequestError as error:
+            problems += error.problems
+    if problems:
+        raise RequestError(problems)
+    if not found:
+        raise RequestError(
+            Problem("bad-request", "want", "nothing is wanted", "", 'e.g. "max_abs(crank.drive)"')
+        )
+    return tuple(found.values())
+
+
+def _pairs(want: Any, problems: list[Problem]) -> Iterator[tuple[str, str]]:
+    """Names of outputs, each with its reduction."""
+    if isinstance(want, Mapping):
+        for name, hows in want.items():
+            for how in as_sequence(hows):
+                yield str(name), how
+        return
+    texts: Iterable[str] = as_sequence(want)
+    for text in texts:
+        match = TEXT.fullmatch(text.strip())
+        if match is None:
+            yield text.strip(), WHOLE
+        elif match["at"] is None:
+            yield match["output"].strip(), match["how"]
+        else:
+            yield match["output"].strip(), f"{match['how']}({match['at']})"
+
+
+def _component(name: str, outputs: Catalogue) -> tuple[str, str]:
+    """The output that a name means, and the part of it."""
+    stem, part = name[:-2], PARTS.get(name[-2:], "")
+    if part and name not in outputs and stem in outputs and outputs[stem].kind == "vector":
+        return stem, part
+    return name, ""
+
+
+def _column(
+    outputs: Catalogue,
+    name: str,
+    part: str,
+    how: str,
+    samples: Samples,
+    drivers: Sequence[str],
+) -> Wanted:
+    output = outputs[name]
+    called = name + next((end for end, p in PARTS.items() if p == part), "")
+    vector = output.kind == "vector" and not part
+    if output.kind == "matrix":
+        raise _refused(called, "it is a matrix", "ask for the outputs of its drivers")
+    if output.kind == "number":
+        if how != WHOLE:
+            raise _refused(f"{how}({called})", "it is one number a design", f'ask for "{called}"')
+        return Wanted(called, name, WHOLE, output.unit, "real", read=output.read)
+    at = AT.fullmatch(how)
+    word = "at" if at else how
+    if word not in (*SIMPLE, "at", POSES) or (word == "at" and not at):
+        found = f'no reduction "{how}"' if how != WHOLE else "how it is reduced is not said"
+        remedy = close_match(how, [*SIMPLE, POSES]) or f'e.g. "max_abs({called})"'
+        raise RequestError(Problem("bad-value", called, found, f"reductions: {VALID}", remedy))
+    if vector and word not in OF_VECTORS:
+        remedy = f'ask for "{how}({called}.x)", or {listed(OF_VECTORS)}'
+        raise _refused(f"{how}({called})", "it is a vector", remedy)
+    sample = _sample(at["at"], called, samples, drivers) if at else 0
+    label = f"at({called}, {at['at']})" if at else f"{how}({called})"
+    kind = "vector" if vector and word in ("mean", "at", POSES) else "real"
+    is_vector = output.kind == "vector"
+    return Wanted(label, name, word, output.unit, kind, part, sample, is_vector, output.read)
+
+
+def _sample(text: str, name: str, samples: Samples, drivers: Sequence[str]) -> int:
+    """The number of the pose at a coordinate of the only driver."""
+    where = f"at({name}, {text})"
+    if len(drivers) != 1:
+        raise _refused(where, f"there are {len(drivers)} drivers", 'ask for its "poses"')
+    q = samples.coordinate(0)
+    try:
+        x = float(text)
+    except ValueError:
+        raise _refused(where, f'"{text}" is not a coordinate', "give a number") from None
+    k = int(np.argmin(np.abs(q - x)))
+    if not (q[k] == x or math.isclose(q[k], x)):
+        raise _refused(where, "the study has no such pose", f"the nearest one is {q[k]:.9g}")
+    return k
+
+
+def _refused(where: str, found: str, remedy: str) -> RequestError:
+    return RequestError(Problem("bad-request", where, found, "", remedy))

@@ -1,0 +1,170 @@
+"""The loop of a study: blocks of designs through one program, reduced as they come.
+
+A block is as many designs as keep about 8192 samples in cache. Where each design needs a
+program of its own, a block is one design, made and compiled by itself; the rest is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.compiled import Compiled
+from blockmech.engines.numpy import CHUNK, NumpyEngine, Planar
+from blockmech.errors import BlockmechError
+from blockmech.model.parameters import Parameter
+from blockmech.plan import Plan
+from blockmech.quality import NO_ASSEMBLY, WORDS, at_most_one, failures
+from blockmech.samples import Samples, make_samples
+from blockmech.studies.family import Family, as_said, remade
+from blockmech.studies.reductions import POSES, WHOLE, Wanted
+
+Array = NDArray[Any]
+UNDEFINED = ""
+
+
+class Block(NamedTuple):
+    """What a study keeps of m designs.
+
+    values : column's label -> (m,), or (m, n) of poses
+    word : (m,) index in `blockmech.quality.WORDS`: why a design has no answer, 0 if it has
+    place : (m,) the block of the mechanism that fails first
+    pose : (m,) the first pose without an answer, -1 without one
+    poses : (m,) number of such poses
+    """
+
+    values: dict[str, Array]
+    word: Array
+    place: Array
+    pose: Array
+    poses: Array
+
+    @staticmethod
+    def joined(blocks: list[Block]) -> Block:
+        """All their designs, one after the other."""
+        labels = blocks[0].values
+        values = {label: np.concatenate([b.values[label] for b in blocks]) for label in labels}
+        rest = zip(*(b[1:] for b in blocks), strict=True)
+        return Block(values, *map(np.concatenate, rest))
+
+
+@dataclass(frozen=True)
+class Runner:
+    """Runs designs of a family at the same poses.
+
+    Attributes
+    ----------
+    family : the designs
+    want : what is kept of them
+    over : the poses, as `blockmech.samples.make_samples` takes them
+    settings : friction, tolerance, iterations and static, as those of a run
+    """
+
+    family: Family
+    want: tuple[Wanted, ...]
+    over: Mapping[str, Any]
+    settings: Mapping[str, Any]
+
+    def samples(self, mechanism: Compiled) -> Samples:
+        """The poses. Raises `RequestError` where they are wrong."""
+        return make_samples(mechanism.drivers, mechanism.scene, **self.over)
+
+    def size(self, n: int) -> int:
+        """Designs of a block of n poses."""
+        return 1 if self.family.alone else max(1, CHUNK // n)
+
+    def prepared(self) -> _Planned:
+        """The plan that serves all designs, or that of the first one."""
+        return _Planned(self, self.family.general)
+
+    def block(self, planned: _Planned, columns: Mapping[Parameter, Array]) -> Block:
+        """Some designs; one whose numbers do not make a mechanism is a row without answers."""
+        m = len(next(iter(columns.values())))
+        if not self.family.alone:
+            program = planned.plan.program
+            design = self.family.design({p: x[:, None] for p, x in columns.items()})
+            return planned.block(program.values(*design), m)
+        numbers = {p.address: as_said(p, x[0]) for p, x in columns.items()}
+        try:
+            own = _Planned(self, remade(self.family.mechanism, numbers))
+        except BlockmechError as error:
+            return self._without(planned.samples.n, error)
+        return own.block(tuple(own.plan.program.parameters.values()), 1)
+
+    def _without(self, n: int, error: BlockmechError) -> Block:
+        values: dict[str, Array] = {}
+        for column in self.want:
+            shape = (1, n) if column.how == POSES else (1,)
+            nothing = complex(np.nan, np.nan) if column.kind == "vector" else np.nan
+            values[column.label] = np.full(shape, nothing)
+        said = f"{NO_ASSEMBLY}: {error.problems[0].where}"
+        word = np.array([WORDS.index(NO_ASSEMBLY)], np.int8)
+        return Block(values, word, np.array([said], object), np.array([0]), np.array([n]))
+
+
+class _Planned:
+    """A plan that is run for designs, at given poses."""
+
+    def __init__(self, runner: Runner, mechanism: Compiled) -> None:
+        self.mechanism = mechanism
+        self.want = runner.want
+        self.samples = runner.samples(mechanism)
+        names = tuple(dict.fromkeys(column.output for column in runner.want))
+        self.plan: Plan = mechanism.plan(names, **runner.settings)
+        self.engine = NumpyEngine(self.plan.program)
+        self.inputs = self.samples.given(self.plan.program.inputs)
+        self.weights = self.samples.weights(len(mechanism.drivers))
+        blocks = mechanism.structure.blocks
+        self.prismatic = frozenset(
+            name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
+        )
+
+    def block(self, values: tuple[Any, ...], m: int) -> Block:
+        """m designs with these parameters."""
+        shape = (m, self.samples.n)
+        found = self.engine.run_designs(self.inputs, values)
+        layout = self.plan.layout
+        with np.errstate(all="ignore"):
+            kept = {
+                w.label: w.of([found[i] for i in layout[w.output]], shape, self.weights)
+                for w in self.want
+            }
+            return Block(kept, *self._failures(found, shape))
+
+    def _failures(self, found: tuple[Any, ...], shape: tuple[int, int]) -> tuple[Array, ...]:
+        """Why designs have no answer: word, block, first pose and number of poses (m,) each."""
+        margins, outcomes = {}, {}
+        for name, where in self.plan.layout.items():
+            kind, _, block = name.partition("/")
+            if kind == "margin":
+                margins[block] = np.broadcast_to(at_most_one(found[where[0]]), shape)
+            elif kind == "friction":
+                outcomes[block] = np.broadcast_to(found[where[3]], shape)
+        judged = {
+            i
+            for w in self.want
+            if w.how != WHOLE and not w.output.endswith("mechanical_advantage")
+            for i in self.plan.layout[w.output]
+        }
+        bad = np.zeros(shape, bool)
+        for i in judged:
+            x = found[i]
+            for part in (x.real, x.imag) if isinstance(x, Planar) else (x,):
+                if not np.isfinite(np.sum(part)):  # quicker than each by itself
+                    bad |= ~np.isfinite(part)
+        following = frozenset(self.mechanism.structure.followed)
+        why = failures(margins, outcomes, bad, self.prismatic, following)
+        m, failing = np.arange(shape[0]), why.word > 0
+        count = failing.sum(axis=1)
+        first = failing.argmax(axis=1)
+        places = np.array([self.mechanism.said(b) if b else UNDEFINED for b in why.blocks], object)
+        return (
+            why.word[m, first],
+            places[why.block[m, first]],
+            np.where(count > 0, first, -1),
+            count,
+        )

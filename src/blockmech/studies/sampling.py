@@ -1,0 +1,243 @@
+"""Which designs a study is of: a grid, rows of arrays, or points of distributions.
+
+Points are made block by block where the method allows it, so a study of many designs need
+not hold them all. Latin hypercubes and Sobol points are SciPy's (`scipy.stats.qmc`).
+
+Sources: McKay, Beckman & Conover 1979 (Latin hypercube); Sobol' 1967, Owen 1998 (scrambled).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.errors import Problem, RequestError, listed
+from blockmech.values import is_count, is_number
+
+Floats = NDArray[np.float64]
+Sampling = Literal["grid", "paired", "latin", "sobol", "random"]
+OF_ARRAYS, OF_DISTRIBUTIONS = ("grid", "paired"), ("latin", "sobol", "random")
+
+
+class Distribution(ABC):
+    """How a number scatters."""
+
+    @abstractmethod
+    def quantile(self, share: Floats) -> Floats:
+        """The values below which these shares (n,) of all lie."""
+
+    @property
+    @abstractmethod
+    def mean(self) -> float:
+        """Expected value."""
+
+    @property
+    @abstractmethod
+    def deviation(self) -> float:
+        """Standard deviation."""
+
+
+@dataclass(frozen=True)
+class Normal(Distribution):
+    """Normal distribution by mean and standard deviation."""
+
+    centre: float
+    sigma: float
+
+    def quantile(self, share: Floats) -> Floats:
+        """The values below which these shares (n,) of all lie."""
+        from scipy.special import ndtri
+
+        return np.asarray(self.centre + self.sigma * ndtri(share))
+
+    @property
+    def mean(self) -> float:
+        """Expected value."""
+        return self.centre
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation."""
+        return self.sigma
+
+
+@dataclass(frozen=True)
+class Uniform(Distribution):
+    """Uniform distribution between two values."""
+
+    low: float
+    high: float
+
+    def quantile(self, share: Floats) -> Floats:
+        """The values below which these shares (n,) of all lie."""
+        return np.asarray(self.low + (self.high - self.low) * share)
+
+    @property
+    def mean(self) -> float:
+        """Expected value."""
+        return (self.low + self.high) / 2
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation, width / sqrt 12."""
+        return (self.high - self.low) / math.sqrt(12.0)
+
+
+def normal(mean: float, deviation: float) -> Normal:
+    """Normal distribution of a number: mean and standard deviation, in its unit.
+
+    Raises `RequestError` for numbers that are none.
+
+    >>> normal(6.0, 1e-4).deviation
+    0.0001
+    """
+    if not (is_number(mean) and is_number(deviation) and deviation > 0):
+        raise _wrong("normal", f"({mean!r}, {deviation!r})", "give the mean and a deviation > 0")
+    return Normal(float(mean), float(deviation))
+
+
+def uniform(low: float, high: float) -> Uniform:
+    """Uniform distribution of a number between two values, in its unit.
+
+    Raises `RequestError` for numbers that are none.
+
+    >>> uniform(5.9, 6.1).mean
+    6.0
+    """
+    if not (is_number(low) and is_number(high) and low < high):
+        raise _wrong("uniform", f"({low!r}, {high!r})", "give the lowest and the highest value")
+    return Uniform(float(low), float(high))
+
+
+@dataclass(frozen=True)
+class Designs:
+    """The designs of a study.
+
+    Attributes
+    ----------
+    vary : address -> values (k,), or a distribution
+    sampling : how designs are made of them
+    count : number of designs
+    seed : of what is drawn at random
+    """
+
+    vary: Mapping[str, Floats | Distribution]
+    sampling: Sampling
+    count: int
+    seed: int = 0
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Sizes of the grid, or the number of designs."""
+        if self.sampling != "grid":
+            return (self.count,)
+        return tuple(np.size(x) for x in self.vary.values())  # type: ignore[arg-type]
+
+    def columns(self, start: int, stop: int) -> dict[str, Floats]:
+        """Values (stop - start,) of each number in some of the designs."""
+        if self.sampling == "paired":
+            return {a: x[start:stop] for a, x in self.vary.items()}  # type: ignore[index]
+        if self.sampling == "grid":
+            places = np.unravel_index(np.arange(start, stop), self.shape)
+            rows = zip(self.vary.items(), places, strict=True)
+            return {a: x[k] for (a, x), k in rows}  # type: ignore[index]
+        points = self._points[start:stop]
+        return {
+            address: law.quantile(points[:, k])  # type: ignore[union-attr]
+            for k, (address, law) in enumerate(self.vary.items())
+        }
+
+    @cached_property
+    def _points(self) -> Floats:
+        """Shares (count, k) between 0 and 1, the same for the same seed."""
+        size = len(self.vary)
+        random = np.random.default_rng(self.seed)
+        if self.sampling == "random":
+            points = random.random((self.count, size))
+        else:
+            from scipy.stats import qmc
+
+            made = qmc.LatinHypercube if self.sampling == "latin" else qmc.Sobol
+            points = made(size, seed=random).random(self.count)
+        tiny = np.finfo(float).eps / 2  # the ends of a normal distribution are far out
+        return np.asarray(np.clip(points, tiny, 1.0 - tiny))
+
+
+def designs(vary: Mapping[str, Any], sampling: str | None, count: int | None, seed: int) -> Designs:
+    """The designs that a request names. Raises `RequestError` for what is wrong, all at once."""
+    problems: list[Problem] = []
+    if not isinstance(vary, Mapping) or not vary:
+        raise _wrong("vary", f"got {vary!r:.60}", 'give e.g. {"dyad.l_i": [5.9, 6.0, 6.1]}')
+    drawn = [a for a, x in vary.items() if isinstance(x, Distribution)]
+    valid = OF_DISTRIBUTIONS if drawn else OF_ARRAYS
+    if drawn and len(drawn) < len(vary):
+        rest = listed(a for a in vary if a not in drawn)
+        problems.append(_problem(rest, "values beside distributions", "give uniform(low, high)"))
+    how = sampling or ("latin" if drawn else "grid")
+    if how not in valid:
+        found = f'no sampling "{how}" of {"distributions" if drawn else "arrays"}'
+        problems.append(Problem("bad-value", "sampling", found, f"valid: {listed(valid)}", ""))
+    given = {a: x if a in drawn else _row(a, x, problems) for a, x in vary.items()}
+    n = 0
+    if drawn:
+        problems += _counted(how, count)
+        n = int(count or 0)
+    elif count is not None:
+        problems.append(_problem("count", "has no meaning for arrays", "leave it out"))
+    if not drawn and not problems:
+        sizes = {a: len(x) for a, x in given.items()}
+        if how == "paired" and len(set(sizes.values())) > 1:
+            said = listed(f"{a} has {k}" for a, k in sizes.items())
+            problems.append(_problem("vary", f"{said} values", "pairs need equally many"))
+        n = math.prod(sizes.values()) if how == "grid" else next(iter(sizes.values()))
+    if problems:
+        raise RequestError(problems)
+    return Designs(given, how, n, seed)  # type: ignore[arg-type]
+
+
+def _counted(how: str, count: object) -> list[Problem]:
+    """What is wrong with a number of designs."""
+    if not is_count(count):
+        return [_problem("count", f"must be a whole number, got {count!r}", "say how many designs")]
+    n = int(count)  # type: ignore[call-overload]
+    if how == "sobol" and n & (n - 1):
+        power = 1 << n.bit_length()
+        found = f"{n} Sobol points are out of balance"
+        return [_problem("count", found, f"give a power of two, e.g. {power}")]
+    return []
+
+
+def _row(address: str, raw: Any, problems: list[Problem]) -> Floats:
+    try:
+        given = np.asarray(raw)
+        if given.dtype.kind not in "iuf" or given.ndim > 1 or given.size == 0:
+            raise TypeError
+    except (TypeError, ValueError):
+        remedy = "give a number, a row of numbers or a distribution"
+        problems.append(_problem(address, f"got {raw!r:.60}", remedy))
+        return np.zeros(1)
+    row = np.atleast_1d(given.astype(np.float64))
+    bad = np.flatnonzero(~np.isfinite(row))
+    if len(bad):
+        problems.append(_problem(f"{address}[{bad[0]}]", f"not a finite number: {row[bad[0]]}", ""))
+    return row
+
+
+def _problem(where: str, found: str, remedy: str) -> Problem:
+    return Problem("bad-request", where, found, "", remedy)
+
+
+def _wrong(where: str, found: str, remedy: str) -> RequestError:
+    return RequestError(_problem(where, found, remedy))
+
+
+def as_sequence(x: str | Sequence[str]) -> Sequence[str]:
+    """One word or several."""
+    return (x,) if isinstance(x, str) else tuple(x)

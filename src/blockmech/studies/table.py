@@ -1,0 +1,249 @@
+"""What a study found: a row a design, as arrays, tables and an `xarray.Dataset`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.errors import MissingEngineError, NotComputedError, Problem, close_match, listed
+from blockmech.export import Column, aligned, write_csv
+from blockmech.files import AnyPath, writing
+from blockmech.model.parameters import Parameter
+from blockmech.quality import WORDS
+from blockmech.studies.reductions import POSES, Wanted
+from blockmech.studies.runner import Block
+
+Array = NDArray[Any]
+ROWS = 12  # designs that are shown
+DESIGN = "design"
+
+
+@dataclass(frozen=True)
+class Study(Mapping[str, Array]):
+    """Numbers of designs: ``study["max_abs(crank.drive)"]`` is an array (m,).
+
+    Attributes
+    ----------
+    name : of the mechanism
+    parameters : address -> what varied
+    vary : address -> its values (m,)
+    columns : what was kept
+    found : their values, and why designs have no answer
+    shape : sizes of the grid, or the number of designs asked for
+    poses : driver -> coordinates (n,) [rad or m]
+    sampling : how designs were made of values or distributions
+    alone : why each design was compiled by itself; "" where one program served all
+    """
+
+    name: str
+    parameters: Mapping[str, Parameter]
+    vary: Mapping[str, Array]
+    columns: tuple[Wanted, ...]
+    found: Block
+    shape: tuple[int, ...]
+    poses: Mapping[str, Array]
+    sampling: str = "grid"
+    alone: str = ""
+
+    # -- reading ----------------------------------------------------------------
+
+    def __getitem__(self, name: str) -> Array:
+        known: dict[str, Array] = {**self.vary, **self.found.values}
+        if name not in known:
+            remedy = close_match(name, known)
+            found = "the study did not keep it"
+            raise NotComputedError(
+                Problem("not-wanted", name, found, f"kept: {listed(known)}", remedy)
+            )
+        return known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.vary, *self.found.values))
+
+    def __len__(self) -> int:
+        return len(self.vary) + len(self.found.values)
+
+    @property
+    def n(self) -> int:
+        """Number of designs that were run."""
+        return len(self.found.word)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C came before the last design."""
+        return self.n < int(np.prod(self.shape))
+
+    @cached_property
+    def status(self) -> tuple[str, ...]:
+        """A word a design: "ok", or why some pose has no answer."""
+        return tuple(WORDS[k] for k in self.found.word)
+
+    def reason(self, design: int) -> str:
+        """Why a design has no answer, in words; "" where it has one."""
+        word = self.status[design]
+        if self.found.word[design] == 0:
+            return ""
+        place, count = self.found.place[design], int(self.found.poses[design])
+        n, k = len(next(iter(self.poses.values()), ())), int(self.found.pose[design])
+        at = ", ".join(f"{name} = {q[k]:.6g}" for name, q in self.poses.items())
+        where = f" at {place}" if place else ""
+        return f"{word}{where}: {count} of {n} poses, the first at {at}"
+
+    def unit(self, name: str) -> str:
+        """Unit of a column, empty where dimensionless."""
+        if name in self.parameters:
+            return self.parameters[name].unit
+        return next(w.unit for w in self.columns if w.label == name)
+
+    def grid(self, name: str) -> Array:
+        """A column as an array over the grid; NaN where the study did not get."""
+        values = self[name]
+        whole = np.full((int(np.prod(self.shape)), *values.shape[1:]), np.nan, values.dtype)
+        whole[: self.n] = values
+        return whole.reshape(*self.shape, *values.shape[1:])
+
+    # -- tables -------------------------------------------------------------------
+
+    def table(self) -> list[Column]:
+        """Columns of real numbers: what varied, then what was kept, a vector as two.
+
+        Poses are not in tables: they have two dimensions; see `to_xarray`.
+        """
+        rows = [Column(a, p.unit, self.vary[a], a) for a, p in self.parameters.items()]
+        for w in self.columns:
+            values = self.found.values[w.label]
+            if w.how == POSES:
+                continue
+            if w.kind == "vector":
+                parts = ((".x", values.real), (".y", values.imag))
+                rows += [Column(w.label + end, w.unit, x, w.label) for end, x in parts]
+            else:
+                rows.append(Column(w.label, w.unit, values, w.label))
+        return rows
+
+    def to_csv(self, path: AnyPath | None = None) -> str:
+        """CSV text, a row a design, units in the head, the last column says why it has no answer.
+
+        Numbers read back to the last bit; a cell without one is empty. Written if a path is
+        given. Raises `RequestError` where the place cannot be written.
+        """
+        stream, rows = io.StringIO(), self.table()
+        write = csv.writer(stream, lineterminator="\n")
+        write.writerow([*(column.head for column in rows), "status"])
+        cells = [["" if x != x else x for x in column.values.tolist()] for column in rows]
+        write.writerows(zip(*cells, (self.reason(i) or "ok" for i in range(self.n)), strict=True))
+        if path is not None:
+            write_csv([stream.getvalue()], path)
+        return stream.getvalue()
+
+    def to_parquet(self, path: AnyPath) -> None:
+        """Write the table as a Parquet file, units in the fields' metadata.
+
+        Raises `MissingEngineError` without pyarrow (extra ``study``), `RequestError` where
+        the place cannot be written.
+        """
+        arrow = _needed("pyarrow", "to_parquet")
+        parquet = _needed("pyarrow.parquet", "to_parquet")
+        rows = self.table()
+        fields = [arrow.field(c.name, arrow.float64(), metadata={"unit": c.unit}) for c in rows]
+        fields.append(arrow.field("status", arrow.string()))
+        arrays = [arrow.array(c.values) for c in rows]
+        arrays.append(arrow.array([self.reason(i) or "ok" for i in range(self.n)]))
+        table = arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
+        with writing(path) as stream:
+            parquet.write_table(table, stream)
+
+    def to_dataframe(self) -> Any:
+        """The table as a pandas DataFrame; raises `MissingEngineError` without pandas."""
+        frame = _needed("pandas", "to_dataframe").DataFrame(
+            {c.name: c.values for c in self.table()}
+        )
+        frame["status"] = list(self.status)
+        frame.attrs["units"] = {c.name: c.unit for c in self.table()}
+        return frame
+
+    def to_xarray(self) -> Any:
+        """The study as an `xarray.Dataset` with units.
+
+        Dimensions are what varies over a grid, else "design"; poses have "pose" behind them.
+        Raises `MissingEngineError` without xarray (extra ``study``).
+        """
+        xarray = _needed("xarray", "to_xarray")
+        on_grid = self.sampling == "grid"
+        dims: tuple[str, ...] = tuple(self.vary) if on_grid else (DESIGN,)
+        data: dict[str, Any] = {}
+        for w in self.columns:
+            values = self.grid(w.label) if on_grid else self[w.label]
+            own = (*dims, "pose") if w.how == POSES else dims
+            data[w.label] = (own, values, {"units": w.unit})
+        word = np.array(self.status, dtype=str)
+        data["status"] = (dims, self._over(word, on_grid))
+        coords: dict[str, Any] = {}
+        for k, (address, p) in enumerate(self.parameters.items()):
+            values = self._axis(k, address) if on_grid else self.vary[address]
+            coords[address] = ((address,) if on_grid else (DESIGN,), values, {"units": p.unit})
+        attrs = {
+            "mechanism": self.name,
+            "poses": json.dumps({k: len(q) for k, q in self.poses.items()}),
+        }
+        return xarray.Dataset(data, coords, attrs)
+
+    def _over(self, words: Array, on_grid: bool) -> Array:
+        if not on_grid:
+            return words
+        whole = np.full(int(np.prod(self.shape)), "not run", dtype=object)
+        whole[: self.n] = words
+        return whole.astype(str).reshape(self.shape)
+
+    def _axis(self, k: int, address: str) -> Array:
+        """The values along a dimension of the grid."""
+        whole = np.full(int(np.prod(self.shape)), np.nan)
+        whole[: self.n] = self.vary[address]
+        return np.asarray(
+            np.moveaxis(whole.reshape(self.shape), k, 0).reshape(self.shape[k], -1)[:, 0]
+        )
+
+    # -- for people -----------------------------------------------------------------
+
+    def __repr__(self) -> str:
+        rows = self.table()
+        step = max(1, -(-(self.n - 1) // (ROWS - 1)))
+        shown = sorted({*range(0, self.n, step), *range(self.n)[-1:]})
+        cells = [(*(f"{c.values[i] + 0.0:.6g}" for c in rows), self.status[i]) for i in shown]
+        lines = [self._title(), "", *aligned((*(c.head for c in rows), "status"), cells)]
+        if len(shown) < self.n:
+            lines.append(f"{len(shown)} of {self.n} designs shown")
+        lines += [
+            f"{word}: {k} designs" for word, k in Counter(self.status).items() if word != "ok"
+        ]
+        if self.alone:
+            lines.append(f"each design compiled by itself: {self.alone}")
+        return "\n".join(lines)
+
+    def _title(self) -> str:
+        asked = int(np.prod(self.shape))
+        count = f"{self.n} of {asked}" if self.interrupted else f"{self.n}"
+        n = len(next(iter(self.poses.values()), (0,)))
+        return f"{self.name}: {count} designs at {n} poses, {len(self.vary)} numbers varied"
+
+
+def _needed(module: str, where: str) -> Any:
+    """An optional package. Raises `MissingEngineError` that names the extra."""
+    import importlib
+
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        found, remedy = f"{package} is not installed", 'pip install "blockmech[study]"'
+        problem = Problem("missing-package", where, found, "to_csv needs nothing", remedy)
+        raise MissingEngineError(problem) from error

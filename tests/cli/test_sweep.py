@@ -1,0 +1,65 @@
+"""``blockmech sweep`` on the command line."""
+
+import csv
+import sys
+
+import pytest
+
+from tests.gallery import GRAPHS
+
+RUIZ = str(GRAPHS / "ruiz_fourbar.json")
+WANT = ("--want", "max_abs(crank.drive)", "--want", "min(dyad.margin)", "--samples", "9")
+
+
+def test_a_sweep_prints_a_table_and_writes_one_with_a_picture(call, tmp_path):
+    out, plot = tmp_path / "study.csv", tmp_path / "study.png"
+    said = call("sweep", RUIZ, "--vary", "dyad.l_i=4:6:5", *WANT, "--out", out, "--plot", plot)
+    assert said.code == 0
+    assert said.out.startswith("ruiz_fourbar: 5 designs at 9 poses")
+    assert f"wrote {out}\nwrote {plot}\n" in said.out
+    head, *rows = csv.reader(out.read_text("utf-8").splitlines())
+    assert head == ["dyad.l_i [m]", "max_abs(crank.drive) [N m]", "min(dyad.margin) [-]", "status"]
+    assert [row[0] for row in rows] == ["4.0", "4.5", "5.0", "5.5", "6.0"]
+    assert rows[0][-1].startswith("no-assembly at dyad")
+    assert rows[-1][-1] == "ok"
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_units_are_those_of_the_number(call):
+    one = call("sweep", RUIZ, "--vary", "dyad.l_i=6000mm,6100mm", *WANT)
+    other = call("sweep", RUIZ, "--vary", "dyad.l_i=6,6.1", *WANT)
+    assert one == other
+
+
+def test_numbers_scatter_by_distributions(call):
+    words = ("--vary", "dyad.l_i=normal(6000mm,10mm)", "--vary", "frame.D.x=uniform(5.4,5.6)")
+    said = call("sweep", RUIZ, *words, *WANT, "--count", "32", "--sampling", "sobol")
+    assert said.code == 0
+    assert "12 of 32 designs shown" in said.out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--vary", "dyad.l_i"), "it names no values"),
+        (("--vary", "dyad.l=6"), 'did you mean "dyad.l_j"?'),
+        (("--vary", "dyad.l_i=6", "--vary", "blocks.dyad.l_i=7"), "given twice"),
+        (("--vary", "dyad.l_i=normal(6)"), "normal has two"),
+        (("--vary", "dyad.l_i=6deg"), "is not a number"),
+        (("--vary", "dyad.l_i=6", "--out", "study.xls"), "a table is csv or parquet"),
+        (("--vary", "dyad.l_i=6", "--plot", "study.xls"), "cannot be written"),
+        (("--vary", "dyad.l_i=-6"), "must be > 0 m, got -6"),
+    ],
+)
+def test_slips_are_one_sentence(call, words, message):
+    said = call("sweep", RUIZ, *words, *WANT)
+    assert said.code == 2
+    assert message in said.err
+    assert not said.out
+
+
+def test_without_pyarrow_the_extra_is_named(call, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    said = call("sweep", RUIZ, "--vary", "dyad.l_i=6", *WANT, "--out", tmp_path / "a.parquet")
+    assert said.code == 2
+    assert 'pip install "blockmech[study]"' in said.err

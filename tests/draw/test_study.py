@@ -1,0 +1,41 @@
+"""Pictures of studies: curves, maps, scatter, and designs that have no answer."""
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.draw.study import study_figure
+from tests.gallery import mechanism
+
+WANT = ["max_abs(crank.drive)", "min(dyad.margin)"]
+CASES = {
+    "curves": ({"dyad.l_i": np.linspace(4.0, 6.5, 11)}, {}),
+    "maps": ({"dyad.l_i": np.linspace(4.0, 6.5, 5), "dyad.l_j": [2.5, 3.0, 3.5]}, {}),
+    "scatter": (
+        {"dyad.l_i": bm.normal(6.0, 0.2), "frame.D.x": bm.uniform(5.0, 6.0)},
+        {"count": 40},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_each_kind_of_study_has_its_picture(kind, tmp_path):
+    vary, more = CASES[kind]
+    found = mechanism("ruiz_fourbar").study(vary, want=WANT, samples=9, friction="none", **more)
+    figure = study_figure(found)
+    panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+    assert len(panels) == {"curves": 2, "maps": 2, "scatter": 4}[kind]
+    assert "without an answer" in figure._supxlabel.get_text()
+    words = " ".join(axes.get_ylabel() + axes.get_xlabel() for axes in figure.axes)
+    assert "dyad.l_i [m]" in words
+    assert "margin) [–]" in words.replace("\n", "")
+    one, two = (found.plot(tmp_path / f"{k}.png").read_bytes() for k in range(2))
+    assert one == two
+
+
+def test_poses_alone_are_no_picture(tmp_path):
+    found = mechanism("ruiz_fourbar").study(
+        {"dyad.l_i": [6.0]}, want="poses(crank.drive)", samples=5, friction="none"
+    )
+    with pytest.raises(bm.RequestError, match="no other number was kept"):
+        found.plot(tmp_path / "a.png")

@@ -1,0 +1,52 @@
+"""Designs side by side: what each has alone, to the last bit, and rows that say why not."""
+
+import numpy as np
+import pytest
+
+from blockmech.studies.family import Family, remade
+from tests.gallery import GRAPHS, mechanism
+
+NAMES = sorted(path.stem for path in GRAPHS.glob("*.json"))
+DESIGNS, NUMBERS, MOST = 3, 12, 6
+
+
+def poses(mech):
+    """Some poses: over the drivers' laws, or from where a motion starts."""
+    if set(mech.drivers) <= set(mech.scene.drive):
+        return {"samples": 5}
+    start = {d: mech.scene.begin(d) or 0.0 for d in mech.drivers}
+    return {"over": {d: q + np.linspace(0.0, 0.2, 5) for d, q in start.items()}}
+
+
+def varied(mech, rng):
+    """Values of some numbers that one program serves, the first design the mechanism's own."""
+    known = mech.parameters()
+    chosen = [a for a in rng.permutation(list(known))[:NUMBERS] if not Family(mech, [a]).alone]
+    columns = {}
+    for p in (known[str(a)] for a in chosen[: 2 if len(known) > 400 else MOST]):
+        aside = rng.uniform(1e-5, 1e-4, DESIGNS) * (abs(p.value) or 1.0)
+        columns[p.address] = p.value + aside * (np.arange(DESIGNS) > 0)
+    return columns
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_design_in_a_batch_equals_the_same_design_alone(name):
+    mech = mechanism(name)
+    columns = varied(mech, np.random.default_rng(len(name)))
+    want = [n for n in mech.outputs if n.endswith((".drive", ".reaction", ".alpha"))][:12]
+    request = {"want": dict.fromkeys(want, "poses"), **poses(mech)}
+    together = mech.study(columns, sampling="paired", **request)
+    assert not together.alone
+    general = any(block.own_form for block in mech.structure.blocks.values())
+    first = next(iter(columns))
+    for k in range(DESIGNS):
+        other = remade(mech, {a: float(x[k]) for a, x in columns.items()})
+        single = other.study({first: columns[first][k]}, **request)
+        for label in together.found.values:
+            one, other_one = together[label][k], single[label][0]
+            if general:  # LAPACK's
+                size = np.nanmax(np.abs(other_one), initial=0.0)
+                np.testing.assert_allclose(one, other_one, rtol=0.0, atol=1e-11 * size)
+            else:
+                np.testing.assert_array_equal(one, other_one, err_msg=label)
+        assert together.status[k] == single.status[0]

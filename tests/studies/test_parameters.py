@@ -1,0 +1,102 @@
+"""Every number has an address, and a document is made again with other numbers."""
+
+import json
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.model.parameters import parameters_of
+from tests.gallery import GRAPHS, JOINTS, mechanism
+
+FILES = [*sorted(GRAPHS.glob("*.json")), *sorted(JOINTS.glob("*.json"))]
+SMALL = [path for path in FILES if path.stem not in ("n_four_bar", "parallelogram_chain")]
+
+
+def document(path):
+    return (bm.Linkage if path.parent.name == "joints" else bm.Graph).load(path)
+
+
+def numbers(data):
+    """Numbers in the data of a file, but for what is not computed with."""
+    if isinstance(data, dict):
+        kept = (x for key, x in data.items() if key not in ("version", "view", "expect"))
+        return sum(map(numbers, kept))
+    if isinstance(data, list):
+        return sum(map(numbers, data))
+    return isinstance(data, int | float) and not isinstance(data, bool)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_every_number_of_a_file_has_an_address(path):
+    known = parameters_of(document(path).sections())
+    assert len(known) >= numbers(document(path).to_data())
+    assert len({p.path for p in known.values()}) == len(known)
+
+
+@pytest.mark.parametrize("path", SMALL, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_the_same_numbers_make_the_same_mechanism(path):
+    made = document(path)
+    known = parameters_of(made.sections())
+    again = made.replace({address: p.value for address, p in known.items()})
+    assert parameters_of(again.sections()) == known
+
+
+def test_a_replaced_number_is_that_of_the_new_document_alone():
+    graph = bm.Graph.load(GRAPHS / "engine.json")
+    known = parameters_of(graph.sections())
+    table = next(a for a in known if a.endswith("law.values[3]"))
+    other = graph.replace({table: np.float64(7.5), "frame.O.x": 0.5})
+    changed = parameters_of(other.sections())
+    assert {a for a in known if changed[a].value != known[a].value} == {table, "frame.O.x"}
+    assert changed[table].value == 7.5
+    assert "expect" not in other.to_data()
+    assert parameters_of(graph.sections()) == known
+    assert other.compile().parameters()["frame.O.x"].value == 0.5
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["blocks.frame.markers.D.at[0]", "frame.markers.D.at.x", "frame.D.x", "frame.markers.D.at[0]"],
+)
+def test_addresses_are_those_of_the_file_as_well(address):
+    graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    assert graph.replace({address: 5.25}).blocks["frame"].markers["D"].at.z == 5.25
+
+
+def test_of_a_linkage_sections_are_said_as_in_the_file_or_in_outputs():
+    linkage = bm.Linkage.load(JOINTS / "ruiz_fourbar.json")
+    link = next(name for name, given in linkage.links.items() if given.mass)
+    for address in (f"links.{link}.mass", f"link.{link}.mass"):
+        assert linkage.replace({address: 7.0}).links[link].mass == 7.0
+
+
+def test_wrong_addresses_are_told_together_with_the_nearest_one():
+    graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    with pytest.raises(bm.RequestError) as error:
+        graph.replace({"dyad.l_k": 1.0, "fram.D.x": 2.0})
+    first, second = error.value.problems
+    assert first.code == second.code == "unknown-parameter"
+    assert first.remedy == 'did you mean "dyad.l_j"?'
+    assert second.remedy == 'did you mean "frame.D.x"?'
+    with pytest.raises(bm.RequestError, match="given twice"):
+        graph.replace({"frame.D.x": 1.0, "frame.markers.D.at.x": 1.0})
+
+
+def test_values_are_refused_as_in_a_file_all_at_once():
+    graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    with pytest.raises(bm.FormatError) as error:
+        graph.replace({"dyad.l_i": -1.0, "frame.D.x": float("nan"), "dyad.branch": 0.5})
+    said = [p.where for p in error.value.problems]
+    assert said == ["blocks.frame.markers.D.at", "blocks.dyad.l_i", "blocks.dyad.branch"]
+    assert "must be > 0 m, got -1" in str(error.value)
+
+
+def test_a_mechanism_lists_its_numbers_with_units():
+    known = mechanism("ruiz_fourbar").parameters()
+    assert known["dyad.l_i"].unit == "m"
+    assert known["dyad.links.i.inertia"].unit == "kg m2"
+    assert known["crank.offset"].unit == "rad"
+    line = next(line for line in repr(known).splitlines() if line.startswith("dyad.l_i"))
+    assert line.split() == ["dyad.l_i", "6", "m"]
+    assert json.dumps([p.address for p in known.values()])

@@ -1,0 +1,226 @@
+"""A study keeps of each design what a run of it alone would say."""
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.studies.family import remade
+from blockmech.studies.runner import Runner
+from tests.gallery import JOINTS, mechanism
+
+TURN = {"crank": np.linspace(0.0, 2 * np.pi, 24, endpoint=False)}
+
+
+@pytest.fixture(scope="module")
+def fourbar():
+    return mechanism("ruiz_fourbar")
+
+
+def test_reductions_are_those_of_the_run(fourbar):
+    want = {
+        "crank.drive": ["min", "max", "max_abs", "range", "mean", "rms", f"at({TURN['crank'][3]})"],
+        "dyad.C.reaction": ["max_abs", "rms", "mean", "poses"],
+        "dyad.C.p.x": "max",
+        "mechanism.friction_efficiency": "value",
+    }
+    found = fourbar.study({"dyad.l_i": [5.9, 6.1]}, over=TURN, want=want)
+    for k, l_i in enumerate((5.9, 6.1)):
+        run = remade(fourbar, {"dyad.l_i": l_i}).run(at=TURN, engine="numpy", want=[
+            "crank.drive", "dyad.C.reaction", "dyad.C.p", "mechanism.friction_efficiency"
+        ])  # fmt: skip
+        tau, R = run["crank.drive"], run["dyad.C.reaction"]
+        exact = {
+            "min(crank.drive)": tau.min(),
+            "max(crank.drive)": tau.max(),
+            "max_abs(crank.drive)": np.abs(tau).max(),
+            "range(crank.drive)": tau.max() - tau.min(),
+            f"at(crank.drive, {TURN['crank'][3]})": tau[3],
+            "max(dyad.C.p.x)": run["dyad.C.p"].real.max(),
+        }
+        assert {label: found[label][k] for label in exact} == exact
+        np.testing.assert_array_equal(found["poses(dyad.C.reaction)"][k], R)
+        near = {
+            "mean(crank.drive)": tau.mean(),
+            "rms(crank.drive)": np.sqrt(np.mean(tau**2)),
+            "max_abs(dyad.C.reaction)": np.abs(R).max(),
+            "rms(dyad.C.reaction)": np.sqrt(np.mean(np.abs(R) ** 2)),
+            "mean(dyad.C.reaction)": R.mean(),
+            "mechanism.friction_efficiency": run["mechanism.friction_efficiency"],
+        }
+        for label, x in near.items():
+            np.testing.assert_allclose(found[label][k], x, rtol=24 * np.finfo(float).eps)
+
+
+def test_a_design_that_does_not_assemble_is_a_row_with_its_reason(fourbar):
+    lengths = np.linspace(3.5, 7.0, 8)
+    found = fourbar.study(
+        {"dyad.l_i": lengths}, over=TURN, want=["max_abs(crank.drive)", "min(dyad.margin)"]
+    )
+    for k, l_i in enumerate(lengths):
+        run = remade(fourbar, {"dyad.l_i": l_i}).run(
+            at=TURN, want=["crank.drive", "dyad.margin"], on_gap="mark", engine="numpy"
+        )
+        gaps = run.quality.gaps
+        assert found.status[k] == (run.quality.status[gaps[0]] if gaps else "ok")
+        assert found.found.poses[k] == len(gaps)
+        assert np.isnan(found["max_abs(crank.drive)"][k]) == bool(gaps)
+    first = found.reason(0)
+    assert first.startswith("no-assembly at dyad: ")
+    assert "of 24 poses, the first at crank.q = " in first
+    assert found["min(dyad.margin)"][0] < 0
+
+
+def test_self_locking_designs_say_so():
+    fourbar = mechanism("ruiz_fourbar")
+    values = {"dyad.friction.C.radius": [0.0075, 9.0]}
+    found = fourbar.study(values, want="max_abs(crank.drive)", samples=9)
+    other = remade(fourbar, {"dyad.friction.C.radius": 9.0})
+    run = other.run(samples=9, want=["crank.drive"], on_gap="mark", engine="numpy")
+    assert found.status == ("ok", run.quality.status[run.quality.gaps[0]])
+    assert found.status[1] != "ok"
+
+
+def test_a_grid_is_an_array_over_its_numbers(fourbar):
+    vary = {"dyad.l_i": [5.8, 6.0, 6.2], "dyad.links.i.mass": [0.0, 30.0]}
+    found = fourbar.study(vary, over=TURN, want="max_abs(crank.drive)")
+    table = found.grid("max_abs(crank.drive)")
+    assert table.shape == (3, 2)
+    data = found.to_xarray()
+    assert data["max_abs(crank.drive)"].dims == ("dyad.l_i", "dyad.links.i.mass")
+    assert data["max_abs(crank.drive)"].attrs["units"] == "N m"
+    one = data["max_abs(crank.drive)"].sel({"dyad.l_i": 6.0, "dyad.links.i.mass": 30.0})
+    assert float(one) == table[1, 1] == found["max_abs(crank.drive)"][3]
+
+
+def test_blocks_of_any_size_say_the_same(fourbar, monkeypatch):
+    vary = {"dyad.l_i": np.linspace(5.8, 6.2, 11), "dyad.friction.C.coefficient": [0.0, 0.2]}
+    request = {"over": TURN, "want": ["mean(crank.drive)", "poses(dyad.C.p)"]}
+    whole = fourbar.study(vary, **request)
+    monkeypatch.setattr(Runner, "size", lambda self, n: 3)
+    parts = fourbar.study(vary, **request)
+    for label in whole:
+        np.testing.assert_array_equal(whole[label], parts[label])
+
+
+def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
+    monkeypatch.setattr(Runner, "size", lambda self, n: 2)
+    told = []
+
+    def say(what, done, whole):
+        told.append((what, done, whole))
+        if done == 4:
+            raise KeyboardInterrupt
+
+    lengths = np.linspace(5.8, 6.2, 9)
+    found = fourbar.study({"dyad.l_i": lengths}, over=TURN, want="max(crank.drive)", progress=say)
+    assert told[0] == ("2 of 9 designs", 2, 9)
+    assert found.interrupted
+    assert found.n == 4
+    whole = fourbar.study({"dyad.l_i": lengths}, over=TURN, want="max(crank.drive)")
+    np.testing.assert_array_equal(found["max(crank.drive)"], whole["max(crank.drive)"][:4])
+    assert np.isnan(found.grid("max(crank.drive)")[4:]).all()
+
+
+@pytest.mark.parametrize("sampling", ["latin", "sobol", "random"])
+def test_points_of_distributions_are_the_same_for_a_seed(fourbar, sampling):
+    vary = {"dyad.l_i": bm.normal(6.0, 0.01), "frame.D.x": bm.uniform(5.4, 5.6)}
+    request = {"over": TURN, "want": "max(crank.drive)", "sampling": sampling, "count": 256}
+    found = fourbar.study(vary, **request)
+    again = fourbar.study(vary, **request)
+    np.testing.assert_array_equal(found["dyad.l_i"], again["dyad.l_i"])
+    assert (found["dyad.l_i"] != fourbar.study(vary, seed=1, **request)["dyad.l_i"]).any()
+    spread = 4 / np.sqrt(256)  # four standard errors
+    assert abs(found["dyad.l_i"].mean() - 6.0) < spread * 0.01
+    assert abs(found["frame.D.x"].std() - 0.2 / np.sqrt(12)) < spread * 0.2
+    assert 5.4 <= found["frame.D.x"].min() < found["frame.D.x"].max() <= 5.6
+
+
+def test_what_a_program_cannot_vary_is_compiled_design_by_design(fourbar):
+    found = fourbar.study({"dyad.branch": [1, -1]}, over=TURN, want="mean(dyad.C.p.y)")
+    assert found.alone == "dyad.branch chooses between structures"
+    assert found["mean(dyad.C.p.y)"][0] > 0 > found["mean(dyad.C.p.y)"][1]
+    rates = fourbar.study(
+        {"scene.drive.crank.rate": [1.0, 2.0]}, over=TURN, want="max(dyad.i.omega)"
+    )
+    assert rates["max(dyad.i.omega)"][1] == 2 * rates["max(dyad.i.omega)"][0]
+    triad = mechanism("stephenson_3_triad")
+    address = next(a for a in triad.parameters() if a.endswith(".at.x"))
+    value = triad.parameters()[address].value
+    moved = triad.study({address: [value, value + 50.0]}, want="max_abs(crank.drive)", samples=3)
+    assert "is followed from its home" in moved.alone
+    assert moved.status == ("ok", "no-assembly")
+
+
+def test_numbers_of_a_linkage_that_go_into_its_graph_vary_in_one_program():
+    plain = bm.Linkage.load(JOINTS / "ruiz_fourbar.json").compile()
+    link = next(a for a in plain.parameters() if a.endswith(".mass"))
+    out = f"driver.{plain.drivers[0]}.drive"
+    found = plain.study({link: [1.0, 2.0]}, want=f"max({out})", samples=9)
+    assert not found.alone
+    other = remade(plain, {link: 2.0})
+    assert found[f"max({out})"][1] == other.run(samples=9, want=[out], engine="numpy")[out].max()
+    place = next(a for a in plain.parameters() if a.startswith("joints.") and a.endswith(".x"))
+    value = plain.parameters()[place].value
+    moved = plain.study({place: [value, value + 1e-3]}, want=f"max({out})", samples=9)
+    assert moved.alone.endswith("whose mode the document's poses tell")
+    assert moved.status == ("ok", "ok")
+
+
+def test_tables_leave_as_csv_parquet_and_frames(fourbar, tmp_path):
+    found = fourbar.study(
+        {"dyad.l_i": [4.0, 6.0]}, over=TURN, want=["max(crank.drive)", "mean(dyad.C.p)"]
+    )
+    head, bad, good = found.to_csv(tmp_path / "a.csv").splitlines()
+    assert head.split(",")[:2] == ["dyad.l_i [m]", "max(crank.drive) [N m]"]
+    assert head.endswith("mean(dyad.C.p).x [m],mean(dyad.C.p).y [m],status")
+    assert bad.startswith("4.0,,,")
+    assert float(good.split(",")[1]) == found["max(crank.drive)"][1]
+    import pyarrow.parquet as parquet
+
+    found.to_parquet(tmp_path / "a.parquet")
+    table = parquet.read_table(tmp_path / "a.parquet")
+    assert table.column("max(crank.drive)").to_pylist()[1] == found["max(crank.drive)"][1]
+    assert table.schema.field("dyad.l_i").metadata == {b"unit": b"m"}
+    assert found.to_dataframe().attrs["units"]["mean(dyad.C.p).x"] == "m"
+
+
+@pytest.mark.parametrize("module", ["xarray", "pyarrow"])
+def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, module):
+    import sys
+
+    found = fourbar.study({"dyad.l_i": [6.0]}, over=TURN, want="max(crank.drive)")
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(bm.MissingEngineError, match=r"blockmech\[study\]"):
+        found.to_xarray() if module == "xarray" else found.to_parquet(tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        ({"vary": {"dyad.l_i": [6.0, -1.0, -2.0]}}, "l_i must be > 0 m, got -2"),
+        ({"vary": {"dyad.l": [6.0]}}, 'did you mean "dyad.l_j"'),
+        ({"vary": {"dyad.l_i": ["a"]}}, "give a number, a row of numbers or a distribution"),
+        ({"vary": {"dyad.l_i": [np.nan]}}, "not a finite number"),
+        ({"vary": {"dyad.l_i": [6.0], "dyad.l_j": bm.normal(3.0, 0.1)}}, "uniform"),
+        ({"vary": {"dyad.l_i": bm.normal(6.0, 0.1)}}, "say how many designs"),
+        ({"vary": {"dyad.l_i": bm.normal(6.0, 0.1)}, "count": 9, "sampling": "sobol"}, "e.g. 16"),
+        ({"vary": {"dyad.l_i": [1, 2], "dyad.l_j": [3]}, "sampling": "paired"}, "equally many"),
+        ({"want": {"crank.drive": "maxabs"}}, 'did you mean "max_abs"'),
+        ({"want": {"dyad.C.p": "min"}}, "it is a vector"),
+        ({"want": {"crank.driv": "min"}}, "no output has that name"),
+        ({"want": "at(crank.drive, 0.1)"}, "the study has no such pose"),
+        ({"want": []}, "nothing is wanted"),
+        ({"want": "crank.drive"}, "how it is reduced is not said"),
+    ],
+)  # fmt: skip
+def test_mistakes_get_one_message(fourbar, request_, words):
+    request = {"vary": {"dyad.l_i": [6.0]}, "want": "max(crank.drive)", "over": TURN} | request_
+    with pytest.raises(bm.BlockmechError) as error:
+        fourbar.study(request.pop("vary"), **request)
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize("make", [lambda: bm.normal(1.0, 0.0), lambda: bm.uniform(2.0, 1.0)])
+def test_distributions_refuse_what_is_none(make):
+    with pytest.raises(bm.RequestError):
+        make()
