@@ -169,6 +169,18 @@ def on_page_markdown(markdown, page, config, files):
     return OUTSIDE.sub(r"\2", FENCE.sub(with_output, markdown))
 
 
+def on_post_page(output, page, config):
+    """The site works without a network: no page loads anything from elsewhere."""
+    from mkdocs.exceptions import PluginError
+
+    loaded = re.findall(
+        r"<(?:script|link|img|iframe)\b[^>]*(?:src|href)=\"?(https?://[^\s\">]+)", output
+    )
+    if loaded:
+        raise PluginError(f"{page.file.src_uri} loads {', '.join(loaded)}")
+    return output
+
+
 if __name__ == "__main__":
     page, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
     with workplace(folder):

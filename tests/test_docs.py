@@ -6,6 +6,7 @@ import importlib
 import inspect
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -271,6 +272,17 @@ def test_commands_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
     known = {function.__name__ for function in COMMANDS}
     assert set(re.findall(r"[`/]blockmech (\w+)", text)) <= known
+
+
+def test_on_a_package_index_the_readme_links_to_nothing_that_is_not_there():
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]
+    shown = README
+    for change in build["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
+        shown = re.sub(change["pattern"], change["replacement"], shown)
+    left = re.findall(r"\]\(([^)]*)\)", shown)
+    assert [target for target in left if not target.startswith("https://")] == []
+    assert "Twenty-two mechanisms" not in shown  # a picture's text without the picture
+    assert "`docs`" in shown
 
 
 def test_readme_has_its_two_one_line_commands_for_both_systems():

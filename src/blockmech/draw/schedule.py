@@ -39,7 +39,7 @@ def draw_schedule(plan: Plan) -> Any:
         seen = set()
         for first, then, data in graph.edges(data=True):
             seen.add(data["kind"])
-            _arrow(axes, at[first], at[then], *ARROWS[data["kind"]])
+            _arrow(axes, at[first], at[then], len(then[1]), *ARROWS[data["kind"]])
         box = {"boxstyle": "round", "facecolor": "white", "edgecolor": INK, "linewidth": 0.7}
         for call, (x, y) in at.items():
             of = f"\n({shown_name(call[2], 14)})" if call[2:] else ""
@@ -75,8 +75,8 @@ def _places(graph: Any) -> tuple[dict[Node, tuple[float, float]], dict[str, floa
     return at, tops, height
 
 
-def _arrow(axes: Any, start: Any, end: Any, colour: str, dashes: str) -> None:
-    """An arrow that bends a little, so that what lies on its way stays readable."""
+def _arrow(axes: Any, start: Any, end: Any, letters: int, colour: str, dashes: str) -> None:
+    """An arrow to a box with so many letters; it bends, so that what it passes stays readable."""
     level, far = start[1] == end[1], end[0] - start[0] > COLUMN
     style = {
         "arrowstyle": "-|>",
@@ -84,7 +84,7 @@ def _arrow(axes: Any, start: Any, end: Any, colour: str, dashes: str) -> None:
         "linestyle": dashes,
         "linewidth": 0.8,
         "shrinkA": TEXT,
-        "shrinkB": (4 if level and not far else 2) * TEXT,  # a box is wider than high
+        "shrinkB": (0.5 + letters / 5 if level and not far else 2) * TEXT,  # half a box
         "connectionstyle": f"arc3,rad={-0.15 if far and level else 0.0}",
     }
     axes.annotate("", end, start, arrowprops=style, zorder=1)

@@ -63,8 +63,8 @@ class Start(NamedTuple):
 class Watch:
     """A user's event: where ``surface(t, q, q')`` changes sign.
 
-    direction : +1 rising only, -1 falling only, 0 both
-    terminal : whether the run ends there
+    With ``direction`` +1 only where it rises, with -1 only where it falls, with 0 both;
+    ``terminal`` says whether the run ends there.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Until:
     [rad or m]; ``steady``: what the motion settles to, a periodic motion or rest;
     ``event``: the first terminal event.
 
-    forcing : [s] period of loads of the time whose law does not tell it, of ``steady`` only
+    ``forcing`` [s] is the period of loads of the time whose law does not tell it, for ``steady``.
 
     >>> Until.parse("swings=3")
     Until(goal='swings', value=3.0)

@@ -217,31 +217,38 @@ def where(condition: Any, a: Any, b: Any) -> Any:
 
 
 def sign(x: Any) -> Any:
+    """-1, 0 or 1 in the sign of a number; NaN for NaN."""
     return where(x > 0.0, 1.0, where(x < 0.0, -1.0, x))
 
 
 def minimum(a: Any, b: Any) -> Any:
+    """The smaller of two numbers; NaN where one of them is."""
     return where((a < b) | _is_nan(a), a, b)
 
 
 def maximum(a: Any, b: Any) -> Any:
+    """The larger of two numbers; NaN where one of them is."""
     return where((a > b) | _is_nan(a), a, b)
 
 
 def modulo(x: Any, period: Any) -> Any:
+    """The rest of x in [0, period)."""
     rest = _remainder(x, period)
     return where(rest < 0.0, rest + period, rest)
 
 
 def expi(t: Any) -> Planar:
+    """exp(i t), from cosine and sine."""
     return Planar(_cos(t), _sin(t))
 
 
 def hyp(z: Planar) -> Any:
+    """The length of a vector."""
     return sqrt(z.real * z.real + z.imag * z.imag)
 
 
 def angle(a: Planar, b: Planar) -> Any:
+    """The angle from a to b, in (-pi, pi]."""
     return _atan2(cross(a, b) + 0.0, dot(a, b))
 
 
@@ -259,6 +266,7 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
 
 
 def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+    """A loop of the trace, or of plain numbers a plain one."""
     trace = _trace_of(state, data)
     if trace is None:
         return SCALAR_PRIMITIVES["repeat"](step, state, cap, *data)
@@ -274,10 +282,12 @@ def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
 
 
 def each(function: Any, *x: Any) -> NoReturn:
+    """Refused: what it asks is no formula."""
     raise Untraceable("it asks a function of Python sample by sample")
 
 
 def matrix(rows: Any) -> NoReturn:
+    """Refused: groups that are followed are solved by iteration."""
     raise Untraceable(FOLLOWED)
 
 
