@@ -23,6 +23,7 @@ ROOMS = (
     "early",
     "typing",
     "plane",
+    "told",
     "errors",
     "files",
     "validation_errors",

@@ -98,6 +98,9 @@ class Linkage(linkage.Linkage, Runnable):
         """
         return self.decompose().compile()
 
+    def _repr_svg_(self) -> str | None:
+        return None if self.check() else self.compile()._repr_svg_()
+
     def __repr__(self) -> str:
         pairs = sum(len(joint.links) - 1 for joint in self.joints.values())
         moving = len([name for name in self.links if name != "frame"])

@@ -7,9 +7,11 @@ is the function of that name, so its arguments are declared there and nowhere el
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from blockmech.compiled import Compiled
+from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.runnable import Later
 
@@ -65,6 +67,15 @@ class Mechanism(Compiled):
         tolerance = Later("blockmech.draw.tolerance")
         trade = Later("blockmech.draw.trade")
         verify = Later("blockmech.analysis.verify")
+
+    def _repr_svg_(self) -> str | None:
+        """The mechanism over its range, or, where that is not known, with its drivers at zero."""
+        from blockmech.draw import mechanism_svg
+
+        for at in (None, dict.fromkeys(self.drivers, 0.0)):
+            with suppress(BlockmechError):
+                return mechanism_svg(self, at)
+        return None
 
     def run_to(self, *request: Any) -> Result:
         """Run with the settings that an accuracy needs; see `blockmech.analysis.accuracy`."""

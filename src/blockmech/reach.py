@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from math import inf, isfinite
 from typing import Any, TypeAlias, cast
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.modes import TwoModes
-from blockmech.model.structure import JointRef, LinkRef, Structure
-from blockmech.values import Place
+from blockmech.model.structure import JointRef, Structure
+from blockmech.values import MILLI, Marker, Place
 
 Places: TypeAlias = Mapping[str, float]
-Scaled: TypeAlias = tuple[str, str, Block]  # what it is, its block, the block with it scaled
-MILLI = {1e3: "1000 times as large", 1e-3: "1000 times smaller"}
 MOST_TRIED = 8  # slips of units, the likeliest first; a millisecond or two each
 
 
@@ -56,54 +54,45 @@ def _at(mechanism: Any, drivers: Places, want: list[str]) -> Any:
 def _slip(mechanism: Any, block: str, drivers: Places) -> str:
     """The one length, or lengths of one block, that let the group close in mm or m instead.
 
-    A slip shows in that the lengths of a mechanism are more alike without it.
+    A slip shows in that the lengths of a mechanism are more alike without it. Groups that are
+    followed from a home are as they are: their homes are lengths as well.
     """
     structure: Structure = mechanism.structure
-    above = structure.ancestors(block)
-    blocks = {n: b for n, b in structure.blocks.items() if n in above}
-    everything: dict[str, Block] = {structure.frame: structure.fixed, **blocks}
+    above = {n: b for n, b in structure.blocks.items() if n in structure.ancestors(block)}
+    blocks: dict[str, Block] = {structure.frame: structure.fixed, **above}
     tried = []
-    for factor in MILLI:
-        for what, name, other in _scaled(mechanism, everything, factor):
-            spread = _spread({**everything, name: other})
-            if spread < _spread(everything):
-                tried.append((spread, what, factor, name, other))
-    followed = any(b.own_form for b in blocks.values())  # from home, which takes longer
-    for _, what, factor, name, other in sorted(tried, key=lambda x: x[0])[
-        : 1 if followed else MOST_TRIED
-    ]:
+    for name, own in blocks.items():
+        if not (isinstance(own, Moving) and own.own_form):
+            for factor, times in MILLI.items():
+                for what, other in _scaled(own, factor):
+                    spread = _spread({**blocks, name: other}.values())
+                    tried.append((spread, f"{mechanism.said(name)}{what} {times}", name, other))
+    alike = sorted((x for x in tried if x[0] < _spread(blocks.values())), key=lambda x: x[0])
+    followed = any(b.own_form for b in above.values())  # which takes longer
+    for _, what, name, other in alike[: 1 if followed else MOST_TRIED]:
         if name == structure.frame:
             made = replace(structure, fixed=other)
         else:
             made = replace(structure, blocks={**structure.blocks, name: cast(Moving, other)})
-        blocks_only = type(mechanism)(made, mechanism.of_blocks.scene, mechanism.name)
-        if float(_at(blocks_only, drivers, [f"{block}.margin"])[f"{block}.margin"][0]) > 0:
-            return f"it would close with {what} {MILLI[factor]}: is that in mm? Lengths are in m"
+        there = type(mechanism)(made, mechanism.of_blocks.scene, mechanism.name)
+        if float(_at(there, drivers, [f"{block}.margin"])[f"{block}.margin"][0]) > 0:
+            return f"it would close with {what}: is that in mm? Lengths are in m"
     return ""
 
 
-def _scaled(mechanism: Any, blocks: Mapping[str, Block], factor: float) -> Iterator[Scaled]:
-    """Each length of each block by a factor, and all of a block together."""
-    for name, block in blocks.items():
-        if isinstance(block, Moving) and block.own_form:
-            continue  # its home holds lengths as well
-        own = _lengths(block)
-        for length in own if len(own) > 1 else ():
-            link = length.rpartition("_")[2]
-            what = _called(mechanism, name, length, link if link in block.link_names else "")
-            yield what, name, block.model_copy(update={length: factor * own[length]})
-        what = _called(mechanism, name, " and ".join(own)) if own else f"the markers of {name}"
-        yield what, name, _whole(block, own, factor)
-
-
-def _called(mechanism: Any, name: str, lengths: str, link: str = "") -> str:
-    """Lengths of a block as its file calls them."""
-    if mechanism.names is None:
-        return f"{name}.{lengths}"
-    for said, where in mechanism.names.links.items():
-        if link and where.link == LinkRef(name, link):
-            return f"the lengths of {said}"
-    return f"the lengths of {mechanism.said(name)}"
+def _scaled(block: Block, factor: float) -> Iterator[tuple[str, Block]]:
+    """A block with one of its lengths by a factor, and with all, its markers among them."""
+    own = _lengths(block)
+    for name, x in own.items() if len(own) > 1 else ():
+        yield f".{name}", block.model_copy(update={name: factor * x})
+    update: dict[str, Any] = {name: factor * x for name, x in own.items()}
+    if isinstance(block, Moving):
+        links = block.links.items()
+        update["links"] = {k: link.model_copy(update=_moved(link, factor)) for k, link in links}
+    else:
+        update |= _moved(block, factor)
+    what = " and ".join(own) or "markers"
+    yield f".{what}", block.model_copy(update=update)
 
 
 def _lengths(block: Block) -> dict[str, float]:
@@ -111,26 +100,16 @@ def _lengths(block: Block) -> dict[str, float]:
     return {name: x for name in names if (x := getattr(block, name))}
 
 
-def _whole(block: Block, own: Mapping[str, float], factor: float) -> Block:
-    """A block with its lengths and the markers of its links by a factor."""
-    update: dict[str, Any] = {name: factor * x for name, x in own.items()}
-    if isinstance(block, Moving):
-        links = block.links.items()
-        update["links"] = {k: link.model_copy(update=_moved(link, factor)) for k, link in links}
-    else:
-        update |= _moved(block, factor)
-    return block.model_copy(update=update)
-
-
 def _moved(owner: Any, factor: float) -> dict[str, Any]:
     markers = owner.markers.items()
     return {"markers": {k: m.model_copy(update={"at": Place(factor * m.at.z)}) for k, m in markers}}
 
 
-def _spread(blocks: Mapping[str, Block]) -> float:
+def _spread(blocks: Iterable[Block]) -> float:
     """The largest length of some blocks and markers by the smallest that is none of zero."""
-    sizes = [abs(x) for block in blocks.values() for x in _lengths(block).values()]
-    for block in blocks.values():
-        placed = [m for _, m in block.all_markers.values() if hasattr(m, "at")]
-        sizes += [abs(m.at.z) for m in placed if isinstance(m.at, Place) and m.at.z]
+    sizes: list[float] = []
+    for block in blocks:
+        placed = [m for _, m in block.all_markers.values() if isinstance(m, Marker)]
+        sizes += [abs(x) for x in _lengths(block).values()] + [abs(m.at.z) for m in placed]
+    sizes = [x for x in sizes if x]
     return max(sizes, default=1.0) / min(sizes, default=1.0)

@@ -71,6 +71,10 @@ Sign = Annotated[
 ]
 
 
+MILLI = {1e3: "1000 times as large", 1e-3: "1000 times smaller"}
+"""What puts a length in mm, or in m among mm, right."""
+
+
 def is_number(x: object) -> bool:
     """Whether ``x`` is a finite real number and not a boolean."""
     if not isinstance(x, int | float) or isinstance(x, bool):

@@ -88,7 +88,7 @@ def test_an_output_by_another_name_of_the_trade_is_found(asked: str, meant: str)
 IN_MM = [
     ("blocks/crank/length", 2000.0, "too large", "crank.length 1000 times smaller"),
     ("blocks/dyad/l_i", 6000.0, "too small", "dyad.l_i 1000 times smaller"),
-    ("blocks/frame/markers/D/at", [5500.0, 0.0], "too large", "frame 1000 times smaller"),
+    ("blocks/frame/markers/D/at", [5500.0, 0.0], "too large", "frame.markers 1000 times smaller"),
     ("blocks/dyad/l_j", 0.003, "too small", "dyad.l_j 1000 times as large"),
 ]
 
@@ -101,6 +101,22 @@ def test_lengths_in_mm_are_recognised(path: str, said: Any, way: str, slip: str)
     assert way in told
     assert slip in told
     assert "margin" not in told
+
+
+@pytest.mark.parametrize("link", ["frame", "crank", "coupler", "rocker"])
+def test_places_in_mm_on_a_link_of_a_document_are_recognised(link: str) -> None:
+    made = copy.deepcopy(LINKAGE)
+    for joint in made["joints"].values():
+        for k, name in enumerate(joint["links"]):
+            joint["at"][k] = [x * (1000 if name == link else 1) for x in joint["at"][k]]
+    with pytest.raises(bm.GraphError) as caught:
+        bm.Linkage.from_data(made).compile()
+    (problem,) = caught.value.problems
+    assert problem.code == "does-not-close"
+    assert f"close with the places on {link} 1000 times smaller" in problem.remedy
+    long = changed("joints/C/at/0", [16.0, 0.0], LINKAGE)
+    with pytest.raises(bm.GraphError, match="check the places of C on coupler and rocker"):
+        bm.Linkage.from_data(long).compile()
 
 
 def test_a_group_that_misses_by_a_little_says_how_much_and_suspects_nothing() -> None:

@@ -17,6 +17,7 @@ from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
 from blockmech.errors import Problem, RequestError, listed
+from blockmech.told import Told
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -76,8 +77,8 @@ class Range:
         }
 
 
-@dataclass(frozen=True)
-class Extremes:
+@dataclass(frozen=True, repr=False)
+class Extremes(Told):
     """Extremes of one output; of a vector those of x, y and its magnitude.
 
     ``minimum``, ``maximum`` and ``turns`` are those of a real output, or of a vector's
@@ -110,7 +111,8 @@ class Extremes:
         """All local extremes inside the range, in the order of the cycle."""
         return self._main.turns
 
-    def __str__(self) -> str:
+    def text(self, degrees: bool = False) -> str:
+        """The extremes of each part, one a line."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:

@@ -31,6 +31,7 @@ from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.structure import Structure
 from blockmech.reach import shortfall
 from blockmech.series import DOUBLE_ROOT, SCANNED
+from blockmech.told import Told
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -91,8 +92,8 @@ class Arc:
         }
 
 
-@dataclass(frozen=True)
-class Limits:
+@dataclass(frozen=True, repr=False)
+class Limits(Told):
     """The feasible arcs of one driver.
 
     Attributes
@@ -149,9 +150,6 @@ class Limits:
         turned = degrees and self.unit == "rad"
         scale, unit = (180 / math.pi, "deg") if turned else (1.0, self.unit)
         return "\n".join(self._lines(scale, unit))
-
-    def __str__(self) -> str:
-        return self.text()
 
     def _lines(self, scale: float, unit: str) -> Iterable[str]:
         held = ", ".join(f"{self._q(d)} = {q:.9g}" for d, q in self.held.items())

@@ -22,6 +22,7 @@ from blockmech.model.structure import LinkRef
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.samples import Samples
+from blockmech.told import Told
 from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Precision
 
 if TYPE_CHECKING:
@@ -62,8 +63,8 @@ class Check:
         return self.value <= self.allowed
 
 
-@dataclass(frozen=True)
-class Verification:
+@dataclass(frozen=True, repr=False)
+class Verification(Told):
     """All checks of a mechanism.
 
     Attributes
@@ -82,7 +83,8 @@ class Verification:
         """Whether every check holds and there was something to check."""
         return self.samples > 0 and all(r.ok for r in self.rows)
 
-    def __str__(self) -> str:
+    def text(self, degrees: bool = False) -> str:
+        """The checks, one a line."""
         width = max((len(r.name) for r in self.rows), default=4)
         lines = [f"{'check':<{width}}  error [-]  allowed [-]"]
         lines += [

@@ -19,8 +19,6 @@ DIGITS = 12  # significant ones of a number
 
 def motion_lines(result: Result, degrees: bool = False) -> list[str]:
     """Lines about a simulation; none for another run. ``degrees``: angles in deg."""
-    from blockmech.dynamics.motion import fact_unit  # loads SciPy
-
     motion = result.motion
     if motion is None:
         return []
@@ -29,17 +27,7 @@ def motion_lines(result: Result, degrees: bool = False) -> list[str]:
     lines = [f"{e.kind} at {_state(e, names, units, degrees)}" for e in motion.events]
     if len(lines) > LINES:
         lines = [*lines[: LINES - 1], f"... {len(lines) - LINES} events more", lines[-1]]
-    goal = "reached" if motion.status == "reached" else motion.status
-    lines.append(f"{goal}: {motion.end}, after {_number(motion.t_end)} s")
-    why = f" ({motion.why})" if motion.why else ""
-    lines.append(f"method {motion.method}{why}, {motion.cost.evaluations} kernel evaluations")
-    if math.isfinite(motion.error):
-        unit = units[0] if len(set(units)) == 1 else "rad or m"
-        clock = f", {motion.time_error:.1e} s at the end" if motion.time_error > 0 else ""
-        lines.append(f"estimated error {motion.error:.1e} {unit}{clock}")
-    for name, x in motion.figures().items():
-        lines.append(f"{name.replace('_', ' ')} {_number(x)} {fact_unit(name, units[0])}".rstrip())
-    return [*lines, *(f"note: {text}" for text in motion.notes)]
+    return [*lines, *motion.summary(units[0] if len(set(units)) == 1 else "rad or m")]
 
 
 def _state(event: Event, names: list[str], units: list[str], degrees: bool) -> str:

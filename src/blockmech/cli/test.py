@@ -12,17 +12,23 @@ from typing import Annotated, Any
 import typer
 
 from blockmech.builders import opened
-from blockmech.cli.options import AsJson
+from blockmech.cli.options import AsJson, names_of, option
 from blockmech.cli.terminal import NO_ANSWER, WRONG, note, progress_bar, say
 from blockmech.errors import BlockmechError, Problem, in_file
 from blockmech.model.expect import Expectation
+from blockmech.model.writing import plain
 from blockmech.testing.expectations import (
     Outcome,
     check_expectation,
     expectations_of,
     failure_table,
+    recorded,
 )
 from blockmech.testing.files import LEFT_OUT, graphs_of
+
+Record = Annotated[
+    str | None, option("Write what these outputs are now into the files' expect.", "A,B")
+]
 
 
 @dataclass
@@ -78,13 +84,23 @@ def test(
     paths: Annotated[
         list[str], typer.Argument(metavar="PATH...", help="Graph files, or folders of them.")
     ],
-    json: AsJson = False,  # noqa: PT028 (a command, no test of pytest's)
+    record: Record = None,  # noqa: PT028 (a command, no test of pytest's)
+    json: AsJson = False,  # noqa: PT028
 ) -> None:
     """Compute the numbers that graph files expect, and compare.
 
     Of a folder all graphs are taken but those under broken and legacy. Exit code 1 says
-    that a number is not met, 2 that a file is wrong.
+    that a number is not met, 2 that a file is wrong. With --record nothing is compared:
+    outputs join the expect of each file as they are today.
     """
+    if record is not None:
+        for file in [file for path in paths for file in _files(Path(path))]:
+            document = opened(file)
+            entries = [plain(e) for e in recorded(document.compile(), names_of([record]))]
+            document.extras["expect"] = [*(document.extras.get("expect") or ()), *entries]
+            document.save(file)
+            say(f"{file}: {len(entries)} recorded")
+        return
     with progress_bar("testing"):
         tested = list(_runs(paths))
     wrong, failed = any(t.problems for t in tested), any(t.failed for t in tested)
@@ -104,8 +120,7 @@ def _runs(paths: list[str]) -> Iterator[Tested]:
     """Every graph file that paths name, each once; a path without any is noted."""
     done: set[str] = set()
     for path in paths:
-        folder = Path(path)
-        files = [os.fspath(p) for p in graphs_of(folder)] if folder.is_dir() else [path]
+        files = _files(Path(path))
         if not files:
             valid = f"graph files end in .json; those under {' and '.join(LEFT_OUT)} are left out"
             problem = Problem("no-file", "", "no graph file in this folder", valid, file=path)
@@ -113,6 +128,11 @@ def _runs(paths: list[str]) -> Iterator[Tested]:
         for file in (f for f in files if f not in done):
             done.add(file)
             yield _tested(file)
+
+
+def _files(path: Path) -> list[str]:
+    """The graph files of a folder, or the file itself."""
+    return [os.fspath(p) for p in graphs_of(path)] if path.is_dir() else [os.fspath(path)]
 
 
 def _tested(file: str) -> Tested:

@@ -1,9 +1,9 @@
 """The mechanism in motion: a GIF, or one HTML file with its own player.
 
 Both show the shapes of `blockmech.draw.shapes`, frame by frame. Axes and scale are
-fixed over the whole motion, and so are the places of names beside their joints. Only
-poses that close are frames; a motion that does not end where it began is played to
-and fro.
+fixed over the whole motion; names keep their places beside their joints while those are
+free. Only poses that close are frames; a motion that does not end where it began is
+played to and fro.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from blockmech.result import Result
 
 MOVING = (".gif", ".html")
 NAMES = 12  # joints up to which all are named
-SEEN = 8  # frames that show whether a name's place is free
+SEEN = 24  # frames in which names look for a free place; between them they slide
 FRICTION_POWER = "mechanism.friction_power"
 
 
@@ -81,9 +81,9 @@ class Animation:
         self.shapes = sorted(shapes_of(stage), key=lambda shape: shape.order)
         self.names = []
         if len(sketch.pins) <= NAMES:
-            crowd = self.page.crowd(self.shapes, {}, range(0, len(good), -(-len(good) // SEEN)))
+            crowd = self.page.crowd(self.shapes, paths, range(0, len(good), -(-len(good) // SEEN)))
             self.names = [*map(crowd.place, joint_labels(self.page, stage))]
-            self.shapes += [self.page.leader(p, len(good)) for p in self.names if p.far]
+            self.shapes += [self.page.leader(p, len(good)) for p in self.names if p.far.any()]
 
     @cached_property
     def html(self) -> str:

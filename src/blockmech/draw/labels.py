@@ -1,8 +1,9 @@
 """Labels beside what they name, and on nothing else.
 
 Places are tried around each anchor, near ones first; the one that covers least of
-what is drawn already is taken, over all frames of an animation, so that its labels
-keep their places beside what they name. All numbers are points of the page.
+what is drawn already is taken. In an animation a label keeps its place beside what it
+names as long as that is free, and slides to another one where a link comes over it: the
+shortest path through its places and the frames. All numbers are points of the page.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ DISTANCES = np.array([4.0, 7.0, 11.0, 16.0, 22.0, 29.0, 37.0, 46.0])  # [pt] to 
 LINE = 1.075 * TEXT  # [pt] height of a line of a label
 FAR = 1.5 * TEXT  # [pt] distance from which a label has a leader
 # Costs, one point of a line covered being 1: a point of another label; each point of
-# distance beyond the page; a leader; each point of distance.
-COVERED, OUTSIDE, LEADER, NEAR = 1e3, 1e4, 6.0, 0.2
+# distance beyond the page; a leader; each point of distance; each point that it slides from
+# one frame to the next.
+COVERED, OUTSIDE, LEADER, NEAR, SLID = 1e3, 1e4, 6.0, 0.2, 0.2
 
 Reals = NDArray[np.float64]
 Places = NDArray[np.complex128]
@@ -49,17 +51,20 @@ class Label:
 
 @dataclass(frozen=True)
 class Place:
-    """A place for a label: at which anchor (frames,), its middle and half size from there."""
+    """A place for a label in each frame: its anchor, its middle from there, and half its size.
+
+    ``anchor``, ``offset`` and ``far``, whether it needs a leader, are (frames,).
+    """
 
     label: Label
     anchor: Places
-    offset: complex
+    offset: Places
     half: complex
-    far: bool
+    far: NDArray[np.bool_]
 
     def centre(self, frame: int = 0) -> complex:
         """The middle of the label."""
-        return complex(self.anchor[frame]) + self.offset
+        return complex(self.anchor[frame] + self.offset[frame])
 
     @property
     def lines(self) -> list[tuple[str, float]]:
@@ -68,11 +73,13 @@ class Place:
         return [(line, LINE * ((len(lines) - 1) / 2 - i)) for i, line in enumerate(lines)]
 
     def leader(self, frame: int = 0) -> list[complex]:
-        """A line from the anchor to the label, if that stands far off."""
-        back, h = -self.offset, self.half
+        """A line from the anchor to the label; NaN where that stands near."""
+        if not self.far[frame]:
+            return [complex(math.nan), complex(math.nan)]
+        back, h = -complex(self.offset[frame]), self.half
         edge = complex(np.clip(back.real, -h.real, h.real), np.clip(back.imag, -h.imag, h.imag))
-        anchor, way = complex(self.anchor[frame]), self.offset + edge
-        return [anchor + 0.12 * way, anchor + 0.97 * way] if self.far else []
+        anchor, way = complex(self.anchor[frame]), edge - back
+        return [anchor + 0.12 * way, anchor + 0.97 * way]
 
 
 class Crowd:
@@ -107,15 +114,18 @@ class Crowd:
         beyond = np.maximum(np.abs(offsets.real) - half.real, 0)
         gap = np.hypot(beyond, np.maximum(np.abs(offsets.imag) - half.imag, 0)) - label.clearance
         anchors = np.asarray(label.anchors, complex)
-        costs = [
-            np.mean([self._cost(anchor[f], offsets, half, gap > FAR, f) for f in self._points], 0)
-            for anchor in anchors
-        ]
-        cost = np.array(costs) + NEAR * gap + LEADER * (gap > FAR)
+        own = NEAR * gap + LEADER * (gap > FAR)
         if label.prefer is not None:
-            cost += 1 - np.cos(np.angle(offsets) - label.prefer)
-        j, k = divmod(int(np.argmin(cost)), len(offsets))
-        place = Place(label, anchors[j], complex(offsets[k]), half, bool(gap[k] > FAR))
+            own = own + 1 - np.cos(np.angle(offsets) - label.prefer)
+        ways = []
+        for anchor in anchors:
+            covered = [self._cost(anchor[f], offsets, half, gap > FAR, f) for f in self._points]
+            ways.append((*_cheapest(np.array(covered) + own, offsets), anchor))
+        _, way, anchor = min(ways, key=lambda found: found[0])
+        frames, every = list(self._points), np.arange(anchor.size)
+        offset = np.interp(every, frames, offsets[way])
+        far = np.interp(every, frames, gap[way]) > FAR
+        place = Place(label, anchor, offset, half, far)
         for frame in self._points:
             self.add_line(place.leader(frame), COVERED, frame)
             for up in np.linspace(-half.imag, half.imag, math.ceil(2 * half.imag / STEP) + 1):
@@ -145,3 +155,20 @@ class Crowd:
         on &= np.abs(ways.imag) * np.abs(offsets)[:, None] < STEP
         cost += COVERED * (far & on.any(axis=1))
         return cost
+
+
+def _cheapest(cost: Reals, offsets: Places) -> tuple[float, NDArray[np.intp]]:
+    """Cost and numbers (frames,) of the places that cost least, with the ways between them.
+
+    ``cost`` is (frames, places).
+    """
+    slid = SLID * np.abs(offsets[:, None] - offsets)
+    total, came = cost[0], []
+    for row in cost[1:]:
+        before = total[:, None] + slid
+        came.append(before.argmin(axis=0))
+        total = before.min(axis=0) + row
+    way = [int(total.argmin())]
+    for back in reversed(came):
+        way.append(int(back[way[-1]]))
+    return float(total.min()), np.array(way[::-1])

@@ -91,6 +91,8 @@ class Page:
         axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", adjustable="box")
         axes.set(xlim=(self.corner.real, far.real), ylim=(self.corner.imag, far.imag))
         axes.xaxis.labelpad, axes.yaxis.labelpad = 1.5, 1.0
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.label.set_size(ink.SMALL)  # as all words beside a mechanism
         axes.locator_params(nbins=6)
         axes.grid(True)
         for i, (name, path) in enumerate(paths.items()):

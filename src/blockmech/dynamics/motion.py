@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from blockmech.series import SCANNED
+from blockmech.told import Told
 
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
@@ -94,8 +95,8 @@ def fact_unit(name: str, coordinate: str) -> str:
     return unit.format(q=coordinate, effort="N m" if coordinate == "rad" else "N")
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, repr=False)
+class Motion(Told):
     """The driver's motion from the start to what ended it.
 
     Attributes
@@ -141,6 +142,23 @@ class Motion:
     def reached(self) -> bool:
         """Whether the error estimate is within the target (True if there is none)."""
         return self.accuracy is None or self.error <= self.accuracy
+
+    def text(self, degrees: bool = False) -> str:
+        """What ended it, method, error and figures, one a line."""
+        return "\n".join(self.summary())
+
+    def summary(self, unit: str = "rad or m") -> list[str]:
+        """Lines about its end, method, error and figures; ``unit`` is the coordinates'."""
+        lines = [f"{self.status}: {self.end}, after {self.t_end:.12g} s"]
+        why = f" ({self.why})" if self.why else ""
+        lines.append(f"method {self.method}{why}, {self.cost.evaluations} kernel evaluations")
+        if math.isfinite(self.error):
+            clock = f", {self.time_error:.1e} s at the end" if self.time_error > 0 else ""
+            lines.append(f"estimated error {self.error:.1e} {unit}{clock}")
+        for name, x in self.figures().items():
+            said = f"{name.replace('_', ' ')} {x:.12g} {fact_unit(name, unit)}"
+            lines.append(said.rstrip())
+        return [*lines, *(f"note: {text}" for text in self.notes)]
 
     def at(self, t: Any) -> State:
         """State at times t [s], of any shape; NaN outside the run."""

@@ -13,6 +13,7 @@ from pydantic_core import to_json
 
 from blockmech.analysis.scan import TINY
 from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.told import Told
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
@@ -119,8 +120,8 @@ class GroupModes:
     note: str = ""
 
 
-@dataclass(frozen=True)
-class Modes:
+@dataclass(frozen=True, repr=False)
+class Modes(Told):
     """The modes of a mechanism's groups.
 
     Attributes
@@ -149,9 +150,6 @@ class Modes:
     def text(self, degrees: bool = False) -> str:
         """The modes as lines of text."""
         return "\n".join(_lines(self, degrees))
-
-    def __str__(self) -> str:
-        return self.text()
 
     def to_dict(self) -> dict[str, Any]:
         """The modes as a JSON object; null stands for infinity."""

@@ -7,6 +7,7 @@ of links and joints.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +19,8 @@ from blockmech.analysis.limits import Limits, limits
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.dyad_modes import Mode, branches, dyad_modes
-from blockmech.model.structure import JointRef
+from blockmech.model.joints.layout import Pose
+from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.closing import NEAR, triad_modes
 from blockmech.modes.connection import CHECKS, Connections, connect
 from blockmech.modes.found import (
@@ -34,6 +36,7 @@ from blockmech.modes.found import (
     Modes,
 )
 from blockmech.modes.groups import Outline, outline
+from blockmech.modes.search import NOTE, searched
 from blockmech.modes.standing import Standing
 from blockmech.modes.triad import Support
 from blockmech.samples import make_samples
@@ -122,7 +125,7 @@ class _Lister:
         try:
             triad = outline(block) if isinstance(block, GeneralGroup) else None
             if isinstance(block, GeneralGroup) and triad is None:
-                note = "only the modes of dyads and triads are listed"
+                every, note = [self._searched(name, block, s) for s in self.samples], NOTE
             else:
                 joints = (
                     triad.joints if triad else [j.name for j in block.joints.values() if j.outer]
@@ -144,6 +147,17 @@ class _Lister:
         )
         kind = f"{block.group_class} {block.kind}"
         return GroupModes(self.mechanism.said(name), kind, samples, tuple(arcs), note)
+
+    def _searched(self, name: str, group: GeneralGroup, stand: Standing) -> Sequence[Mode]:
+        """Modes that a search finds at a sample; none where an earlier group does not close."""
+        outer = [joint.name for joint in group.joints.values() if joint.outer]
+        at = zip(outer, self._supports(name, outer)(stand.drivers), strict=True)
+        held = {joint: Guide(s.p[0], s.u[0]) if isinstance(s, Guide) else s[0] for joint, s in at}
+        if not all(np.isfinite(support).all() for support in held.values()):
+            return ()
+        links = {link: stand.links[LinkRef(name, link)] for link in group.link_names}
+        own = {link: Pose(complex(o), cmath.phase(complex(e))) for link, (o, e) in links.items()}
+        return searched(group, held, self._driven(name, stand.drivers), own)
 
     def _modes(self, name: str, triad: Outline | None, supports: Supports) -> list[Sequence[Mode]]:
         """The modes of a dyad or triad at each sample."""

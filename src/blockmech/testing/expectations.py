@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
 NO_SIZE = "every expected number is 0, so only an atol allows an error"
 
+RECORDED = 5  # samples of a recorded output, over the range of the laws of motion
+KEPT = 1e-9  # relative tolerance of what is recorded: rounding, times a conditioning of 1e6
+
 
 class Expecting(Protocol):
     """A graph or linkage; what it expects stands in its ``extras``."""
@@ -177,6 +180,40 @@ def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
     if found.motion.end == "interrupted":
         raise KeyboardInterrupt
     return found
+
+
+def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
+    """What some outputs are now, as entries of ``expect``: one each, at `RECORDED` samples.
+
+    They hold a mechanism to what it does today, which nothing else has checked; their source
+    says so. Raises `RequestError` for outputs that a file cannot hold, and where a law of
+    motion is not by coordinate, `SampleError` where a sample has no answer.
+    """
+    blocks = mechanism.of_blocks
+    begun = {d: mechanism.scene.begin(d) for d in mechanism.drivers}
+    laws = all(d in mechanism.scene.drive for d in mechanism.drivers)
+    taken = blocks.samples(None, RECORDED, None, None, None) if laws else None
+    rows = {
+        d: [float(begun[d] or 0.0)] if taken is None else taken.coordinate(i).tolist()
+        for i, d in enumerate(mechanism.drivers)
+    }
+    result = mechanism.run(rows, want=want)
+    found = []
+    for name in result:
+        if result.output(name).kind not in ("real", "vector", "number"):
+            raise _refusal(name, f"it is a {result.output(name).kind}", "record real outputs")
+        values = np.atleast_1d(result[name])
+        pairs = np.iscomplexobj(values)
+        listed_ = [[z.real, z.imag] for z in values.tolist()] if pairs else values.tolist()
+        size = float(np.abs(values).max(initial=0.0)) or 1.0
+        source = "recorded from blockmech, checked by nothing else"
+        wanted, near = {name: listed_}, KEPT * size
+        found.append(Expectation(source=source, at=rows, want=wanted, rtol=KEPT, atol=near))
+    return found
+
+
+def _refusal(where: str, found: str, remedy: str) -> RequestError:
+    return RequestError(Problem("bad-request", where, found, "", remedy))
 
 
 def check_closing(mechanism: Mechanism) -> None:

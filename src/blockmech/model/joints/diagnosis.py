@@ -18,10 +18,11 @@ from blockmech.assur.groups import Unit
 from blockmech.assur.rank import TooTangledError
 from blockmech.assur.rigidity import Rigidity, rigidity
 from blockmech.errors import Problem, listed, path_text
-from blockmech.model.joints.closing import Gap, gaps
+from blockmech.model.joints.closing import Closing, Gap, gaps
 from blockmech.model.joints.contents import FRAME
-from blockmech.model.joints.layout import Layout, Poses
+from blockmech.model.joints.layout import Connection, Layout, Poses
 from blockmech.model.joints.special import MOST_LINKS, special_geometry
+from blockmech.values import MILLI
 
 EACH = "each freedom has one driver"
 FORMULA = "3n - 2p is {counted}, but the mobility is {mobility}"
@@ -208,7 +209,36 @@ def does_not_close(layout: Layout) -> list[Problem]:
     where = path_text(("joints", c.name.split(".")[0]))
     valid = '"pose" is approximate, "at" is exact'
     remedy = f"check the places of {c.name} on {c.first} and {c.second}, or give better poses"
+    remedy = _slip(layout) or remedy
     return [Problem("does-not-close", where, found, valid, remedy)]
+
+
+def _slip(layout: Layout) -> str:
+    """The link whose places in mm, or in m among mm, let all joints close near their poses.
+
+    A slip shows in that the lengths are more alike without it.
+    """
+    given = list(layout.pairs.values())
+    tried = []
+    for link in (FRAME, *layout.links):
+        for factor, times in MILLI.items():
+            ends = [
+                [x * (factor if k == link else 1) for k, x in zip(c.links, c.at, strict=True)]
+                for c in given
+            ]
+            pairs = [replace(c, at=(one, two)) for c, (one, two) in zip(given, ends, strict=True)]
+            tried.append((_spread(pairs), link, times, pairs))
+    spread, link, times, pairs = min(tried, key=lambda x: x[0])
+    closing = Closing(layout.links, pairs, layout.size, {})
+    if spread >= _spread(given) or not closing.closed(closing.refine(layout.given)):
+        return ""
+    return f"they close with the places on {link} {times}: are they in mm? Lengths are in m"
+
+
+def _spread(pairs: Iterable[Connection]) -> float:
+    """The largest distance of a joint from its link's origin by the smallest."""
+    sizes = [abs(x) for c in pairs for x in c.at if x]
+    return max(sizes, default=1.0) / min(sizes, default=1.0)
 
 
 def _gape(gap: Gap) -> str:

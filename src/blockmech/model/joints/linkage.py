@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from blockmech.errors import GraphError, Problem, listed, path_text
+from blockmech.errors import GraphError, Problem, close_match, listed, path_text
 from blockmech.loads.contract import Element
 from blockmech.model.document import Document
 from blockmech.model.form import Draft, bad_name
 from blockmech.model.joints.contents import (
+    FRAME,
     LINKAGE_FILE,
     LOADS,
     JointGiven,
@@ -21,7 +23,7 @@ from blockmech.model.joints.references import reference_problems
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
-from blockmech.values import Vector, is_name
+from blockmech.values import Marker, Vector, is_name
 
 if TYPE_CHECKING:
     from blockmech.friction.laws import Coulomb
@@ -158,6 +160,35 @@ class Linkage(Document):
         """
         given = {"type": kind, "links": list(links), "at": list(at), "angle": angle, "dir": dir}
         self._add("joint", name, given | {"slider": slider, "friction": friction}, kind)
+
+    def add_pin(
+        self, name: str, links: Sequence[str], point: AnyPlace, *, friction: Coulomb | None = None
+    ) -> None:
+        """Add a pin between links, where it is in the world in the poses that they were given.
+
+        A link without a pose gets the pose zero, so that its places are those of the drawing.
+
+        Parameters
+        ----------
+        links : names of two links or more, added before; "frame" is the fixed one
+        point : place [m] in the world
+
+        Raises `GraphError` for links that there are not, or what does not fit.
+        """
+        unknown = [link for link in links if link not in self.links and link != FRAME]
+        if unknown:
+            found, known = f'no link "{unknown[0]}"', f"links: {listed([FRAME, *self.links])}"
+            remedy = close_match(unknown[0], self.links) or "add it first: its pose counts"
+            raise GraphError(Problem("unknown-link", f"joints.{name}.links", found, known, remedy))
+        z, poses = Marker(at=point).at.z, []
+        drawn = {FRAME: LinkGiven(pose=(0.0, 0.0, 0.0))} | self.links
+        for link in links:
+            if drawn[link].pose is None:
+                drawn[link] = drawn[link].model_copy(update={"pose": (0.0, 0.0, 0.0)})
+            poses.append(drawn[link].at)
+        at = [(z - o) * cmath.rect(1.0, -angle) for o, angle in poses]
+        self.add_joint(name, "R", links, at, friction=friction)
+        self.links.update((link, drawn[link]) for link in links if link in self.links)
 
     def add_driver(self, name: str, joint: str, law: LawOfMotion | None = None) -> None:
         """Drive the coordinate of a joint, by a law of motion if one is given.

@@ -1,0 +1,23 @@
+"""Answers that are told as text: alike at a prompt, in a notebook and on the command line."""
+
+from __future__ import annotations
+
+import html
+from abc import ABC, abstractmethod
+
+
+class Told(ABC):
+    """What is told as lines of text wherever it is shown."""
+
+    @abstractmethod
+    def text(self, degrees: bool = False) -> str:
+        """The lines; angles in degrees if asked for."""
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.text())}</pre>"

@@ -1,0 +1,131 @@
+"""At a prompt and in a notebook: answers are tables, mechanisms draw themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.draw import animate
+from tests.gallery import GRAPHS
+
+RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+
+
+def moved(mechanism: bm.Mechanism) -> bm.Result:
+    return mechanism.simulate("time=0.1", start={"crank": (0.0, 5.0)}, friction="none")
+
+
+ANSWERS: dict[str, tuple[Callable[[bm.Mechanism], Any], str]] = {
+    "limits": (lambda m: m.limits(), "crank.q: turns fully"),
+    "modes": (lambda m: m.modes(arcs=False), "2 modes"),
+    "verify": (lambda m: m.verify(samples=3), "allowed"),
+    "extremes": (lambda m: m.extremes("dyad.margin"), "minimum"),
+    "motion": (
+        lambda m: m.simulate("time=0.1", start={"crank": (0.0, 5.0)}, friction="none").motion,
+        "method",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_an_answer_is_its_text_wherever_it_is_shown(name: str) -> None:
+    ask, word = ANSWERS[name]
+    found = ask(RUIZ.compile())
+    assert word in repr(found)
+    assert repr(found) == str(found)
+    assert word in found._repr_html_()
+    assert "(" + name not in repr(found).lower()  # no dump of fields
+
+
+@pytest.mark.parametrize("name", ["ruiz_fourbar", "fivebar_falling"])
+def test_linkages_and_mechanisms_draw_themselves(name: str) -> None:
+    linkage = bm.Linkage.load(GRAPHS / "joints" / f"{name}.json")
+    svg = linkage._repr_svg_()
+    assert svg is not None
+    assert svg == linkage.compile()._repr_svg_()
+    assert svg.count("<path") > 10
+    linkage.joints.clear()
+    assert linkage._repr_svg_() is None  # of an unfinished one a notebook shows its words
+
+
+# ---- names in an animation ----------------------------------------------------------------
+
+
+def boxes(film: Any, frame: int) -> list[tuple[complex, complex]]:
+    return [(place.centre(frame), place.half) for place in film.names]
+
+
+@pytest.mark.parametrize("name", ["joints/ruiz_fourbar", "watt_sixbar"])
+def test_names_in_an_animation_lie_neither_on_each_other_nor_on_pins(name: str) -> None:
+    kind: Any = bm.Linkage if "/" in name else bm.Graph
+    film = animate(kind.load(GRAPHS / f"{name}.json"), frames=24)
+    page, seen = film.page, len(film.captions)
+    pins = [shape for shape in film.shapes if shape.what.startswith("pin:")]
+    assert len(pins) >= 4
+    for k in range(0, seen, 2):
+        found = boxes(film, k)
+        for i, (a, half) in enumerate(found):
+            for b, other in found[i + 1 :]:
+                apart, room = a - b, half + other
+                assert abs(apart.real) >= room.real - 3 or abs(apart.imag) >= room.imag - 3
+            for pin in pins:
+                z = complex(page.points(pin.at(k))[0]) - a
+                assert abs(z.real) > half.real - 1.5 or abs(z.imag) > half.imag - 1.5
+
+
+# ---- pins in the world --------------------------------------------------------------------
+
+
+def test_pins_in_the_world_are_joints_in_the_links_own_frames() -> None:
+    poses = {"crank": (0.0, 0.0, 1.0), "rod": (0.5, 0.8, 0.3), "rocker": (2.5, 0.0, 1.9)}
+    pins = {
+        "A": (["frame", "crank"], (0.0, 0.0)),
+        "B": (["crank", "rod"], (0.54, 0.84)),
+        "C": (["rod", "rocker"], 1.9 + 1.8j),
+        "D": (["frame", "rocker"], (2.5, 0.0)),
+    }
+    found = []
+    for given in (poses, dict.fromkeys(poses)):  # in frames of their own, and drawn in one
+        m = bm.Linkage("drawn")
+        for link, pose in given.items():
+            m.add_link(link, pose=pose)
+        for name, (links, point) in pins.items():
+            m.add_pin(name, links, point)
+        m.add_driver("motor", "A")
+        first = m.links["crank"].pose
+        assert first is not None
+        q = first[2]
+        run = m.run(at=[q, q + 0.5], rates=1.0, want=["link.rod.p", "link.*.omega"])
+        x, y, _ = m.links["rod"].pose or (np.nan, np.nan, 0.0)
+        assert run["link.rod.p"][0] == pytest.approx(complex(x, y), abs=1e-12)
+        found.append(run)
+    for name in list(found[0])[1:]:
+        np.testing.assert_allclose(found[0][name], found[1][name], rtol=0, atol=1e-12)
+
+
+def test_a_pin_of_a_link_that_is_not_there_names_those_that_are() -> None:
+    m = bm.Linkage("drawn")
+    m.add_link("crank")
+    with pytest.raises(bm.GraphError, match=r'joints\.A\.links: no link "crnk".*"crank"'):
+        m.add_pin("A", ["frame", "crnk"], (0.0, 0.0))
+
+
+def test_recorded_outputs_hold_a_file_to_what_it_does(call: Any, tmp_path: Any) -> None:
+    file = tmp_path / "ruiz.json"
+    RUIZ.save(file)
+    assert call("test", file, "--record", "crank.drive,dyad.C.p").code == 0
+    assert [list(e.want) for e in bm.Graph.load(file).extras["expect"]] == [
+        ["crank.drive"],
+        ["dyad.C.p"],
+    ]
+    assert call("test", file).code == 0
+    heavier = bm.Graph.load(file)
+    heavier.gravity = (0.0, -0.001)
+    heavier.save(file)
+    said = call("test", file)
+    assert said.code == 1
+    assert "FAILS" in said.out
