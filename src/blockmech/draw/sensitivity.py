@@ -46,10 +46,12 @@ def sensitivity_figure(found: Sensitivity) -> Any:
     """The picture of sensitivities, a column wide."""
     ranked = {name: _moving(found, name) for name in list(found)[:PANELS]}
     heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
+    n = found.result.n
+    over = "one sample" if n == 1 else f"{n} samples"
     said = (
         f"{shown_name(found.result.mechanism.name, 40)}: largest change of an output over "
-        f"{found.result.n} samples by a hundredth of a number, of a zero by that of the largest "
-        "of its unit. Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
+        f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
+        "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
     )
     with styled():
         lines = wrapped(said, ink.SMALL, ink.COLUMN - 10)

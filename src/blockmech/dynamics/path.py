@@ -335,7 +335,8 @@ class PathRun:
         turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
         some = abs(turn.gain) <= 16 * self.rounding * turn.panels.size  # of some panels
         last, self.gained = self.gained, abs(turn.gain)
-        if self.system.lossless or (some and not 0 < self.gained < last):
+        settled = self.place_only or not 0 < self.gained < last
+        if self.system.lossless or (some and settled):
             turn = replace(turn, gain=0.0)
         found = None
         if start.K > 0 and (self.place_only or not turn.gain):

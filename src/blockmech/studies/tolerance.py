@@ -94,12 +94,13 @@ class Tolerance(Mapping[str, Array]):
         return self.text()
 
     def _table(self, output: str) -> Iterator[str]:
-        deviation, unit = self[output], self.sensitivity.result.unit(output)
+        run = self.sensitivity.result
+        deviation, unit = self[output], run.unit(output)
         if not np.isfinite(deviation).any():
             yield f"{output}: no answer"
             return
         k = int(np.nanargmax(deviation))
-        at = ", ".join(f"{d} = {q[k]:.6g}" for d, q in self.sensitivity.result.drivers.items())
+        at = ", ".join(f"{d} = {q[k]:.6g} {run.unit_of_driver(d)}" for d, q in run.drivers.items())
         yield f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip() + f", at {at}"
         if output in self.sampled:
             found = self.sampled[output]
