@@ -328,15 +328,16 @@ class PathRun:
         """A turn without a standstill: it repeats, with more energy or less each time.
 
         Loads of the rate and friction repeat once the energy is what it was a turn before: its
-        gains are rounding, and fall no more.
+        gains are rounding, and fall no more where turns to come are counted.
         """
         assert self.mark is not None
         start = self.mark[1]
         turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
         some = abs(turn.gain) <= 16 * self.rounding * turn.panels.size  # of some panels
         last, self.gained = self.gained, abs(turn.gain)
-        settled = self.place_only or not 0 < self.gained < last
-        if self.system.lossless or (some and settled):
+        counted = self.goals.t < math.inf or self.goals.places  # the turns to come are
+        falling = counted and not self.place_only and 0 < self.gained < last
+        if self.system.lossless or (some and not falling):
             turn = replace(turn, gain=0.0)
         found = None
         if start.K > 0 and (self.place_only or not turn.gain):
