@@ -169,6 +169,7 @@ NOT_FROM_FILES = {
     "too-tangled",  # a general group of hundreds of links
     "not-json",  # data added in Python
     "unknown-attribute",  # set in Python
+    "unknown-parameter",  # Graph.replace, studies
     "user-function",  # a law that is a function of Python
     "wrong-function",  # likewise
     "unreachable",  # a remark

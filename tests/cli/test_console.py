@@ -32,6 +32,8 @@ DONE = {
     "extremes": ["extremes", "FILE", "dyad.transmission_angle"],
     "checks": ["verify", "FILE"],
     "a trade": ["trade", "FILE", "--budget", "1s"],
+    "designs": ["sweep", "FILE", "--vary", "dyad.l_i=5.5:6:3", "--want", "max_abs(crank.drive)"],
+    "derivatives": ["sensitivity", "FILE", "--want", "crank.drive", "--at", "60deg"],
     "a free motion": ["simulate", "watt_sixbar", "--until", "time=0.1"],
     "expected numbers": ["test", "watt_sixbar"],
     "the gallery": ["new"],
