@@ -39,7 +39,7 @@ def ctrl_c():
 def test_ctrl_c_while_modules_are_loaded(called, seen, tmp_path):
     """That takes most of the first half second."""
     script = tmp_path / "blockmech"  # what an installer writes
-    script.write_text("import sys\nfrom blockmech.cli import main\nsys.exit(main())\n")
+    script.write_text("import sys\nfrom blockmech.cli import main\nsys.exit(main())\n", "utf-8")
     words = ["-m", "blockmech"] if called == "module" else [str(script)]
     run = subprocess.Popen(
         [sys.executable, "-X", "importtime", *words, "run", SIXBAR],
@@ -70,7 +70,7 @@ def test_while_pictures_are_drawn_the_numbers_are_there(call, tmp_path, monkeypa
     assert (said.code, said.out) == (130, "")
     assert said.err == "interrupted: the numbers are written, the pictures are not\n"
     assert {p.name for p in (tmp_path / "out").iterdir()} == {*NUMBERS}
-    assert json.loads((tmp_path / "out" / "result.json").read_text())["samples"] == 3
+    assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))["samples"] == 3
 
 
 @pytest.mark.parametrize("times", [1, 2])
@@ -118,7 +118,7 @@ def test_a_simulation_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
     assert (said.code, said.err) == (130, "interrupted\n")
     assert "ended: interrupted, after" in said.out
     assert {p.name for p in (tmp_path / "out").iterdir()} == {*NUMBERS}
-    assert json.loads((tmp_path / "out" / "result.json").read_text())["samples"] == 201
+    assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))["samples"] == 201
 
 
 def test_a_trade_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):

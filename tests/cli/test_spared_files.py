@@ -62,7 +62,7 @@ def test_a_library_saves_onto_its_own_file(ruiz):
 def test_pictures_of_an_earlier_run_do_not_stay_beside_new_numbers(call, ruiz, tmp_path):
     out = tmp_path / "out"
     assert call("run", ruiz, "--samples", "5", "--out", out).code == 0
-    (out / "notes.txt").write_text("mine")
+    (out / "notes.txt").write_text("mine", "utf-8")
     again = call(
         "run", ruiz, "--samples", "5", "--friction", "none", "--want", "*.drive", "--out", out
     )
@@ -72,9 +72,9 @@ def test_pictures_of_an_earlier_run_do_not_stay_beside_new_numbers(call, ruiz, t
 
 def test_a_users_own_picture_stays_where_no_run_was_written(call, ruiz, tmp_path):
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "energy.png").write_text("mine")
+    (tmp_path / "out" / "energy.png").write_text("mine", "utf-8")
     assert call("run", ruiz, "--samples", "5", "--out", tmp_path / "out").code == 0
-    assert (tmp_path / "out" / "energy.png").read_text() == "mine"
+    assert (tmp_path / "out" / "energy.png").read_text("utf-8") == "mine"
 
 
 def test_every_picture_of_a_folder_is_known(tmp_path, monkeypatch):
