@@ -135,7 +135,7 @@ def assert_honest(motion, truth):
         assert any("accuracy not reached" in note for note in motion.notes)
 
 
-def sweep(name, run, method, targets):
+def assert_honest_at_all(name, run, method, targets):
     """Honest at every target."""
     truth = reference(name, run)
     for target in targets:

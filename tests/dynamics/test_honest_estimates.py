@@ -22,9 +22,9 @@ from tests.dynamics.honesty import (
     Run,
     agree,
     assert_honest,
+    assert_honest_at_all,
     mechanism,
     moved,
-    sweep,
 )
 
 STARTS = [  # of machines with several drivers: span [s], a start for each driver
@@ -46,13 +46,13 @@ def test_every_graph_of_the_gallery_is_swept():
 
 @pytest.mark.parametrize(("name", "run"), CASES)
 def test_estimates_hold(name, run):
-    sweep(name, run, "auto", TARGETS)
+    assert_honest_at_all(name, run, "auto", TARGETS)
 
 
 @pytest.mark.parametrize("name", [name for name in RUNS if name not in DEAR])
 def test_integrators_are_honest(name):
     for method, target in (("dop853", 1e-6), ("lsoda", 1e-5), ("rk4", 1e-3)):
-        sweep(name, RUNS[name][1][-1], method, (target,))
+        assert_honest_at_all(name, RUNS[name][1][-1], method, (target,))
 
 
 @pytest.mark.parametrize(("name", "span", "start"), STARTS)

@@ -26,7 +26,7 @@ def sines_agree(angles):
     )
 
 
-def agree(mech, **request):
+def assert_agreement(mech, **request):
     request["on_gap"] = "mark"
     one = mech.run(**request, engine="scalar")
     many = mech.run(**request, engine="numpy")
@@ -51,19 +51,19 @@ def agree(mech, **request):
     ids=["ruiz", "toggle", "watt", "chain"],
 )
 def test_engines_agree_to_the_last_bit_on_hand_made_graphs(make, friction):
-    agree(make().compile(), samples=60, friction=friction)
+    assert_agreement(make().compile(), samples=60, friction=friction)
 
 
 @given(case=mechanisms())
 @settings(max_examples=15)
 def test_engines_agree_to_the_last_bit_on_random_graphs(case):
     mech = case.graph.compile()
-    agree(mech, **case.request)
-    agree(mech, **swept(case, 12))
+    assert_agreement(mech, **case.request)
+    assert_agreement(mech, **swept(case, 12))
 
 
 def test_engines_agree_where_friction_is_decided_by_continuation():
-    agree(ruiz(radius=2.0).compile(), at=np.linspace(0.05, 6.2, 25))
+    assert_agreement(ruiz(radius=2.0).compile(), at=np.linspace(0.05, 6.2, 25))
 
 
 def test_one_pose_is_a_batch_of_one():

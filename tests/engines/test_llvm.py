@@ -38,7 +38,7 @@ FORCES = ("*.reaction", "*.drive", "*.alpha")
 NOT_CLOSED = "it follows a group without closed form from its home"
 
 
-def same(mech, **request):
+def assert_same(mech, **request):
     """Both engines' results of a request, which are the same to the last bit."""
     request["on_gap"] = "mark"
     one, many = (mech.run(**request, engine=name) for name in ("scalar", "llvm"))
@@ -63,7 +63,7 @@ def test_the_gallery_is_the_same_to_the_last_bit(name):
     request = request_of(mech, 21)
     for method in METHODS if mech.frictional_joints else ["none"]:
         try:
-            same(mech, **request, want=FORCES, friction=method)
+            assert_same(mech, **request, want=FORCES, friction=method)
         except bm.RequestError as error:
             assert NOT_CLOSED in str(error)  # noqa: PT017
             assert any(b.own_form for b in mech.structure.blocks.values())
@@ -73,21 +73,21 @@ def test_the_gallery_is_the_same_to_the_last_bit(name):
 @settings(max_examples=8)
 def test_random_mechanisms_are_the_same_to_the_last_bit(case):
     mech = case.graph.compile()
-    same(mech, **swept(case, 12), want=FORCES)
+    assert_same(mech, **swept(case, 12), want=FORCES)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_impossible_samples_lose_the_same_values(name):
-    same(CASES[name].compile(), at=SAMPLES)
+    assert_same(CASES[name].compile(), at=SAMPLES)
 
 
 def test_every_output_and_every_load_is_the_same():
-    same(watt(spring=2.0, friction=True).compile(), samples=60)
-    same(toggle().compile(), samples=60)
+    assert_same(watt(spring=2.0, friction=True).compile(), samples=60)
+    assert_same(toggle().compile(), samples=60)
 
 
 def test_samples_that_need_continuation_are_done_again():
-    found = same(ruiz(radius=2.0).compile(), at=np.linspace(0.05, 6.2, 13), want=FORCES)
+    found = assert_same(ruiz(radius=2.0).compile(), at=np.linspace(0.05, 6.2, 13), want=FORCES)
     assert {f.code for f in found.quality.flags} & {"by-continuation"} or found.quality.gaps
 
 

@@ -120,11 +120,12 @@ def _interrupted(found: Trade) -> bool:
 
 def _written(found: Trade, out: str | None, plot: str | None) -> list[Path]:
     """The files that are asked for, written: first the numbers, then the picture."""
-    from blockmech.draw.trade import draw_trade
+    from blockmech.draw.paper import plotted
+    from blockmech.draw.trade import trade_figure
 
     if out is None:
         with progress_bar("drawing"):
-            return [draw_trade(found, plot)] if plot is not None else []
+            return [plotted(trade_figure, found, plot)] if plot is not None else []
     home = Path(out)
     csv, json, picture = (home / name for name in FILES)
     outdated = FILES if os.path.exists(json) else ()
@@ -137,7 +138,7 @@ def _written(found: Trade, out: str | None, plot: str | None) -> list[Path]:
         return [csv, json]
     try:
         with progress_bar("drawing"):
-            return [csv, json, draw_trade(found, picture)]
+            return [csv, json, plotted(trade_figure, found, picture)]
     except KeyboardInterrupt:
         raise Interrupted(UNDRAWN) from None
 

@@ -9,12 +9,11 @@ from typing import Any
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import (
     new_figure,
+    plotted,
     scaled_unit,
     shown_name,
     styled,
-    suffix_of,
     wrapped,
-    write_figure,
 )
 from blockmech.runnable import giving
 from blockmech.studies.differentiate import sensitivity as derived
@@ -29,17 +28,11 @@ class PlottedSensitivity(Sensitivity):
 
     def plot(self, path: str | os.PathLike[str]) -> Path:
         """Draw the ranked bars of the first outputs (png, svg or pdf)."""
-        return draw_sensitivity(self, path)
+        return plotted(sensitivity_figure, self, path)
 
 
 sensitivity = giving(PlottedSensitivity, derived)
 """`blockmech.studies.differentiate.sensitivity`, which can be drawn."""
-
-
-def draw_sensitivity(found: Sensitivity, path: str | os.PathLike[str]) -> Path:
-    """Write the picture of sensitivities; the suffix says the format (png, svg, pdf)."""
-    suffix = suffix_of(path)
-    return write_figure(sensitivity_figure(found), path, suffix)
 
 
 def sensitivity_figure(found: Sensitivity) -> Any:

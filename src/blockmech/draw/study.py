@@ -16,13 +16,12 @@ import numpy as np
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import (
     new_figure,
+    plotted,
     scaled_unit,
     shown_name,
     styled,
-    suffix_of,
     text_width,
     wrapped,
-    write_figure,
 )
 from blockmech.errors import Problem, RequestError
 from blockmech.export import Column
@@ -46,16 +45,10 @@ class PlottedStudy(Study):
 
         Raises `RequestError` for another suffix, or where there is nothing to draw.
         """
-        return draw_study(self, path)
+        return plotted(study_figure, self, path)
 
 
 study = giving(PlottedStudy, studied)
-
-
-def draw_study(study: Study, path: str | os.PathLike[str]) -> Path:
-    """Write the picture of a study; the suffix says the format (png, svg, pdf)."""
-    suffix = suffix_of(path)
-    return write_figure(study_figure(study), path, suffix)
 
 
 def study_figure(study: Study) -> Any:

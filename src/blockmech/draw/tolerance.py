@@ -13,12 +13,11 @@ from blockmech.draw.curves import abscissa, values
 from blockmech.draw.paper import (
     legend_above,
     new_figure,
+    plotted,
     scaled_unit,
     shown_name,
     styled,
-    suffix_of,
     wrapped,
-    write_figure,
 )
 from blockmech.runnable import giving
 from blockmech.studies.tolerance import Tolerance
@@ -34,7 +33,7 @@ class PlottedTolerance(Tolerance):
 
     def plot(self, path: str | os.PathLike[str]) -> Path:
         """Draw the first outputs with their bands and deviations (png, svg or pdf)."""
-        return write_figure(tolerance_figure(self), path, suffix_of(path))
+        return plotted(tolerance_figure, self, path)
 
 
 tolerance = giving(PlottedTolerance, found_of)

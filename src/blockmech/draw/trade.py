@@ -17,11 +17,10 @@ from blockmech.draw import palette as ink
 from blockmech.draw.paper import (
     legend_above,
     new_figure,
+    plotted,
     shown_name,
     styled,
-    suffix_of,
     wrapped,
-    write_figure,
 )
 from blockmech.runnable import giving
 
@@ -42,15 +41,10 @@ class PlottedTrade(Trade):
 
     def plot(self, path: str | os.PathLike[str]) -> Path:
         """Draw the work-precision diagram (png, svg or pdf)."""
-        return draw_trade(self, path)
+        return plotted(trade_figure, self, path)
 
 
 trade = giving(PlottedTrade, measured)
-
-
-def draw_trade(trade: Trade, path: str | os.PathLike[str]) -> Path:
-    """Write the picture of a trade; the suffix says the format (png, svg, pdf)."""
-    return write_figure(trade_figure(trade), path, suffix_of(path))
 
 
 def trade_figure(trade: Trade) -> Any:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from blockmech.engines import assembly
 from blockmech.engines.assembly import LANES
 from blockmech.engines.nodes import Node, Untraceable
-from blockmech.engines.numpy import Planar, _leaves
+from blockmech.engines.numpy import Planar, leaves
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.trace import Trace, filled, numbers
 from blockmech.errors import MissingEngineError, Problem
@@ -50,7 +50,7 @@ class LlvmEngine:
         self.program = program
         trace = Trace(program)
         self.values = trace.values
-        wanted = [x for x in _leaves(trace.values) if isinstance(x, Node) and x.op != "input"]
+        wanted = [x for x in leaves(trace.values) if isinstance(x, Node) and x.op != "input"]
         flag = functools.reduce(lambda a, b: a | b, trace.flags) if trace.flags else None
         rows = list(dict.fromkeys([*wanted, *([] if flag is None else [flag])]))
         self._row = {node: row for row, node in enumerate(rows)}
@@ -188,7 +188,7 @@ class LlvmEngine:
         """Flagged samples by the scalar engine."""
         for i in samples.tolist():
             found = scalar.one([float(c[i]) for c in columns])
-            for node, x in zip(_leaves(self.values), numbers(found), strict=True):
+            for node, x in zip(leaves(self.values), numbers(found), strict=True):
                 if isinstance(node, Node) and node.op != "input":
                     out[self._row[node], i] = x
 

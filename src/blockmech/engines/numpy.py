@@ -127,12 +127,12 @@ def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
     """Run ``one`` on each sample where the condition holds; see `blockmech.plane.repair`."""
     if not np.any(condition):
         return given
-    shape = np.broadcast_shapes((1,), *(np.shape(x) for x in _leaves((condition, given, data))))
+    shape = np.broadcast_shapes((1,), *(np.shape(x) for x in leaves((condition, given, data))))
     whole = each_part(lambda x: np.array(np.broadcast_to(x, shape)), given)
     for index in zip(*np.nonzero(np.broadcast_to(condition, shape)), strict=True):
         sample = each_part(lambda x, i=index: float(np.broadcast_to(x, shape)[i]), (given, *data))
         answer = one(*sample)
-        for room, x in zip(_leaves(whole), _leaves(answer), strict=True):
+        for room, x in zip(leaves(whole), leaves(answer), strict=True):
             room[index] = x
     return whole
 
@@ -159,9 +159,10 @@ def each_part(function: Any, value: Any, *more: Any) -> Any:
     return value if isinstance(value, bool) else function(value, *more)
 
 
-def _leaves(value: Any) -> list[Any]:
+def leaves(value: Any) -> list[Any]:
+    """The real batches in a nested tuple of batches, those of a vector one after the other."""
     if isinstance(value, tuple):
-        return [leaf for x in value for leaf in _leaves(x)]
+        return [leaf for x in value for leaf in leaves(x)]
     return [value.real, value.imag] if isinstance(value, Planar) else [value]
 
 
@@ -249,7 +250,7 @@ class NumpyEngine:
                 if n <= chunk:
                     return tuple(each_part(lambda x: _column(x, n), values))
                 found = found or self._rooms(values, n)
-                for room, value in zip(_leaves(found), _leaves(values), strict=True):
+                for room, value in zip(leaves(found), leaves(values), strict=True):
                     if room.flags.writeable:
                         room[part] = value
         return found
@@ -272,7 +273,7 @@ class NumpyEngine:
         def plain(x: Any) -> bool:
             return np.ndim(x) == 1 and x.dtype == self.dtype
 
-        block = iter(np.empty((sum(map(plain, _leaves(values))), n), self.dtype))
+        block = iter(np.empty((sum(map(plain, leaves(values))), n), self.dtype))
         return tuple(each_part(lambda x: next(block) if plain(x) else _column(x, n, True), values))
 
     def _rounded(self, name: str, column: Any) -> NDArray[Any]:

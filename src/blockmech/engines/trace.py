@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 from blockmech.engines.binding import bind
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, Untraceable
-from blockmech.engines.numpy import Planar, _leaves, imul, mul
+from blockmech.engines.numpy import Planar, imul, leaves, mul
 from blockmech.plan import Program
 from blockmech.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
 
@@ -72,10 +72,10 @@ class Trace:
         """The state after a loop: nodes "after" of it."""
         if self._open:
             raise Untraceable("a loop in a loop")
-        made = Loop(self, cap, _leaves(state))
+        made = Loop(self, cap, leaves(state))
         inside = iter(made.state)
         self._open = True
-        made.ahead = _leaves(step(filled(state, lambda: next(inside)), *data))
+        made.ahead = leaves(step(filled(state, lambda: next(inside)), *data))
         self._open = False
         after = (Node(self, "after", (made, i), SAMPLE) for i in range(len(made.state)))
         return filled(state, lambda: next(after))
@@ -108,7 +108,7 @@ def filled(value: Any, fresh: Callable[[], Any], pair: Callable[..., Any] = Plan
 
 
 def _trace_of(*values: Any) -> Trace | None:
-    return next((x.trace for x in _leaves(values) if isinstance(x, Node)), None)
+    return next((x.trace for x in leaves(values) if isinstance(x, Node)), None)
 
 
 def _flat(name: str, function: Callable[..., float]) -> Callable[..., Any]:
