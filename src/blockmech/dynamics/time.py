@@ -271,14 +271,16 @@ class Run:
                 return self._given_up()
             if solver.t == solver.t_old:
                 continue
-            self.longest = max(self.longest, solver.t - solver.t_old)
             hits = lookout.in_step(solver.t_old, solver.t, solver.y, dense)
             self._note(hits, dense)
-            if hits and hits[-1].rule.terminal:
-                t, y = self._exactly(hits[-1], solver.t_old, self.y, dense)
-                self._took(t, y, dense)
-                return hits[-1]
-            self._took(solver.t, solver.y, dense)
+            met = hits[-1] if hits and hits[-1].rule.terminal else None
+            t, y = solver.t, solver.y
+            if met is not None:
+                t, y = self._exactly(met, solver.t_old, self.y, dense)
+            self.longest = max(self.longest, t - solver.t_old)  # what an event cuts off is none
+            self._took(t, y, dense)
+            if met is not None:
+                return met
         return None
 
     def _exactly(self, hit: Hit, t0: float, y0: Floats, dense: Any) -> tuple[float, Floats]:
