@@ -228,12 +228,20 @@ class Run:
         if self.equation.drivers > 1:
             length = loads.largest_length
             spans = [TURN if turns else length(structure) for turns in self.system.rotary]
-        lookout = Lookout.at(self._rules(), parts, spans, self.t, self.y, self.fired)
+        lookout = Lookout.at(self._rules(), parts, spans, self.t, self.y, self._happened())
         self.fired = None
         hit = self._integrated(lookout, bound)
         if isinstance(hit, Verdict):
             return hit
         return None if hit is None else self._met(hit)
+
+    def _happened(self) -> set[tuple[str, int]]:
+        """Events (kind, index) at this very place: several pairs may reverse at once."""
+        friction, fired = self.system.friction, self.fired
+        reversing = [] if friction is None else friction.reversing(float(self.y[0]))
+        return {(REVERSAL, j) for j in reversing} | (
+            {(fired.kind, fired.index)} if fired else set()
+        )
 
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
         if self.method in STEPPERS:
