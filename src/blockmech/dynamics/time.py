@@ -238,10 +238,10 @@ class Run:
     def _happened(self) -> set[tuple[str, int]]:
         """Events (kind, index) at this very place: several pairs may reverse at once."""
         friction, fired = self.system.friction, self.fired
-        reversing = [] if friction is None else friction.reversing(float(self.y[0]))
-        return {(REVERSAL, j) for j in reversing} | (
-            {(fired.kind, fired.index)} if fired else set()
-        )
+        found = set() if fired is None else {(fired.kind, fired.index)}
+        if friction is not None:
+            found |= {(REVERSAL, j) for j in friction.reversing(float(self.y[0]))}
+        return found
 
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
         if self.method in STEPPERS:
