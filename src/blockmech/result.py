@@ -230,8 +230,12 @@ class Result(Exported):
 
     def first(self, n: int) -> Result:
         """The first n samples."""
-        values = tuple(_cut(self._column(i), n) for i in range(len(self._values)))
-        taken = self.samples.first(n)
+        return self.only(slice(n))
+
+    def only(self, rows: slice) -> Result:
+        """Some of the samples."""
+        values = tuple(_cut(self._column(i), rows) for i in range(len(self._values)))
+        taken = self.samples.only(rows)
         cut = Result(
             self.mechanism, self.plan, taken, values, self.engine, self.settings, self.motion
         )
@@ -335,7 +339,7 @@ def _real(column: Any) -> Any:
     return column.real if isinstance(column, Planar) else column
 
 
-def _cut(value: Any, n: int) -> Any:
+def _cut(value: Any, rows: slice) -> Any:
     if isinstance(value, Planar):
-        return Planar(value.real[:n], value.imag[:n])
-    return value[:n]
+        return Planar(value.real[rows], value.imag[rows])
+    return value[rows]

@@ -48,10 +48,11 @@ class Samples:
         motions = (x for name, x in self.inputs.items() if name[:2] == "qd")
         return not any(x[0] or np.any(x) for x in motions)  # the first mostly tells
 
-    def first(self, n: int) -> Samples:
-        """The first n samples."""
-        inputs = {k: v[:n] for k, v in self.inputs.items()}
-        return Samples(n, inputs, None if self.times is None else self.times[:n], self.clock)
+    def only(self, rows: slice) -> Samples:
+        """Some of the samples."""
+        inputs = {k: v[rows] for k, v in self.inputs.items()}
+        times = None if self.times is None else self.times[rows]
+        return Samples(len(range(self.n)[rows]), inputs, times, self.clock)
 
     def given(self, names: Iterable[str]) -> Mapping[str, Any]:
         """The inputs of a program.
