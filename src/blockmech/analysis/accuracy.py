@@ -28,8 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.trade.derived import run_off_by_a_digit
-from blockmech.analysis.trade.reference_errors import (
+from blockmech.analysis.reference_errors import (
     DOUBLE,
     LONG,
     MOST_ITERATIONS,
@@ -38,6 +37,7 @@ from blockmech.analysis.trade.reference_errors import (
     comparable,
     reference_errors,
 )
+from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.result import Result
@@ -157,7 +157,7 @@ def run_to(
             Problem("bad-value", "accuracy", f"must be > 0, got {accuracy}", "", "try 1e-6")
         )
     request = _Request(mechanism, want, static)
-    probe = look(request, some(taken, PROBE), accuracy)
+    probe = look(request, taken.at(taken.spread(PROBE)), accuracy)
     for setting in _settings(request, probe, taken.n, accuracy, engine):
         result = request.run(taken, setting, engine, chunk)
         found = _judged(request, result, setting, probe, accuracy)
@@ -192,16 +192,6 @@ class _Request(NamedTuple):
         engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
         values, name = self.mechanism.evaluate(plan, samples, engine, setting.precision, chunk)
         return Result(self.mechanism, plan, samples, values, name, how)
-
-
-def some(taken: Samples, count: int) -> Samples:
-    """At most so many samples, equally spread and ends included."""
-    if taken.n <= count:
-        return taken
-    index = np.unique(np.linspace(0, taken.n - 1, count).round().astype(np.intp))
-    inputs = {k: np.ascontiguousarray(np.asarray(v)[index]) for k, v in taken.inputs.items()}
-    times = None if taken.times is None else taken.times[index]
-    return Samples(len(index), inputs, times, taken.clock)
 
 
 def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
