@@ -12,9 +12,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, LSODA, OdeSolution, Radau
+from scipy.integrate import LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import loads
+from blockmech.dynamics.dop853 import Dop853
 from blockmech.dynamics.equation import Equation, TooMany, scales
 from blockmech.dynamics.estimate import COMPARED, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
@@ -65,7 +66,7 @@ from blockmech.plane import EPS
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-SOLVERS = {"dop853": DOP853, "lsoda": LSODA, "radau": Radau}
+SOLVERS = {"dop853": Dop853, "lsoda": LSODA, "radau": Radau}
 STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
