@@ -59,11 +59,12 @@ ROOMS = (
     "builders",
     "__init__",
     "testing",
+    "studio",
     "cli",
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 43_458, 6_925
+LINES, LINES_OF_DYNAMICS = 44_088, 6_941
 NUMBERS, NUMBERS_OF_DYNAMICS = 214, 45
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
@@ -75,15 +76,24 @@ LATE = {
     "pandas",
     "xarray",
     "pyarrow",
+    "distributed",
     "hypothesis",
     "pytest",
     "mpmath",
     "llvmlite",
+    "bokeh",
+    "panel",
+    "panel_reactflow",
+    "param",
 }
 NEEDED_IN = {
     "typer": "cli",
     "rich": "cli",
     "pytest": "blockmech.testing.pytest_plugin",
+    "bokeh": "studio",
+    "panel": "studio",
+    "panel_reactflow": "studio",
+    "param": "studio",
     "scipy": "dynamics",  # a room that nothing loads before a motion is asked for
 }
 

@@ -1,0 +1,1 @@
+"""The studio: a page in the browser on which mechanisms are wired, seen and saved."""
