@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.rates import GIVEN, rates_of
+from blockmech.dynamics.rates import rates_of
 from blockmech.dynamics.system import solved
 from blockmech.engines.llvm import WORTH
 from blockmech.engines.stages import Rates, Stages
@@ -93,7 +93,7 @@ class Equation:
             return None
         if friction is not None:
             k = friction.factors(self.sides)
-        return Stages(code, (*GIVEN, *k), A, C)
+        return Stages(code, (0.0, 1.0, *k), A, C)
 
     def _code(self) -> Rates | None:
         """Made once for a mechanism and a way to solve friction."""

@@ -4,7 +4,8 @@ A row of numbers tells of a state (q, q', W), with joint friction (q, q', W, F):
 
     the rates of the state, margin, J, and of each pair: slip, real and imaginary part of the load
 
-The text is made of the programs that are interpreted otherwise, so both say the same to rounding.
+Given are 0, 1 (states of the force pass are made of them; nothing is folded) and the signed
+Coulomb factors. The text is made of the programs that are interpreted otherwise, so both say the same to rounding.
 """
 
 from __future__ import annotations
@@ -23,8 +24,6 @@ from blockmech.typing import Real
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import JointFriction
     from blockmech.plan import Program
-
-GIVEN = (0.0, 1.0)  # numbers that states of the force pass are made of: nothing is folded
 
 
 def free(values: Any, qd: Real, zero: Real) -> tuple[Real, ...]:
@@ -76,7 +75,7 @@ def _free(program: Program) -> Rates:
         given = {"q_0": q, "qd_0": qd, "t": t}
         return row(run(*(given[x] for x in program.inputs)), qd, zero)
 
-    return Rates(program, body, 3, len(GIVEN))
+    return Rates(program, body, 3, 2)
 
 
 def _rubbing(friction: JointFriction) -> Rates:
@@ -98,4 +97,4 @@ def _rubbing(friction: JointFriction) -> Rates:
         solved = bound["resistance"](rows, k, own.guides, bound["solve"], friction.options)
         return bound["rubbing"](rows, state(qd, zero, zero), solved, qd, zero)
 
-    return Rates(own.program, body, 4, len(GIVEN) + m)
+    return Rates(own.program, body, 4, 2 + m)
