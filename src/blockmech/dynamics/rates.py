@@ -5,7 +5,8 @@ A row of numbers tells of a state (q, q', W), with joint friction (q, q', W, F):
     the rates of the state, margin, J, and of each pair: slip, real and imaginary part of the load
 
 Given are 0, 1 (states of the force pass are made of them; nothing is folded) and the signed
-Coulomb factors. The text is made of the programs that are interpreted otherwise, so both say the same to rounding.
+Coulomb factors. The text is made of the programs that are interpreted otherwise, so both say
+the same to rounding.
 """
 
 from __future__ import annotations
