@@ -64,7 +64,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 44_560, 7_239
+LINES, LINES_OF_DYNAMICS = 44_559, 7_238
 NUMBERS, NUMBERS_OF_DYNAMICS = 214, 45
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from blockmech.dynamics import equation
+from blockmech.dynamics.change_points import FollowingSystem
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.system import System
 from blockmech.settings import friction_asked
@@ -91,6 +92,12 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
             pairs = fast.pair_loads(0.1, y), plain.pair_loads(0.1, y)
             np.testing.assert_allclose(*pairs, rtol=1e-11)
     assert system.kept["rates", system.method] is not None
+
+
+def test_series_through_change_points_are_not_compiled(monkeypatch):
+    monkeypatch.setattr(equation, "WORTH", 0)
+    system = FollowingSystem(mechanism("watt_sixbar"))
+    assert Equation(system, 1.0).row(0.0, (1.0, 2.0, 0.0)) is None
 
 
 def test_where_there_is_no_pose_there_are_no_rates(monkeypatch):

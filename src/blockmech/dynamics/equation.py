@@ -20,13 +20,12 @@ import numpy as np
 
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.rates import rates_of
-from blockmech.dynamics.system import solved
+from blockmech.dynamics.system import System, solved
 from blockmech.engines.llvm import WORTH
 from blockmech.engines.stages import Rates, Stages
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import Resisted
-    from blockmech.dynamics.system import System
 
 
 class TooMany(Exception):
@@ -86,7 +85,8 @@ class Equation:
         None where there can be none, and before so much was evaluated that compiling pays.
         """
         friction, k = self.system.friction, tuple[float, ...]()
-        if self.drivers > 1 or (friction is not None and not self.sides):
+        of_program = type(self.system).one is System.one  # not of series near change points
+        if self.drivers > 1 or not of_program or (friction is not None and not self.sides):
             return None
         code = self._code()
         if code is None:
@@ -113,7 +113,7 @@ class Equation:
         self._last = float(y[0]), float(row[n]), float(row[n + 1])
         each = 3 + len(self.sides) if self.sides else 1  # with those of the force pass
         self.spend(states * each)
-        self.system.count(states * each, False)
+        self.system._count(states * each, False)
 
     def row(self, t: float, y: Any) -> list[float] | None:
         """What machine code says of a state, see `rates`; None where it says nothing."""

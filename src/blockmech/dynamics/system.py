@@ -252,7 +252,7 @@ class System:
         if self.method is None or self.method.method == "none":
             return None
         program = self._programs.friction
-        return None if program is None else JointFriction(program, self.method, self.count)
+        return None if program is None else JointFriction(program, self.method, self._count)
 
     @property
     def cost(self) -> Cost:
@@ -264,7 +264,7 @@ class System:
     def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:
         """J, tau and margin of one driver at states of any shape."""
         program, engine = self._programs.reduced
-        self.count(q.size, True)
+        self._count(q.size, True)
         flat = q.ravel()
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
         given = {"q_0": flat, "qd_0": rates, "t": np.full(flat.shape, t)}
@@ -276,14 +276,14 @@ class System:
     def one(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
         """One state of one driver."""
         program, engine = self._programs.equation
-        self.count(1, False)
+        self._count(1, False)
         J, tau, dJ, *rest = engine.one(inputs(program, {"q_0": q, "qd_0": qd, "t": t}))
         return One(J, tau, dJ, least(rest))
 
     def with_slopes(self, q: Floats) -> Floats:
         """J, tau at rest, dJ/dq and the margin (4, n) at places (n,)."""
         program = self.equation_program
-        self.count(q.size, True)
+        self._count(q.size, True)
         given = {"q_0": q, "qd_0": np.zeros(q.size), "t": np.zeros(q.size)}
         with np.errstate(all="ignore"):
             values = NumpyEngine(program).run({n: given[n] for n in program.inputs}, q.size)
@@ -293,7 +293,7 @@ class System:
     def terms(self, q: Floats, qd: Floats, t: float = 0.0) -> Terms:
         """The equation of motion of several drivers at one state."""
         program, engine = self._programs.equation
-        self.count(1, False)
+        self._count(1, False)
         k = len(self.drivers)
         given: dict[str, float] = {"t": t}
         for i in range(k):
@@ -320,8 +320,7 @@ class System:
         M, c, Q, margin = self.terms(q, qd, t)
         return solved(M, Q - c), margin
 
-    def count(self, samples: int, batch: bool) -> None:
-        """Count evaluations, and tell of them those who follow the progress."""
+    def _count(self, samples: int, batch: bool) -> None:
         before = self.samples + self.singles
         if batch:
             self.samples += samples
