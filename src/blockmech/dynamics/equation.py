@@ -172,7 +172,10 @@ class Equation:
         k = self.drivers
         here = float(y[0]) if k == 1 else tuple(y[:k])
         if self._last[0] != here:
-            if k == 1:
+            row = None if k > 1 else self.row(0.0, (float(y[0]), *[0.0] * (y.size - 1)))
+            if row is not None:
+                self._last = here, row[y.size], row[y.size + 1]
+            elif k == 1:
                 J, _, _, margin = self.one(float(y[0]), 0.0, 0.0)
                 self._last = here, margin, J
             else:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.dop853 import Dop853
+from blockmech.dynamics.dop853 import Dop853, Step, interpolated
 from blockmech.dynamics.equation import Equation, TooMany, scales
 from blockmech.dynamics.estimate import COMPARED, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
@@ -90,8 +90,15 @@ class Steps:
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
-        y, k = self.solution(t), self.drivers
+        y, k = self._at(t), self.drivers
         return State(y[0], y[1]) if k == 1 else State(y[:k].T, y[k : 2 * k].T)
+
+    def _at(self, t: Floats) -> Floats:
+        times, pieces = self.solution.ts, self.solution.interpolants
+        which = np.clip(np.searchsorted(times, t) - 1, 0, len(pieces) - 1)
+        steps = [pieces[i] for i in which.tolist()]
+        at_once = steps and all(isinstance(step, Step) for step in steps)
+        return interpolated(steps, t) if at_once else np.asarray(self.solution(t))
 
 
 @dataclass
