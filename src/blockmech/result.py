@@ -230,21 +230,12 @@ class Result(Exported):
 
     def first(self, n: int) -> Result:
         """The first n samples."""
-<<<<<<< HEAD
-        return self.only(slice(n))
-
-    def only(self, rows: slice) -> Result:
-        """Some of the samples."""
-        values = tuple(_cut(self._column(i), rows) for i in range(len(self._values)))
-        taken = self.samples.only(rows)
-=======
         return self.at(np.arange(n))
 
     def at(self, index: NDArray[np.intp]) -> Result:
         """The samples of these indices."""
         values = tuple(_cut(self._column(i), index) for i in range(len(self._values)))
         taken = self.samples.at(index)
->>>>>>> main
         cut = Result(
             self.mechanism, self.plan, taken, values, self.engine, self.settings, self.motion
         )
@@ -368,14 +359,7 @@ def _real(column: Any) -> Any:
     return column.real if isinstance(column, Planar) else column
 
 
-<<<<<<< HEAD
-def _cut(value: Any, rows: slice) -> Any:
-    if isinstance(value, Planar):
-        return Planar(value.real[rows], value.imag[rows])
-    return value[rows]
-=======
 def _cut(value: Any, index: NDArray[np.intp]) -> Any:
     if isinstance(value, Planar):
         return Planar(value.real[index], value.imag[index])
     return value[index]
->>>>>>> main

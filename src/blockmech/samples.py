@@ -48,13 +48,6 @@ class Samples:
         motions = (x for name, x in self.inputs.items() if name[:2] == "qd")
         return not any(x[0] or np.any(x) for x in motions)  # the first mostly tells
 
-<<<<<<< HEAD
-    def only(self, rows: slice) -> Samples:
-        """Some of the samples."""
-        inputs = {k: v[rows] for k, v in self.inputs.items()}
-        times = None if self.times is None else self.times[rows]
-        return Samples(len(range(self.n)[rows]), inputs, times, self.clock)
-=======
     def spread(self, count: int) -> NDArray[np.intp]:
         """Indices of at most so many samples, equally spread and ends included."""
         if self.n <= count:
@@ -66,7 +59,6 @@ class Samples:
         inputs = {k: np.ascontiguousarray(np.asarray(v)[index]) for k, v in self.inputs.items()}
         times = None if self.times is None else self.times[index]
         return Samples(len(index), inputs, times, self.clock)
->>>>>>> main
 
     def given(self, names: Iterable[str]) -> Mapping[str, Any]:
         """The inputs of a program.

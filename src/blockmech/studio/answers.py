@@ -39,7 +39,7 @@ def wire_values(result: Result, pose: int) -> dict[str, str]:
     Forward place and motion of the marker and its link; back force and moment on that link,
     the power, and the shares of the joint's block in reduced inertia and effort.
     """
-    one, structure = result.only(slice(pose, pose + 1)), result.mechanism.structure
+    one, structure = result.at(np.array([pose])), result.mechanism.structure
     found = on_all_wires(structure, one.inside, one.n)
     rotary = [structure.joint(ref).rotary for ref in structure.driven.values()]
     shares = {"J_red": "kg m²" if rotary[0] else "kg", "tau_red": "N m" if rotary[0] else "N"}
