@@ -30,8 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.trade.derived import run_off_by_a_digit
-from blockmech.analysis.trade.reference_errors import (
+from blockmech.analysis.reference_errors import (
     DOUBLE,
     LONG,
     MOST_ITERATIONS,
@@ -40,6 +39,7 @@ from blockmech.analysis.trade.reference_errors import (
     comparable,
     reference_errors,
 )
+from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.errors import Problem, RequestError, listed
@@ -163,7 +163,7 @@ def run_to(
         result = request.run(taken, found.setting, engine, chunk)
         result.accuracy = found.accuracy
         return result
-    probe = look(request, some(taken, PROBE), accuracy)
+    probe = look(request, taken.at(taken.spread(PROBE)), accuracy)
     for setting in _settings(request, probe, taken.n, accuracy, engine):
         result = request.run(taken, setting, engine, chunk)
         judged = _judged(request, result, setting, probe, accuracy)
@@ -222,16 +222,6 @@ class _Request(NamedTuple):
         engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
         values, name = self.mechanism.evaluate(plan, samples, engine, setting.precision, chunk)
         return Result(self.mechanism, plan, samples, values, name, how)
-
-
-def some(taken: Samples, count: int) -> Samples:
-    """At most so many samples, equally spread and ends included."""
-    if taken.n <= count:
-        return taken
-    index = np.unique(np.linspace(0, taken.n - 1, count).round().astype(np.intp))
-    inputs = {k: np.ascontiguousarray(np.asarray(v)[index]) for k, v in taken.inputs.items()}
-    times = None if taken.times is None else taken.times[index]
-    return Samples(len(index), inputs, times, taken.clock)
 
 
 def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
