@@ -20,8 +20,8 @@ from blockmech.dynamics.simulation import simulate
 from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
-from blockmech.studio.curves import Plot, labels_of, panels_of, places_of
-from blockmech.studio.mechanism import STRIP, MechanismView
+from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of, places_of
+from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME
 from blockmech.studio.work import Told, Work
@@ -177,9 +177,7 @@ class Answers:
                 said = _summary(result, time.perf_counter() - begun)
                 self.result = result
             if [labels_of(p) for p in panels] != [plot.curves for plot in self.drawn]:
-                self.drawn = [
-                    Plot(p, self.view.dark, height=2 * STRIP, tools=TOOLS) for p in panels
-                ]
+                self.drawn = [Plot(p, self.view.dark, height=CURVE, tools=TOOLS) for p in panels]
                 figures = [plot.figure for plot in self.drawn]
                 self.plots.object = column(*figures, sizing_mode="stretch_width")
             for plot, panel in zip(self.drawn, panels, strict=True):

@@ -11,12 +11,13 @@ from bokeh.plotting import figure
 
 from blockmech.draw import palette as ink
 from blockmech.draw.curves import chosen_panels, without_friction
-from blockmech.draw.panels import WITHOUT, Abscissa, Panel
+from blockmech.draw.panels import PANEL, WITHOUT, Abscissa, Panel
 from blockmech.draw.paper import scaled_unit, shown_name
 from blockmech.result import Result
-from blockmech.studio.film import coloured
+from blockmech.studio.film import PIXELS, coloured
 
 FONT = "DejaVu Sans, Verdana, sans-serif"
+CURVE = round(PANEL * PIXELS)  # [px] height of a figure
 Gaps = Iterable[tuple[int, int, str]]
 
 

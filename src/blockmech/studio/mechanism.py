@@ -7,6 +7,7 @@ button do not need it. Looks come from `blockmech.draw`, columns from `blockmech
 from __future__ import annotations
 
 import html
+import math
 from typing import Any
 
 import numpy as np
@@ -20,25 +21,23 @@ from bokeh.models import (
     Div,
     HoverTool,
     PointDrawTool,
-    Range1d,
     Slider,
     Toggle,
 )
-from bokeh.plotting import figure
 
 from blockmech.draw.curves import abscissa
 from blockmech.draw.mechanism import caption
 from blockmech.draw.motion import Motion
-from blockmech.draw.palette import INK, SIZES
+from blockmech.draw.palette import INK
 from blockmech.errors import BlockmechError
 from blockmech.result import Result
-from blockmech.studio.curves import FONT, Plot, dress, labels_of, margins_of, places_of
+from blockmech.studio.curves import CURVE, FONT, Plot, labels_of, margins_of, places_of
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.film import PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
+from blockmech.studio.window import Window
 
-STRIP = 90  # [px] height of the margins
 SHOW_FRAME = """
 const k = Math.min(pose.value, captions.length - 1);
 for (const {source, x, y, starts, frames, rows} of film) {
@@ -158,7 +157,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         if closed is not None and self._strip.visible:
             panel, along = margins_of(closed), abscissa(closed)
             if self._margins is None or self._margins.curves != labels_of(panel):
-                self._margins = Plot(panel, self.dark, height=STRIP, toolbar_location=None)
+                self._margins = Plot(panel, self.dark, height=CURVE // 2, toolbar_location=None)
                 self._margins.figure.legend.visible = False
                 self._margins.figure.add_tools(HoverTool(tooltips=[("", "$name")]))
                 self._strip.object = self._margins.figure
@@ -169,13 +168,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     # -- the figure ------------------------------------------------------------------------
 
     def _make_figure(self) -> None:
-        look = {"toolbar_location": "right", "sizing_mode": "stretch_both", "min_height": 320}
-        self._x, self._y = Range1d(-1, 1), Range1d(-1, 1)
-        self.figure = figure(
-            x_range=self._x, y_range=self._y, x_axis_label="x [m]", y_axis_label="y [m]",
-            tools="pan,wheel_zoom,reset,save", active_scroll="wheel_zoom", **look,
-        )  # fmt: skip
-        dress(self.figure, self.dark)
+        self.window = Window(self.dark, self._fit)
+        self.figure = self.window.figure
         self._pins = ColumnDataSource({"x": [], "y": [], "name": [], "frame": []})
         style = {"size": 16, "fill_alpha": 0.0, "line_width": 1.5, "line_dash": "dotted"}
         ring = self.figure.scatter(
@@ -193,8 +187,6 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._fixed = list(self.figure.renderers)
         self._layers: list[tuple[str, Any]] = []
         self._pins.on_change("data", self._dropped)
-        self.figure.on_change("inner_width", self._resized)
-        self.figure.on_change("inner_height", self._resized)
         self.figure.on_event(RangesUpdate, self._zoomed)
 
     def _make_controls(self) -> None:
@@ -252,33 +244,18 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         if self._scene is None:
             self._send([])
             return
-        width, height = self._size()
-        low, high = self._scene.bounds
-        edge = 2 * SIZES.edge * PIXELS
-        size, middle = high - low, (high + low) / 2
-        scale = max(size.real / (width - edge), size.imag / (height - edge)) or 1.0 / width
-        half = complex(width, height) * scale / 2
-        for axis, c, h in ((self._x, middle.real, half.real), (self._y, middle.imag, half.imag)):
-            axis.update(start=c - h, end=c + h, reset_start=c - h, reset_end=c + h)
-        self._show_at(scale * PIXELS)
-
-    def _size(self) -> tuple[int, int]:
-        """Width and height of the axes [px], as the browser said, or as they may be."""
-        try:
-            return max(self.figure.inner_width, 100), max(self.figure.inner_height, 100)
-        except Exception:  # bokeh's UnsetValueError before there is a browser
-            return 700, 500
-
-    def _resized(self, attr: str, old: int, new: int) -> None:
-        self._fit()
+        self.window.fit(*self._scene.bounds)
+        self._show_at(self.window.scale * PIXELS)
 
     def _posed(self, attr: str, old: int, new: int) -> None:
         self.frame = int(new)
 
     def _zoomed(self, event: Any) -> None:
         """Symbols keep their size on the screen."""
-        unit = abs(event.x1 - event.x0) / self._size()[0] * PIXELS
-        if self._scene is not None and abs(unit - self._unit) > 0.02 * self._unit:
+        unit = self.window.scale * PIXELS
+        if self._scene is not None and not math.isclose(
+            unit, self._unit, rel_tol=1 / self.window.size[0]
+        ):
             self._show_at(unit)
 
     def _show_at(self, unit: float) -> None:

@@ -1,0 +1,185 @@
+"""Links and joints drawn as a sketch: a document that says the same, and the groups in it."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+import blockmech as bm
+from blockmech.builders import opened
+from blockmech.studio import sketching
+from blockmech.studio.links import LinksSheet, columns_of, outlines_of
+from blockmech.studio.sheet import Sheet
+from tests.studio.page import page_of
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
+JOINTS = sorted(path.stem for path in (GRAPHS / "joints").glob("*.json"))
+
+
+def sketch():
+    pane = LinksSheet(Sheet(bm.Linkage("drawn")))
+    pane.act = lambda name: pane._do(getattr(pane, name))
+    return pane
+
+
+def choose(pane, *names):
+    pane.pins.value = list(names)
+    return pane
+
+
+def fourbar():
+    """The paper's four-bar as it is drawn: four pins, three links, a frame and a driver."""
+    pane = sketch()
+    for z in (0j, 2 + 0j, 7.607142857142857 + 2.135403697j, 5.5 + 0j):
+        pane.add(z)
+    for ends in ("AB", "BC", "CD"):
+        choose(pane, *ends).link()
+    choose(pane, "A", "D").fix()
+    choose(pane, "A").drive()
+    return pane
+
+
+def test_a_drawn_four_bar_moves_as_the_file_does():
+    pane = fourbar()
+    assert pane.sheet.problems == ()
+    assert "RRR" in pane.said.object
+    assert pane.diagram.object.startswith("<?xml")
+    motor = pane.sheet.mechanism.drivers[0]
+    drawn = pane.sheet.mechanism.run(
+        at={motor: [0.0, 1.0]}, want=["link.link2.omega"], friction="none", rates={motor: 10.0}
+    )
+    file = opened(GRAPHS / "joints" / "ruiz_fourbar.json").run(
+        at=[0.0, 1.0], want=["link.rocker.omega"], friction="none"
+    )
+    length = abs(complex(7.607142857142857, 2.135403697) - 5.5)
+    assert length == pytest.approx(3, abs=1e-8)  # how exactly it was drawn
+    assert drawn["link.link2.omega"] == pytest.approx(file["link.rocker.omega"], rel=1e-7)
+
+
+def test_every_step_of_a_drawing_is_undone():
+    pane = fourbar()
+    form, steps = pane.sheet.form, 0
+    while pane.sheet.undoable:
+        pane.sheet.undo()
+        steps += 1
+    assert pane.sheet.form == bm.Linkage("drawn").to_data()
+    while pane.sheet.redoable:
+        pane.sheet.redo()
+    assert pane.sheet.form == form
+    assert steps == 5  # three links, the frame, the driver
+
+
+def test_a_drawing_that_cannot_move_has_its_diagnosis():
+    pane = fourbar()
+    choose(pane, "A").drive()
+    assert pane.sheet.mechanism is None
+    assert "driver" in pane.said.object
+    assert pane.diagram.object is None
+
+
+def test_a_slider_crank_is_drawn():
+    pane = sketch()
+    for z in (0j, 1 + 0j, 4 + 0j, 4 + 0j):
+        pane.add(z)
+    choose(pane, "A", "B").link()
+    choose(pane, "B", "C").link()
+    choose(pane, "C", "D").link()
+    choose(pane, "A", "D").fix()
+    choose(pane, "D").slide()
+    choose(pane, "A").drive()
+    assert "RRP" in pane.said.object
+    found = pane.sheet.mechanism.run(at=[1.0], rates=0.0, want=["link.link2.p"], friction="none")[
+        "link.link2.p"
+    ][0]
+    exact = math.cos(1.0) + math.sqrt(9 - math.sin(1.0) ** 2)
+    assert found == pytest.approx(exact, abs=1e-14)
+
+
+def test_a_pin_is_moved_and_deleted_in_the_browsers_way():
+    pane = fourbar()
+    data = {name: list(column) for name, column in pane._pins.data.items()}
+    first = data["name"].index("A")
+    data["x"][first] += 0.25
+    pane._take(data)
+    assert pane.drawn["A"].z == 0.25
+    data = {name: [*column, ""] for name, column in pane._pins.data.items()}
+    data["x"][-1], data["y"][-1] = 1.23456, 2.0
+    pane._take(data)
+    assert pane.loose == {"E": 1.23 + 2j}
+    first = pane._pins.data["name"].index("A")
+    data = {n: [*c[:first], *c[first + 1 :]] for n, c in pane._pins.data.items()}
+    pane._take(data)
+    assert "A" not in pane.drawn
+    assert "drivers" not in pane.sheet.form
+
+
+def test_a_link_that_goes_leaves_the_pins_of_the_others():
+    form = fourbar().sheet.form
+    left = sketching.removed(form, "link1")
+    pins = sketching.pins_of(left)
+    assert [(n, pins[n].links) for n in "BC"] == [("B", ("link",)), ("C", ("link2",))]
+    assert all(pins[n].z == pin.z for n, pin in sketching.pins_of(form).items())
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_every_document_of_the_gallery_is_shown_as_it_is(name):
+    sheet = Sheet(opened(GRAPHS / "joints" / f"{name}.json"))
+    pins = sketching.pins_of(sheet.form)
+    columns = columns_of(pins)
+    assert len({len(column) for column in columns.values()}) == 1
+    assert set(sheet.form["joints"]) <= set(pins)
+    assert set(outlines_of(pins)) <= set(sheet.form["links"])
+
+
+def test_a_place_is_typed_and_what_is_no_place_is_said():
+    pane = sketch()
+    pane.place.value = "0.5, 1.5"
+    assert pane.drawn["A"].z == 0.5 + 1.5j
+    pane.place.value = "over there"
+    assert "two numbers" in pane.said.object
+
+
+def test_blocks_are_not_drawn_over():
+    pane = LinksSheet(Sheet(opened(GRAPHS / "ruiz_fourbar.json")))
+    assert "holds blocks" in pane.said.object
+    assert all(button.disabled for button in pane.buttons.values())
+
+
+def test_a_four_bar_is_drawn_in_the_browser():
+    panes = []
+
+    def make():
+        panes.append(sketch())
+        return panes[-1].panel()
+
+    with page_of(make) as page:
+        area = page.locator(".bk-Figure").first.bounding_box()
+        spots = [(0.3, 0.6), (0.35, 0.4), (0.6, 0.3), (0.7, 0.6)]
+        (pane,) = panes
+        for count, (x, y) in enumerate(spots, 1):
+            page.mouse.click(area["x"] + x * area["width"], area["y"] + y * area["height"])
+            for _ in range(100):
+                page.wait_for_timeout(50)
+                if len(pane.drawn) == count:
+                    break
+            page.wait_for_timeout(300)  # two taps at once would be a double one
+        assert sorted(pane.drawn) == list("ABCD")
+        for ends in ("AB", "BC", "CD"):
+            pick(page, pane, ends)
+            page.get_by_role("button", name="Link").click()
+            page.wait_for_timeout(250)
+        pick(page, pane, "AD")
+        page.get_by_role("button", name="To the frame").click()
+        page.wait_for_timeout(250)
+        pick(page, pane, "A")
+        page.get_by_role("button", name="Driver").click()
+        page.wait_for_timeout(400)
+        assert pane.sheet.problems == ()
+        assert "RRR" in page.locator("p[role=status]").inner_text()
+        assert page.errors == []
+
+
+def pick(page, pane, names):
+    """Choose pins by their places, as with the mouse and the shift key."""
+    pane.pins.value = list(names)
+    page.wait_for_timeout(100)
