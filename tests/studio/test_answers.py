@@ -1,6 +1,7 @@
 """Answers: curves, wires, motions and costs as the studio shows them."""
 
 import copy
+import json
 from pathlib import Path
 
 import numpy as np
@@ -128,6 +129,40 @@ def test_what_cannot_be_is_a_sentence(until):
     answers.work.thread.join(30)
     assert until.removeprefix("time=") in answers.said.object
     assert "Traceback" not in answers.said.object
+
+
+def test_an_output_is_added_by_a_part_of_its_name():
+    answers = answers_of()
+    assert "dyad.C.reaction" in answers.find.options
+    answers.find.value = "dyad.C.reaction"
+    assert answers.names.value == ["crank.drive", "dyad.C.reaction"]
+    assert [plot.figure.yaxis.axis_label for plot in answers.drawn] == [
+        "drive [kN m]",
+        "|reaction| [kN]",
+    ]
+
+
+def test_names_are_text_in_the_browser():
+    """A name with angle brackets, quotes and a right-to-left mark runs nothing."""
+    name = "<img src=x onerror='hurt=1'>\u202e"
+    sheet = Sheet(opened(GRAPHS / "ruiz_fourbar.json"))
+    text = sheet.text().replace('"dyad"', f'"{name}"').replace('"dyad.', f'"{name}.')
+    sheet.change(json.loads(text), "odd name")
+
+    def make():
+        import panel as pn
+
+        view = MechanismView(sheet)
+        answers = Answers(sheet, view)
+        answers.find.value = f"{name}.C.reaction"
+        return pn.Row(view.panel(), answers.panel())
+
+    with page_of(make) as page:
+        page.get_by_text("Play").click()
+        page.wait_for_timeout(500)
+        assert page.evaluate("window.hurt") is None
+        assert page.locator("img[src=x]").count() == 0
+        assert page.errors == []
 
 
 def test_costs_are_told():

@@ -101,7 +101,11 @@ class Answers:
         self.sheet, self.view = sheet, view
         self.result: Result | None = None
         self.drawn: list[Plot] = []
-        self.names = pn.widgets.MultiChoice(label="Outputs", sizing_mode="stretch_width")
+        self.names = pn.widgets.MultiSelect(label="Outputs", size=5, sizing_mode="stretch_width")
+        self.find = pn.widgets.AutocompleteInput(
+            label="Add an output", search_strategy="includes", case_sensitive=False, width=220
+        )
+        self.find.param.watch(lambda event: self._add(event.new), "value")
         methods = list(get_args(FrictionMethod))
         self.friction = pn.widgets.Select(
             label="Friction", options=methods, value="newton", width=120
@@ -109,7 +113,7 @@ class Answers:
         self.accuracy = pn.widgets.Select(
             label="Accuracy",
             options={
-                "as the method": None,
+                "as the method": 0.0,
                 **{f"{x:g}": x for x in 10.0 ** np.arange(-3, -13, -3)},
             },
             width=120,
@@ -139,7 +143,9 @@ class Answers:
 
     def panel(self) -> Any:
         """What is asked above, the curves below."""
-        asked = pn.FlexBox(self.friction, self.accuracy, self.csv, self.until, *self.buttons)
+        asked = pn.FlexBox(
+            self.find, self.friction, self.accuracy, self.csv, self.until, *self.buttons
+        )
         asked.append(self.work.stop)
         return pn.Column(
             *(self.names, asked, self.said, self.plots, self.costs), sizing_mode="stretch_width"
@@ -158,9 +164,16 @@ class Answers:
             chosen = [name for name in drives if name in offered]
         self.costs.object = ""
         same = chosen == self.names.value
+        self.find.options = offered
         self.names.param.update(options=offered, value=chosen)
         if same:
             self.renew()
+
+    def _add(self, name: str) -> None:
+        """Show one more output."""
+        if name in self.names.options:
+            self.names.value = [*self.names.value, name]
+            self.find.value = ""
 
     def renew(self) -> None:
         """Compute and draw what is chosen; what cannot be is said."""
@@ -169,7 +182,7 @@ class Answers:
         if motion is not None and names:
             begun = time.perf_counter()
             try:
-                result = answer(motion, names, self.friction.value, self.accuracy.value)
+                result = answer(motion, names, self.friction.value, self.accuracy.value or None)
                 panels, along = panels_of(result, names), abscissa(result)
             except BlockmechError as error:
                 said, panels = str(error), []

@@ -52,7 +52,7 @@ class LinksSheet:
     def __init__(self, sheet: Sheet, dark: bool = False) -> None:
         self.sheet, self.dark = sheet, dark
         self.loose: dict[str, complex] = {}
-        self.pins = pn.widgets.MultiChoice(label="Pins", sizing_mode="stretch_width")
+        self.pins = pn.widgets.MultiSelect(label="Pins", size=4, sizing_mode="stretch_width")
         self.angle = pn.widgets.FloatInput(label="Slides along [°]", value=0.0, width=110)
         self.place = pn.widgets.TextInput(label="New pin at x, y [m]", value="", width=150)
         acts = {
@@ -66,7 +66,7 @@ class LinksSheet:
         self.begin.on_click(lambda _: self._do(self._begin))
         self.place.param.watch(lambda event: self._do(lambda: self._typed(event.new)), "value")
         self.said = pn.pane.HTML("", sizing_mode="stretch_width")
-        self.diagram = pn.pane.SVG(None, sizing_mode="stretch_width", max_height=300)
+        self.diagram = pn.pane.SVG(None, encode=True, sizing_mode="stretch_width", max_height=300)
         self._make_figure()
         sheet.param.watch(lambda _: self.renew(), "form")
         self.renew()
@@ -149,8 +149,8 @@ class LinksSheet:
         if ours:
             said = " ".join(map(str, self.sheet.problems))
             if not said:
-                said, svg = str(self.sheet.document.decompose().formation), ""
-                svg = diagram_svg(self.sheet.document)
+                said = str(self.sheet.document.decompose().formation)
+                svg = "".join(diagram_svg(self.sheet.document).partition("<svg")[1:])
         self.said.object = f'<p role="status">{html.escape(said)}</p>'
         self.diagram.object = svg
 
