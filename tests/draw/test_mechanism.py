@@ -99,7 +99,15 @@ def test_further_poses_are_faint():
     assert len(artists(picture, "link:")) == 3
     assert len(artists(picture, "faint:")) == 2 * 3
     texts = [t.get_text() for t in picture.figure.texts]
-    assert texts == ["crank.q\u00a0= 57.3° (faint: 114.6°, 171.9°)"]
+    assert texts == ["crank.q\u00a0= 1\u00a0rad (faint: 2\u00a0rad, 3\u00a0rad)"]
+
+
+@pytest.mark.parametrize(("degrees", "said"), [(DEGREES, "1\u00a0rad"), (True, "57.3°")])
+def test_pictures_and_text_say_angles_in_one_unit(degrees, said):
+    run = ruiz().run(at=[1.0])
+    assert caption(moves_of_result(run), [0], degrees).startswith(f"crank.q\u00a0= {said}")
+    unit = "deg" if degrees else "rad"
+    assert f"[{unit}]" in table(run, degrees)
 
 
 def test_a_slider_is_drawn_on_its_guide():

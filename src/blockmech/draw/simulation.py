@@ -24,6 +24,7 @@ from blockmech.dynamics.along import result_along
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.result import Result
+from blockmech.told import DEGREES
 
 CURVE = 721  # times of a curve
 FRAME = 0.04  # [s] on the screen
@@ -32,7 +33,7 @@ MARKED = ("rest", "joint reverses")  # events of a motion with friction
 ENERGIES = ("mechanism.kinetic_energy", "mechanism.potential_energy")
 
 
-def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True) -> list[Path]:
+def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = DEGREES) -> list[Path]:
     """Draw a simulation into a folder.
 
     ``motion.png`` (coordinate, rate and reactions over time), ``energy.png``,
@@ -77,7 +78,7 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True
     return [Path(folder) / name for name in (*figures, "animation.gif", "animation.html")]
 
 
-def motion_panels(result: Result, degrees: bool = True) -> Panels:
+def motion_panels(result: Result, degrees: bool = DEGREES) -> Panels:
     """Coordinate and rate of each driver and the reactions' magnitudes ([D14] Fig. 6)."""
     panels = []
     for what, quantity in (("q", "coordinate"), ("rate", "rate")):
@@ -96,7 +97,7 @@ def energy_panels(result: Result) -> Panels:
     return (Panel("energy", "J", {"kinetic": T, "potential": V, "total": T + V}),)
 
 
-def phase_plots(result: Result, degrees: bool = True) -> dict[str, Any]:
+def phase_plots(result: Result, degrees: bool = DEGREES) -> dict[str, Any]:
     """Figures by file: rates over coordinates, start and end marked.
 
     Drivers that turn share one, those that slide another.
