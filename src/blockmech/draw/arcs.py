@@ -104,6 +104,7 @@ def _figure(bars: Sequence[Bar], name: str, unit: str, said: str, degrees: bool)
         rows = 3 * len(bars[: ink.MOST]) + len(lines) + 4  # a bar with what ends it, words below
         figure = new_figure(ink.COLUMN, rows * ink.ROW, layout="constrained")
         axes = figure.subplots()
+        axes.use_sticky_edges = False
         low, high = _range(bars)
         for y, bar in enumerate(bars[: ink.MOST]):
             _draw(axes, y, bar, (low, high), scale)

@@ -9,6 +9,7 @@ Sources: [D14] Durango et al. 2014, Figs. 6 and 7.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,15 @@ from blockmech.draw.curves import Panels, by_unit, friction_panels, reaction_pan
 from blockmech.draw.motion import moves_of_result
 from blockmech.draw.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
 from blockmech.draw.paper import legend_above, new_figure, shown_name, styled, write_figure
+from blockmech.draw.pictured import Pictured
 from blockmech.dynamics.along import result_along
+from blockmech.dynamics.simulation import simulate as simulated
+from blockmech.errors import Problem, RequestError
+from blockmech.export import html_table
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.result import Result
+from blockmech.runnable import giving
 from blockmech.told import DEGREES
 
 CURVE = 721  # times of a curve
@@ -31,6 +37,26 @@ FRAME = 0.04  # [s] on the screen
 SHORTEST, LONGEST = 1.0, 16.0  # [s] on the screen; real time between them
 MARKED = ("rest", "joint reverses")  # events of a motion with friction
 ENERGIES = ("mechanism.kinetic_energy", "mechanism.potential_energy")
+
+
+class PlottedRun(Pictured, Result):
+    """A simulation with the picture of its motion."""
+
+    def figure(self) -> Any:
+        """Coordinate and rate of each driver over time, smooth, with what happened."""
+        if not self.motion.t_end > self.motion.t_start:
+            found = "the motion has no duration"
+            raise RequestError(Problem("nothing-to-draw", self.mechanism.name, found, "", ""))
+        fine, over = _smooth(self, ())
+        return draw_panels(state_panels(fine), over)
+
+    def words(self) -> str:
+        """The table."""
+        return html_table(self)
+
+
+simulate = giving(PlottedRun, simulated)
+"""`blockmech.dynamics.simulation.simulate`, which can be drawn."""
 
 
 def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = DEGREES) -> list[Path]:
@@ -56,12 +82,7 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = DEGR
         return []
     friction = result.settings["friction"] != "none"
     ends = (".reaction", *ENERGIES, *(".friction_power",) * friction)
-    names = [mechanism.of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
-    names += [n for n in mechanism.outputs if n.endswith(ends)]
-    t = motion.times(CURVE)
-    fine = result_along(mechanism, motion, t, names)
-    marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)
-    over = Abscissa("time [s]", t, events=marked)
+    fine, over = _smooth(result, [n for n in mechanism.outputs if n.endswith(ends)])
     panels = {
         "motion.png": motion_panels(fine, degrees),
         "energy.png": energy_panels(fine),
@@ -78,15 +99,30 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = DEGR
     return [Path(folder) / name for name in (*figures, "animation.gif", "animation.html")]
 
 
+def _smooth(result: Result, names: Iterable[str]) -> tuple[Result, Abscissa]:
+    """Coordinates, rates and further outputs at times of a picture's own, and these times."""
+    motion, mechanism = result.motion, result.mechanism
+    states = [mechanism.of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
+    t = motion.times(CURVE)
+    marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)
+    fine = result_along(mechanism, motion, t, [*states, *names])
+    return fine, Abscissa("time [s]", t, events=marked)
+
+
 def motion_panels(result: Result, degrees: bool = DEGREES) -> Panels:
     """Coordinate and rate of each driver and the reactions' magnitudes ([D14] Fig. 6)."""
+    return (*state_panels(result, degrees), *reaction_panels(result, None))
+
+
+def state_panels(result: Result, degrees: bool = DEGREES) -> Panels:
+    """Coordinate and rate of each driver."""
     panels = []
     for what, quantity in (("q", "coordinate"), ("rate", "rate")):
         for unit, curves in by_unit(result, what, degrees).items():
             (first, y), *others = curves.items()
             alone = Panel(f"{quantity} of {shown_name(first)}", unit, {"": y})
             panels.append(Panel(quantity, unit, curves) if others else alone)
-    return (*panels, *reaction_panels(result, None))
+    return tuple(panels)
 
 
 def energy_panels(result: Result) -> Panels:
