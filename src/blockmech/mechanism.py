@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     import blockmech.analysis.verify as verifying
     import blockmech.draw.arcs as closing
     import blockmech.draw.sensitivity as sensing
-    import blockmech.draw.simulation as simulating
     import blockmech.draw.study as studying
     import blockmech.draw.tolerance as tolerating
     import blockmech.draw.trade as trading
+    import blockmech.dynamics.simulation as simulating
     import blockmech.studies.family as designing
     import blockmech.studies.objective as optimising
 
@@ -61,7 +61,7 @@ class Mechanism(Compiled):
         objective = Later("blockmech.studies.objective")
         parameters = Later("blockmech.studies.family")
         sensitivity = Later("blockmech.draw.sensitivity")
-        simulate = Later("blockmech.draw.simulation")
+        simulate = Later("blockmech.dynamics.simulation")
         stroke = Later("blockmech.analysis.stroke")
         study = Later("blockmech.draw.study")
         tolerance = Later("blockmech.draw.tolerance")
@@ -88,6 +88,12 @@ class Mechanism(Compiled):
         from blockmech.analysis.rounding import digits_lost
 
         return digits_lost(result)
+
+    def motion_svg(self, result: Result) -> str:
+        """The picture of a simulation; see `blockmech.draw.simulation`."""
+        from blockmech.draw.simulation import motion_svg
+
+        return motion_svg(result)
 
     def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message.

@@ -14,11 +14,13 @@ from matplotlib.colors import to_hex
 import blockmech as bm
 from blockmech.draw import draw, mechanism_svg, palette
 from blockmech.draw.labels import Crowd, Label
-from blockmech.draw.mechanism import Picture, draw_mechanism
-from blockmech.draw.motion import moves
+from blockmech.draw.mechanism import Picture, caption, draw_mechanism
+from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.paper import rendered, styled
 from blockmech.draw.shapes import Stage, load_ways
 from blockmech.draw.sketch import hull, sketch_of
+from blockmech.export import table
+from blockmech.told import DEGREES
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
 from tests.wiring import chain, ruiz, toggle, watt
 

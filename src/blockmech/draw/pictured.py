@@ -29,12 +29,8 @@ class Pictured(ABC):
         suffix = suffix_of(path)
         return write_figure(self.figure(), path, suffix)
 
-    def words(self) -> str:
-        """What a notebook shows above the picture, as HTML."""
-        return f"<pre>{html.escape(str(self))}</pre>"
-
     def _repr_html_(self) -> str:
-        shown = self.words()
+        shown = f"<pre>{html.escape(str(self))}</pre>"
         with suppress(BlockmechError):
             shown += rendered(self.figure(), ".svg").decode()
         return shown

@@ -20,16 +20,18 @@ from blockmech.draw.animation import FRICTION_POWER, Animation
 from blockmech.draw.curves import Panels, by_unit, friction_panels, reaction_panels, values
 from blockmech.draw.motion import moves_of_result
 from blockmech.draw.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
-from blockmech.draw.paper import legend_above, new_figure, shown_name, styled, write_figure
-from blockmech.draw.pictured import Pictured
+from blockmech.draw.paper import (
+    legend_above,
+    new_figure,
+    rendered,
+    shown_name,
+    styled,
+    write_figure,
+)
 from blockmech.dynamics.along import result_along
-from blockmech.dynamics.simulation import simulate as simulated
-from blockmech.errors import Problem, RequestError
-from blockmech.export import html_table
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.result import Result
-from blockmech.runnable import giving
 from blockmech.told import DEGREES
 
 CURVE = 721  # times of a curve
@@ -39,24 +41,12 @@ MARKED = ("rest", "joint reverses")  # events of a motion with friction
 ENERGIES = ("mechanism.kinetic_energy", "mechanism.potential_energy")
 
 
-class PlottedRun(Pictured, Result):
-    """A simulation with the picture of its motion."""
-
-    def figure(self) -> Any:
-        """Coordinate and rate of each driver over time, smooth, with what happened."""
-        if not self.motion.t_end > self.motion.t_start:
-            found = "the motion has no duration"
-            raise RequestError(Problem("nothing-to-draw", self.mechanism.name, found, "", ""))
-        fine, over = _smooth(self, ())
-        return draw_panels(state_panels(fine), over)
-
-    def words(self) -> str:
-        """The table."""
-        return html_table(self)
-
-
-simulate = giving(PlottedRun, simulated)
-"""`blockmech.dynamics.simulation.simulate`, which can be drawn."""
+def motion_svg(result: Result) -> str:
+    """Coordinate and rate of each driver over time as SVG text; "" of a motion of no duration."""
+    if not result.motion.t_end > result.motion.t_start:
+        return ""
+    fine, over = _smooth(result, ())
+    return rendered(draw_panels(state_panels(fine), over), ".svg").decode()
 
 
 def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = DEGREES) -> list[Path]:
