@@ -13,7 +13,7 @@ from blockmech.draw.paper import new_figure, shown_name, styled, wrapped
 from blockmech.draw.pictured import Pictured
 from blockmech.draw.sensitivity import THICK
 from blockmech.errors import Problem, RequestError
-from blockmech.modes.found import GroupModes, Modes
+from blockmech.modes.found import Arc, GroupModes, Modes
 from blockmech.modes.listing import modes as found_modes
 from blockmech.runnable import giving
 from blockmech.told import DEGREES
@@ -80,14 +80,15 @@ def _of_group(modes: Modes, group: GroupModes) -> Iterator[Bar]:
             arc.end.q,
             (arc.start.how, arc.end.how),
             arc.change_points,
-            tuple(_on(q, arc.start.q, arc.end.q) for q in chosen),
+            tuple(_on(q, arc, modes.units[modes.driver] == "rad") for q in chosen),
             arc.circuit,
         )
 
 
-def _on(q: float, start: float, end: float) -> float:
-    """A coordinate as it is passed on an arc, which may lie whole turns away."""
-    return q + math.tau * round(((start + end) / 2 - q) / math.tau) if end > start else q
+def _on(q: float, arc: Arc, rotary: bool) -> float:
+    """A coordinate where an arc passes it, which may be whole turns away."""
+    middle = (arc.start.q + arc.end.q) / 2
+    return q + math.tau * round((middle - q) / math.tau) if rotary else q
 
 
 def _figure(bars: Sequence[Bar], name: str, unit: str, said: str, degrees: bool) -> Any:
@@ -101,14 +102,14 @@ def _figure(bars: Sequence[Bar], name: str, unit: str, said: str, degrees: bool)
     said += f" {more} more are not drawn." if more > 0 else ""
     with styled():
         lines = wrapped(said, ink.SMALL, ink.COLUMN - ink.TEXT)
-        rows = 3 * len(bars[: ink.MOST]) + len(lines) + 4  # a bar with what ends it, words below
+        rows = 3 * len(bars[: ink.MOST]) + len(lines) + 4  # words, bar and air; axis, words below
         figure = new_figure(ink.COLUMN, rows * ink.ROW, layout="constrained")
         axes = figure.subplots()
         axes.use_sticky_edges = False
         low, high = _range(bars)
         for y, bar in enumerate(bars[: ink.MOST]):
             _draw(axes, y, bar, (low, high), scale)
-        axes.set_ylim(len(bars[: ink.MOST]) - 0.4, -0.6)
+        axes.set_ylim(len(bars[: ink.MOST]) - 1 + THICK, -1.0)
         axes.set_yticks([])
         axes.set_xlabel(f"{shown_name(name)} [{unit}]", labelpad=1)
         axes.grid(True, axis="x")
@@ -128,13 +129,8 @@ def _draw(axes: Any, y: int, bar: Bar, shown: tuple[float, float], scale: float)
     axes.barh(y, end - start, THICK / 2, start, color=fill, edgecolor=ink.INK, lw=0.6)
     axes.plot([q * scale for q in bar.marks], [y] * len(bar.marks), "|", color=ink.ALARM)
     axes.plot([q * scale for q in bar.chosen], [y] * len(bar.chosen), "o", ms=3, color=ink.INK)
-    middle = (shown[0] + shown[1]) / 2 * scale
-    for x, words, side in ((start, bar.ends[0], "left"), (end, bar.ends[1], "right")):
-        axes.annotate(
-            words, (x, y + THICK / 4), (0, -2), textcoords="offset points", ha=side, va="top",
-            fontsize=ink.SMALL, color=ink.GREY,
-        )  # fmt: skip
     axes.annotate(
-        bar.name, (middle, y - THICK / 4), (0, 1), textcoords="offset points",
-        ha="center", va="bottom", fontsize=ink.SMALL,
+        f"{bar.name}: {' to '.join(bar.ends)}", (0, y - THICK / 4), (2, 1),
+        xycoords=("axes fraction", "data"), textcoords="offset points", va="bottom",
+        fontsize=ink.SMALL,
     )  # fmt: skip
