@@ -46,6 +46,7 @@ class LlvmEngine:
     """A program compiled to machine code."""
 
     name = "llvm"
+    designs_together = PARALLEL  # samples of designs that are best run at once
 
     def __init__(self, program: Program) -> None:
         """Raises `Untraceable` for a program that is more than flat arithmetic, and
