@@ -64,7 +64,11 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
+<<<<<<< HEAD
 LINES, LINES_OF_DYNAMICS = 46_597, 7_285
+=======
+LINES, LINES_OF_DYNAMICS = 46_606, 7_286
+>>>>>>> main
 NUMBERS, NUMBERS_OF_DYNAMICS = 216, 45
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
@@ -86,7 +90,6 @@ LATE = {
     "panel_reactflow",
     "param",
 }
-LINES += 232  # pictures in notebooks, of arcs, modes and motions: to be added to the number above
 NEEDED_IN = {
     "typer": "cli",
     "rich": "cli",
