@@ -64,11 +64,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-<<<<<<< HEAD
-LINES, LINES_OF_DYNAMICS = 46_597, 7_285
-=======
-LINES, LINES_OF_DYNAMICS = 46_606, 7_286
->>>>>>> main
+LINES, LINES_OF_DYNAMICS = 47_098, 7_286
 NUMBERS, NUMBERS_OF_DYNAMICS = 216, 45
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
