@@ -64,8 +64,8 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 43_589, 6_925
-NUMBERS, NUMBERS_OF_DYNAMICS = 214, 45
+LINES, LINES_OF_DYNAMICS = 44_967, 6_941
+NUMBERS, NUMBERS_OF_DYNAMICS = 215, 45
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
 LATE = {
@@ -76,6 +76,7 @@ LATE = {
     "pandas",
     "xarray",
     "pyarrow",
+    "distributed",
     "hypothesis",
     "pytest",
     "mpmath",

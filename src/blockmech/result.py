@@ -269,10 +269,18 @@ class Result(Exported):
         """
         return self._again(self.mechanism.of_blocks, want)
 
-    def _again(self, mechanism: Any, want: tuple[str, ...]) -> Result:
-        plan = mechanism.plan(want, **self.settings)
+    def with_friction(self, method: str, *want: str) -> Result:
+        """Outputs at the same samples with another method of friction; gaps are marked."""
+        how = {"friction": method, "tolerance": None, "iterations": None}
+        return self._again(self.mechanism, want, self.settings | how)
+
+    def _again(
+        self, mechanism: Any, want: tuple[str, ...], settings: Mapping[str, Any] | None = None
+    ) -> Result:
+        settings = self.settings if settings is None else settings
+        plan = mechanism.plan(want, **settings)
         values, engine = mechanism.evaluate(plan, self.samples, self.engine)
-        return Result(mechanism, plan, self.samples, values, engine, self.settings, self.motion)
+        return Result(mechanism, plan, self.samples, values, engine, settings, self.motion)
 
     def wire(self, source: str, target: str | None = None) -> dict[str, Any]:
         """What travels along a wire: motion forward, force and reduced inertia back.

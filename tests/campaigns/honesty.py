@@ -16,6 +16,7 @@ import argparse
 import json
 import math
 import signal
+import sys
 from collections import defaultdict
 from functools import cache
 from pathlib import Path
@@ -90,6 +91,9 @@ def moved(case: tuple[Any, ...], method: str, accuracy: float | None) -> Any:
         until = f"time={span!r}"
         return mech.simulate(until, start=start, want=[f"{driver}.q"], **asked).motion
     except (BlockmechError, TooLong):
+        return None
+    except Exception as crash:  # a finding, and no reason to lose the rest
+        print(f"{case[0]}, {method}, {accuracy}: {crash!r:.200}", file=sys.stderr, flush=True)
         return None
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)

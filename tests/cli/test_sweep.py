@@ -58,6 +58,21 @@ def test_slips_are_one_sentence(call, words, message):
     assert not said.out
 
 
+def test_a_folder_takes_parts_and_workers_do_them(call, tmp_path):
+    out, words = tmp_path / "parts", ("--vary", "dyad.l_i=5.9:6.1:5")
+    one = call("sweep", RUIZ, *words, *WANT)
+    other = call("sweep", RUIZ, *words, *WANT, "--out", out, "--workers", "1")
+    assert other.code == 0
+    assert other.out == f"{one.out}wrote {out}\n"
+    assert len(list(out.glob("*.parquet"))) == 1
+    refused = call("sweep", RUIZ, "--vary", "dyad.l_i=5", *WANT, "--out", out)
+    assert refused.code == 2
+    assert "parts of another question" in refused.err
+    nobody = call("sweep", RUIZ, *words, *WANT, "--dask", "nonsense")
+    assert nobody.code == 2
+    assert "--dask nonsense" in nobody.err
+
+
 def test_without_pyarrow_the_extra_is_named(call, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     said = call("sweep", RUIZ, "--vary", "dyad.l_i=6", *WANT, "--out", tmp_path / "a.parquet")

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from tests.campaigns.honesty import scene
 from tests.dynamics.honesty import (
     DEAR,
     GRAPHS,
@@ -121,3 +122,27 @@ def test_a_motion_that_ends_before_a_dead_centre_does_not_lose_the_digits_of_its
     path, time = (moved("parallelogram_chain", run, m, 1e-14) for m in ("energy", "dop853"))
     assert abs(path.q_end - time.q_end) <= 4 * np.spacing(run.q)
     assert 0 < path.error <= 64 * np.spacing(run.q)
+
+
+def test_steps_that_an_event_cuts_do_not_hide_the_error_of_a_second_run():
+    """At a coarse target both runs of the slider that sticks took equal steps: 8e-16 was said."""
+    mech = bm.Graph.load(GRAPHS / "motions" / "sticking_slider.json").compile()
+    request = {"start": {"slider": (0.2623050323647527, 3.3383364705564734e-05)}}
+    times = np.linspace(0.0, 0.3504485484886209, REQUESTED + 1)[1:]
+    found, exact = (
+        mech.simulate(times=times, method="dop853", accuracy=a, **request).motion
+        for a in (1e-3, 1e-13)
+    )
+    assert_honest(found, exact)
+
+
+def test_two_pairs_that_reverse_at_one_place_reverse_once():
+    """Nor does a kink that is the end of a panel, but for rounding, ask for another for ever."""
+    _, mech, start, _ = scene(950_000_007)
+    path, time = (
+        mech.simulate("time=0.187", method=method, accuracy=target, start=start).motion
+        for method, target in (("spectral", 1e-9), ("dop853", 1e-6))
+    )
+    assert [e.kind for e in time.events] == [e.kind for e in path.events]
+    assert path.events[-1].kind == "rest"
+    assert_honest(time, path)

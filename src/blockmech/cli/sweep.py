@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +25,7 @@ from blockmech.cli.options import (
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
 from blockmech.files import refuse_spared
 from blockmech.model.parameters import named
+from blockmech.studies.parts import needed
 from blockmech.studies.sampling import Distribution, normal, uniform
 
 Vary = Annotated[
@@ -33,9 +36,15 @@ Keep = Annotated[list[str], option('What is kept, e.g. "max_abs(crank.drive)".',
 How = Annotated[str | None, option("grid or paired; latin, sobol or random.", "SAMPLING")]
 Count = Annotated[int | None, option("Of distributions: how many designs.", "N", min=1)]
 Seed = Annotated[int, option("Of distributions: which designs.", "N", min=0)]
-Out = Annotated[str | None, option("Write a table (csv, parquet).", "FILE")]
+Out = Annotated[
+    str | None,
+    option("Write a table (csv, parquet), or parts into a folder, to go on there.", "FILE|FOLDER"),
+]
+Workers = Annotated[int | None, option("Processes of this machine that do it.", "N", min=1)]
+Dask = Annotated[str | None, option("A Dask cluster that does it: tcp://host:8786.", "ADDRESS")]
 Plot = Annotated[str | None, option("Draw it (png, svg, pdf).", "FILE")]
 
+TABLES = (".csv", ".parquet")
 LAWS = {"normal": normal, "uniform": uniform}
 LAW = re.compile(r"(normal|uniform)\((.*)\)")
 
@@ -56,6 +65,8 @@ def sweep(
     static: Static = False,
     out: Out = None,
     plot: Plot = None,
+    workers: Workers = None,
+    dask: Dask = None,
 ) -> None:
     """Run many designs: turn numbers of the file, and keep extremes or means of outputs."""
     from blockmech.draw.paper import suffix_of
@@ -65,8 +76,10 @@ def sweep(
     refuse_spared(*filter(None, (out, plot)))
     if plot is not None:
         suffix_of(plot)
-    if out is not None and Path(out).suffix.lower() not in (".csv", ".parquet"):
-        raise refused(out, "a table is csv or parquet", "give the name such a suffix")
+    if out is not None and Path(out).suffix.lower() not in (*TABLES, ""):
+        remedy = "give the name such a suffix, or none: that of a folder"
+        raise refused(out, "a table is csv or parquet", remedy)
+    in_parts = out is not None and not Path(out).suffix
     given: dict[str, Any] = {
         "over": coordinates(mechanism, at or []),
         "samples": samples,
@@ -77,18 +90,38 @@ def sweep(
     }
     asked = {k: x for k, x in given.items() if x is not None}
     how: dict[str, Any] = {"sampling": sampling, "count": count, "seed": seed, "static": static}
+    if in_parts:
+        how["out"] = out
     numbers = _varied(mechanism, vary)
-    with progress_bar("running") as told:
-        found = mechanism.study(numbers, want=list(want), progress=told, **how, **asked)
+    with progress_bar("running") as told, _client(dask) as client:
+        who = {"workers": workers, "client": client}
+        found = mechanism.study(numbers, want=list(want), progress=told, **how, **asked, **who)
     say(repr(found))
     if out is not None:
-        (found.to_csv if Path(out).suffix.lower() == ".csv" else found.to_parquet)(out)
+        if not in_parts:
+            (found.to_csv if Path(out).suffix.lower() == ".csv" else found.to_parquet)(out)
         say(f"wrote {out}")
     if plot is not None and not found.interrupted:
         with progress_bar("drawing"):
             say(f"wrote {found.plot(plot)}")
     if found.interrupted:
         raise Interrupted("what was run is kept")
+
+
+@contextmanager
+def _client(address: str | None) -> Iterator[Any]:
+    """The client of a cluster at an address; None without one."""
+    if address is None:
+        yield None
+        return
+    distributed = needed("distributed", "--dask", "cluster")
+    try:
+        client = distributed.Client(address)
+    except (OSError, ValueError) as error:
+        said = str(error).splitlines()[0]
+        raise refused(f"--dask {address}", said, "give the address of a scheduler") from error
+    with client:
+        yield client
 
 
 def _varied(mechanism: Any, given: list[str]) -> dict[str, list[float] | Distribution]:

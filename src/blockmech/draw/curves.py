@@ -50,10 +50,7 @@ def without_friction(result: Result) -> Result | None:
     friction = result.settings["friction"] != "none" and any(b.friction for b in blocks)
     if not friction or not forces:
         return None
-    settings = {**result.settings, "friction": "none", "tolerance": None, "iterations": None}
-    # The same samples under other settings: an empty result of those settings, run again.
-    empty = Result(result.mechanism, result.plan, result.samples, (), result.engine, settings)
-    return empty.rerun(*forces)
+    return result.with_friction("none", *forces)
 
 
 def drive_panels(result: Result, twin: Result | None) -> Panels:

@@ -120,7 +120,7 @@ class Crowd:
         ways = []
         for anchor in anchors:
             covered = [self._cost(anchor[f], offsets, half, gap > FAR, f) for f in self._points]
-            ways.append((*_cheapest(np.array(covered) + own, offsets), anchor))
+            ways.append((*cheapest(np.array(covered) + own, offsets), anchor))
         _, way, anchor = min(ways, key=lambda found: found[0])
         frames, every = list(self._points), np.arange(anchor.size)
         offset = np.interp(every, frames, offsets[way])
@@ -157,7 +157,7 @@ class Crowd:
         return cost
 
 
-def _cheapest(cost: Reals, offsets: Places) -> tuple[float, NDArray[np.intp]]:
+def cheapest(cost: Reals, offsets: Places) -> tuple[float, NDArray[np.intp]]:
     """Cost and numbers (frames,) of the places that cost least, with the ways between them.
 
     ``cost`` is (frames, places).

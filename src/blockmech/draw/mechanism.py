@@ -14,7 +14,7 @@ from blockmech.compiled import Compiled
 from blockmech.draw import palette as ink
 from blockmech.draw import shapes
 from blockmech.draw.labels import Label
-from blockmech.draw.motion import Motion, marker_place, moves
+from blockmech.draw.motion import Complex, Motion, marker_place, moves
 from blockmech.draw.page import Page, Paths
 from blockmech.draw.palette import MOST, SIZES
 from blockmech.draw.paper import scaled_unit, shown_name, styled
@@ -92,10 +92,14 @@ def draw_mechanism(
 
 def page_of(sketch: Sketch, motion: Motion, paths: Paths, captions: Iterable[str]) -> Page:
     """A page for all that is drawn of a mechanism at all samples."""
+    return Page(places_of(sketch, motion, paths), sketch.words > MANY, paths, captions)
+
+
+def places_of(sketch: Sketch, motion: Motion, paths: Paths) -> Complex:
+    """All places [m] that a picture has to hold; the origin if there are none."""
     places = [motion.at(*spot) for spot in sketch.spots] + list(paths.values())
     z = np.concatenate([*places, np.zeros(0)])
-    z = z[np.isfinite(z)] if np.isfinite(z).any() else np.zeros(1, complex)
-    return Page(z, sketch.words > MANY, paths, captions)
+    return z[np.isfinite(z)] if np.isfinite(z).any() else np.zeros(1, complex)
 
 
 def _poses(motion: Motion, named: bool) -> list[int]:

@@ -8,19 +8,21 @@ so links look the same whatever the size of the mechanism.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from blockmech.draw import palette as ink
-from blockmech.draw.motion import Complex, Motion
+from blockmech.draw.motion import Complex, Motion, Spot
 from blockmech.draw.page import Shape
 from blockmech.draw.palette import SIZES
 from blockmech.draw.sketch import LoadMark, Sketch, Slider, pin_spot
 
+Vector: TypeAlias = tuple[Spot, Complex]
+"""Where something acts, and its values (n,)."""
 FAINT = ("#F1F1F1", "#BDBDBD")  # fill and edge of further poses
 
 
@@ -157,7 +159,7 @@ def _mirrored(arc: Complex, sense: Any) -> Complex:
 def _arrow(way: Complex, colour: str, name: str, unit: float) -> Iterator[Shape]:
     """A line (p, n) with an arrowhead at its end."""
     z, last = way[-1], way[-1] - way[-2]
-    u = last / np.abs(last) * unit
+    u = last * (unit / np.abs(last))
     yield Shape(name, "line", np.array([*way[:-1], z - 3 * u]), 7, colour, width=1.3)
     head = z - u * np.array([0, 6 + 2.4j, 6 - 2.4j])[:, None]
     yield Shape("arrowhead", "area", head, 7.1, colour, colour, 0.0)
@@ -170,17 +172,41 @@ def load_ways(stage: Stage, load: LoadMark) -> list[Complex]:
         return []
     found = []
     for spot, value in zip(load.spots, values, strict=True):
-        size = np.where(np.isfinite(value) & (value != 0), np.abs(value), np.nan)
         if load.unit == "N":
-            z = stage.motion.at(*spot)
-            length = np.maximum(SIZES.force[0], SIZES.force[1] * size / stage.largest) * stage.unit
-            found.append(np.array([z, z + value / size * length]))
+            found.append(_way(stage, stage.motion.at(*spot), value, stage.largest))
         else:
             bodies = (b.middle for b in stage.sketch.bodies if b.link == spot.link)
             z = stage.motion.at(*next(bodies, spot))
             arc = _arc(SIZES.couple * stage.unit, -0.6 * math.pi, 1.5 * math.pi)
-            found.append(z + _mirrored(arc, value.real / size))
+            found.append(z + _mirrored(arc, value.real / _size(value)))
     return found
+
+
+def _size(value: Complex) -> Any:
+    """Magnitudes (n,); NaN where there is nothing to show."""
+    return np.where(np.isfinite(value) & (value != 0), np.abs(value), np.nan)
+
+
+def _way(stage: Stage, z: Complex, value: Complex, largest: float) -> Complex:
+    """An arrow (2, n) from places; its length is that of the value (n,) beside the largest."""
+    size = _size(value)
+    length = np.maximum(SIZES.force[0], SIZES.force[1] * size / largest) * stage.unit
+    return np.array([z, z + value * (length / size)])
+
+
+def vectors(stage: Stage, found: Mapping[str, Vector], colour: str) -> Iterator[Shape]:
+    """Vectors (n,) of one quantity at their spots as arrows, by name, on one scale."""
+    sizes = [float(np.nanmax(np.abs(value), initial=0.0)) for _, value in found.values()]
+    for name, (spot, value) in found.items():
+        way = _way(stage, stage.motion.at(*spot), value, max(sizes) or 1.0)
+        yield from _arrow(way, colour, name, stage.unit)
+
+
+def friction_circles(stage: Stage, radii: Mapping[str, tuple[Spot, float]]) -> Iterator[Shape]:
+    """Circles of radii f' r [m] about pins: without rates the reaction touches them."""
+    for name, (spot, radius) in radii.items():
+        circle = stage.motion.at(*spot) + _arc(radius, 0.0, 2 * math.pi)[:, None]
+        yield Shape(f"friction:{name}", "line", circle, 6.8, ink.LOAD, width=1.0)
 
 
 def _load(stage: Stage, load: LoadMark) -> Iterator[Shape]:

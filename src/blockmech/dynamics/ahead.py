@@ -245,7 +245,8 @@ class Ahead:
         """Where a guide is pressed by another side or edge, or a pin by its other side."""
         assert self.system.friction is not None
         found: list[float] = []
-        r, near = rule(self.n), math.sqrt(EPS)
+        r, (way,) = rule(self.n), lies.way
+        near = max(math.sqrt(EPS), CLOSE * abs(at.q / way))  # one at an end, but for rounding
         for F, guide in zip(loads.T, self.system.friction.guides, strict=True):
             across, largest = np.zeros(self.n), float(np.abs(F).max())
             if guide:

@@ -8,7 +8,7 @@ their smallest value counts.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -190,13 +190,13 @@ class Lookout:
         spans: Sequence[float],
         t: float,
         y: Floats,
-        fired: EventRule | None,
+        happened: Collection[tuple[str, int]],
     ) -> Lookout:
-        """Before the first step; what just happened counts as on its surface still."""
+        """Before the first step; what ``happened`` here (kind, index) is on its surface still."""
         values = [r.value(t, y) for r in rules]
         near = SAME * max(1.0, float(np.abs(y[0])))
         for i, r in enumerate(rules):
-            if fired is not None and (r.kind, r.index) == (fired.kind, fired.index):
+            if (r.kind, r.index) in happened:
                 values[i] = 0.0 if r.kind != KINK or abs(values[i]) <= near else values[i]
         simple = len(spans) == 1 and all(r.many or r.parts == 1 for r in rules)
         return cls(rules, parts, spans, y, values, simple)

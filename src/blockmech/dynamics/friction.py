@@ -277,10 +277,18 @@ class JointFriction:
 
         A slip that vanishes at q, as far as the next place tells, has the sign that it gets.
         """
+        here, beyond, vanishes = self._beyond(q, direction)
+        at = np.where(vanishes, beyond, here)
+        return tuple(int(x) for x in direction * np.sign(at))
+
+    def reversing(self, q: float) -> list[int]:
+        """Pairs whose slip vanishes at q, as far as the next place tells."""
+        return np.flatnonzero(self._beyond(q, 1)[2]).tolist()
+
+    def _beyond(self, q: float, direction: int) -> tuple[Floats, Floats, Floats]:
         step = math.sqrt(EPS) * max(1.0, abs(q)) * direction
         here, beyond = self.slips(np.array([q, q + step]))
-        at = np.where(np.abs(here) <= np.abs(beyond - here), beyond, here)
-        return tuple(int(x) for x in direction * np.sign(at))
+        return here, beyond, np.abs(here) <= np.abs(beyond - here)
 
     # -- solutions ------------------------------------------------------------
 

@@ -228,12 +228,20 @@ class Run:
         if self.equation.drivers > 1:
             length = loads.largest_length
             spans = [TURN if turns else length(structure) for turns in self.system.rotary]
-        lookout = Lookout.at(self._rules(), parts, spans, self.t, self.y, self.fired)
+        lookout = Lookout.at(self._rules(), parts, spans, self.t, self.y, self._happened())
         self.fired = None
         hit = self._integrated(lookout, bound)
         if isinstance(hit, Verdict):
             return hit
         return None if hit is None else self._met(hit)
+
+    def _happened(self) -> set[tuple[str, int]]:
+        """Events (kind, index) at this very place: several pairs may reverse at once."""
+        friction, fired = self.system.friction, self.fired
+        found = set() if fired is None else {(fired.kind, fired.index)}
+        if friction is not None:
+            found |= {(REVERSAL, j) for j in friction.reversing(float(self.y[0]))}
+        return found
 
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
         if self.method in STEPPERS:
@@ -271,14 +279,16 @@ class Run:
                 return self._given_up()
             if solver.t == solver.t_old:
                 continue
-            self.longest = max(self.longest, solver.t - solver.t_old)
             hits = lookout.in_step(solver.t_old, solver.t, solver.y, dense)
             self._note(hits, dense)
-            if hits and hits[-1].rule.terminal:
-                t, y = self._exactly(hits[-1], solver.t_old, self.y, dense)
-                self._took(t, y, dense)
-                return hits[-1]
-            self._took(solver.t, solver.y, dense)
+            met = hits[-1] if hits and hits[-1].rule.terminal else None
+            t, y = solver.t, solver.y
+            if met is not None:
+                t, y = self._exactly(met, solver.t_old, self.y, dense)
+            self.longest = max(self.longest, t - solver.t_old)  # what an event cuts off is none
+            self._took(t, y, dense)
+            if met is not None:
+                return met
         return None
 
     def _exactly(self, hit: Hit, t0: float, y0: Floats, dense: Any) -> tuple[float, Floats]:

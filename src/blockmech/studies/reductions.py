@@ -92,6 +92,13 @@ class Wanted:
         return np.array(x[:, self.sample]) if self.how == "at" else SIMPLE[self.how](x)
 
 
+def components(w: Wanted, values: Array) -> list[tuple[str, Array]]:
+    """A column as columns of real numbers: those of a vector are two."""
+    if w.kind != "vector":
+        return [(w.label, values)]
+    return [(w.label + ".x", values.real), (w.label + ".y", values.imag)]
+
+
 def _finite(x: Any) -> Array:
     """An output with NaN for what is infinite; the sum tells quickly that nothing is."""
     return np.asarray(x if np.isfinite(np.sum(x)) else np.where(np.isfinite(x), x, np.nan))

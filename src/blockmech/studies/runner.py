@@ -2,54 +2,33 @@
 
 A block is as many designs as keep about 8192 samples in cache. Where each design needs a
 program of its own, a block is one design, made and compiled by itself; the rest is the same.
+What is handed out at a time is a part: a row of whole blocks, so blocks are always the same
+ones, and with them the last bit of each answer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.compiled import Compiled
+from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.engines.numpy import CHUNK, Planar
 from blockmech.errors import BlockmechError
 from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
 from blockmech.quality import NO_ASSEMBLY, WORDS, at_most_one, failures
 from blockmech.samples import Samples, make_samples
+from blockmech.studies.block import Block
 from blockmech.studies.family import Family, as_said, remade
 from blockmech.studies.reductions import POSES, WHOLE, Wanted
+from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
 UNDEFINED = ""
-
-
-class Block(NamedTuple):
-    """What a study keeps of m designs.
-
-    values : column's label -> (m,), or (m, n) of poses
-    word : (m,) index in `blockmech.quality.WORDS`: why a design has no answer, 0 if it has
-    place : (m,) the block of the mechanism that fails first
-    pose : (m,) the first pose without an answer, -1 without one
-    poses : (m,) number of such poses
-    """
-
-    values: dict[str, Array]
-    word: Array
-    place: Array
-    pose: Array
-    poses: Array
-
-    @staticmethod
-    def joined(blocks: list[Block]) -> Block:
-        """All their designs, one after the other."""
-        labels = blocks[0].values
-        values = {label: np.concatenate([b.values[label] for b in blocks]) for label in labels}
-        rest = zip(*(b[1:] for b in blocks), strict=True)
-        return Block(values, *map(np.concatenate, rest))
 
 
 @dataclass(frozen=True)
@@ -77,9 +56,21 @@ class Runner:
         """Designs of a block of n poses."""
         return 1 if self.family.alone else max(1, CHUNK // n)
 
+    def part(self, n: int) -> int:
+        """Designs handed out at a time: so many samples are work enough to start something."""
+        return self.size(n) * (COMPILED_FROM // CHUNK)
+
     def prepared(self, count: int) -> _Planned:
         """The plan that serves all of so many designs, or that of the first one."""
         return _Planned(self, self.family.general, count)
+
+    def blocks(self, planned: _Planned, chosen: Designs) -> Iterator[Block]:
+        """All blocks of a part, one after the other."""
+        made = chosen.columns(0, chosen.count)
+        size = self.size(planned.samples.n)
+        for k in range(0, chosen.count, size):
+            rows = zip(self.family.parameters, made.values(), strict=True)
+            yield self.block(planned, {p: x[k : k + size] for p, x in rows})
 
     def block(self, planned: _Planned, columns: Mapping[Parameter, Array]) -> Block:
         """Some designs; one whose numbers do not make a mechanism is a row without answers."""

@@ -1,7 +1,8 @@
 """Which designs a study is of: a grid, rows of arrays, or points of distributions.
 
-Points are made block by block where the method allows it, so a study of many designs need
-not hold them all. Latin hypercubes and Sobol points are SciPy's (`scipy.stats.qmc`).
+Points of a grid, of Sobol and at random are made where they are asked for, by their places,
+so no process of a large study holds them all, and none depends on how a study is parted; a
+Latin hypercube is one whole. It and Sobol points are SciPy's (`scipy.stats.qmc`).
 
 Sources: McKay, Beckman & Conover 1979 (Latin hypercube); Sobol' 1967, Owen 1998 (scrambled).
 """
@@ -9,9 +10,10 @@ Sources: McKay, Beckman & Conover 1979 (Latin hypercube); Sobol' 1967, Owen 1998
 from __future__ import annotations
 
 import math
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -126,12 +128,14 @@ class Designs:
     sampling : how designs are made of them
     count : number of designs
     seed : of what is drawn at random
+    first : of a part of a study: the place of its first design
     """
 
     vary: Mapping[str, Floats | Distribution]
     sampling: Sampling
     count: int
     seed: int = 0
+    first: int = 0
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -140,34 +144,51 @@ class Designs:
             return (self.count,)
         return tuple(np.size(x) for x in self.vary.values())  # type: ignore[arg-type]
 
+    def part(self, start: int, stop: int) -> Designs:
+        """Some of the designs by themselves, no larger than it takes to make them."""
+        if self.sampling in ("paired", "latin"):
+            return Designs(self.columns(start, stop), "paired", stop - start)
+        return replace(self, count=stop - start, first=self.first + start)
+
     def columns(self, start: int, stop: int) -> dict[str, Floats]:
         """Values (stop - start,) of each number in some of the designs."""
         if self.sampling == "paired":
             return {a: x[start:stop] for a, x in self.vary.items()}  # type: ignore[index]
+        start, stop = self.first + start, self.first + stop
         if self.sampling == "grid":
             places = np.unravel_index(np.arange(start, stop), self.shape)
             rows = zip(self.vary.items(), places, strict=True)
             return {a: x[k] for (a, x), k in rows}  # type: ignore[index]
-        points = self._points[start:stop]
+        tiny = np.finfo(float).eps / 2  # the ends of a normal distribution are far out
+        points = np.clip(self._points(start, stop), tiny, 1.0 - tiny)
         return {
             address: law.quantile(points[:, k])  # type: ignore[union-attr]
             for k, (address, law) in enumerate(self.vary.items())
         }
 
-    @cached_property
-    def _points(self) -> Floats:
-        """Shares (count, k) between 0 and 1, the same for the same seed."""
+    def _points(self, start: int, stop: int) -> Floats:
+        """Shares (stop - start, k) between 0 and 1, the same for the same seed."""
         size = len(self.vary)
-        random = np.random.default_rng(self.seed)
+        if self.sampling == "latin":
+            return self._hypercube[start:stop]
         if self.sampling == "random":
-            points = random.random((self.count, size))
-        else:
-            from scipy.stats import qmc
+            bits = np.random.PCG64(self.seed).advance(start * size)  # one for each number
+            return np.random.Generator(bits).random((stop - start, size))
+        from scipy.stats import qmc
 
-            made = qmc.LatinHypercube if self.sampling == "latin" else qmc.Sobol
-            points = made(size, seed=random).random(self.count)
-        tiny = np.finfo(float).eps / 2  # the ends of a normal distribution are far out
-        return np.asarray(np.clip(points, tiny, 1.0 - tiny))
+        made = qmc.Sobol(size, seed=np.random.default_rng(self.seed))
+        if start:
+            made.fast_forward(start)
+        with warnings.catch_warnings():  # the whole is a power of two, its parts need not be
+            warnings.simplefilter("ignore", UserWarning)
+            return np.asarray(made.random(stop - start))
+
+    @cached_property
+    def _hypercube(self) -> Floats:
+        from scipy.stats import qmc
+
+        random = np.random.default_rng(self.seed)
+        return np.asarray(qmc.LatinHypercube(len(self.vary), seed=random).random(self.count))
 
 
 def designs(vary: Mapping[str, Any], sampling: str | None, count: int | None, seed: int) -> Designs:

@@ -1,17 +1,28 @@
-"""A study: designs of one mechanism, each run over the same poses and reduced to numbers."""
+"""A study: designs of one mechanism, each run over the same poses and reduced to numbers.
+
+By this process it is one loop over blocks; by others, or into a folder, it goes by parts.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
 
 from blockmech.compiled import Compiled
 from blockmech.errors import FormatError, GraphError, Problem
+from blockmech.files import AnyPath
 from blockmech.settings import check_switch, friction_asked
+from blockmech.studies.block import Block, Rows
 from blockmech.studies.family import Family, as_said
+from blockmech.studies.parts import Parts, needed
 from blockmech.studies.reductions import wanted
-from blockmech.studies.runner import Block, Runner
+from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
+from blockmech.studies.workers import Work, fingerprint, hands
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 Told = Callable[[str, float, float | None], None]
@@ -33,6 +44,9 @@ def study(
     iterations: int | None = None,
     static: bool = False,
     progress: Told | None = None,
+    out: AnyPath | None = None,
+    workers: int | None = None,
+    client: Any = None,
 ) -> Study:
     """Run many designs and keep a few numbers of each.
 
@@ -51,6 +65,12 @@ def study(
     count, seed : of distributions, how many designs, and which
     friction, tolerance, iterations, static : as those of a run
     progress : told how far it is: ``progress(what, done, whole)``
+    out : folder
+        Where what is done is kept as Parquet files: asked again, a study that was interrupted
+        goes on where it stopped. The numbers are read when they are asked for.
+    workers : number of processes of this machine that do it, in place of this one
+    client : a `dask.distributed.Client`, whose workers do it; ``out`` is a folder of theirs, too
+        The answer is the same to the last bit, whoever does it.
 
     Returns
     -------
@@ -62,6 +82,7 @@ def study(
     ------
     RequestError for unknown addresses, outputs or reductions, or settings that do not fit
     FormatError for values that the file would refuse
+    MissingEngineError without pyarrow (extra ``study``) or distributed (extra ``cluster``)
     """
     check_switch("static", static)
     friction_asked(friction, tolerance, iterations)
@@ -73,14 +94,17 @@ def study(
     taken = Runner(family, (), poses, how).samples(mechanism)
     columns = wanted(want, family.general.outputs, taken, mechanism.drivers)
     runner = Runner(family, columns, poses, how)
-    blocks, done = _run(runner, chosen, taken.n, progress)
-    made = chosen.columns(0, done)
+    rows: Rows | Parts
+    if out is None and workers is None and client is None:
+        rows = _in_memory(runner, chosen, taken.n, progress)
+    else:
+        place = None if out is None else Path(out)
+        rows = _in_parts(runner, chosen, taken.n, progress, place, workers, client)
     return Study(
         mechanism.name,
-        dict(zip(made, family.parameters, strict=True)),
-        made,
+        dict(zip(vary, family.parameters, strict=True)),
         columns,
-        Block.joined(blocks),
+        rows,
         chosen.shape,
         {mechanism.of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(mechanism.drivers)},
         chosen.sampling,
@@ -109,21 +133,63 @@ def _check_values(family: Family, chosen: Designs) -> None:
         raise FormatError(dict.fromkeys(problems))
 
 
-def _run(runner: Runner, chosen: Designs, n: int, say: Told | None) -> tuple[list[Block], int]:
-    """All blocks of designs, and how many designs that are; fewer after Ctrl-C."""
+def _in_memory(runner: Runner, chosen: Designs, n: int, say: Told | None) -> Rows:
+    """All designs, or those before Ctrl-C."""
     blocks: list[Block] = []
-    size, done = runner.size(n), 0
+    done, size = 0, runner.part(n)
     try:
         planned = runner.prepared(chosen.count)
         for start in range(0, chosen.count, size):
-            stop = min(start + size, chosen.count)
-            made = chosen.columns(start, stop)
-            numbers = dict(zip(runner.family.parameters, made.values(), strict=True))
-            blocks.append(runner.block(planned, numbers))
-            done = stop
-            if say is not None:
-                say(f"{done} of {chosen.count} designs", done, chosen.count)
+            part = chosen.part(start, min(start + size, chosen.count))
+            for block in runner.blocks(planned, part):
+                blocks.append(block)
+                done += len(block.word)
+                _tell(say, done, chosen.count)
     except KeyboardInterrupt:
         if not blocks:
             raise
-    return blocks, done
+    return Rows(chosen.columns(0, done), Block.joined(blocks))
+
+
+def _in_parts(
+    runner: Runner,
+    chosen: Designs,
+    n: int,
+    say: Told | None,
+    place: Path | None,
+    workers: int | None,
+    client: Any,
+) -> Rows | Parts:
+    """All designs, or those that were done in a row before Ctrl-C; parts that exist are done."""
+    size = runner.part(n)
+    starts = range(0, chosen.count, size)
+    spans = tuple((start, min(start + size, chosen.count)) for start in starts)
+    parts, left = None, list(spans)
+    if place is not None:
+        needed("pyarrow", "out")
+        question = fingerprint(runner, chosen)
+        parts = Parts(place, question, tuple(chosen.vary), runner.want, spans)
+        left = parts.missing()
+    ask = hands(Work(runner, chosen, parts), workers, client)
+    found: dict[tuple[int, int], Block | None] = dict.fromkeys(set(spans) - set(left))
+    done = chosen.count - sum(stop - start for start, stop in left)
+    answers = ask(left)
+    try:
+        for span, block in answers:
+            found[span] = block
+            done += span[1] - span[0]
+            _tell(say, done, chosen.count)
+    except KeyboardInterrupt:
+        answers.close()
+        if spans[0] not in found:
+            raise
+    whole = tuple(takewhile(lambda span: span in found, spans))
+    if parts is not None:
+        return replace(parts, spans=whole)
+    blocks = [block for span in whole if (block := found[span]) is not None]
+    return Rows(chosen.columns(0, whole[-1][1]), Block.joined(blocks))
+
+
+def _tell(say: Told | None, done: int, whole: int) -> None:
+    if say is not None:
+        say(f"{done} of {whole} designs", done, whole)

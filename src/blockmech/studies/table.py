@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import MissingEngineError, NotComputedError, Problem, close_match, listed
+from blockmech.errors import NotComputedError, Problem, close_match, listed
 from blockmech.export import Column, aligned, write_csv
 from blockmech.files import AnyPath, writing
 from blockmech.model.parameters import Parameter
 from blockmech.quality import WORDS
-from blockmech.studies.reductions import POSES, Wanted
-from blockmech.studies.runner import Block
+from blockmech.studies.block import Block, Rows
+from blockmech.studies.parts import Parts, needed
+from blockmech.studies.reductions import POSES, Wanted, components
 
 Array = NDArray[Any]
 ROWS = 12  # designs that are shown
@@ -35,9 +36,8 @@ class Study(Mapping[str, Array]):
     ----------
     name : of the mechanism
     parameters : address -> what varied
-    vary : address -> its values (m,)
     columns : what was kept
-    found : their values, and why designs have no answer
+    rows : the designs, in memory or in a folder: what varied, what was kept and why not
     shape : sizes of the grid, or the number of designs asked for
     poses : driver -> coordinates (n,) [rad or m]
     sampling : how designs were made of values or distributions
@@ -46,15 +46,24 @@ class Study(Mapping[str, Array]):
 
     name: str
     parameters: Mapping[str, Parameter]
-    vary: Mapping[str, Array]
     columns: tuple[Wanted, ...]
-    found: Block
+    rows: Rows | Parts
     shape: tuple[int, ...]
     poses: Mapping[str, Array]
     sampling: str = "grid"
     alone: str = ""
 
     # -- reading ----------------------------------------------------------------
+
+    @property
+    def vary(self) -> Mapping[str, Array]:
+        """Address -> its values (m,)."""
+        return self.rows.vary
+
+    @property
+    def found(self) -> Block:
+        """What was kept, and why designs have no answer."""
+        return self.rows.found
 
     def __getitem__(self, name: str) -> Array:
         known: dict[str, Array] = {**self.vary, **self.found.values}
@@ -123,11 +132,7 @@ class Study(Mapping[str, Array]):
             values = self.found.values[w.label]
             if w.how == POSES:
                 continue
-            if w.kind == "vector":
-                parts = ((".x", values.real), (".y", values.imag))
-                rows += [Column(w.label + end, w.unit, x, w.label) for end, x in parts]
-            else:
-                rows.append(Column(w.label, w.unit, values, w.label))
+            rows += [Column(name, w.unit, x, w.label) for name, x in components(w, values)]
         return rows
 
     def to_csv(self, path: AnyPath | None = None) -> str:
@@ -151,8 +156,8 @@ class Study(Mapping[str, Array]):
         Raises `MissingEngineError` without pyarrow (extra ``study``), `RequestError` where
         the place cannot be written.
         """
-        arrow = _needed("pyarrow", "to_parquet")
-        parquet = _needed("pyarrow.parquet", "to_parquet")
+        arrow = needed("pyarrow", "to_parquet")
+        parquet = needed("pyarrow.parquet", "to_parquet")
         rows = self.table()
         fields = [arrow.field(c.name, arrow.float64(), metadata={"unit": c.unit}) for c in rows]
         fields.append(arrow.field("status", arrow.string()))
@@ -164,9 +169,7 @@ class Study(Mapping[str, Array]):
 
     def to_dataframe(self) -> Any:
         """The table as a pandas DataFrame; raises `MissingEngineError` without pandas."""
-        frame = _needed("pandas", "to_dataframe").DataFrame(
-            {c.name: c.values for c in self.table()}
-        )
+        frame = needed("pandas", "to_dataframe").DataFrame({c.name: c.values for c in self.table()})
         frame["status"] = list(self.status)
         frame.attrs["units"] = {c.name: c.unit for c in self.table()}
         return frame
@@ -177,7 +180,7 @@ class Study(Mapping[str, Array]):
         Dimensions are what varies over a grid, else "design"; poses have "pose" behind them.
         Raises `MissingEngineError` without xarray (extra ``study``).
         """
-        xarray = _needed("xarray", "to_xarray")
+        xarray = needed("xarray", "to_xarray")
         on_grid = self.sampling == "grid"
         dims: tuple[str, ...] = tuple(self.vary) if on_grid else (DESIGN,)
         data: dict[str, Any] = {}
@@ -234,16 +237,3 @@ class Study(Mapping[str, Array]):
         count = f"{self.n} of {asked}" if self.interrupted else f"{self.n}"
         n = len(next(iter(self.poses.values()), (0,)))
         return f"{self.name}: {count} designs at {n} poses, {len(self.vary)} numbers varied"
-
-
-def _needed(module: str, where: str) -> Any:
-    """An optional package. Raises `MissingEngineError` that names the extra."""
-    import importlib
-
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        package = module.partition(".")[0]
-        found, remedy = f"{package} is not installed", 'pip install "blockmech[study]"'
-        problem = Problem("missing-package", where, found, "to_csv needs nothing", remedy)
-        raise MissingEngineError(problem) from error

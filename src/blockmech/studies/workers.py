@@ -1,0 +1,179 @@
+"""Parts of a study, handed out to processes: of this machine, or of a Dask cluster.
+
+A part is asked for by value, so any process gives the same bytes for it, however often it is
+asked; each keeps the program of the last study. Nothing here schedules: local processes are
+`concurrent.futures`', those of a cluster `dask.distributed`'s. A worker that dies loses its
+part only, which another one does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+import signal
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from blockmech.errors import Problem, RequestError
+from blockmech.model.document import EXTRAS
+from blockmech.studies.block import Block
+from blockmech.studies.parts import Parts, Span, needed
+from blockmech.studies.runner import Runner
+from blockmech.studies.sampling import Designs
+from blockmech.values import is_count
+
+Answers = Generator[tuple[Span, Block | None], None, None]
+
+
+@dataclass(frozen=True)
+class Work:
+    """A study as what its parts need.
+
+    Attributes
+    ----------
+    runner : what is asked of each design
+    chosen : all designs
+    parts : where answers are written, if they are not handed back
+    """
+
+    runner: Runner
+    chosen: Designs
+    parts: Parts | None = None
+
+    @cached_property
+    def pickled(self) -> bytes:
+        """What is the same for all parts."""
+        parts = self.parts and replace(self.parts, place=self.parts.place.absolute(), spans=())
+        return pickle.dumps((self.runner, self.chosen.count, parts))
+
+    def here(self, spans: Sequence[Span]) -> Answers:
+        """Parts done by this process."""
+        for span in spans:
+            yield span, answered(self.pickled, self.chosen.part(*span), span)
+
+    def by_processes(self, spans: Sequence[Span], workers: int) -> Answers:
+        """Parts done by so many processes of this machine; new ones follow those that die.
+
+        Raises `RequestError` where they die before they have done anything.
+        """
+        left = deque(spans)
+        while left:
+            given: dict[Future[Any], Span] = {}
+            done = False
+            pool = ProcessPoolExecutor(workers, get_context("spawn"), _deaf)
+            try:
+                while left or given:
+                    while left and len(given) <= workers:  # one waits for who is first done
+                        part = self.chosen.part(*left[0])
+                        given[pool.submit(answered, self.pickled, part, left[0])] = left[0]
+                        left.popleft()
+                    for future in wait(given, return_when=FIRST_COMPLETED).done:
+                        answer = future.result()
+                        yield given.pop(future), answer
+                        done = True
+            except BrokenProcessPool as error:
+                if not done:
+                    raise _died() from error
+                left.extendleft(given.values())
+            finally:
+                pool.shutdown(cancel_futures=True)
+
+    def by_cluster(self, spans: Sequence[Span], client: Any) -> Answers:
+        """Parts done by the workers of a `distributed.Client`, which replaces those that die."""
+        distributed = needed("distributed", "client", "cluster")
+        common = client.submit(bytes, self.pickled)  # made again should a worker die with it
+        given = {
+            client.submit(answered, common, self.chosen.part(*span), span, pure=False): span
+            for span in spans
+        }
+        try:
+            for future in distributed.as_completed(list(given)):
+                yield given.pop(future), future.result()
+        finally:
+            client.cancel(list(given))
+
+
+def answered(pickled: bytes, chosen: Designs, span: Span) -> Block | None:
+    """A part: handed back, or None where it is written into a folder."""
+    runner, planned, parts = _at_hand(pickled)
+    found = Block.joined(list(runner.blocks(planned, chosen)))
+    if parts is None:
+        return found
+    parts.write(span, chosen.columns(0, chosen.count), found)
+    return None
+
+
+@lru_cache(1)
+def _at_hand(pickled: bytes) -> tuple[Runner, Any, Parts | None]:
+    """A study in this process, with its program."""
+    runner, count, parts = pickle.loads(pickled)
+    return runner, runner.prepared(count), parts
+
+
+def hands(work: Work, workers: int | None, client: Any) -> Callable[[Sequence[Span]], Answers]:
+    """Who does the parts. Raises `RequestError` for workers that are none."""
+    if workers is not None and client is not None:
+        remedy = "give workers of this machine, or the client of a cluster"
+        raise RequestError(Problem("useless-setting", "workers", "a client is given", "", remedy))
+    if client is not None:
+        if not isinstance(client, needed("distributed", "client", "cluster").Client):
+            found = f"got {client!r:.60}"
+            remedy = "give a dask.distributed.Client"
+            raise RequestError(Problem("bad-request", "client", found, "", remedy))
+        return lambda spans: work.by_cluster(spans, client)
+    if workers is None:
+        return work.here
+    if not is_count(workers):
+        found = f"must be a whole number from 1 on, got {workers!r}"
+        raise RequestError(Problem("bad-request", "workers", found, "", "give e.g. 2"))
+    return lambda spans: work.by_processes(spans, workers)
+
+
+def _deaf() -> None:
+    """Ctrl-C is for the process that asks: it ends its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _died() -> RequestError:
+    found = "the processes ended before they had done anything"
+    remedy = 'in a script, ask below "if __name__ == \\"__main__\\":", and see what they wrote'
+    return RequestError(Problem("workers-died", "workers", found, "", remedy))
+
+
+def fingerprint(runner: Runner, chosen: Designs) -> str:
+    """A word that is the same for the same question only, in any process."""
+    from importlib.metadata import version  # slow to load
+
+    m = runner.family.mechanism
+    taken = runner.samples(m)
+    written = {} if m.document is None else m.document.to_data()
+    question = {
+        "version": version("blockmech"),
+        "mechanism": {key: x for key, x in written.items() if key not in EXTRAS}
+        or repr((m.structure, m.scene)),
+        "vary": {a: _said(x) for a, x in chosen.vary.items()},
+        "designs": (chosen.sampling, chosen.count, chosen.seed, runner.part(taken.n)),
+        "want": [w.label for w in runner.want],
+        "poses": {name: _said(np.asarray(x)) for name, x in taken.inputs.items()},
+        "times": None if taken.times is None else _said(taken.times),
+        "settings": dict(runner.settings),
+    }
+    return _hash(json.dumps(question).encode())
+
+
+def _said(x: Any) -> str:
+    """Values or a distribution, in a word."""
+    return _hash(x.tobytes()) if isinstance(x, np.ndarray) else repr(x)
+
+
+def _hash(data: bytes) -> str:
+    return hashlib.blake2b(data, digest_size=8).hexdigest()

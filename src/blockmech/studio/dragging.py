@@ -1,0 +1,118 @@
+"""A joint is dragged to another place: what of the document follows.
+
+All that stands at the joint in the shown pose goes with it, all other joints stay where they
+are, and the lengths between them follow. What is fixed to a link and is no joint keeps its
+place on the link.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from blockmech.draw.motion import SAME_PLACE, Motion, Spot, marker_place
+from blockmech.draw.sketch import Sketch, shown_markers
+from blockmech.model.structure import LinkRef, MarkerRef
+from blockmech.values import Place
+
+Move = Callable[[complex], complex]
+
+
+def handles_of(form: Mapping[str, Any], motion: Motion, sketch: Sketch) -> dict[str, Spot]:
+    """What can be dragged: name -> its spot. Where nothing could follow there is no handle."""
+    s = motion.structure
+    spots = {pin.names[0]: pin.spot for pin in sketch.pins}
+    for marker in shown_markers(motion.mechanism):
+        spots[str(marker)] = Spot(marker.on, marker_place(s, marker))
+    good = np.flatnonzero(motion.feasible)
+    found: dict[str, Spot] = {}
+    taken: list[complex] = []
+    for name, (link, at) in spots.items():
+        z = complex(motion.at(link, at)[good[0]])
+        aside = z + SAME_PLACE + abs(z)
+        if z not in taken and dragged(form, motion, int(good[0]), z, aside) != form:
+            found[name] = Spot(link, at)
+            taken.append(z)
+    return found
+
+
+def dragged(
+    form: Mapping[str, Any], motion: Motion, k: int, old: complex, new: complex
+) -> dict[str, Any]:
+    """The form in which what stands at ``old`` [m] in frame k stands at ``new``."""
+    size = max(np.abs([*(z[k] for z in motion.origin.values()), old, new]))
+
+    def move(z: complex) -> complex:
+        return new if abs(z - old) <= SAME_PLACE * size else z
+
+    changed: dict[str, Any] = copy.deepcopy(dict(form))
+    if "joints" in form:
+        _drag_joints(changed, motion, k, move)
+        return changed
+    s = motion.structure
+    for given in changed["blocks"][s.frame].get("markers", {}).values():
+        given["at"] = _put(given["at"], 0j, 1, 0j, 1, move)
+    for name in s.blocks:
+        _drag_block(changed["blocks"][name], name, motion, k, move)
+    return changed
+
+
+def _drag_block(block: dict[str, Any], name: str, motion: Motion, k: int, move: Move) -> None:
+    """Change lengths and markers of a block in place."""
+    s = motion.structure
+    model = s.blocks[name]
+    joined = {m for ref, m in s.feeds.items() if s.joint(ref).kind == "R"}
+    pins = {}
+    for link in model.link_names:
+        ref = LinkRef(name, link)
+        o, e = complex(motion.origin[ref][k]), complex(motion.axis[ref][k])
+        if not np.isfinite(o * e):
+            continue
+        o2, e2 = move(o), e
+        for marker in (m.name for m in s.markers(name) if m.link == link):
+            built = model.built_in.get(marker)
+            if built is None:
+                continue
+            z = o + e * marker_place(s, MarkerRef(name, link, marker))
+            pins[marker] = move(z)
+            if built.along and (move(z), o2) != (z, o) and move(z) != o2:
+                e2 = (move(z) - o2) / abs(move(z) - o2)
+                block[built.along] = abs(move(z) - o2)
+        for marker, given in block.get("links", {}).get(link, {}).get("markers", {}).items():
+            stays = (o2, e2) != (o, e) and MarkerRef(name, link, marker) in joined
+            given["at"] = _put(given["at"], o, e, o2, e2, move, stays)
+    if {"B", "C", "D"} <= set(pins) and block.get("branch", 1) in (-1, 1):
+        turn = ((pins["D"] - pins["B"]).conjugate() * (pins["C"] - pins["B"])).imag
+        if turn:
+            block["branch"] = 1 if turn > 0 else -1
+
+
+def _drag_joints(form: dict[str, Any], motion: Motion, k: int, move: Move) -> None:
+    """Change the places of joints and markers on the links of a joint-based form in place."""
+    frames = {"frame": (0j, 1 + 0j)}
+    names = motion.mechanism.names
+    for link, name in names.links.items() if names is not None else ():
+        axis = motion.axis[name.link] * np.exp(1j * name.turn)
+        origin = motion.at(name.link, marker_place(motion.structure, name.marker))
+        frames[link] = complex(origin[k]), complex(axis[k])
+    for joint in form["joints"].values():
+        if joint["type"] == "R":
+            for i, link in enumerate(joint["links"]):
+                joint["at"][i] = _put(joint["at"][i], *frames[link], *frames[link], move)
+    for link, (o, e) in frames.items():
+        for given in form["links"].get(link, {}).get("markers", {}).values():
+            given["at"] = _put(given["at"], o, e, o, e, move)
+
+
+def _put(
+    at: Any, o: complex, e: complex, o2: complex, e2: complex, move: Move, stays: bool = False
+) -> Any:
+    """A place on a link whose frame (origin, axis) changes: dragged, left on the ground or kept."""
+    z = o + e * Place.parse(at).z
+    if move(z) == z and not stays:
+        return at
+    found = (move(z) - o2) / e2
+    return [found.real, found.imag]

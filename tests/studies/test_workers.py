@@ -1,0 +1,187 @@
+"""A study in parts: by whom, in what order and after what accident, the bytes are the same."""
+
+import multiprocessing
+import os
+import signal
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.studies.runner import Runner
+from blockmech.studies.workers import Work
+from tests.gallery import GRAPHS, mechanism
+
+VARY = {"dyad.l_i": bm.normal(6.0, 0.5), "frame.D.x": bm.uniform(5.4, 5.6)}
+REQUEST = {
+    "want": ["max_abs(crank.drive)", "mean(dyad.C.reaction)", "poses(dyad.C.p)"],
+    "samples": 6,
+    "sampling": "random",
+    "count": 400,
+}
+PART = 20  # designs, so that a small study has some parts
+
+
+@pytest.fixture(autouse=True)
+def small_parts(monkeypatch):
+    monkeypatch.setattr(Runner, "part", lambda self, n: PART)
+
+
+@pytest.fixture(scope="module")
+def fourbar():
+    return mechanism("ruiz_fourbar")
+
+
+@pytest.fixture(scope="module")
+def whole(fourbar):
+    return fourbar.study(VARY, **REQUEST)
+
+
+def same(one, other):
+    assert one.n == other.n
+    assert one.status == other.status
+    for label in one:
+        assert one[label].tobytes() == other[label].tobytes(), label
+    assert [one.reason(k) for k in range(one.n)] == [other.reason(k) for k in range(other.n)]
+
+
+def files(place):
+    return {path.name: path.read_bytes() for path in sorted(place.glob("*.parquet"))}
+
+
+def test_parts_read_as_what_the_study_found(fourbar, whole, tmp_path):
+    parted = fourbar.study(VARY, **REQUEST, out=tmp_path / "new" / "parts")
+    same(whole, parted)
+    assert set(whole.status) == {"ok", "no-assembly"}
+    assert len(files(tmp_path / "new" / "parts")) == REQUEST["count"] // PART
+    assert parted.grid("poses(dyad.C.p)").shape == (400, 6)
+    import pandas
+
+    table = pandas.read_parquet(tmp_path / "new" / "parts")
+    assert list(table["dyad.l_i"]) == list(whole["dyad.l_i"])
+    assert tuple(table["status"]) == whole.status
+
+
+def test_parts_of_any_size_hold_the_same(fourbar, whole, monkeypatch, tmp_path):
+    monkeypatch.setattr(Runner, "part", lambda self, n: 7)
+    same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
+
+
+def test_an_interrupted_study_goes_on_where_it_stopped(fourbar, whole, tmp_path, monkeypatch):
+    def stop(what, done, of):
+        if done == 3 * PART:
+            raise KeyboardInterrupt
+
+    first = fourbar.study(VARY, **REQUEST, out=tmp_path, progress=stop)
+    assert first.interrupted
+    assert first.n == 3 * PART
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    told = []
+    again = fourbar.study(VARY, **REQUEST, out=tmp_path, progress=lambda *x: told.append(x[1]))
+    assert told == list(range(4 * PART, 401, PART))
+    assert kept.items() <= {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}.items()
+    same(whole, again)
+    monkeypatch.setattr(Work, "here", lambda work, spans: iter(spans) if not spans else 1 / 0)
+    same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
+
+
+def test_another_question_in_the_folder_is_refused(fourbar, tmp_path):
+    request = {"want": "max(crank.drive)", "samples": 6, "out": tmp_path}
+    fourbar.study({"dyad.l_i": [6.0, 6.1]}, **request)
+    before = files(tmp_path)
+    heavier = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({"dyad.links.i.mass": 7.0})
+    for mech, values, more in (
+        (fourbar, [6.0, 6.2], {}),
+        (fourbar, [6.0, 6.1], {"friction": "none"}),
+        (fourbar, [6.0, 6.1], {"samples": 7}),
+        (heavier.compile(), [6.0, 6.1], {}),
+    ):
+        with pytest.raises(bm.RequestError, match="parts of another question"):
+            mech.study({"dyad.l_i": values}, **request | more)
+    assert files(tmp_path) == before
+
+
+def test_a_draft_that_a_dead_worker_left_is_no_part(fourbar, whole, tmp_path):
+    (tmp_path / ".blockmech-0123abcd").write_bytes(b"half a file")
+    same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
+
+
+def test_local_processes_give_the_same_though_one_is_killed(fourbar, whole, tmp_path):
+    fourbar.study(VARY, **REQUEST, out=tmp_path / "here")
+    killed = []
+
+    def kill(what, done, of):
+        if not killed:
+            killed.append(multiprocessing.active_children()[0])
+            killed[0].kill()
+
+    found = fourbar.study(VARY, **REQUEST, out=tmp_path / "there", workers=2, progress=kill)
+    assert killed[0].exitcode == -signal.SIGKILL
+    same(whole, found)
+    assert files(tmp_path / "here") == files(tmp_path / "there")
+
+
+@pytest.mark.filterwarnings("ignore")  # Dask's own, e.g. of a worker that is gone
+def test_a_cluster_gives_the_same_though_a_worker_is_killed(fourbar, whole, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="the extra cluster is not installed")
+    fourbar.study(VARY, **REQUEST, out=tmp_path / "here")
+    how = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    killed = []
+    with distributed.LocalCluster(**how) as cluster, distributed.Client(cluster) as client:
+
+        def kill(what, done, of):
+            if not killed:
+                killed.append(next(iter(client.run(os.getpid).values())))
+                os.kill(killed[0], signal.SIGKILL)
+
+        found = fourbar.study(VARY, **REQUEST, out=tmp_path / "there", client=client, progress=kill)
+        same(whole, found)
+        assert killed
+        assert files(tmp_path / "here") == files(tmp_path / "there")
+        same(whole, fourbar.study(VARY, **REQUEST, client=client))
+
+
+@pytest.mark.parametrize("sampling", ["latin", "sobol", "random", "grid", "paired"])
+def test_a_design_does_not_depend_on_the_part_that_makes_it(fourbar, sampling):
+    from blockmech.studies.sampling import designs
+
+    drawn = sampling not in ("grid", "paired")
+    rows = {"dyad.l_i": np.linspace(5.0, 6.0, 16), "frame.D.x": np.linspace(5.0, 6.0, 16)}
+    chosen = designs(VARY if drawn else rows, sampling, 256 if drawn else None, 3)
+    every = chosen.columns(0, chosen.count)
+    for start, stop in ((0, 5), (5, 16), (7, 8)):
+        part = chosen.part(start, stop)
+        for made in (part.columns(0, stop - start), chosen.columns(start, stop)):
+            for address, x in made.items():
+                np.testing.assert_array_equal(x, every[address][start:stop])
+        inner = part.columns(2, 3) if stop - start > 2 else part.columns(0, 1)
+        assert {x.size for x in inner.values()} == {1}
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"workers": 0}, "must be a whole number from 1 on"),
+        ({"workers": 2, "client": "tcp://nowhere"}, "give workers of this machine, or"),
+        ({"client": "tcp://nowhere:1"}, "give a dask.distributed.Client"),
+    ],
+)
+def test_workers_that_are_none_are_refused(fourbar, more, words):
+    with pytest.raises(bm.RequestError, match=words):
+        fourbar.study(VARY, **REQUEST, **more)
+
+
+@pytest.mark.parametrize(("module", "extra"), [("pyarrow", "study"), ("distributed", "cluster")])
+def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, module, extra):
+    import sys
+
+    monkeypatch.setitem(sys.modules, module, None)
+    more = {"out": tmp_path} if module == "pyarrow" else {"client": object()}
+    with pytest.raises(bm.MissingEngineError, match=rf"blockmech\[{extra}\]"):
+        fourbar.study(VARY, **REQUEST, **more)
+
+
+def test_a_place_that_cannot_be_written_is_one_message(fourbar, tmp_path):
+    (tmp_path / "file").write_text("here")
+    with pytest.raises(bm.RequestError, match="it is a file, not a directory"):
+        fourbar.study(VARY, **REQUEST, out=tmp_path / "file")
