@@ -20,9 +20,12 @@ def studio(tmp_path_factory):
     folder = tmp_path_factory.mktemp("studio")
     command = [sys.executable, "-m", "blockmech", "studio", "--no-browser"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with (folder / ".log").open("w", encoding="utf-8") as log, subprocess.Popen(
-        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=log, text=True
-    ) as server:
+    with (
+        (folder / ".log").open("w", encoding="utf-8") as log,
+        subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=log, text=True
+        ) as server,
+    ):
         address = server.stdout.readline().strip()
         assert address.startswith("http://127.0.0.1:"), (folder / ".log").read_text("utf-8")
         yield address, folder

@@ -25,17 +25,13 @@ def studio(
 
     Only this machine is answered, and no file outside of the current folder is touched.
     """
-    needed()
-    from blockmech.studio.server import Desk, serve
-
-    desk = Desk(Path.cwd())
-    start = desk.open(file) if file else ""
+    page = needed()
 
     def told(address: str) -> None:
         say(address)
         if not no_browser:
             webbrowser.open(address)
 
-    server = serve(desk, start, port, told)
+    server = page.started(Path.cwd(), file, port, told)
     say("Ctrl-C ends it")
     server.io_loop.start()

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
@@ -13,13 +14,14 @@ from typing import Any
 from blockmech.errors import MissingEngineError, Problem
 
 
-def needed() -> None:
-    """Raise `MissingEngineError` where the extra of the studio is not installed."""
+def needed() -> Any:
+    """The page's module. Raises `MissingEngineError` where the extra is not installed."""
     for package in ("panel", "panel_reactflow", "bokeh"):
         if find_spec(package) is None:
             found = f"the package {package} is not installed"
             remedy = "pip install 'blockmech[studio]'"
             raise MissingEngineError(Problem("missing-package", "studio", found, "", remedy))
+    return import_module("blockmech.studio.app")
 
 
 class _Studio(ModuleType):
@@ -31,14 +33,8 @@ class _Studio(ModuleType):
         ``document`` : Graph or Linkage, left as it is; without one the sheet is empty.
         Raises `MissingEngineError` where the extra ``studio`` is not installed.
         """
-        needed()
-        import panel
-
-        from blockmech.studio.app import Page
-        from blockmech.studio.files import Filed
-
-        panel.extension()
-        return Page(Filed(document and document.snapshot())).panel(dark)
+        shown: Any = needed().in_notebook(document, dark)
+        return shown
 
 
 sys.modules[__name__].__class__ = _Studio

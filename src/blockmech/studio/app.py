@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import html
 import io
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import panel as pn
 
-from blockmech.builders import Graph
+from blockmech.builders import Graph, Opened, opened
 from blockmech.draw.palette import ROW
 from blockmech.errors import BlockmechError
 from blockmech.loads.contract import Element
 from blockmech.studio import edits
 from blockmech.studio.diagram import Diagram
 from blockmech.studio.fields import Shown
-from blockmech.studio.files import Filed
+from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import SCENE, Form
+from blockmech.studio.gallery import gallery_page
 from blockmech.studio.looks import colours, dressed
+from blockmech.studio.mechanism import MechanismView
+from blockmech.studio.server import serve
+from blockmech.studio.session import heard
+from blockmech.testing.files import gallery
 
 LEAVING = "window.onbeforeunload = cb_obj.value ? null : (e) => e.preventDefault();"
 """Whoever leaves a sheet that is not saved is asked by the browser."""
+
+BELOW = 330  # px of the form, at whose sections one looks in turn; the mechanism has the rest
 
 
 class Page:
@@ -35,7 +44,7 @@ class Page:
         self._make_bar()
         self._make_wiring()
         watched = ["form", "problems", "saved", "undoable", "redoable", "path"]
-        self.watcher = sheet.param.watch(lambda *_: self.show(), watched)
+        sheet.param.watch(heard(self.show), watched)
         self.show()
 
     # -- parts ------------------------------------------------------------
@@ -79,7 +88,7 @@ class Page:
         self.wire = pn.widgets.Button(name="Connect")
         self.wires = pn.widgets.Select(label="Wires", width=190)
         self.cut = pn.widgets.Button(name="Remove wire")
-        self.block.param.watch(lambda event: self.select(event.new or SCENE), "value")
+        self.block.param.watch(lambda event: self.form.param.update(selected=event.new), "value")
         self.wire.on_click(
             lambda _: self.diagram.connect(self.source.value or "", self.target.value or "")
         )
@@ -111,10 +120,11 @@ class Page:
             css_classes=["bm-left"],
             sizing_mode="stretch_both",
         )
-        right = pn.Column(self.form.panel(), css_classes=["bm-right"], sizing_mode="stretch_both")
+        self.view = MechanismView(self.sheet, dark)
+        below = pn.Column(self.form.panel(), sizing_mode="stretch_width", height=BELOW, scroll=True)
+        right = pn.Column(self.view.panel(), below, sizing_mode="stretch_both")
         pn.config.raw_css = [colours(dark)]
         body = pn.Row(left, right, sizing_mode="stretch_both", css_classes=["bm-body"])
-        right.scroll = True
         page = pn.Column(
             *(bar, body), css_classes=["bm-page"], sizing_mode="stretch_both", margin=0
         )
@@ -128,8 +138,8 @@ class Page:
 
     def select(self, name: str) -> None:
         """Show the form of a block, or of the scene."""
-        self.form.selected = name
-        self.block.value = name
+        blocks = {n: n for n in self.sheet.form.get("blocks", {})}
+        self.block.param.update(options={"mechanism": SCENE, **blocks}, value=name)
 
     def show(self) -> None:
         """What the bar and the lines around the diagram say of the sheet."""
@@ -157,7 +167,7 @@ class Page:
             ):
                 value = choice.value if choice.value in options else next(iter(options), None)
                 choice.param.update(options=options, value=value)
-            self.block.options = {"mechanism": SCENE, **{n: n for n in graph.blocks}}
+            self.select(self.form.selected if self.form.selected in graph.blocks else SCENE)
         if sheet.graph is not None and isinstance(graph, Graph):
             said = html.escape(graph.structure().formula.replace("->", "→"))
             self.formula.object = f"<p>{said}</p>"
@@ -201,3 +211,49 @@ class Page:
         from blockmech.draw.paper import rendered
 
         return io.BytesIO(rendered(draw_diagram(self.sheet.document).figure, ".svg"))
+
+
+def started(folder: Path, file: str | None, port: int, told: Callable[[str], None]) -> Any:
+    """A server of the studio; run its ``io_loop``. Raises like `Filed.open` for the file."""
+    desk = Desk(folder)
+    start = desk.open(file) if file else ""
+    return serve(lambda: window(desk), start, port, told)
+
+
+def window(desk: Desk) -> Any:
+    """What a window shows: the sheet that its address names, or the gallery."""
+    args = {key: values[0].decode() for key, values in pn.state.session_args.items()}
+    dark = args.get("theme") == "dark"
+    said, name = "", args.get("sheet", "")
+    try:
+        if "open" in args:
+            name = desk.open(args["open"])
+        elif "example" in args and args["example"] in gallery():
+            name = desk.put(opened(gallery()[args["example"]]))
+        elif "new" in args:
+            name = desk.put()
+    except BlockmechError as error:
+        said = str(error)
+    if name not in desk.sheets:
+        return gallery_page(files_of(desk.folder), desk.put, said, dark)
+    if pn.state.location is not None and args.get("sheet") != name:
+        theme = "&theme=dark" if dark else ""
+        pn.state.location.param.update(search=f"?sheet={name}{theme}", reload=False)
+    sheet = desk.sheets[name]
+    before = _watchers(sheet)
+    page = Page(sheet)
+    shown = page.panel(dark)
+    mine = [watcher for watcher in _watchers(sheet) if watcher not in before]
+    pn.state.on_session_destroyed(lambda _: [sheet.param.unwatch(w) for w in mine])
+    return shown
+
+
+def _watchers(sheet: Filed) -> list[Any]:
+    kinds = sheet.param.watchers.values()
+    return list(dict.fromkeys(w for kind in kinds for many in kind.values() for w in many))
+
+
+def in_notebook(document: Opened | None, dark: bool) -> Any:
+    """The page of a copy of a document, as a panel object."""
+    pn.extension()
+    return Page(Filed(None if document is None else document.snapshot())).panel(dark)

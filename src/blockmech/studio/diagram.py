@@ -27,6 +27,7 @@ from blockmech.model.graph import Graph
 from blockmech.model.schema import graph_schema
 from blockmech.studio import edits
 from blockmech.studio.fields import starter
+from blockmech.studio.session import heard
 from blockmech.studio.sheet import Sheet
 
 PIXELS = 13 / TEXT  # of the page for a point of a file's view: 13 px words in place of 8 pt ones
@@ -115,6 +116,7 @@ class Diagram:
             drop_types=[DRAGGED],
             popup_trigger="hover",
             min_zoom=0.1,
+            max_zoom=1.2,
             default_node_editor=lambda *_, **__: None,
             default_edge_options={"type": "smoothstep"},
         )
@@ -128,7 +130,7 @@ class Diagram:
         self.flow.on("edge_hovered", self._hovered)
         self.flow.on("edge_unhovered", lambda _: self.flow.close_popup())
         self.palette = Palette(lambda kind: self.add(kind, None))
-        sheet.param.watch(lambda *_: self.show(), ["form", "problems"])
+        sheet.param.watch(heard(self.show), ["form", "problems"])
         self.show()
 
     @property

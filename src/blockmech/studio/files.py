@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import secrets
 from pathlib import Path
 
 from blockmech.builders import Opened, opened
@@ -67,6 +68,31 @@ class Filed(Sheet):
         document.save(path)
         self.stamp = _stamp(path)
         self.keep(path)
+
+
+class Desk:
+    """The sheets that a server keeps, by name; that of a file goes by the file's."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+        self.sheets: dict[str, Filed] = {}
+
+    def put(self, document: Opened | None = None) -> str:
+        """A new sheet; its name."""
+        name = secrets.token_hex(4)
+        self.sheets[name] = Filed(document, self.folder)
+        return name
+
+    def open(self, file: str) -> str:
+        """The sheet of a file of the folder. Raises like `Filed.open`."""
+        for name, sheet in self.sheets.items():
+            if sheet.path is not None and sheet.path == (self.folder / file).resolve():
+                return name
+        sheet = Filed(None, self.folder)
+        sheet.open(file)
+        name = secrets.token_hex(4)
+        self.sheets[name] = sheet
+        return name
 
 
 def _stamp(path: Path) -> str:

@@ -19,6 +19,7 @@ from blockmech.model.schema import graph_schema
 from blockmech.studio.edits import renamed, with_block
 from blockmech.studio.fields import Field, Shown, fields_of, item_at, with_item
 from blockmech.studio.looks import dressed
+from blockmech.studio.session import heard
 from blockmech.studio.sheet import Sheet
 
 SCENE = ""
@@ -43,7 +44,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.column = pn.Column(css_classes=["bm-form"], sizing_mode="stretch_width")
         self._taking = False
         self.param.watch(lambda *_: self.renew(), ["selected", "shown"])
-        sheet.param.watch(lambda *_: self._follow(), ["form"])
+        sheet.param.watch(heard(self._follow), ["form"])
         self.renew()
 
     def panel(self) -> Any:
@@ -128,6 +129,8 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         if field.kind in ("choice", "flag"):
             choices = field.choices or (False, True)
             options = {"" if c == "" else str(c): c for c in choices}
+            if field.default is not None and not field.required:
+                options = {f"{field.default} (default)": None, **options}
             widget: Any = pn.widgets.Select(label=label, options=options)
         else:
             hint = {"place": "x, y or r @ angle", "pair": "x, y", "json": "JSON"}.get(
@@ -147,8 +150,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """Show a value without hearing of it."""
         if field.kind in ("choice", "flag"):
             known = list(widget.options.values())
-            shown = value if value is not None else field.default
-            shown = shown if shown in known else known[0]
+            shown = value if value in known else known[0]
         else:
             shown = self.shown.text(field, value)
         if widget.value != shown:
@@ -238,8 +240,8 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
 
 def _label(path: tuple[str, ...]) -> str:
-    """What a field is called below the heading of its section."""
-    return " ".join(path[1:] or path)
+    """What a field is called: its path, without the section where names follow."""
+    return " ".join(path[len(path) > 2 :])
 
 
 def _words(problem: Problem) -> str:

@@ -23,6 +23,7 @@ from blockmech.draw.palette import INK, PALE, PAPER, SIZES
 from blockmech.errors import BlockmechError
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.film import PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
+from blockmech.studio.session import heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
 
@@ -86,7 +87,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._unit = 0.0
         self._make_figure()
         self._make_controls()
-        sheet.param.watch(lambda *_: self.renew(), ["form", "mechanism"])
+        sheet.param.watch(heard(self.renew), ["form", "mechanism"])
         self.param.watch(lambda *_: self._draw(), ["show"])
         self.renew()
 
@@ -278,7 +279,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """Put the names beside the joints at frame k; their places in all frames."""
         wanted = self._scene is not None and "names" in self.show
         names = names_of(self._scene, self._unit) if self._scene and wanted else []
-        places = np.array([name.places for name in names]).T.reshape(-1, len(names))
+        places = _by_frame([name.places for name in names])
         row = places[min(k, len(places) - 1)] if names else np.zeros(0, complex)
         colours = [coloured(name.colour, self.dark) for name in names]
         texts = [name.text for name in names]
@@ -287,8 +288,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def _send_handles(self, k: int) -> dict[str, Any]:
         """Put rings around what can be dragged."""
-        places = np.array([self.frames.at(*spot) for spot in self._handles.values()])
-        places = places.T.reshape(-1, len(self._handles))
+        places = _by_frame([self.frames.at(*spot) for spot in self._handles.values()])
         row = places[k] if self._handles else np.zeros(0, complex)
         names, frames = list(self._handles), [k] * len(row)
         self._pins.data = {"x": row.real, "y": row.imag, "name": names, "frame": frames}
@@ -343,6 +343,11 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         except BlockmechError as error:
             self.said = str(error)
             self._fit()
+
+
+def _by_frame(places: list[Any]) -> Any:
+    """Places of points as rows of frames; of no point one row without places."""
+    return np.array(places).T.reshape(-1, len(places)) if places else np.zeros((1, 0), complex)
 
 
 def _film(
