@@ -1,4 +1,4 @@
-"""One sheet with a picture of every mechanism of the gallery: python examples/gallery.py [PNG]."""
+"""One sheet with a picture of each mechanism of the gallery: gallery.py [PNG [NAME ...]]."""
 
 from __future__ import annotations
 
@@ -34,4 +34,4 @@ def sheet(target: Path, names: list[str] | None = None) -> list[str]:
 
 
 if __name__ == "__main__":
-    print(sheet(Path(sys.argv[1] if len(sys.argv) > 1 else "gallery.png")))
+    print(sheet(Path(sys.argv[1] if len(sys.argv) > 1 else "gallery.png"), sys.argv[2:] or None))

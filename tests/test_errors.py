@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import blockmech
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import problems_in
-from blockmech.errors import LONGEST, MOST, BlockmechError, FormatError, listed
+from blockmech.errors import LONGEST, MOST, BlockmechError, FormatError, GraphError, listed
 from blockmech.model.reading import LARGEST
 from tests.codes import FILE_CODES
 from tests.doors import graph_of as loads
@@ -72,6 +72,14 @@ def test_every_message_names_the_file_and_stays_on_one_line(path):
         assert problem.file == str(path)
         assert str(problem).isprintable()
         assert str(problem).startswith(f"[{problem.code}] {path}: ")
+
+
+def test_a_name_of_a_file_moves_no_cursor_in_a_message_of_the_library():
+    head = '"format": "blockmech/graph", "version": 1'
+    graph = blockmech.Graph.from_json(f'{{{head}, "blocks": {{"a": {{"type": "\\u001b[31m"}}}}}}')
+    with pytest.raises(GraphError) as caught:
+        graph.compile()
+    assert 'no block type "\\u001b[31m"' in str(caught.value)
 
 
 @pytest.mark.parametrize("blocks", ["", '"blocks": null,', '"blocks": [],'])

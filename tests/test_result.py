@@ -1,5 +1,6 @@
 """A result says what it holds, in which unit, how good it is, and what it does not hold."""
 
+import json
 import math
 import pickle
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.analysis.reference_errors import WIDER
 from blockmech.errors import NotComputedError
 from blockmech.values import Marker
 from tests.wiring import EPS, off, ruiz, toggle, watt, wire
@@ -507,3 +509,30 @@ def test_shaking_force_is_momentum_and_loads():
         momentum = momentum + m * (r[f"{link}.a"] + (1j * al - om**2) * arm * e)
     weight = -9.81j * sum(m for m, _ in masses.values())
     assert off(30 - 40j + weight - r["mechanism.shaking_force"], momentum) <= 100 * EPS
+
+
+# ---- digits lost --------------------------------------------------------------------------
+
+
+def origin_moved(x):
+    """The tangent generator, its lever measured from another point of the lever's own line."""
+    data = json.loads((GRAPHS / "joints" / "tangent_generator.json").read_text("utf-8"))
+    data["joints"]["O"]["at"][1][0] = x
+    return bm.Linkage.from_data(data).compile().run(samples=5)
+
+
+def test_what_is_said_of_ordinary_sizes_is_nothing():
+    result = origin_moved(0.0)
+    assert result.digits_lost == ()
+    assert "digits-lost" not in {flag["code"] for flag in result.to_dict()["quality"]["flags"]}
+
+
+@pytest.mark.skipif(not WIDER, reason="this machine has no numbers longer than double")
+def test_digits_that_coordinates_swallow_are_told_with_their_error():
+    home, far = origin_moved(0.0), origin_moved(1e10)
+    told = {flag.where: flag.value for flag in far.digits_lost}
+    for name in ("driver.motor.drive", "load.power", "mechanism.shaking_moment"):
+        assert told[name] == pytest.approx(off(far[name], home[name]), rel=0.01)
+    assert any(note.startswith("digits lost to rounding: ") for note in far.notes())
+    written = [f for f in far.to_dict()["quality"]["flags"] if f["code"] == "digits-lost"]
+    assert {flag["where"] for flag in written} == set(told)

@@ -25,6 +25,7 @@ from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
 from blockmech.outputs import Catalogue
 from blockmech.plan import Friction, Plan, Program
+from blockmech.quality import Flag
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING, Runnable
 from blockmech.samples import Samples, make_samples
@@ -210,6 +211,10 @@ class Compiled(Runnable):
     @abstractmethod
     def run_to(self, *request: Any) -> Result:
         """Run with the settings that an accuracy needs."""
+
+    @abstractmethod
+    def digits_lost(self, result: Result) -> tuple[Flag, ...]:
+        """Outputs of a result that are rounding for the most part."""
 
     @abstractmethod
     def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:

@@ -40,6 +40,10 @@ class Problem:
     remedy: str = ""
     file: str = ""
 
+    def __post_init__(self) -> None:
+        for part in fields(self):  # names from a file may hold signs that are none
+            object.__setattr__(self, part.name, printable(getattr(self, part.name)))
+
     def __str__(self) -> str:
         said = ": ".join(part for part in (self.file, self.where, self.found) if part)
         sentences = [f"[{self.code}] {said}"]
@@ -209,9 +213,9 @@ LONGEST = 400  # characters of one part of a message
 
 
 def in_file(problems: Iterable[Problem], file: str) -> list[Problem]:
-    """Problems as they are shown: each once, with the file, in printable text, not endless."""
+    """Problems as they are shown: each once, with the file, not endless."""
     once = list(dict.fromkeys(problems))
-    found = [_printable(replace(p, file=file)) for p in once[:MOST]]
+    found = [_cut(replace(p, file=file)) for p in once[:MOST]]
     if len(once) > MOST:
         found.append(Problem(once[MOST].code, "", f"and more after these {MOST}", file=file))
     return found
@@ -223,13 +227,10 @@ def said_already(problem: Problem, odd: Iterable[Problem]) -> bool:
     return any(p.where == problem.where or p.where.startswith(inside) for p in odd)
 
 
-def _printable(problem: Problem) -> Problem:
+def _cut(problem: Problem) -> Problem:
     parts = {f.name: getattr(problem, f.name) for f in fields(problem)}
-    return Problem(**{name: _line(text) for name, text in parts.items()})
-
-
-def _line(text: str) -> str:
-    return printable(text if len(text) <= LONGEST else text[: LONGEST - 3] + "...")
+    long = {name: text for name, text in parts.items() if len(text) > LONGEST}
+    return replace(problem, **{name: text[: LONGEST - 3] + "..." for name, text in long.items()})
 
 
 def printable(text: str, but: str = "") -> str:

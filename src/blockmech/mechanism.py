@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from blockmech.compiled import Compiled
 from blockmech.errors import BlockmechError
+from blockmech.quality import Flag
 from blockmech.result import Result
 from blockmech.runnable import Later
 
@@ -82,6 +83,12 @@ class Mechanism(Compiled):
         from blockmech.analysis.accuracy import run_to
 
         return run_to(self, *request)
+
+    def digits_lost(self, result: Result) -> tuple[Flag, ...]:
+        """Outputs that are rounding for the most part; see `blockmech.analysis.rounding`."""
+        from blockmech.analysis.rounding import digits_lost
+
+        return digits_lost(result)
 
     def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message.

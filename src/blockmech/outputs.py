@@ -12,6 +12,7 @@ import gc
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,9 +28,15 @@ from blockmech.passes import energy, forces, forward, friction, homotopy, loads,
 from blockmech.plan import NOUGHT, STAGES, ZERO, Friction, Output, Plan, Reader, Schedule
 from blockmech.quality import at_most_one
 
+PARTS = {"x": "real", "y": "imag"}
+
 
 def _same(x: Any) -> Any:
     return x
+
+
+def _part(read: Reader, which: str, *columns: Any) -> Any:
+    return getattr(read(*columns), which)
 
 
 def _angle(e: Any) -> Any:
@@ -248,9 +255,18 @@ class Catalogue(Mapping[str, Output]):
             if names is not None:
                 found = outputs_by_link(structure, names, self._outputs)
                 self._outputs = {o.name: o for o in found}
+        self._parts: dict[str, Output] = {}  # of vectors, those that were asked for
 
     def __getitem__(self, name: str) -> Output:
-        return self._outputs[name]
+        """An output by its name; ``.x`` or ``.y`` behind that of a vector is a part of it."""
+        found = self._outputs.get(name) or self._parts.get(name)
+        if found is None:
+            whole, _, end = name.rpartition(".")
+            if end not in PARTS or (of := self._outputs[whole]).kind != "vector":
+                raise KeyError(name)
+            read = partial(_part, of.read, PARTS[end])
+            found = self._parts[name] = of._replace(name=name, kind="real", read=read)
+        return found
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._outputs)
@@ -266,7 +282,7 @@ class Catalogue(Mapping[str, Output]):
         found: dict[str, None] = {}
         problems = []
         for pattern in want:
-            if pattern in self._outputs:
+            if pattern in self:
                 found[pattern] = None
                 continue
             fits = re.compile(fnmatch.translate(pattern)).match
@@ -314,7 +330,7 @@ class Catalogue(Mapping[str, Output]):
             layout[name] = tuple(values.setdefault(v, len(values)) for v in asked)
 
         for name in sorted(names):
-            place(name, self._outputs[name].ask(schedule))
+            place(name, self[name].ask(schedule))
         if quality:
             for name, asked in _quality(schedule):
                 place(name, asked)

@@ -23,7 +23,7 @@ OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
     "jammed",
 )
 WORDS = (OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED)
-DEAD_CENTRE, CHANGE_POINT = "dead-centre", "change-point"
+DEAD_CENTRE, CHANGE_POINT, DIGITS_LOST = "dead-centre", "change-point", "digits-lost"
 TOUCH = 1e-12  # margin below zero that is rounding where a margin touches zero
 NEAR = 1e-6  # margin below which a surviving doubt is flagged
 NEAR_CHANGE = 1e-4  # the same near a change point, where reactions lose eps/margin^1.5

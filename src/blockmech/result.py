@@ -230,8 +230,12 @@ class Result(Exported):
 
     def first(self, n: int) -> Result:
         """The first n samples."""
-        values = tuple(_cut(self._column(i), n) for i in range(len(self._values)))
-        taken = self.samples.first(n)
+        return self.at(np.arange(n))
+
+    def at(self, index: NDArray[np.intp]) -> Result:
+        """The samples of these indices."""
+        values = tuple(_cut(self._column(i), index) for i in range(len(self._values)))
+        taken = self.samples.at(index)
         cut = Result(
             self.mechanism, self.plan, taken, values, self.engine, self.settings, self.motion
         )
@@ -239,6 +243,13 @@ class Result(Exported):
         return cut
 
     def notes(self) -> list[str]:
+        """What a reader must know: digits that are rounding, links that turn without inertia."""
+        lost = [f"{flag.where} (error {flag.value:.1g})" for flag in self.digits_lost]
+        why = "; numbers of very different size cancel: are all in the same unit?"
+        said = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []
+        return said + self._without_inertia()
+
+    def _without_inertia(self) -> list[str]:
         """What a reader of forces must know: that links which turn have no inertia."""
         forces = {"N", "N m"} & {self.output(name).unit for name in self}
         if not (forces and self.n) or self.settings["static"]:
@@ -255,6 +266,19 @@ class Result(Exported):
         turning = [str(said.get(x, x)) for x in points if abs(one[f"{x}.omega"][0]) > 0]
         what = "mass and no inertia: they count as points at their cm"
         return [f"{listed(turning, 4)} turn with {what}"] if turning else []
+
+    @cached_property
+    def digits_lost(self) -> tuple[Flag, ...]:
+        """A flag for each output that is rounding for more than half of its digits.
+
+        Found by computing a few samples once more with longer numbers, when first asked for.
+        """
+        return tuple(self.mechanism.digits_lost(self))
+
+    @cached_property
+    def judged(self) -> Quality:
+        """The quality with all flags, those of digits lost among them."""
+        return replace(self.quality, flags=self.quality.flags + self.digits_lost)
 
     # -- more of the same run -----------------------------------------------------
 
@@ -335,7 +359,7 @@ def _real(column: Any) -> Any:
     return column.real if isinstance(column, Planar) else column
 
 
-def _cut(value: Any, n: int) -> Any:
+def _cut(value: Any, index: NDArray[np.intp]) -> Any:
     if isinstance(value, Planar):
-        return Planar(value.real[:n], value.imag[:n])
-    return value[:n]
+        return Planar(value.real[index], value.imag[index])
+    return value[index]

@@ -48,10 +48,17 @@ class Samples:
         motions = (x for name, x in self.inputs.items() if name[:2] == "qd")
         return not any(x[0] or np.any(x) for x in motions)  # the first mostly tells
 
-    def first(self, n: int) -> Samples:
-        """The first n samples."""
-        inputs = {k: v[:n] for k, v in self.inputs.items()}
-        return Samples(n, inputs, None if self.times is None else self.times[:n], self.clock)
+    def spread(self, count: int) -> NDArray[np.intp]:
+        """Indices of at most so many samples, equally spread and ends included."""
+        if self.n <= count:
+            return np.arange(self.n)
+        return np.unique(np.linspace(0, self.n - 1, count).round().astype(np.intp))
+
+    def at(self, index: NDArray[np.intp]) -> Samples:
+        """The samples of these indices."""
+        inputs = {k: np.ascontiguousarray(np.asarray(v)[index]) for k, v in self.inputs.items()}
+        times = None if self.times is None else self.times[index]
+        return Samples(len(index), inputs, times, self.clock)
 
     def given(self, names: Iterable[str]) -> Mapping[str, Any]:
         """The inputs of a program.

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.analysis import accuracy
 from blockmech.analysis.trade import trade
 from blockmech.analysis.trade.rotated import rotated_run
+from blockmech.compiled import COMPILED_FROM
 from blockmech.mechanism import Mechanism
 from blockmech.samples import make_samples
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
@@ -112,6 +114,27 @@ def test_single_precision_is_taken_for_long_sweeps_without_friction_only() -> No
     short = mech.run(samples=101, want="*.omega", accuracy=1e-3)
     assert short.accuracy is not None
     assert short.accuracy.precision == "complex128"
+
+
+def test_a_sweep_that_is_compiled_stays_in_double_precision() -> None:
+    pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+    run = watt().compile().run(samples=COMPILED_FROM, want="first.i.omega", accuracy=1e-3)
+    assert run.accuracy is not None
+    assert (run.engine, run.accuracy.precision) == ("llvm", "complex128")
+
+
+def test_a_request_that_comes_again_costs_its_run_alone(monkeypatch) -> None:
+    mech = ruiz().compile()
+    request = {"samples": 37, "want": "crank.drive", "accuracy": 1e-6}
+    first, other = (mech.run(**request | more) for more in ({}, {"samples": 38}))
+    first = mech.run(**request)
+    monkeypatch.setattr(accuracy, "look", lambda *asked: 1 / 0)
+    again = mech.run(**request)
+    assert again.accuracy == first.accuracy != other.accuracy
+    np.testing.assert_array_equal(again["crank.drive"], first["crank.drive"])
+    for more in ({"samples": 38}, {"accuracy": 1e-7}, {"static": True}, {"want": "*.reaction"}):
+        with pytest.raises(ZeroDivisionError):
+            mech.run(**request | more)
 
 
 @pytest.mark.skipif(not LONG, reason="no number here is wider than double")

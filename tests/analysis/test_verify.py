@@ -1,5 +1,7 @@
 """`verify` says ok where the mechanics are right, and names what is wrong where they are not."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from blockmech.plane import hyp, imul, mul
 from blockmech.result import Result
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from blockmech.typing import LinkAcceleration, LinkVelocity
-from tests.wiring import chain, rewired, ruiz, squeezer, toggle, watt, wire
+from tests.wiring import GRAPHS, chain, changed, rewired, ruiz, squeezer, toggle, watt, wire
 
 MECHANISMS = {
     "ruiz": ruiz,
@@ -374,3 +376,29 @@ def test_single_wrong_sample_is_enough(tampered):
 
     tampered("dyad.C.reaction", spoil)
     assert not ruiz().compile().verify(samples=9).ok
+
+
+def test_friction_that_is_all_of_the_drive_is_no_mistake():
+    """A pin of 1e14 m: its friction and the drive that overcomes it leave rounding of both."""
+    for found in (ruiz().compile().verify(), ruiz_with_a_rough_pivot(1e14).verify()):
+        assert found.ok, str(found)
+
+
+def ruiz_with_a_rough_pivot(radius):
+    graph = ruiz(radius=0.0)
+    pin = bm.Coulomb(coefficient=0.4, radius=radius)
+    graph.blocks["crank"] = changed(graph.blocks["crank"], friction={"A": pin})
+    return graph.compile()
+
+
+def test_a_drive_at_the_smallest_rate_is_no_mistake():
+    graph = ruiz()
+    graph.drive("crank", bm.ConstantRate(rate=5e-324))
+    assert graph.compile().verify(samples=7).ok
+
+
+def test_a_guide_that_is_pinned_far_off_is_no_mistake():
+    """Moments at a point of the guide 1e12 m away are known to the rounding of that place."""
+    data = json.loads((GRAPHS / "slider_crank_offset.json").read_text("utf-8"))
+    data["blocks"]["frame"]["markers"]["G"]["at"][0] = 1e12
+    assert bm.Graph.from_data(data).compile().verify(samples=7).ok

@@ -1,4 +1,4 @@
-"""T1 against pylinkage, the fastest peer, where it is installed."""
+"""Sweeps and designs against pylinkage, the fastest peer, where it is installed."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.compiled import compiled_program
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.studies.family import Family
 
 from .results import NOTES, ROWS, Row
 
@@ -20,21 +24,30 @@ POSES = 100_000
 KINEMATICS = ("*.p", "*.v", "*.a", "*.omega", "*.alpha")
 
 
-def pylinkage_sweep() -> Callable[[], np.ndarray]:
-    """The Ruiz four-bar in pylinkage; a call sweeps one turn, positions to accelerations."""
-    pytest.importorskip("pylinkage")
-    pytest.importorskip("numba")
+DESIGNS, TURN = 2000, 72
+NUMPY_BLOCK = 113  # designs whose samples stay in cache
+
+
+def pylinkage_fourbar(step: float) -> Any:
+    """The Ruiz four-bar in pylinkage, turned by steps of an angle [rad]."""
+    pytest.importorskip("pylinkage", reason="pylinkage, the peer, is not installed")
+    pytest.importorskip("numba", reason="pylinkage is fast with numba only")
     from pylinkage.actuators import Crank
     from pylinkage.components import Ground
     from pylinkage.dyads import RRRDyad
     from pylinkage.simulation import Linkage
 
-    step = 2 * np.pi / POSES
     a, d = Ground(0.0, 0.0, name="A"), Ground(5.5, 0.0, name="D")
     crank = Crank(anchor=a, radius=2.0, angular_velocity=step, name="crank")
     dyad = RRRDyad(anchor1=crank.output, anchor2=d, distance1=6.0, distance2=3.0, name="C")
     linkage = Linkage([a, d, crank, dyad], name="ruiz")
     linkage.set_input_velocity(crank, omega=10.0)
+    return linkage
+
+
+def pylinkage_sweep() -> Callable[[], np.ndarray]:
+    """A call sweeps one turn, positions to accelerations."""
+    linkage = pylinkage_fourbar(2 * np.pi / POSES)
     linkage.compile()
     return lambda: linkage.step_fast_with_kinematics(iterations=POSES, dt=1.0)[0][:, 3]
 
@@ -63,3 +76,49 @@ def test_a_sweep_against_pylinkage(benchmark: Callable[..., object]) -> None:
         f"{len(result)} outputs"
     )
     assert ours < 1e-13
+
+
+def median_time(call: Callable[[], object], runs: int = 7) -> float:
+    """Processor time of a warm call [s]."""
+    call()
+    times = []
+    for _ in range(runs):
+        start = time.process_time()
+        call()
+        times.append(time.process_time() - start)
+    return median(times)
+
+
+def test_designs_against_an_ensemble_of_pylinkage() -> None:
+    """Positions at 72 poses: what of all ways they have and we have is the fastest."""
+    step = 2 * np.pi / TURN
+    linkage = pylinkage_fourbar(step)
+    from pylinkage.population import Ensemble
+
+    l_i = np.linspace(5.8, 6.2, DESIGNS)
+    sizes = np.stack([np.full(DESIGNS, 2.0), l_i, np.full(DESIGNS, 3.0)], axis=1)
+    start = Ensemble(linkage, sizes[:1], np.zeros((1, 4, 2))).template.positions
+    members = Ensemble(linkage, sizes, np.tile(start, (DESIGNS, 1, 1)))
+    theirs = median_time(lambda: members.simulate(TURN, store=False)) / DESIGNS
+    path = members.simulate(TURN, store=False)[:, :, 3]
+
+    mech = bm.Graph.load(ROOT / "graphs" / "ruiz_fourbar.json").compile()
+    q = step * np.arange(1, TURN + 1)
+    exact = mech.study({"dyad.l_i": l_i}, over={"crank": q}, want="poses(dyad.C.p)")
+    ours = exact["poses(dyad.C.p)"]
+    assert np.abs(path[..., 0] + 1j * path[..., 1] - ours).max() < 1e-12
+    family = Family(mech, ["dyad.l_i"])
+    plan = family.general.plan("dyad.C.p")
+    inputs = mech.samples(q, None, None, None, None).given(plan.program.inputs)
+    yardstick = "pylinkage's ensemble, numba"
+    for kind, most, goal in ((NumpyEngine, NUMPY_BLOCK, 1 / 3), (compiled_program, DESIGNS, 1 / 6)):
+        engine: Any = kind(plan.program)
+        column = {family.parameters[0]: l_i[:most, None]}
+        values = plan.program.values(*family.design(column))
+        spent = median_time(lambda e=engine, v=values: e.run_designs(inputs, v)) / most  # type: ignore[misc]
+        task = f"a design, positions at {TURN} poses, {engine.name}"
+        ROWS.append(Row(task, spent, theirs, yardstick, goal))
+    many = {"dyad.l_i": np.linspace(5.8, 6.2, 50 * DESIGNS)}
+    study = lambda: mech.study(many, over={"crank": q}, want="max(dyad.C.p.x)")  # noqa: E731
+    spent = median_time(study, 3) / (50 * DESIGNS)
+    ROWS.append(Row("the same by `study`, its largest x kept", spent, theirs, yardstick))

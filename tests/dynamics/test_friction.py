@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import blockmech as bm
+from blockmech.dynamics.ahead import Ahead
 from blockmech.errors import RequestError
 from tests.gallery import changed, document
 
@@ -194,3 +195,25 @@ def test_self_locking_in_motion_is_named_with_the_state_by_every_method():
         run = pendulum(1.0, 1.2).simulate("time=3", start={"crank": (0.5, 1.0)}, method=method)
         assert (run.motion.status, run.motion.end) == ("failed", "self-locking in motion")
         assert any("q = 0.5, rate = 1" in note for note in run.motion.notes)
+
+
+def test_a_load_that_does_not_change_has_no_kink(monkeypatch):
+    """A balanced wheel: its pin carries the weight alone, and slows it down evenly."""
+    graph = bm.Graph("wheel", gravity=(0.0, -G))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    wheel, pin = bm.Link(mass=2.0, inertia=0.5), bm.Coulomb(coefficient=0.2, radius=0.05)
+    graph.add("crank", bm.Crank(length=0.1, links={"crank": wheel}, friction={"A": pin}))
+    graph.connect("frame.A", "crank.A")
+    strict = np.errstate(all="raise")(Ahead._first_kink)
+    monkeypatch.setattr(Ahead, "_first_kink", strict)
+    motion = graph.compile().simulate("standstill", start={"crank": (0.0, 5.0)}).motion
+    assert motion.events[-1].t == pytest.approx(5.0 * 0.5 / (0.2 * 0.05 * 2.0 * G), rel=1e-12)
+
+
+def test_a_rate_whose_energy_is_below_all_numbers_is_a_start_from_rest():
+    free = pendulum(coefficient=0.0)
+    swings, still = (
+        free.simulate("time=1", start={"crank": (0.0, rate)}, want="crank.q")["crank.q"].tolist()
+        for rate in (5e-324, 0.0)
+    )
+    assert swings == still

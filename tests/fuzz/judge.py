@@ -122,7 +122,7 @@ def _places(result: Result) -> dict[str, Any]:
 
 def _doubted(result: Result) -> bool:
     """Whether the run itself says that digits are lost."""
-    return any(flag.code == "digits-lost" for flag in result.quality.flags)
+    return bool(result.digits_lost)
 
 
 def _numbers(result: Result) -> tuple[str, str]:

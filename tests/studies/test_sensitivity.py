@@ -202,3 +202,26 @@ def test_tolerance_is_about_the_means():
     graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({"dyad.l_i": 6.1})
     there = graph.compile().sensitivity("crank.drive", "dyad.l_i", at=0.3)
     assert moved["crank.drive"] == abs(there["crank.drive", "dyad.l_i"]) * 1e-3
+
+
+@pytest.mark.parametrize("make", [bm.Graph, bm.Linkage])
+def test_parts_of_vectors_are_outputs_everywhere(make):
+    folder = GRAPHS if make is bm.Graph else JOINTS
+    mech = make.load(folder / "ruiz_fourbar.json").compile()
+    vector = next(n for n in mech.outputs if n.endswith(".p") and "A" not in n)
+    number = next(a for a, p in mech.parameters().items() if a.endswith(".mass") or "l_i" in a)
+    want = [f"{vector}.x", vector, f"{vector}.y"]
+    for engine in ("scalar", "numpy"):
+        run = mech.run(samples=5, want=want, engine=engine)
+        np.testing.assert_array_equal(run[want[0]] + 1j * run[want[2]], run[vector])
+    assert run.unit(want[0]) == "m"
+    found = mech.sensitivity(want, [number], samples=5)
+    np.testing.assert_array_equal(found[want[0]] + 1j * found[want[2]], found[vector])
+    bands = mech.tolerance({number: bm.normal(6.0, 1e-3)}, want, samples=5, count=16)
+    both = np.hypot(bands[want[0]], bands[want[2]])
+    np.testing.assert_allclose(both, bands[vector], rtol=1e-12)
+    assert set(bands.sampled) == set(want)
+    assert want[0] not in list(mech.outputs)
+    for wrong in (f"{vector}.z", f"{mech.drivers[0]}.q.x"):
+        with pytest.raises(RequestError, match="no output has that name"):
+            mech.run(samples=5, want=wrong)

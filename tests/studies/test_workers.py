@@ -182,6 +182,6 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
 
 
 def test_a_place_that_cannot_be_written_is_one_message(fourbar, tmp_path):
-    (tmp_path / "file").write_text("here")
+    (tmp_path / "file").write_text("here", encoding="utf-8")
     with pytest.raises(bm.RequestError, match="it is a file, not a directory"):
         fourbar.study(VARY, **REQUEST, out=tmp_path / "file")

@@ -109,9 +109,11 @@ class Evidence:
         found = {}
         for link in self.structure.links:
             o, terms = self.bodies.link(link).p, list(self.bodies.terms(link))
+            joints = self.bodies.joints_on(link)  # a guide's point may be far from its slider
             moments = [plain(m) for _, _, m in terms]
             moments += [moment(p - o, f) for f, p, _ in terms]
-            reach = np.max([np.abs(p) + np.abs(o) for _, p, _ in terms], axis=0, initial=0.0)
+            places = [p for _, p, _ in terms] + [e.p for j in joints for e in self.bodies.ends(j)]
+            reach = np.max([np.abs(p) + np.abs(o) for p in places], axis=0, initial=0.0)
             found[link] = [plain(f) for f, _, _ in terms], moments, reach
         return found
 
@@ -121,17 +123,20 @@ class Evidence:
         Its reactions are solved from all its loads at once, so any of them may carry the rounding
         of the sum of all forces. At its arm that is a moment, at its speed a power, also where
         the terms themselves are nothing: loads that go straight into one pin, or pass it by less
-        than coordinates show.
+        than coordinates show. So are its rates, and those that wires bring from a block before.
         """
         links = [LinkRef(block, link) for link in self.structure.blocks[block].link_names]
         own = [self.balances[link] for link in links]
         force = np.sum([total(forces).size for forces, _, _ in own], axis=0)
         reach = np.max([reach for _, _, reach in own], axis=0)
         found = np.sum([total(moments).size for _, moments, _ in own], axis=0) + force * reach
-        bodies = [self.bodies.link(link) for link in links]
-        wired = [end for ref in self.outer(block) for end in self.bodies.ends(ref)]
-        v = np.max(np.abs([body.v for body in bodies + wired]), axis=0)
-        om = np.max(np.abs([body.om for body in bodies]), axis=0)
+        outer = self.outer(block)
+        near = {block, *(self.structure.earlier_link(ref).block for ref in outer)}
+        bodies = [self.bodies.link(link) for link in self.structure.links if link.block in near]
+        wired = [end for ref in outer for end in self.bodies.ends(ref)]
+        least = float(np.finfo(np.float64).tiny)  # below it digits go, whatever the force
+        v = np.max(np.abs([body.v for body in bodies + wired]), axis=0, initial=least)
+        om = np.max(np.abs([body.om for body in bodies]), axis=0, initial=least)
         return Sizes(force, found, total(self.powers(block)).size + force * v + found * om)
 
     def outer(self, block: str) -> list[JointRef]:

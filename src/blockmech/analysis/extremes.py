@@ -169,7 +169,7 @@ def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
     """The output and the parts of it that a name such as ``"dyad.C.p.x"`` means."""
     output, part = name, ""
     head, _, tail = name.rpartition(".")
-    if name not in mechanism.outputs and tail in PARTS and head in mechanism.outputs:
+    if tail in PARTS and head in mechanism.outputs:
         output, part = head, tail
     fits = mechanism.outputs.match([output])
     if output not in fits:

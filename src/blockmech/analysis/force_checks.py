@@ -65,7 +65,9 @@ def friction(e: Evidence) -> Iterator[Residual]:
     Iterations that are cut short (``single``, ``successive``) keep the sense alone.
     """
     r, method = e.run, e.run.settings["friction"]
-    speed = np.max(np.abs([e.bodies.link(link).v for link in e.structure.links]), axis=0)
+    moving = [e.bodies.link(link) for link in e.structure.links]
+    speed = np.max(np.abs([body.v for body in moving]), axis=0)
+    turning = np.max(np.abs([body.om for body in moving]), axis=0)
     for name, block in e.structure.blocks.items():
         size = e.sizes(name)
         for joint, law in block.friction.items():
@@ -84,7 +86,7 @@ def friction(e: Evidence) -> Iterator[Residual]:
             if method in ("none", "newton"):
                 left = np.abs(np.abs(t) - bound)
                 # a thousand times: the solver measures speed and size of the group alone
-                rests = np.abs(slip) * way <= 1e3 * REST_SHARE * speed
+                rests = np.abs(slip) * way <= 1e3 * REST_SHARE * np.maximum(speed, turning * way)
                 left = np.where(rests, np.minimum(left, np.abs(t)), left)
                 yield Residual("friction in", ref, left, scale)
 

@@ -118,8 +118,8 @@ class FreeBodies:
         """Everything that acts on a link: force [N], where it acts [m], couple [N m]."""
         yield from self.inertia_and_weight(link)
         yield from self.elements(link)
-        for joint in self._joints_on(link):
-            yield self._pair(joint, link)
+        for joint in self.joints_on(link):
+            yield from self._pair(joint, link)
 
     def inertia_and_weight(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
         """Weight and, unless the run is static, D'Alembert's force and couple."""
@@ -150,27 +150,31 @@ class FreeBodies:
         at = self.structure.block(marker.block).place_of(self.structure.marker(marker))
         return self.link(marker.on).at(at)
 
-    def _joints_on(self, link: LinkRef) -> list[JointRef]:
+    def joints_on(self, link: LinkRef) -> list[JointRef]:
+        """Pairs of a link, its block's own and those that it carries."""
         own = []
         if link != self.structure.frame_link:
             joints = self.structure.blocks[link.block].joints.values()
             own = [JointRef(link.block, j.name) for j in joints if link.link in (j.link, *j.links)]
         return own + list(self.structure.carried[link])
 
-    def _pair(self, ref: JointRef, link: LinkRef) -> tuple[Array, Array, Array]:
-        """What a pair does to one of its links, from the reported reaction and friction."""
+    def _pair(self, ref: JointRef, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
+        """What a pair does to one of its links: the reported reaction, friction and drive.
+
+        Friction and drive are terms of their own: one may be the answer to the other.
+        """
         r, joint = self.run, self.structure.joint(ref)
-        t = np.array(r[f"{ref}.friction"])
-        if joint.driven:
-            driver = self.structure.blocks[ref.block].driver_name(*ref)
-            sense = self.structure.coordinate(driver).sign
-            t = t + sense * r[f"{driver}.drive"]
         sign = 1.0 if self.structure.later_link(ref) == link else -1.0
         earlier, _ = self.ends(ref)
-        if joint.kind == "R":
-            return sign * r[f"{ref}.reaction"], earlier.p, sign * t
-        force = r[f"{ref}.reaction"] + t * earlier.e
-        return sign * force, self._slider(ref), sign * r[f"{ref}.C"]
+        revolute = joint.kind == "R"
+        place, zero = earlier.p if revolute else self._slider(ref), np.zeros(r.n)
+        yield sign * r[f"{ref}.reaction"], place, zero if revolute else sign * r[f"{ref}.C"]
+        along = [sign * r[f"{ref}.friction"]]
+        if joint.driven:
+            driver = self.structure.blocks[ref.block].driver_name(*ref)
+            along.append(sign * self.structure.coordinate(driver).sign * r[f"{driver}.drive"])
+        for t in along:
+            yield (zero + 0j, place, t) if revolute else (t * earlier.e, place, zero)
 
     def _slider(self, ref: JointRef) -> Array:
         """The slider's point of a prismatic pair."""

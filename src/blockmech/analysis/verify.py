@@ -153,9 +153,12 @@ def verify(
 
 
 def _relative(left: Any, scale: Any) -> float:
-    """The largest residual by its scale; NaN where there is one."""
-    size = np.abs(left)
-    return float(np.max(np.where(size == 0, 0.0, size / np.where(scale, scale, 1)), initial=0.0))
+    """The largest residual by its scale; NaN where there is one.
+
+    Below the smallest normal number rounding is a share of that, not of the number.
+    """
+    known = np.maximum(scale, np.finfo(np.float64).tiny)
+    return float(np.max(np.where(left == 0, 0.0, np.abs(left) / known), initial=0.0))
 
 
 def _shaken(run: Result, how: Mapping[str, Any]) -> Result:

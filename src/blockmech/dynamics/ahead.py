@@ -16,7 +16,6 @@ from blockmech.dynamics.motion import DEAD_CENTRE, SELF_LOCKED, TOO_MANY
 from blockmech.dynamics.panels import (
     FROM_REST,
     PLAIN,
-    SMALLEST,
     TO_LIMIT,
     TO_REST,
     Floats,
@@ -255,7 +254,9 @@ class Ahead:
             else:  # along the way that the load takes where it is least
                 i = min(max(int(np.abs(F).argmin()), 1), self.n - 2)
                 turned = F * np.conj(F[i + 1] - F[i - 1])
-                turned /= max(float(np.abs(turned).max()), SMALLEST)
+                if not np.abs(turned).max() > np.finfo(np.float64).tiny:
+                    continue  # a load that does not change has no kink
+                turned /= np.abs(turned).max()
                 passing, across, largest = (turned.real,), turned.imag, 1.0
             for part in passing:
                 v = roots(r.to_series @ part)

@@ -19,11 +19,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.system import solved
+from blockmech.dynamics.rates import rates_of
+from blockmech.dynamics.system import System, solved
+from blockmech.engines.llvm import WORTH
+from blockmech.engines.stages import Rates, Stages
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import Resisted
-    from blockmech.dynamics.system import System
 
 
 class TooMany(Exception):
@@ -41,6 +43,8 @@ class Equation:
     sides: tuple[int, ...] = ()
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
+    _reckoned: int = 0  # evaluations that the mechanism's count has
+    _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
 
     @cached_property
     def drivers(self) -> int:
@@ -49,9 +53,13 @@ class Equation:
 
     def __call__(self, t: float, y: Any) -> Any:
         """y' at a state; NaN where there is no pose."""
-        self.spend(1)
         if self.drivers > 1:
             return self._several(t, y)
+        row = self.row(t, y)
+        if row is not None:
+            self.took(1, y, row)
+            return row[: len(y)]
+        self.spend(1)
         q, qd = float(y[0]), float(y[1])
         J, tau, dJ, margin = self.one(q, qd, t)
         self._last = q, margin, J
@@ -69,6 +77,53 @@ class Equation:
             self.most = math.inf  # once: what is kept of the run is still looked at
             raise TooMany
 
+    # -- machine code ------------------------------------------------------------
+
+    def stages(self, A: Floats, C: Floats) -> Stages | None:
+        """The stages of a scheme in machine code, for the directions of slip as they are.
+
+        None where there can be none, and before so much was evaluated that compiling pays.
+        """
+        friction, k = self.system.friction, tuple[float, ...]()
+        of_program = type(self.system).one is System.one  # not of series near change points
+        if self.drivers > 1 or not of_program or (friction is not None and not self.sides):
+            return None
+        code = self._code()
+        if code is None:
+            return None
+        if friction is not None:
+            k = friction.factors(self.sides)
+        return Stages(code, (0.0, 1.0, *k), A, C)
+
+    def _code(self) -> Rates | None:
+        """Made once for a mechanism and a way to solve friction."""
+        kept, key = self.system.kept, ("rates", self.system.method)
+        if key not in kept:
+            count = kept["evaluations"] = kept.get("evaluations", 0) + self.spent - self._reckoned
+            self._reckoned = self.spent
+            if count < WORTH * (1 + len(self.sides)):  # each pair makes the text longer
+                return None
+            kept[key] = rates_of(self.system.equation_program, self.system.friction)
+        found: Rates | None = kept[key]
+        return found
+
+    def took(self, states: int, y: Any, row: Any) -> None:
+        """Count states that machine code was asked for, and keep what it says of the last."""
+        n = 4 if self.sides else 3
+        self._last = float(y[0]), float(row[n]), float(row[n + 1])
+        each = 3 + len(self.sides) if self.sides else 1  # with those of the force pass
+        self.spend(states * each)
+        self.system._count(states * each, False)
+
+    def row(self, t: float, y: Any) -> list[float] | None:
+        """What machine code says of a state, see `rates`; None where it says nothing."""
+        if self._own[0] != self.sides or self._own[1] is None:
+            self._own = self.sides, self.stages(np.zeros((1, 1)), np.zeros(1))
+        code = self._own[1]
+        return None if code is None else code.at(t, y)
+
+    # -- one state ------------------------------------------------------------
+
     @cached_property
     def one(self) -> Callable[[float, float, float], Any]:
         """J, tau, dJ/dq and the margin at a state of the only driver."""
@@ -76,6 +131,7 @@ class Equation:
         return self.system.one if table is None else table.one
 
     def _several(self, t: float, y: Floats) -> Floats:
+        self.spend(1)
         k = self.drivers
         qd = y[k : 2 * k]
         M, c, Q, margin = self.system.terms(y[:k], qd, t)
@@ -92,13 +148,19 @@ class Equation:
 
     def pair_loads(self, t: float, y: Floats) -> Any:
         """Loads on the pairs with friction."""
+        row = self.row(t, y)
+        if row is not None:
+            parts = row[6 + len(self.sides) :]
+            return [complex(*z) for z in zip(parts[::2], parts[1::2], strict=False)]
         return self.resisted(float(y[0]), float(y[1]), t).loads
 
     def slips(self, q: float) -> Any:
         """Relative rates of the pairs with friction per unit driver rate."""
         if self._slips[0] != q:
             assert self.system.friction is not None
-            self._slips = q, self.system.friction.slips(np.array([q]))[0]
+            row = self.row(0.0, (q, 1.0, 0.0, 0.0))
+            known = None if row is None else row[6 : 6 + len(self.sides)]
+            self._slips = q, known or self.system.friction.slips(np.array([q]))[0]
         return self._slips[1]
 
     def know(self, q: float, margin: float, J: float) -> None:
@@ -110,7 +172,10 @@ class Equation:
         k = self.drivers
         here = float(y[0]) if k == 1 else tuple(y[:k])
         if self._last[0] != here:
-            if k == 1:
+            row = None if k > 1 else self.row(0.0, (float(y[0]), *[0.0] * (y.size - 1)))
+            if row is not None:
+                self._last = here, row[y.size], row[y.size + 1]
+            elif k == 1:
                 J, _, _, margin = self.one(float(y[0]), 0.0, 0.0)
                 self._last = here, margin, J
             else:

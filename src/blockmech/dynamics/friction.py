@@ -33,11 +33,12 @@ from blockmech.engines.llvm import WarmEngine
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
+from blockmech.friction.solvers import loads as pair_loads
 from blockmech.model.structure import Structure
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program
-from blockmech.plane import EPS
+from blockmech.plane import EPS, mul
 
 Floats: TypeAlias = NDArray[np.float64]
 Vectors: TypeAlias = NDArray[np.complex128]
@@ -183,6 +184,41 @@ class Resisted(NamedTuple):
         return not self.outcome.solved and self.margin > 0
 
 
+class Resistance(NamedTuple):
+    """What friction does at one state, as numbers of any engine.
+
+    slips : (m,) relative rates of the pairs per unit rate of the driver
+    taken : [N m or N] magnitude of the effort of friction
+    """
+
+    qdd: Any
+    solution: solvers.Solution
+    slips: Any
+    taken: Any
+    loads: Any  # (m,)
+
+
+def resistance(rows: Any, k: Any, guides: Any, solve: Any, options: Any) -> Resistance:
+    """Friction at one state, from the program's values, with signed Coulomb factors (m,).
+
+    ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction.
+    """
+    m = len(k)
+    J, push = rows[1][0], -rows[0][0]
+    s = [-row[0] for row in rows[2:]]
+    a0 = push / J
+    base = tuple(rows[0][1 + j] + mul(rows[1][1 + j], a0) for j in range(m))
+    matrix = tuple(
+        tuple(rows[2 + i][1 + j] + mul(rows[1][1 + j], s[i] / J) for i in range(m))
+        for j in range(m)
+    )
+    found = solve(k, guides, base, matrix, *options)
+    effort, taken = push, 0.0
+    for x, t in zip(s, found.t, strict=True):
+        effort, taken = effort + x * t, taken + abs(x * t)
+    return Resistance(effort / J, found, s, taken, pair_loads(found.t, base, matrix))
+
+
 class Rest(NamedTuple):
     """What a standstill leads to.
 
@@ -215,8 +251,8 @@ class JointFriction:
         self.names = program.names
         self.guides = program.guides
         solver, options = solvers.SOLVERS[method.method]
-        self._options = tuple(getattr(method, name) for name in options)
-        self._single = solver
+        self.options = tuple(getattr(method, name) for name in options)
+        self.solver = solver
         self._batch = bind_functions({"solve": solver}, primitives(np.float64))["solve"]
 
     # -- data of the force pass ------------------------------------------------------
@@ -307,7 +343,7 @@ class JointFriction:
         columns = tuple(_planar(base[:, j]) for j in range(m))
         matrix = tuple(tuple(_planar(rows[:, j, i]) for i in range(m)) for j in range(m))
         with np.errstate(all="ignore"):
-            found = self._batch(k, self.guides, columns, matrix, *self._options)
+            found = self._batch(k, self.guides, columns, matrix, *self.options)
             t = np.stack([np.broadcast_to(x, n) for x in found.t], axis=-1)
             effort = push + (r.s * t).sum(axis=1)
         F = base + np.einsum("njk,nk->nj", rows, t)
@@ -320,29 +356,29 @@ class JointFriction:
         states += [State(pair=k) for k in range(m)]
         self._count(m + 2, False)
         rows = [self._one(q, state) for state in states]
-        J, push = rows[1][0], -rows[0][0]
-        s = [-row[0] for row in rows[2:]]
         margin = min([1.0, *rows[0][1 + 2 * m :]], key=lambda x: (x == x, x))
         try:
-            a0 = push / J
-            base = tuple(rows[0][1 + j] + rows[1][1 + j] * a0 for j in range(m))
-            matrix = tuple(
-                tuple(rows[2 + i][1 + j] + rows[1][1 + j] * (s[i] / J) for i in range(m))
-                for j in range(m)
-            )
-            k = tuple(-side * float(c) for side, c in zip(sides, self.program.factors, strict=True))
-            found = self._single(k, self.guides, base, matrix, *self._options)
+            k = self.factors(sides)
+            found = resistance(rows, k, self.guides, self.solver, self.options)
         except (ArithmeticError, ValueError):
             nothing = np.full(m, math.nan)
             return Resisted(
                 math.nan, nothing, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0
             )
-        couples = np.array(found.t, dtype=float)
-        F = np.array(base) + np.array(matrix) @ couples
-        effort = push + float(np.dot(s, couples))
-        power = float(np.abs(np.array(s) * couples).sum() * abs(qd))
-        outcome = Outcome(int(found.outcome)) if found.outcome == found.outcome else _UNKNOWN
-        return Resisted(effort / J, couples, power, F, margin, outcome, float(found.limit))
+        outcome = found.solution.outcome
+        return Resisted(
+            found.qdd,
+            np.array(found.solution.t, dtype=float),
+            found.taken * abs(qd),
+            np.array(found.loads),
+            margin,
+            Outcome(int(outcome)) if outcome == outcome else _UNKNOWN,
+            float(found.solution.limit),
+        )
+
+    def factors(self, sides: Sides) -> tuple[float, ...]:
+        """Signed Coulomb factors (m,) of pairs that slip in some directions."""
+        return tuple(-side * float(c) for side, c in zip(sides, self.program.factors, strict=True))
 
     def _one(self, q: float, state: State) -> tuple[Any, ...]:
         given = {"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd, "t": state.t}

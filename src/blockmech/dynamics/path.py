@@ -102,8 +102,9 @@ class PathRun:
         """Go on until something ends the run."""
         rate = float(self.request.start.rate) * (1 + self.off)
         try:
-            if rate:
-                self.sign, self.K = (1 if rate > 0 else -1), float(self.start.J[0]) * rate**2 / 2
+            self.K = float(self.start.J[0]) * rate**2 / 2
+            if self.K > 0:  # not of a rate whose square is below all numbers
+                self.sign = 1 if rate > 0 else -1
                 self.mark = (0, self.at)
             else:
                 self.leave()

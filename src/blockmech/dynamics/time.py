@@ -12,9 +12,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, LSODA, OdeSolution, Radau
+from scipy.integrate import LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import loads
+from blockmech.dynamics.dop853 import Dop853, Step, interpolated
 from blockmech.dynamics.equation import Equation, TooMany, scales
 from blockmech.dynamics.estimate import COMPARED, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
@@ -65,7 +66,7 @@ from blockmech.plane import EPS
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-SOLVERS = {"dop853": DOP853, "lsoda": LSODA, "radau": Radau}
+SOLVERS = {"dop853": Dop853, "lsoda": LSODA, "radau": Radau}
 STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
@@ -89,8 +90,15 @@ class Steps:
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
-        y, k = self.solution(t), self.drivers
+        y, k = self._at(t), self.drivers
         return State(y[0], y[1]) if k == 1 else State(y[:k].T, y[k : 2 * k].T)
+
+    def _at(self, t: Floats) -> Floats:
+        times, pieces = self.solution.ts, self.solution.interpolants
+        which = np.clip(np.searchsorted(times, t) - 1, 0, len(pieces) - 1)
+        steps = [pieces[i] for i in which.tolist()]
+        at_once = steps and all(isinstance(step, Step) for step in steps)
+        return interpolated(steps, t) if at_once else np.asarray(self.solution(t))
 
 
 @dataclass

@@ -24,18 +24,13 @@ from typing import Any
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, is_truth, needed
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
-REALS, TRUTHS = f"<{LANES} x double>", f"<{LANES} x i1>"
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "fmod": "frem"}
 COMPARISONS = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge", "==": "oeq"}
 CALLS = {"sqrt": "llvm.sqrt", "abs": "llvm.fabs", "sin": "llvm.sin", "cos": "llvm.cos"}
 LIBRARY = ("sin", "cos", "atan2", "fmod")  # of the mathematical library, called by name
 
-HEAD = [
-    *(f"declare {REALS} @{f}.v{LANES}f64({REALS})" for f in CALLS.values()),
-    f"declare i1 @llvm.vector.reduce.or.v{LANES}i1({TRUTHS})",
-    "declare double @atan2(double, double)",
-    # The piece of a table with a number x: bisection, 0 where there is none.
-    """
+# The piece of a table with a number x: bisection, 0 where there is none.
+PIECE = """
 define i64 @piece(ptr %knots, i64 %n, double %x) {
 start:
   %top = sub i64 %n, 1
@@ -58,192 +53,213 @@ halve:
 found:
   ret i64 %low
 }
-""",
-]
+"""
 
 
-def fill(inputs: int, rows: Sequence[Node]) -> str:
-    """The text of the module; ``rows`` are what is stored, in the order of ``out``."""
-    nodes = needed(rows)
-    lines = [
-        "define void @fill(ptr %x, ptr noalias %numbers, ptr noalias %out, i64 %stride, i64 %n, "
-        "i64 %slots, i64 %designs) {",
-        "start:",
-    ]
-    for k in range(inputs):
+class Text:
+    """The text for so many samples side by side."""
+
+    def __init__(self, lanes: int = LANES) -> None:
+        self.lanes = lanes
+        self.reals, self.truths = f"<{lanes} x double>", f"<{lanes} x i1>"
+        self.head = [
+            *(f"declare {self.reals} @{f}.v{lanes}f64({self.reals})" for f in CALLS.values()),
+            f"declare i1 @llvm.vector.reduce.or.v{lanes}i1({self.truths})",
+            "declare double @atan2(double, double)",
+            PIECE,
+        ]
+
+    def fill(self, inputs: int, rows: Sequence[Node]) -> str:
+        """The text of the module; ``rows`` are what is stored, in the order of ``out``."""
+        nodes = needed(rows)
+        lines = [
+            "define void @fill(ptr %x, ptr noalias %numbers, ptr noalias %out, i64 %stride, "
+            "i64 %n, i64 %slots, i64 %designs) {",
+            "start:",
+        ]
+        for k in range(inputs):
+            lines += [
+                f"%x{k}.at = getelementptr ptr, ptr %x, i64 {k}",
+                f"%x{k} = load ptr, ptr %x{k}.at",
+            ]
         lines += [
-            f"%x{k}.at = getelementptr ptr, ptr %x, i64 {k}",
-            f"%x{k} = load ptr, ptr %x{k}.at",
+            "br label %test",
+            "test:",
+            "%d = phi i64 [ 0, %start ], [ %d.next, %designed ]",
+            "%d.more = icmp slt i64 %d, %designs",
+            "br i1 %d.more, label %design, label %done",
+            "design:",
+            "%d.slots = mul i64 %d, %slots",
+            "%P = getelementptr double, ptr %numbers, i64 %d.slots",
+            "%d.first = mul i64 %d, %n",
         ]
-    lines += [
-        "br label %test",
-        "test:",
-        "%d = phi i64 [ 0, %start ], [ %d.next, %designed ]",
-        "%d.more = icmp slt i64 %d, %designs",
-        "br i1 %d.more, label %design, label %done",
-        "design:",
-        "%d.slots = mul i64 %d, %slots",
-        "%P = getelementptr double, ptr %numbers, i64 %d.slots",
-        "%d.first = mul i64 %d, %n",
-    ]
-    for node in nodes:
-        if node.scope == PARAMETER:
-            lines += _statement(node)
-    body, last = _sample(nodes)
-    lines += [
-        "br label %sampled",
-        "sampled:",
-        f"%i = phi i64 [ 0, %design ], [ %i.next, %{last} ]",
-        "%more = icmp slt i64 %i, %n",
-        "br i1 %more, label %sample, label %designed",
-        "sample:",
-        *body,
-        "%place = add i64 %d.first, %i",
-    ]
-    for row, node in enumerate(rows):
-        lines += _stored(row, node)
-    lines += [f"%i.next = add i64 %i, {LANES}", "br label %sampled"]
-    lines += ["designed:", "%d.next = add i64 %d, 1", "br label %test", "done:", "ret void", "}"]
-    return "\n".join([*HEAD, *lines]) + "\n"
+        for node in nodes:
+            if node.scope == PARAMETER:
+                lines += self._statement(node)
+        body, last = self._sample(nodes)
+        lines += [
+            "br label %sampled",
+            "sampled:",
+            f"%i = phi i64 [ 0, %design ], [ %i.next, %{last} ]",
+            "%more = icmp slt i64 %i, %n",
+            "br i1 %more, label %sample, label %designed",
+            "sample:",
+            *body,
+            "%place = add i64 %d.first, %i",
+        ]
+        for row, node in enumerate(rows):
+            lines += self._stored(row, node)
+        lines += [f"%i.next = add i64 %i, {self.lanes}", "br label %sampled"]
+        lines += [
+            "designed:",
+            "%d.next = add i64 %d, 1",
+            "br label %test",
+            "done:",
+            "ret void",
+            "}",
+        ]
+        return "\n".join([*self.head, *lines]) + "\n"
 
-
-def _stored(row: int, node: Node) -> list[str]:
-    lines, name = [], _name(node)
-    if node.truth:
-        lines, name = [f"%o{row}.real = uitofp {TRUTHS} {name} to {REALS}"], f"%o{row}.real"
-    return [
-        *lines,
-        f"%o{row}.first = mul i64 %stride, {row}",
-        f"%o{row}.number = add i64 %o{row}.first, %place",
-        f"%o{row} = getelementptr double, ptr %out, i64 %o{row}.number",
-        f"store {REALS} {name}, ptr %o{row}, align 8",
-    ]
-
-
-def _sample(nodes: Sequence[Node]) -> tuple[list[str], str]:
-    """What is worked out for a block of samples, and the name of the text's last part."""
-    lines: list[str] = []
-    part, done = "sample", set[int]()
-    for node in nodes:
-        if node.op == "after":
-            loop = node.args[0]
-            if loop.scope not in done:
-                done.add(loop.scope)
-                inside = [n for n in nodes if n.scope == loop.scope and n.op != "state"]
-                lines += _loop(loop, inside, part)
-                part = f"after{loop.scope}"
-        elif node.scope == SAMPLE:
-            lines += _statement(node)
-    return lines, part
-
-
-def _loop(loop: Loop, inside: Iterable[Node], before: str) -> list[str]:
-    """A loop in which each lane keeps its state from when it has stopped."""
-    k, going = loop.scope, _name(loop.state[-1])
-    lines = [f"br label %test{k}", f"test{k}:"]
-    both = list(zip(loop.state, loop.first, loop.ahead, strict=True))
-    for state, first, _ in both:
-        name, kind = _name(state), _kind(state)
-        at_first = _name(first, state.truth)
-        lines.append(f"{name} = phi {kind} [ {at_first}, %{before} ], [ {name}.next, %body{k} ]")
-    lines += [
-        f"%n{k} = phi i64 [ 0, %{before} ], [ %n{k}.next, %body{k} ]",
-        f"%few{k} = icmp slt i64 %n{k}, {loop.cap}",
-        f"%some{k} = call i1 @llvm.vector.reduce.or.v{LANES}i1({TRUTHS} {going})",
-        f"%more{k} = and i1 %few{k}, %some{k}",
-        f"br i1 %more{k}, label %body{k}, label %after{k}",
-        f"body{k}:",
-    ]
-    for node in inside:
-        lines += _statement(node)
-    for state, _, ahead in both:
-        name, kind = _name(state), _kind(state)
-        new = f"{kind} {_name(ahead, state.truth)}"
-        lines.append(f"{name}.next = select {TRUTHS} {going}, {new}, {kind} {name}")
-    return [*lines, f"%n{k}.next = add i64 %n{k}, 1", f"br label %test{k}", f"after{k}:"]
-
-
-def _kind(x: Any) -> str:
-    return TRUTHS if is_truth(x) else REALS
-
-
-def _name(x: Any, truth: bool = False) -> str:
-    """Name of a node, or a number as all lanes of a vector."""
-    if isinstance(x, Node):
-        return f"%s{x.args[0].scope}.{x.args[1]}" if x.op in ("state", "after") else f"%v{x.number}"
-    if truth:
-        return f"<{', '.join([f'i1 {int(x)}'] * LANES)}>"
-    bits = struct.pack(">d", float(x)).hex().upper()
-    return f"<{', '.join([f'double 0x{bits}'] * LANES)}>"
-
-
-def _statement(node: Node) -> list[str]:
-    """The text of one operation."""
-    op, me = node.op, _name(node)
-    if op in ("input", "parameter"):
-        return _loaded(node)
-    if op in ("piece", "entry", "atan2"):
-        return list(_by_lane(node))
-    truth = op in ("&", "|")
-    args = [_name(x, truth) for x in node.args]
-    if op in ARITHMETIC:
-        return [f"{me} = {ARITHMETIC[op]} {REALS} {args[0]}, {args[1]}"]
-    if op in COMPARISONS:
-        return [f"{me} = fcmp {COMPARISONS[op]} {REALS} {args[0]}, {args[1]}"]
-    if truth:
-        return [f"{me} = {'and' if op == '&' else 'or'} {TRUTHS} {args[0]}, {args[1]}"]
-    if op == "where":
-        condition, a, b = node.args
-        kind, chosen = _kind(node), (_name(a, node.truth), _name(b, node.truth))
+    def _stored(self, row: int, node: Node) -> list[str]:
+        lines, name = [], self._name(node)
+        if node.truth:
+            lines, name = (
+                [f"%o{row}.real = uitofp {self.truths} {name} to {self.reals}"],
+                f"%o{row}.real",
+            )
         return [
-            f"{me} = select {TRUTHS} {_name(condition)}, {kind} {chosen[0]}, {kind} {chosen[1]}"
+            *lines,
+            f"%o{row}.first = mul i64 %stride, {row}",
+            f"%o{row}.number = add i64 %o{row}.first, %place",
+            f"%o{row} = getelementptr double, ptr %out, i64 %o{row}.number",
+            f"store {self.reals} {name}, ptr %o{row}, align 8",
         ]
-    if op == "is nan":
-        return [f"{me} = fcmp uno {REALS} {args[0]}, {args[0]}"]
-    if op == "neg":
-        return [f"{me} = fneg {REALS} {args[0]}"]
-    return [f"{me} = call {REALS} @{CALLS[op]}.v{LANES}f64({REALS} {args[0]})"]
 
+    def _sample(self, nodes: Sequence[Node]) -> tuple[list[str], str]:
+        """What is worked out for a block of samples, and the name of the text's last part."""
+        lines: list[str] = []
+        part, done = "sample", set[int]()
+        for node in nodes:
+            if node.op == "after":
+                loop = node.args[0]
+                if loop.scope not in done:
+                    done.add(loop.scope)
+                    inside = [n for n in nodes if n.scope == loop.scope and n.op != "state"]
+                    lines += self._loop(loop, inside, part)
+                    part = f"after{loop.scope}"
+            elif node.scope == SAMPLE:
+                lines += self._statement(node)
+        return lines, part
 
-def _loaded(node: Node) -> list[str]:
-    """An input of each lane, or a parameter in all of them."""
-    me, index = _name(node), node.args[0]
-    if node.op == "input":
+    def _loop(self, loop: Loop, inside: Iterable[Node], before: str) -> list[str]:
+        """A loop in which each lane keeps its state from when it has stopped."""
+        k, going = loop.scope, self._name(loop.state[-1])
+        lines = [f"br label %test{k}", f"test{k}:"]
+        both = list(zip(loop.state, loop.first, loop.ahead, strict=True))
+        for state, first, _ in both:
+            name, kind = self._name(state), self._kind(state)
+            at_first = self._name(first, state.truth)
+            lines.append(
+                f"{name} = phi {kind} [ {at_first}, %{before} ], [ {name}.next, %body{k} ]"
+            )
+        lines += [
+            f"%n{k} = phi i64 [ 0, %{before} ], [ %n{k}.next, %body{k} ]",
+            f"%few{k} = icmp slt i64 %n{k}, {loop.cap}",
+            f"%some{k} = call i1 @llvm.vector.reduce.or.v{self.lanes}i1({self.truths} {going})",
+            f"%more{k} = and i1 %few{k}, %some{k}",
+            f"br i1 %more{k}, label %body{k}, label %after{k}",
+            f"body{k}:",
+        ]
+        for node in inside:
+            lines += self._statement(node)
+        for state, _, ahead in both:
+            name, kind = self._name(state), self._kind(state)
+            new = f"{kind} {self._name(ahead, state.truth)}"
+            lines.append(f"{name}.next = select {self.truths} {going}, {new}, {kind} {name}")
+        return [*lines, f"%n{k}.next = add i64 %n{k}, 1", f"br label %test{k}", f"after{k}:"]
+
+    def _kind(self, x: Any) -> str:
+        return self.truths if is_truth(x) else self.reals
+
+    def _name(self, x: Any, truth: bool = False) -> str:
+        """Name of a node, or a number as all lanes of a vector."""
+        if isinstance(x, Node):
+            return (
+                f"%s{x.args[0].scope}.{x.args[1]}"
+                if x.op in ("state", "after")
+                else f"%v{x.number}"
+            )
+        if truth:
+            return f"<{', '.join([f'i1 {int(x)}'] * self.lanes)}>"
+        bits = struct.pack(">d", float(x)).hex().upper()
+        return f"<{', '.join([f'double 0x{bits}'] * self.lanes)}>"
+
+    def _statement(self, node: Node) -> list[str]:
+        """The text of one operation."""
+        op, me = node.op, self._name(node)
+        if op in ("input", "parameter"):
+            return self._loaded(node)
+        if op in ("piece", "entry", "atan2"):
+            return list(self._by_lane(node))
+        truth = op in ("&", "|")
+        args = [self._name(x, truth) for x in node.args]
+        if op in ARITHMETIC:
+            return [f"{me} = {ARITHMETIC[op]} {self.reals} {args[0]}, {args[1]}"]
+        if op in COMPARISONS:
+            return [f"{me} = fcmp {COMPARISONS[op]} {self.reals} {args[0]}, {args[1]}"]
+        if truth:
+            return [f"{me} = {'and' if op == '&' else 'or'} {self.truths} {args[0]}, {args[1]}"]
+        if op == "where":
+            condition, a, b = node.args
+            kind = self._kind(node)
+            if_true, if_false = (f"{kind} {self._name(x, node.truth)}" for x in (a, b))
+            chosen = f"{self.truths} {self._name(condition)}, {if_true}, {if_false}"
+            return [f"{me} = select {chosen}"]
+        if op == "is nan":
+            return [f"{me} = fcmp uno {self.reals} {args[0]}, {args[0]}"]
+        if op == "neg":
+            return [f"{me} = fneg {self.reals} {args[0]}"]
+        return [f"{me} = call {self.reals} @{CALLS[op]}.v{self.lanes}f64({self.reals} {args[0]})"]
+
+    def _loaded(self, node: Node) -> list[str]:
+        """An input of each lane, or a parameter in all of them."""
+        me, index = self._name(node), node.args[0]
+        if node.op == "input":
+            return [
+                f"{me}.at = getelementptr double, ptr %x{index}, i64 %i",
+                f"{me} = load {self.reals}, ptr {me}.at, align 8",
+            ]
+        first = f"{self.reals} {me}.first, {self.reals} poison"
         return [
-            f"{me}.at = getelementptr double, ptr %x{index}, i64 %i",
-            f"{me} = load {REALS}, ptr {me}.at, align 8",
+            f"{me}.at = getelementptr double, ptr %P, i64 {index}",
+            f"{me}.one = load double, ptr {me}.at",
+            f"{me}.first = insertelement {self.reals} poison, double {me}.one, i32 0",
+            f"{me} = shufflevector {first}, <{self.lanes} x i32> zeroinitializer",
         ]
-    return [
-        f"{me}.at = getelementptr double, ptr %P, i64 {index}",
-        f"{me}.one = load double, ptr {me}.at",
-        f"{me}.first = insertelement {REALS} poison, double {me}.one, i32 0",
-        f"{me} = shufflevector {REALS} {me}.first, {REALS} poison, <{LANES} x i32> zeroinitializer",
-    ]
 
-
-def _by_lane(node: Node) -> Iterator[str]:
-    """What is done lane by lane: functions of two numbers, and numbers of a table."""
-    me, before = _name(node), "poison"
-    kind = f"<{LANES} x i64>" if node.op == "piece" else REALS
-    one = "i64" if node.op == "piece" else "double"
-    if node.op == "piece":
-        _, first, last = (x.args[0] for x in node.args)
-        yield f"{me}.knots = getelementptr double, ptr %P, i64 {first}"
-    if node.op == "entry":
-        yield f"{me}.row = getelementptr double, ptr %P, i64 {node.args[1].args[0]}"
-    for k in range(LANES):
-        x = f"{me}.x{k}"
-        taken = f"<{LANES} x i64>" if node.op == "entry" else REALS
-        yield f"{x} = extractelement {taken} {_name(node.args[0])}, i32 {k}"
+    def _by_lane(self, node: Node) -> Iterator[str]:
+        """What is done lane by lane: functions of two numbers, and numbers of a table."""
+        me, before = self._name(node), "poison"
+        kind = f"<{self.lanes} x i64>" if node.op == "piece" else self.reals
+        one = "i64" if node.op == "piece" else "double"
         if node.op == "piece":
-            n = last - first + 1
-            yield f"{me}.y{k} = call i64 @piece(ptr {me}.knots, i64 {n}, double {x})"
-        elif node.op == "entry":
-            yield f"{me}.at{k} = getelementptr double, ptr {me}.row, i64 {x}"
-            yield f"{me}.y{k} = load double, ptr {me}.at{k}"
-        else:
-            yield f"{x}.b = extractelement {REALS} {_name(node.args[1])}, i32 {k}"
-            yield f"{me}.y{k} = call double @atan2(double {x}, double {x}.b)"
-        after = me if k == LANES - 1 else f"{me}.{k}"
-        yield f"{after} = insertelement {kind} {before}, {one} {me}.y{k}, i32 {k}"
-        before = after
+            _, first, last = (x.args[0] for x in node.args)
+            yield f"{me}.knots = getelementptr double, ptr %P, i64 {first}"
+        if node.op == "entry":
+            yield f"{me}.row = getelementptr double, ptr %P, i64 {node.args[1].args[0]}"
+        for k in range(self.lanes):
+            x = f"{me}.x{k}"
+            taken = f"<{self.lanes} x i64>" if node.op == "entry" else self.reals
+            yield f"{x} = extractelement {taken} {self._name(node.args[0])}, i32 {k}"
+            if node.op == "piece":
+                n = last - first + 1
+                yield f"{me}.y{k} = call i64 @piece(ptr {me}.knots, i64 {n}, double {x})"
+            elif node.op == "entry":
+                yield f"{me}.at{k} = getelementptr double, ptr {me}.row, i64 {x}"
+                yield f"{me}.y{k} = load double, ptr {me}.at{k}"
+            else:
+                yield f"{x}.b = extractelement {self.reals} {self._name(node.args[1])}, i32 {k}"
+                yield f"{me}.y{k} = call double @atan2(double {x}, double {x}.b)"
+            after = me if k == self.lanes - 1 else f"{me}.{k}"
+            yield f"{after} = insertelement {kind} {before}, {one} {me}.y{k}, i32 {k}"
+            before = after

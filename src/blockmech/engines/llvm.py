@@ -36,6 +36,7 @@ LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run
 # included: 0.3 s by some 20 us. Who stops there has waited twice as long as needed, nobody longer.
 WORTH = 15_000
 LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
+FILL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
 PARALLEL = 2**17  # samples: some five milliseconds of work, beside which starting threads is little
 
 
@@ -43,19 +44,20 @@ class LlvmEngine:
     """A program compiled to machine code."""
 
     name = "llvm"
+    designs_together = PARALLEL  # samples of designs that are best run at once
 
     def __init__(self, program: Program) -> None:
         """Raises `Untraceable` for a program that is more than flat arithmetic, and
         `MissingEngineError` without llvmlite."""
         self.program = program
         trace = Trace(program)
-        self.values = trace.values
+        self.values, flag = trace.values, trace.flag
         wanted = [x for x in leaves(trace.values) if isinstance(x, Node) and x.op != "input"]
-        flag = functools.reduce(lambda a, b: a | b, trace.flags) if trace.flags else None
         rows = list(dict.fromkeys([*wanted, *([] if flag is None else [flag])]))
         self._row = {node: row for row, node in enumerate(rows)}
         self._flag = flag
-        self._fill = _compiled(assembly.fill(len(program.inputs), rows)).function
+        text = assembly.Text().fill(len(program.inputs), rows)
+        self._fill = machine_code(text, "fill", FILL).function
         self._numbers = np.array([*numbers(program.parameters.values()), 0.0])  # never empty
         self._parameters = self._numbers.ctypes.data
         self._scalar = ScalarEngine(program)
@@ -240,7 +242,7 @@ class WarmEngine:
 # -- machine code ------------------------------------------------------------------
 
 
-class _Code(NamedTuple):
+class Code(NamedTuple):
     """A compiled module; its function lives as long as what holds it."""
 
     function: Any
@@ -248,8 +250,8 @@ class _Code(NamedTuple):
 
 
 @functools.lru_cache
-def _compiled(text: str) -> _Code:
-    """The function of a module; compiled once for all mechanisms of one structure."""
+def machine_code(text: str, name: str, kind: Any) -> Code:
+    """A function of a module; compiled once for all mechanisms of one structure."""
     if text.count("\n") > LONGEST:
         raise Untraceable(f"it has more than {LONGEST} operations")
     llvm = _package()
@@ -266,8 +268,7 @@ def _compiled(text: str) -> _Code:
     passes.getModulePassManager().run(module, passes)
     engine = llvm.create_mcjit_compiler(module, target)
     engine.finalize_object()
-    kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
-    return _Code(kind(engine.get_function_address("fill")), (engine, target))
+    return Code(kind(engine.get_function_address(name)), (engine, target))
 
 
 @functools.cache

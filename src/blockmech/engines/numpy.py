@@ -213,6 +213,7 @@ class NumpyEngine:
     """A program bound to arrays of one precision."""
 
     name = "numpy"
+    designs_together = CHUNK  # samples of designs that are best run at once
 
     def __init__(self, program: Program, precision: str = "complex128") -> None:
         self.program = program

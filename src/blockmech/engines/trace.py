@@ -10,6 +10,7 @@ Walther, Evaluating Derivatives, 2008, ch. 6.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Iterator
 from types import FunctionType
@@ -22,6 +23,7 @@ from blockmech.plan import Program
 from blockmech.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
 
 CONSTANTS = {"ZERO": Planar(0.0, 0.0), "ONE": Planar(1.0, 0.0), "REST": REST_SHARE}
+Body = Callable[..., tuple[Any, ...]]
 FOLLOWED = "it follows a group without closed form from its home"
 
 
@@ -35,8 +37,11 @@ class Trace:
     flags : conditions under which a sample needs an algorithm of its own
     """
 
-    def __init__(self, program: Program) -> None:
-        """Raises `Untraceable` where the program is more than flat arithmetic."""
+    def __init__(self, program: Program, body: Body | None = None, inputs: int = 0) -> None:
+        """Of the program alone, or of a ``body`` of so many inputs that asks it.
+
+        Raises `Untraceable` where the program is more than flat arithmetic.
+        """
         if not all(isinstance(f, FunctionType | type) for f in program.functions.values()):
             raise Untraceable(FOLLOWED)
         self.nodes: list[Node] = []
@@ -44,18 +49,28 @@ class Trace:
         self.flags: list[Any] = []
         self._made: dict[tuple[Any, ...], Node] = {}
         self._open = False  # whether a loop is being traced
-        inputs = [self._leaf("input", i, SAMPLE) for i in range(len(program.inputs))]
+        given = range(len(program.inputs) if body is None else inputs)
+        leafs = [self._leaf("input", i, SAMPLE) for i in given]
         count = iter(range(len(numbers(program.parameters.values()))))
 
         def slot() -> Node:
             return self._leaf("parameter", next(count), PARAMETER)
 
-        slots = [filled(value, slot) for value in program.parameters.values()]
-        run = bind(program, PRIMITIVES, CONSTANTS)
+        slots = tuple(filled(value, slot) for value in program.parameters.values())
+        bound = bind(program, PRIMITIVES, CONSTANTS)
+
+        def run(*x: Any) -> tuple[Any, ...]:
+            return bound(*x, slots)
+
         try:
-            self.values: tuple[Any, ...] = run(*inputs, tuple(slots))
+            self.values: tuple[Any, ...] = run(*leafs) if body is None else body(run, *leafs)
         except (TypeError, AttributeError) as error:  # what a number can that a node cannot
             raise Untraceable(f"a kernel is more than the primitives ({error})") from error
+
+    @property
+    def flag(self) -> Node | None:
+        """Whether a sample needs an algorithm of its own; None where none ever does."""
+        return functools.reduce(lambda a, b: a | b, self.flags) if self.flags else None
 
     def node(self, op: str, *args: Any) -> Node:
         """The operation on these arguments, nodes or numbers."""

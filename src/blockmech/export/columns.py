@@ -72,6 +72,11 @@ class Labelled(Mapping[str, NDArray[Any]]):
     def quality(self) -> Quality:
         """Status of each sample, margins, friction reports and flags."""
 
+    @property
+    @abstractmethod
+    def judged(self) -> Quality:
+        """The same with the flags that take a second computation, those of digits lost."""
+
     @abstractmethod
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""

@@ -28,7 +28,7 @@ def to_dict(result: Labelled) -> dict[str, Any]:
     return {
         **_head(result),
         "outputs": {name: _output(result, name) for name in result},
-        "quality": result.quality.to_dict(),
+        "quality": result.judged.to_dict(),
     }
 
 
@@ -40,7 +40,7 @@ def json_chunks(result: Labelled) -> Iterator[str]:
     yield '"outputs": {'
     for i, name in enumerate(result):
         yield (",\n  " if i else "\n  ") + f"{_text(name)}: {_text(_output(result, name))}"
-    yield f'}},\n "quality": {_text(result.quality.to_dict())}}}\n'
+    yield f'}},\n "quality": {_text(result.judged.to_dict())}}}\n'
 
 
 def to_npz(result: Labelled, path: AnyPath) -> None:

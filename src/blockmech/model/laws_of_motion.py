@@ -91,7 +91,8 @@ class OverRange(LawOfMotion):
         rate, acceleration = self._course
         if acceleration:
             return (self.at_coordinates(q)[1] - rate) / acceleration
-        return (q - self.travelled[0]) / rate if rate else np.full(q.shape, np.nan)
+        with np.errstate(over="ignore"):  # later than any number is never
+            return (q - self.travelled[0]) / rate if rate else np.full(q.shape, np.nan)
 
     def duration(self) -> float:
         """Time over the range; infinite where its end is never reached."""

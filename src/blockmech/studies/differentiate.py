@@ -56,7 +56,7 @@ def sensitivity(
 
     Parameters
     ----------
-    want : names or patterns of outputs
+    want : names or patterns of outputs; ``.x`` or ``.y`` behind a vector's is that part of it
     to : addresses or patterns of numbers (`Mechanism.parameters`), and of drivers their
         ``crank.q``, ``crank.rate``, ``crank.acceleration``; by default all numbers
     at, samples, times, rates, accelerations : the samples, as those of a run

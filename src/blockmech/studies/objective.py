@@ -132,8 +132,6 @@ def _parts(row: Array) -> Array:
 
 def _reduced(w: Wanted, y: Array, d: Array) -> Array:
     """Derivatives (r, k) of a reduction of an output y (n,) with derivatives d (k, n)."""
-    if w.part:
-        y, d = getattr(y, w.part), getattr(d, w.part)
     if w.vector and w.how in ("max_abs", "rms"):
         size = np.abs(y)
         y, d = size, (y.conj() * d).real / size

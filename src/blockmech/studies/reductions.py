@@ -1,8 +1,7 @@
 """What is kept of an output over the poses of a design: its extremes, its mean, one pose.
 
-A want is an output and a reduction, ``max_abs(crank.drive)``. The part ``.x`` or ``.y`` of a
-vector is an output of its own. Reductions of a vector are those of its length; a mean and a
-single pose are vectors.
+A want is an output and a reduction, ``max_abs(crank.drive)``. Reductions of a vector are those
+of its length; a mean and a single pose are vectors.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ from numpy.typing import NDArray
 
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.outputs import Catalogue
+from blockmech.plan import Output
 from blockmech.samples import Samples
 from blockmech.studies.sampling import as_sequence
 
 Array = NDArray[Any]
-PARTS = {".x": "real", ".y": "imag"}
 TEXT = re.compile(r"(?P<how>\w+)\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
 AT = re.compile(r"at\(\s*(?P<at>[^()]+)\s*\)")
 WHOLE, POSES = "value", "poses"
@@ -53,7 +52,6 @@ class Wanted:
     ----------
     label : how it is called, ``max_abs(crank.drive)``
     output : name of the output
-    part : "real" or "imag" of a vector whose component is wanted
     how : name of the reduction
     sample : the pose, of ``at``
     unit, kind : as the output's; "vector" only where the column is one
@@ -66,7 +64,6 @@ class Wanted:
     how: str
     unit: str
     kind: str
-    part: str = ""
     sample: int = 0
     vector: bool = False
     read: Callable[..., Any] = field(default=lambda x: x, compare=False)
@@ -79,8 +76,6 @@ class Wanted:
         made = self.read(*columns)
         if not self.vector:
             return self._real(np.broadcast_to(_finite(made), shape))
-        if self.part:
-            return self._real(np.broadcast_to(_finite(getattr(made, self.part)), shape))
         x, y = (np.broadcast_to(_finite(part), shape) for part in (made.real, made.imag))
         if self.how in ("max_abs", "rms"):
             return self._real(np.hypot(x, y))
@@ -115,10 +110,8 @@ def wanted(
     problems: list[Problem] = []
     for name, how in _pairs(want, problems):
         try:
-            stem, part = _component(name, outputs)
-            names = outputs.match([stem])
-            for output in names:
-                column = _column(outputs, output, part, how, samples, drivers)
+            for output in outputs.match([name]):
+                column = _column(outputs[output], how, samples, drivers)
                 found[column.label] = column
         except RequestError as error:
             problems += error.problems
@@ -149,31 +142,14 @@ def _pairs(want: Any, problems: list[Problem]) -> Iterator[tuple[str, str]]:
             yield match["output"].strip(), f"{match['how']}({match['at']})"
 
 
-def _component(name: str, outputs: Catalogue) -> tuple[str, str]:
-    """The output that a name means, and the part of it."""
-    stem, part = name[:-2], PARTS.get(name[-2:], "")
-    if part and name not in outputs and stem in outputs and outputs[stem].kind == "vector":
-        return stem, part
-    return name, ""
-
-
-def _column(
-    outputs: Catalogue,
-    name: str,
-    part: str,
-    how: str,
-    samples: Samples,
-    drivers: Sequence[str],
-) -> Wanted:
-    output = outputs[name]
-    called = name + next((end for end, p in PARTS.items() if p == part), "")
-    vector = output.kind == "vector" and not part
+def _column(output: Output, how: str, samples: Samples, drivers: Sequence[str]) -> Wanted:
+    called, vector = output.name, output.kind == "vector"
     if output.kind == "matrix":
         raise _refused(called, "it is a matrix", "ask for the outputs of its drivers")
     if output.kind == "number":
         if how != WHOLE:
             raise _refused(f"{how}({called})", "it is one number a design", f'ask for "{called}"')
-        return Wanted(called, name, WHOLE, output.unit, "real", read=output.read)
+        return Wanted(called, called, WHOLE, output.unit, "real", read=output.read)
     at = AT.fullmatch(how)
     word = "at" if at else how
     if word not in (*SIMPLE, "at", POSES) or (word == "at" and not at):
@@ -186,8 +162,7 @@ def _column(
     sample = _sample(at["at"], called, samples, drivers) if at else 0
     label = f"at({called}, {at['at']})" if at else f"{how}({called})"
     kind = "vector" if vector and word in ("mean", "at", POSES) else "real"
-    is_vector = output.kind == "vector"
-    return Wanted(label, name, word, output.unit, kind, part, sample, is_vector, output.read)
+    return Wanted(label, called, word, output.unit, kind, sample, vector, output.read)
 
 
 def _sample(text: str, name: str, samples: Samples, drivers: Sequence[str]) -> int:

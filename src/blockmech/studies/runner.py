@@ -1,6 +1,7 @@
 """The loop of a study: blocks of designs through one program, reduced as they come.
 
-A block is as many designs as keep about 8192 samples in cache. Where each design needs a
+A block is as many designs as keep about 8192 samples in cache; compiled, where nothing is kept
+between operations, as many as occupy all cores. Where each design needs a
 program of its own, a block is one design, made and compiled by itself; the rest is the same.
 What is handed out at a time is a part: a row of whole blocks, so blocks are always the same
 ones, and with them the last bit of each answer.
@@ -67,7 +68,7 @@ class Runner:
     def blocks(self, planned: _Planned, chosen: Designs) -> Iterator[Block]:
         """All blocks of a part, one after the other."""
         made = chosen.columns(0, chosen.count)
-        size = self.size(planned.samples.n)
+        size = self.size(planned.samples.n) * planned.together
         for k in range(0, chosen.count, size):
             rows = zip(self.family.parameters, made.values(), strict=True)
             yield self.block(planned, {p: x[k : k + size] for p, x in rows})
@@ -107,6 +108,7 @@ class _Planned:
         names = tuple(dict.fromkeys(column.output for column in runner.want))
         self.plan: Plan = mechanism.plan(names, **runner.settings)
         self.engine = mechanism.engine_of_designs(self.plan, count * self.samples.n)
+        self.together = 1 if runner.family.alone else self.engine.designs_together // CHUNK
         self.inputs = self.samples.given(self.plan.program.inputs)
         self.weights = self.samples.weights(len(mechanism.drivers))
         blocks = mechanism.structure.blocks
@@ -150,6 +152,9 @@ class _Planned:
         following = frozenset(self.mechanism.structure.followed)
         why = failures(margins, outcomes, bad, self.prismatic, following)
         m, failing = np.arange(shape[0]), why.word > 0
+        if not failing.any():
+            none = np.zeros(shape[0], np.int64)
+            return why.word[:, 0], np.full(shape[0], UNDEFINED, object), none - 1, none
         count = failing.sum(axis=1)
         first = failing.argmax(axis=1)
         places = np.array([self.mechanism.said(b) if b else UNDEFINED for b in why.blocks], object)

@@ -172,7 +172,7 @@ class Sensitivity(Mapping[str, Array]):
         heads = [Column(a, p.unit, np.empty(0), a).head for a, p in self.parameters.items()]
         write.writerow(["output", "unit", *(c.head for c in drivers), *(f"per {h}" for h in heads)])
         for name, whole in self._real():
-            unit = self.result.unit(name.removesuffix(".x").removesuffix(".y"))
+            unit = self.result.unit(name)
             for k, row in enumerate(whole.T.tolist()):
                 cells = ["" if x != x else x for x in row]
                 write.writerow([name, unit, *(c.values[k] for c in drivers), *cells])

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from itertools import cycle
 from typing import Any
 
-from blockmech.analysis.trade.reference_errors import DOUBLE
+from blockmech.analysis.reference_errors import DOUBLE
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import NumpyEngine, each_part
 from blockmech.result import Result

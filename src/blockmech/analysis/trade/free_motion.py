@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.analysis.reference_errors import DOUBLE, ReferenceErrors, reference_errors
 from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
-from blockmech.analysis.trade.reference_errors import DOUBLE, ReferenceErrors, reference_errors
 from blockmech.dynamics.motion import INTERRUPTED, Motion
 from blockmech.errors import Problem, RequestError
 from blockmech.result import Result

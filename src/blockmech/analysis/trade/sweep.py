@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.trade.measure import USELESS, Question, Reference, Setting
-from blockmech.analysis.trade.reference_errors import (
+from blockmech.analysis.reference_errors import (
     LONG,
     MOST_ITERATIONS,
     WIDER,
@@ -23,6 +22,7 @@ from blockmech.analysis.trade.reference_errors import (
     reference_errors,
     unsure_samples,
 )
+from blockmech.analysis.trade.measure import USELESS, Question, Reference, Setting
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, listed

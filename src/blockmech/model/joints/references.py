@@ -44,8 +44,10 @@ def _references(linkage: Any) -> Iterator[Reference]:
 def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
     """What links, joints, drivers and loads say of each other that is not so."""
     yield from _links(linkage)
+    have = {what: set(known[f"{what}s"]) for what in ("link", "joint", "driver")}
+    have["link"].add(FRAME)
     for what, name, path, does in _references(linkage):
-        names = {*known[f"{what}s"], *([FRAME] if what == "link" else [])}
+        names = have[what]
         if name not in names:
             found, valid = f'no {what} "{name}"', f"{what}s: {listed(sorted(names)) or 'none'}"
             remedy = close_match(name, sorted(names))

@@ -1,0 +1,101 @@
+r"""The right-hand side of one driver as machine code: what `equation` says, a state or a step.
+
+A row of numbers tells of a state (q, q', W), with joint friction (q, q', W, F):
+
+    the rates of the state, margin, J, and of each pair: slip, real and imaginary part of the load
+
+Given are 0, 1 (states of the force pass are made of them; nothing is folded) and the signed
+Coulomb factors. The text is made of the programs that are interpreted otherwise, so both say
+the same to rounding.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from blockmech.dynamics.friction import resistance
+from blockmech.engines.binding import bind_functions
+from blockmech.engines.nodes import Untraceable
+from blockmech.engines.stages import Rates
+from blockmech.engines.trace import PRIMITIVES
+from blockmech.errors import MissingEngineError
+from blockmech.plane import NAN, minimum, where
+from blockmech.typing import Real
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.friction import JointFriction
+    from blockmech.plan import Program
+
+
+def free(values: Any, qd: Real, zero: Real) -> tuple[Real, ...]:
+    """The row of a state without friction, from J, tau, dJ/dq and the margins."""
+    J, tau, dJ, *margins = values
+    return (*_rates(_least(margins, zero), J, qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd),)
+
+
+def _rates(margin: Real, J: Real, qd: Real, qdd: Real, *powers: Real) -> tuple[Real, ...]:
+    """Rates of the state, margin and J; no rates where there is no pose."""
+    possible = margin > 0.0
+    rates = (qd, where(J > 0.0, qdd, NAN), *powers)
+    return (*(where(possible, x, NAN) for x in rates), margin, J)
+
+
+def _least(margins: Any, zero: Real) -> Real:
+    least = zero + 1.0
+    for m in margins:
+        least = minimum(least, m)
+    return least
+
+
+def rubbing(rows: Any, inert: Any, solved: Any, qd: Real, zero: Real) -> tuple[Real, ...]:
+    """The row of a state with friction, from rows of the force pass and what friction does.
+
+    ``inert`` is the row at the same rate without loads.
+    """
+    m = len(solved.slips)
+    tau = inert[0] - rows[0][0]
+    margin = _least(rows[0][1 + 2 * m :], zero)
+    power = solved.taken * abs(qd)
+    rates = _rates(margin, rows[1][0], qd, solved.qdd, tau * qd, power)
+    parts = [x for F in solved.loads for x in (F.real, F.imag)]
+    return (*rates, *solved.slips, *parts)
+
+
+def rates_of(program: Program, friction: JointFriction | None) -> Rates | None:
+    """The right-hand side compiled; None where that cannot be."""
+    try:
+        return _free(program) if friction is None else _rubbing(friction)
+    except (Untraceable, MissingEngineError):
+        return None
+
+
+def _free(program: Program) -> Rates:
+    row = bind_functions({"free": free}, PRIMITIVES)["free"]
+
+    def body(run: Any, q: Any, qd: Any, _: Any, t: Any, zero: Any, one: Any) -> Any:
+        given = {"q_0": q, "qd_0": qd, "t": t}
+        return row(run(*(given[x] for x in program.inputs)), qd, zero)
+
+    return Rates(program, body, 3, 2)
+
+
+def _rubbing(friction: JointFriction) -> Rates:
+    own = friction.program
+    m, inputs = len(own.names), own.program.inputs
+    functions = {"resistance": resistance, "rubbing": rubbing, "solve": friction.solver}
+    bound = bind_functions(functions, PRIMITIVES)
+
+    def body(
+        run: Any, q: Any, qd: Any, _: Any, __: Any, t: Any, zero: Any, one: Any, *k: Any
+    ) -> Any:
+        def state(rate: Any, qdd: Any, share: Any, pair: int = -1) -> Any:
+            given = {"q_0": q, "qd_0": rate, "qdd_0": qdd, "t": t, "load_share": share}
+            given |= {f"friction_{i}": one if i == pair else zero for i in range(m)}
+            return run(*(given[x] for x in inputs))
+
+        rows = [state(qd, zero, one), state(zero, one, zero)]
+        rows += [state(zero, zero, zero, i) for i in range(m)]
+        solved = bound["resistance"](rows, k, own.guides, bound["solve"], friction.options)
+        return bound["rubbing"](rows, state(qd, zero, zero), solved, qd, zero)
+
+    return Rates(own.program, body, 4, 2 + m)

@@ -1,0 +1,111 @@
+"""The right-hand side as machine code: the same numbers, the same motions, the same failures."""
+
+import math
+
+import numpy as np
+import pytest
+
+from blockmech.dynamics import equation
+from blockmech.dynamics.change_points import FollowingSystem
+from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.system import System
+from blockmech.settings import friction_asked
+from tests.dynamics.test_friction import pendulum
+from tests.gallery import changed, document, mechanism
+
+pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+NEVER = 10**12  # evaluations
+
+
+def rubbing():
+    """The paper's linkage with friction in all joints, without its loads but for gravity."""
+    data = document("ruiz_fourbar")
+    for block in ("crank", "dyad"):
+        for law in data["blocks"][block]["friction"].values():
+            law.update(coefficient=1.0, radius=0.05)
+    del data["blocks"]["weightlike"], data["blocks"]["couple"], data["wires"][3:]
+    data["scene"]["gravity"] = [0.0, -9.81]
+    return changed(data)
+
+
+def both(monkeypatch, make, **request):
+    """A motion interpreted, and with machine code from some number of evaluations on."""
+    motions = []
+    for worth in (NEVER, request.pop("worth", 0)):
+        monkeypatch.setattr(equation, "WORTH", worth)
+        motions.append(make().simulate(want=[], **request).motion)
+    return motions
+
+
+def assert_one_motion(one, other):
+    """Within their estimates, and by the same events."""
+    assert (one.status, one.end, one.notes) == (other.status, other.end, other.notes)
+    assert [e.kind for e in one.events] == [e.kind for e in other.events]
+    t = np.linspace(one.t_start, min(one.t_end, other.t_end), 50)
+    assert np.abs(one.at(t).q - other.at(t).q).max() <= one.error + other.error
+    assert abs(one.t_end - other.t_end) <= one.time_error + other.time_error
+
+
+@pytest.mark.parametrize("name", ["watt_sixbar", "andrews_squeezer", "pump"])
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+def test_a_motion_is_the_same(monkeypatch, name, method):
+    request = {"until": "time=0.02", "method": method, "accuracy": 1e-8}
+    assert_one_motion(*both(monkeypatch, lambda: mechanism(name), **request))
+
+
+@pytest.mark.parametrize("worth", [0, 700])  # from the start, and in the middle of a segment
+def test_a_motion_with_friction_is_the_same(monkeypatch, worth):
+    request = {"until": "time=0.8", "start": {"crank": (1.0, 0.0)}, "method": "dop853"}
+    request["accuracy"] = 1e-6
+    one, other = both(monkeypatch, rubbing, worth=worth, **request)
+    assert_one_motion(one, other)
+    assert other.facts["energy_balance"] < 1e-7
+    assert other.facts["friction_work"] == pytest.approx(one.facts["friction_work"], rel=1e-7)
+
+
+def test_friction_that_no_certificate_covers_is_left_to_continuation(monkeypatch):
+    request = {"until": "time=1", "start": {"crank": (0.5, 1.0)}, "method": "dop853"}
+    one, other = both(monkeypatch, lambda: pendulum(coefficient=1.0, radius=1.2), **request)
+    assert_one_motion(one, other)
+    assert other.end == "self-locking in motion"
+
+
+@pytest.mark.parametrize("make", [rubbing, lambda: mechanism("watt_sixbar")])
+def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
+    monkeypatch.setattr(equation, "WORTH", 0)
+    system = System(make(), method=friction_asked(None, None, None))
+    fast, plain = Equation(system, 1.0), Equation(system, 1.0)
+    monkeypatch.setattr(plain, "row", lambda t, y: None, raising=False)
+    sizes = 4 if system.friction is not None else 3
+    for q, rate in ((1.0, 2.0), (1.7, -3.0), (0.4, 0.5)):
+        for one in (fast, plain):
+            if system.friction is not None:
+                one.sides = system.friction.sides(q, 1 if rate > 0 else -1)
+        y = np.array([q, rate, 0.0, 0.0][:sizes])
+        wanted = np.array(plain(0.1, y))
+        assert np.isfinite(wanted).all()
+        np.testing.assert_allclose(fast(0.1, y), wanted, rtol=1e-11)
+        margin, inertia = system.one(q).margin, system.one(q).J / fast.typical
+        assert fast.closeness(y) == pytest.approx((margin, inertia), rel=1e-11)
+        if system.friction is not None:
+            np.testing.assert_allclose(fast.slips(q), plain.slips(q), rtol=1e-12)
+            pairs = fast.pair_loads(0.1, y), plain.pair_loads(0.1, y)
+            np.testing.assert_allclose(*pairs, rtol=1e-11)
+    assert system.kept["rates", system.method] is not None
+
+
+def test_series_through_change_points_are_not_compiled(monkeypatch):
+    monkeypatch.setattr(equation, "WORTH", 0)
+    system = FollowingSystem(mechanism("watt_sixbar"))
+    assert Equation(system, 1.0).row(0.0, (1.0, 2.0, 0.0)) is None
+
+
+def test_where_there_is_no_pose_there_are_no_rates(monkeypatch):
+    monkeypatch.setattr(equation, "WORTH", 0)
+    data = document("ruiz_fourbar")
+    data["blocks"]["dyad"]["l_i"] = 3.0  # reaches from 2.5 to 5.5, not to 7.5
+    system = System(changed(data), method=friction_asked("none", None, None))
+    row = Equation(system, 0.0).row(0.0, (math.pi, 1.0, 0.0))
+    assert row is not None
+    assert not row[3] > 0
+    assert all(math.isnan(x) for x in row[:3])
