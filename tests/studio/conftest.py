@@ -46,7 +46,7 @@ def browser(tmp_path_factory):
         context = tool.chromium.launch_persistent_context(
             folder, executable_path=found, headless=True, args=ARGUMENTS, viewport=window
         )
-        context.set_default_timeout(8000)
+        context.set_default_timeout(20000)
         yield context
         context.close()
 
