@@ -69,7 +69,10 @@ def wire(page, source, target):
     page.wait_for_timeout(60)
     page.mouse.move(*ends[1], steps=3)
     page.wait_for_timeout(120)
+    before = page.locator(".react-flow__edge").count()
     page.mouse.up()
+    page.locator(".react-flow__edge").nth(before).wait_for(state="attached")
+    page.wait_for_timeout(200)
 
 
 def test_without_the_token_nothing_is_answered(studio):

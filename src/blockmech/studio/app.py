@@ -29,6 +29,7 @@ from blockmech.testing.files import gallery
 LEAVING = "window.onbeforeunload = cb_obj.value ? null : (e) => e.preventDefault();"
 """Whoever leaves a sheet that is not saved is asked by the browser."""
 
+FORMULA = 52  # px above the canvas, which does not move when problems come and go
 BELOW = 330  # px of the form, at whose sections one looks in turn; the mechanism has the rest
 
 
@@ -38,7 +39,7 @@ class Page:
     def __init__(self, sheet: Filed) -> None:
         self.sheet = sheet
         self.status = pn.pane.HTML("", css_classes=["bm-status"], sizing_mode="stretch_width")
-        self.formula = pn.pane.HTML("", css_classes=["bm-formula"], sizing_mode="stretch_width")
+        self.formula = pn.pane.HTML("", height=FORMULA, sizing_mode="stretch_width")
         self.form = Form(sheet, self.say)
         self.diagram = Diagram(sheet, self.say, self.select)
         self._make_bar()

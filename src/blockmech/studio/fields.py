@@ -34,6 +34,7 @@ class Field(NamedTuple):
     said: str = ""  # what the declaration says of it
     required: bool = False
     starter: Any = None  # of a map: what a new item is
+    beside: tuple[tuple[str, Any], ...] = ()  # keys that stand beside it with one value only
 
     @property
     def where(self) -> str:
@@ -95,13 +96,16 @@ def fields_of(
         return
     if "properties" in node and node.get("type") == "object":
         required = node.get("required", ())
-        for key, item in node["properties"].items():
-            if "const" in (own := resolved(root, item)):
+        known = {key: resolved(root, item) for key, item in node["properties"].items()}
+        only = tuple((k, n["const"]) for k, n in known.items() if "const" in n and k != "type")
+        for key, own in known.items():
+            if "const" in own:
                 continue
             inner = raw.get(key) if isinstance(raw, dict) else None
             for field in fields_of(root, own, inner, (*path, key)):
                 mine = field.path == (*path, key)
-                yield field._replace(required=key in required) if mine else field
+                more = {"required": key in required, "beside": only}
+                yield field._replace(**more) if mine else field
         return
     more = node.get("additionalProperties")
     if isinstance(more, dict) and node.get("type") == "object":

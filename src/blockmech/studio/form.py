@@ -184,6 +184,9 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def _take(self, path: tuple[str, ...], value: Any, redo: bool = False) -> None:
         """Put a value into the draft, and the draft, if it is sound, on the sheet."""
+        beside = self.rows[path][0].beside if path in self.rows and value is not None else ()
+        for key, only in beside:
+            self.draft = with_item(self.draft, (*path[:-1], key), only)
         self.draft = with_item(self.draft, path, value)
         form, what = self.sheet.form, ".".join(path)
         if self.selected:

@@ -63,7 +63,7 @@ PANE = """
 :host { color: var(--bm-ink); font: 13px/1.4 system-ui, "DejaVu Sans", sans-serif }
 h1 { font-size: 15px; margin: 0 } h2 { font-size: 14px; margin: 0 }
 h3 { font-size: 12px; margin: 8px 4px 0; color: var(--bm-grey); font-weight: 600 }
-p { margin: 0 } ul { margin: 0; padding-left: 16px; max-height: 84px; overflow: auto }
+p { margin: 0 } ul { margin: 0; padding-left: 16px; max-height: 52px; overflow: auto }
 ul, p[role=alert] { color: var(--bm-alarm) }
 """
 CARDS = """<style>
