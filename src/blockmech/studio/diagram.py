@@ -6,6 +6,8 @@ may be is read from the declarations, as `draw.diagram` does.
 
 from __future__ import annotations
 
+import json
+import zlib
 from collections.abc import Callable
 from typing import Any
 
@@ -153,8 +155,9 @@ class Diagram:
         self.places = _places(content, rows, self.sheet.form.get("view", {}))
         nodes = [self._node(block, types[block.name]) for block in content.blocks]
         edges = [_edge(wire.source, wire.target) for wire in graph.wires]
-        if types != self.flow.node_types:
-            self.flow.node_types = types
+        kinds = {spec["type"]: spec for spec in types.values()}
+        if kinds != self.flow.node_types:
+            self.flow.node_types = kinds
         self.flow.param.update(nodes=nodes, edges=edges)
 
     def _node(self, block: DrawnBlock, spec: dict[str, Any]) -> dict[str, Any]:
@@ -162,7 +165,7 @@ class Diagram:
         wrong = any(_named(p) == block.name for p in self.sheet.problems)
         return {
             "id": block.name,
-            "type": block.name,
+            "type": spec["type"],
             "label": f"{block.name}\n{block.words}",
             "position": {"x": x * PIXELS, "y": y * PIXELS},
             "data": {},
@@ -296,7 +299,9 @@ def _node_type(graph: Graph, block: DrawnBlock, problems: tuple[Problem, ...]) -
     for name, (_, marker) in markers.items():
         guide = getattr(marker, "angle", None) is not None or getattr(marker, "dir", None)
         outputs.append({"id": name, "label": name, "type": "guide" if guide else "marker"})
-    return {"type": block.name, "label": block.name, "inputs": inputs, "outputs": outputs}
+    # React Flow measures handles again where the type of a block changes: it says what they are
+    kind = f"handles{zlib.crc32(json.dumps([inputs, outputs]).encode()):08x}"
+    return {"type": kind, "label": "", "inputs": inputs, "outputs": outputs}
 
 
 def _edge(source: str, target: str) -> dict[str, Any]:
