@@ -66,9 +66,8 @@ def wire(page, source, target):
     page.mouse.move(*ends[0])
     page.mouse.down()
     page.mouse.move(*[(a + b) / 2 for a, b in zip(*ends, strict=True)], steps=3)
-    page.wait_for_timeout(60)
     page.mouse.move(*ends[1], steps=3)
-    page.wait_for_timeout(120)
+    page.locator(f"{handle}.rf-handle-valid").wait_for()  # the server has said that it may be
     before = page.locator(".react-flow__edge").count()
     page.mouse.up()
     page.locator(".react-flow__edge").nth(before).wait_for(state="attached")

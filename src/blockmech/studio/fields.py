@@ -104,8 +104,8 @@ def fields_of(
             inner = raw.get(key) if isinstance(raw, dict) else None
             for field in fields_of(root, own, inner, (*path, key)):
                 mine = field.path == (*path, key)
-                more = {"required": key in required, "beside": only}
-                yield field._replace(**more) if mine else field
+                needed = key in required
+                yield field._replace(required=needed, beside=only) if mine else field
         return
     more = node.get("additionalProperties")
     if isinstance(more, dict) and node.get("type") == "object":
