@@ -58,6 +58,12 @@ def no_boolean(one: int, other: int) -> BeforeValidator:
 Number = Annotated[float, Strict(), AllowInfNan(False)]
 """A finite number; text and booleans are refused."""
 
+
+def in_unit(unit: str) -> Any:
+    """What a field's annotation says of its unit: for messages, the schema and addresses."""
+    return Field(json_schema_extra={"unit": unit})
+
+
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Length = Annotated[Number, Field(gt=0, json_schema_extra={"unit": "m"})]
@@ -227,6 +233,7 @@ class Strictly(BaseModel):
         defer_build=True,  # importing the package builds no validators
     )
 
+    sized: ClassVar[tuple[str, ...]] = ()  # fields in the unit of what the model stands for
     kind_key: ClassVar[str] = ""  # the key by which a file tells this kind from others
     remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
 

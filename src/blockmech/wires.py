@@ -42,6 +42,21 @@ def travelling(structure: Structure, read: Read, n: int, name: str) -> dict[str,
     return {**wire, "power": power, **_shares(structure, read, joint.block)}
 
 
+def on_all_wires(structure: Structure, read: Read, n: int) -> dict[str, dict[str, Any]]:
+    """What travels on every wire of joints, by its name, all of it read at once."""
+    wanted: dict[str, None] = {}
+
+    def note(*names: str) -> Mapping[str, Any]:
+        wanted.update(dict.fromkeys(names))
+        return dict.fromkeys(names, np.zeros(n))
+
+    names = [f"{marker} -> {joint}" for joint, marker in structure.feeds.items()]
+    for name in names:
+        travelling(structure, note, n, name)
+    values = read(*wanted)
+    return {name: travelling(structure, lambda *_: values, n, name) for name in names}
+
+
 def _shares(structure: Structure, read: Read, block: str) -> dict[str, Any]:
     """What of the reduced inertia and effort is the block's; empty with several drivers."""
     if len(structure.drivers) != 1:

@@ -100,3 +100,29 @@ def test_a_mechanism_lists_its_numbers_with_units():
     line = next(line for line in repr(known).splitlines() if line.startswith("dyad.l_i"))
     assert line.split() == ["dyad.l_i", "6", "m"]
     assert json.dumps([p.address for p in known.values()])
+
+
+@pytest.mark.parametrize("document", [bm.Graph, bm.Linkage])
+def test_forces_stiffnesses_and_sizes_of_laws_have_their_units(document):
+    def units(name):
+        folder = GRAPHS if document is bm.Graph else JOINTS
+        known = parameters_of(document.load(folder / f"{name}.json").sections())
+        return {address.rpartition(".")[2]: p.unit for address, p in known.items()}
+
+    squeezer = units("andrews_squeezer")
+    assert [squeezer[x] for x in ("stiffness", "free_length", "damping", "moment")] == [
+        *("N/m", "m", "N s/m", "N m")
+    ]
+    assert [units("pump")[x] for x in ("stall_moment", "no_load_speed")] == ["N m", "rad/s"]
+    assert units("engine")["values[3]"] == "N"
+    assert [units("excavator")[x] for x in ("radius", "coefficient")] == ["m", ""]
+
+
+def test_a_law_has_the_unit_of_what_its_element_gives():
+    for element, unit in ((bm.Motor, "N m"), (bm.Thrust, "N")):
+        law = {"kind": "fourier", "mean": 2.0, "sines": [1.0], "period": 3.0}
+        known = parameters_of({"blocks": {"load": element(law=law)}})
+        said = {address: p.unit for address, p in known.items()}
+        assert said == {"load.law.mean": unit, "load.law.sines[0]": unit, "load.law.period": ""}
+    push = parameters_of({"blocks": {"push": bm.Force(force=(3.0, 4.0))}})
+    assert [p.unit for p in push.values()] == ["N", "N"]

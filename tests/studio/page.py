@@ -36,6 +36,7 @@ def page_of(make):
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=path, args=ARGS)
             page = browser.new_page(viewport={"width": 1440, "height": 900})
+            page.set_default_timeout(8000)
             page.errors = []
             page.on("pageerror", lambda error: page.errors.append(str(error)))
             for patience in (100, 300, 1000, 0):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from blockmech.values import NotNegative, Positive, Strictly, mistake
+from blockmech.values import Length, NotNegative, Strictly, mistake
 
 
 class Coulomb(Strictly):
@@ -25,8 +25,8 @@ class Coulomb(Strictly):
 
     law: Literal["coulomb"] = "coulomb"
     coefficient: NotNegative
-    radius: Positive | None = None
-    guide_length: Positive | None = None
+    radius: Length | None = None
+    guide_length: Length | None = None
 
     @classmethod
     def from_material_coefficient(cls, coefficient: float, radius: float) -> Coulomb:

@@ -104,11 +104,17 @@ class Following(Element):
     ``own_symbol`` in a picture.
     """
 
+    sized: ClassVar[tuple[str, ...]] = ("law",)
     own_coordinate: ClassVar[str] = ""
     own_symbol: ClassVar[str] = ""
 
     law: LawGiven
     driver: str | None = None
+
+    @property
+    def unit(self) -> str:
+        """Unit of the law's sizes."""
+        return next(iter(self.terminals.values())).unit
 
     @field_validator("law", mode="wrap")
     @classmethod

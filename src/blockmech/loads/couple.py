@@ -6,11 +6,11 @@ Sources: [R10] Ruiz, Durango & Calle 2010, Fig. 5 (external moments M_i, M_j).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 from blockmech.loads.contract import Element, Terminal
 from blockmech.typing import Real
-from blockmech.values import Number
+from blockmech.values import Number, in_unit
 
 
 def couple(p: Couple) -> tuple[Real]:
@@ -27,7 +27,7 @@ class Couple(Element, type="load.couple"):
 
     terminals = {"on": Terminal("link")}
 
-    moment: Number
+    moment: Annotated[Number, in_unit("N m")]
 
     def kernel(self) -> Callable[..., Any]:
         """The constant moment."""

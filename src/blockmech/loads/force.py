@@ -6,11 +6,11 @@ Sources: [R10] Ruiz, Durango & Calle 2010, Fig. 5 (external forces F_i, F_j).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from blockmech.loads.contract import Element, Terminal
 from blockmech.typing import Complex
-from blockmech.values import VectorGiven
+from blockmech.values import VectorGiven, in_unit
 
 
 def ground_force(p: Force) -> tuple[Complex]:
@@ -32,7 +32,7 @@ class Force(Element, type="load.force"):
 
     terminals = {"at": Terminal("point")}
 
-    force: VectorGiven
+    force: Annotated[VectorGiven, in_unit("N")]
     axes: Literal["ground", "link"] = "ground"
 
     def kernel(self) -> Callable[..., Any]:

@@ -27,6 +27,7 @@ from blockmech.values import (
     Strictly,
     check_table,
     default,
+    in_unit,
     mistake,
 )
 
@@ -134,6 +135,7 @@ class Constant(Law):
     ()
     """
 
+    sized: ClassVar[tuple[str, ...]] = ("value",)
     kind: Literal["constant"] = "constant"
     value: Number
 
@@ -203,6 +205,7 @@ class Table(_Repeating):
     1.0
     """
 
+    sized: ClassVar[tuple[str, ...]] = ("values",)
     kind: Literal["table"] = "table"
     arguments: Annotated[NumbersGiven, Field(min_length=2)]
     values: Annotated[NumbersGiven, Field(min_length=2)]
@@ -268,6 +271,7 @@ class Fourier(_Repeating):
     3.0
     """
 
+    sized: ClassVar[tuple[str, ...]] = ("mean", "cosines", "sines")
     kind: Literal["fourier"] = "fourier"
     mean: Number = 0.0
     cosines: NumbersGiven = default([])
@@ -302,8 +306,8 @@ class DC(Law):
 
     of: ClassVar[str] = "rate"
     kind: Literal["dc"] = "dc"
-    stall_moment: Number
-    no_load_speed: Number
+    stall_moment: Annotated[Number, in_unit("N m")]
+    no_load_speed: Annotated[Number, in_unit("rad/s")]
 
     @field_validator("no_load_speed")
     @classmethod

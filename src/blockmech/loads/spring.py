@@ -10,12 +10,12 @@ velocity).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 from blockmech.loads.contract import Element, Terminal
 from blockmech.plane import dot, hyp, mul, where
 from blockmech.typing import Complex, Real
-from blockmech.values import NotNegative, Number
+from blockmech.values import NotNegative, Number, in_unit
 
 
 def pull(p_a: Complex, p_b: Complex, p: Spring) -> tuple[Complex, Complex]:
@@ -64,9 +64,9 @@ class Spring(Element, type="load.spring"):
 
     terminals = {"a": Terminal("point"), "b": Terminal("point")}
 
-    stiffness: Number
-    free_length: NotNegative = 0.0
-    damping: NotNegative = 0.0
+    stiffness: Annotated[Number, in_unit("N/m")]
+    free_length: Annotated[NotNegative, in_unit("m")] = 0.0
+    damping: Annotated[NotNegative, in_unit("N s/m")] = 0.0
 
     def kernel(self) -> Callable[..., Any]:
         """With damping where there is any: only that asks for velocities."""

@@ -11,12 +11,12 @@ velocity).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 from blockmech.loads.contract import Element, Terminal
 from blockmech.plane import angle, expi
 from blockmech.typing import Complex, Real
-from blockmech.values import Angle, NotNegative, Number
+from blockmech.values import Angle, NotNegative, Number, in_unit
 
 
 def twist(e_a: Complex, e_b: Complex, p: TorsionSpring) -> Real:
@@ -61,9 +61,9 @@ class TorsionSpring(Element, type="load.torsion_spring"):
 
     terminals = {"a": Terminal("link"), "b": Terminal("link")}
 
-    stiffness: Number
+    stiffness: Annotated[Number, in_unit("N m/rad")]
     rest_angle: Angle = 0.0
-    damping: NotNegative = 0.0
+    damping: Annotated[NotNegative, in_unit("N m s/rad")] = 0.0
 
     def kernel(self) -> Callable[..., Any]:
         """The cheapest form that says the same."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
-from blockmech.values import Number, NumbersGiven, Positive, Strictly, check_table
+from blockmech.values import Angle, Number, NumbersGiven, Positive, Strictly, check_table
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
@@ -133,7 +133,7 @@ class Harmonic(LawOfMotion):
     mean: Number = 0.0
     amplitude: Number
     frequency: Positive
-    phase: Number = 0.0
+    phase: Angle = 0.0
 
     def at_times(self, t: Array) -> Motion:
         """The harmonic and its derivatives."""
@@ -159,7 +159,7 @@ class Cycloidal(LawOfMotion):
     law: Literal["cycloidal"] = "cycloidal"
     start: Annotated[Number, Field(alias="from")]
     end: Annotated[Number, Field(alias="to")]
-    time: Annotated[Positive, Field(alias="duration")]
+    time: Annotated[Positive, Field(alias="duration", json_schema_extra={"unit": "s"})]
 
     def at_times(self, t: Array) -> Motion:
         """q = from + rise (s - sin(2 pi s) / 2 pi), s = t / duration."""

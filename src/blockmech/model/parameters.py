@@ -60,6 +60,7 @@ def parameters_of(sections: Mapping[str, Any]) -> dict[str, Parameter]:
 def _numbers(x: Any, path: Path, text: str, item: str, unit: str) -> Iterator[Parameter]:
     """The numbers in a value at a path, called ``text``, of an item of the document."""
     if isinstance(x, Strictly):
+        whole = unit or getattr(x, "unit", "")
         for name in field_order(type(x)):
             field = type(x).model_fields[name]
             key = field.alias or name
@@ -68,7 +69,8 @@ def _numbers(x: Any, path: Path, text: str, item: str, unit: str) -> Iterator[Pa
                 inner = item
             elif isinstance(x, Marker) and name == "at":
                 inner = text
-            yield from _numbers(getattr(x, name), (*path, key), inner, item, _unit(field))
+            own = _unit(field) or (whole if name in x.sized else "")
+            yield from _numbers(getattr(x, name), (*path, key), inner, item, own)
     elif isinstance(x, Mapping):
         for key, value in x.items():
             yield from _numbers(value, (*path, key), f"{text}.{key}", item, unit)

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field, model_validator
 
 from blockmech.model.laws_of_motion import AnyLaw, OverRange
-from blockmech.values import Number, Strictly, Vector, VectorGiven, default, mistake
+from blockmech.values import Number, Strictly, Vector, VectorGiven, default, in_unit, mistake
 
 
 class Initial(Strictly):
@@ -52,7 +52,7 @@ class Scene(Strictly):
 
     remade: ClassVar[str] = "on a graph set gravity, and call drive(), start() and stop()"
 
-    gravity: VectorGiven = default(Vector(0j))
+    gravity: Annotated[VectorGiven, in_unit("m/s2")] = default(Vector(0j))
     drive: dict[str, AnyLaw] = {}
     initial: dict[str, Initial] = {}
     stops: dict[str, Stops] = {}

@@ -14,20 +14,32 @@ import panel as pn
 import param
 from bokeh.events import RangesUpdate
 from bokeh.layouts import column, row
-from bokeh.models import ColumnDataSource, CustomJS, Div, PointDrawTool, Range1d, Slider, Toggle
+from bokeh.models import (
+    ColumnDataSource,
+    CustomJS,
+    Div,
+    HoverTool,
+    PointDrawTool,
+    Range1d,
+    Slider,
+    Toggle,
+)
 from bokeh.plotting import figure
 
+from blockmech.draw.curves import abscissa
 from blockmech.draw.mechanism import caption
 from blockmech.draw.motion import Motion
-from blockmech.draw.palette import INK, PALE, PAPER, SIZES
+from blockmech.draw.palette import INK, SIZES
 from blockmech.errors import BlockmechError
+from blockmech.result import Result
+from blockmech.studio.curves import FONT, Plot, dress, labels_of, margins_of, places_of
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.film import PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
 from blockmech.studio.session import heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
 
-FONT = "DejaVu Sans, Verdana, sans-serif"
+STRIP = 90  # [px] height of the margins
 SHOW_FRAME = """
 const k = Math.min(pose.value, captions.length - 1);
 for (const {source, x, y, starts, frames, rows} of film) {
@@ -40,6 +52,8 @@ for (const {source, x, y, starts, frames, rows} of film) {
   if (source.data.frame) source.data.frame = Array(n).fill(k);
   source.change.emit();
 }
+for (const {span, at} of cursors)
+  span.setv({location: at[Math.min(k, at.length - 1)]}, {sync: false});
 said.setv({text: captions[k]}, {sync: false});
 """
 PLAY = """
@@ -85,6 +99,9 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._scene: Scene | None = None
         self._handles: dict[str, Any] = {}
         self._unit = 0.0
+        self._cursors: dict[str, list[dict[str, Any]]] = {}
+        self._margins: Plot | None = None
+        self._strip = pn.pane.Bokeh(sizing_mode="stretch_width")
         self._make_figure()
         self._make_controls()
         sheet.param.watch(heard(self.renew), ["form", "mechanism"])
@@ -107,21 +124,48 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             mechanism = what_moves(sheet.form, blamed_blocks(sheet.form, sheet.problems))
         try:
             motion = None if mechanism is None else turn(mechanism)
-            gaps = [] if motion is None or motion.feasible.all() else gaps_of(closing(motion))
             if motion is not None and not motion.feasible.any():
-                said = gaps[0][2]
-                blamed = set(closing(motion).quality.blame.values())
+                closed = closing(motion)
+                said = gaps_of(closed)[0][2]
+                blamed = set(closed.quality.blame.values())
                 part = what_moves(sheet.form, blamed) if "blocks" in sheet.form else None
                 motion = None if part is None else turn(part)
         except BlockmechError as error:
-            motion, gaps, said = None, [], str(error)
-        self.play(motion, gaps, said)
+            motion, said = None, str(error)
+        self.play(motion, said)
 
-    def play(self, motion: Motion | None, gaps: list[tuple[int, int, str]], said: str = "") -> None:
+    def play(self, motion: Motion | None, said: str = "") -> None:
         """Show a motion, e.g. that of a simulation, until the sheet changes."""
         self._scene = None
-        self.param.update(motion=motion, gaps=gaps, said=said)
+        closed = None if motion is None else closing(motion)
+        self.param.update(gaps=[] if closed is None else gaps_of(closed), said=said)
+        self.motion = motion
         self._draw()
+        self._show_margins(closed)
+
+    def follow(self, owner: str, cursors: list[dict[str, Any]]) -> None:
+        """Let cursors go with the pose: each a ``span``, and where it is ``at`` in every frame."""
+        self._cursors[owner] = cursors
+        k = self.frame
+        for cursor in cursors:
+            cursor["span"].location = cursor["at"][min(k, len(cursor["at"]) - 1)]
+        every = [cursor for found in self._cursors.values() for cursor in found]
+        self._shower.args = self._shower.args | {"cursors": every}
+
+    def _show_margins(self, closed: Result | None) -> None:
+        """How far every group is from its dead centres, along the poses."""
+        cursors = []
+        self._strip.visible = closed is not None and bool(closed.quality.margin)
+        if closed is not None and self._strip.visible:
+            panel, along = margins_of(closed), abscissa(closed)
+            if self._margins is None or self._margins.curves != labels_of(panel):
+                self._margins = Plot(panel, self.dark, height=STRIP, toolbar_location=None)
+                self._margins.figure.legend.visible = False
+                self._margins.figure.add_tools(HoverTool(tooltips=[("", "$name")]))
+                self._strip.object = self._margins.figure
+            self._margins.show(panel, along, self.gaps)
+            cursors = [{"span": self._margins.cursor, "at": places_of(along, FRAME)}]
+        self.follow("margins", cursors)
 
     # -- the figure ------------------------------------------------------------------------
 
@@ -161,7 +205,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             sizing_mode="stretch_width",
         )  # fmt: skip
         self._play = Toggle(label="▶ Play", width=90, align="end")
-        parts = {"pose": self.pose, "said": self._said, "film": [], "captions": [""]}
+        parts = {"pose": self.pose, "said": self._said, "film": [], "captions": [""], "cursors": []}
         self._shower = CustomJS(args=parts, code=SHOW_FRAME)
         parts = {"pose": self.pose, "play": self._play, "order": [0], "seconds": self.seconds}
         self._player = CustomJS(args=parts, code=PLAY)
@@ -171,13 +215,16 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def panel(self) -> Any:
         """The figure with its slider, play button and choice of what is shown."""
-        choice = pn.widgets.CheckButtonGroup.from_param(self.param.show, name="Show")
+        choice = pn.widgets.CheckButtonGroup.from_param(self.param.show, label="Show")
         plot = column(
             self.figure, row(self._play, self.pose, sizing_mode="stretch_width"), self._said,
             sizing_mode="stretch_both",
         )  # fmt: skip
         return pn.Column(
-            choice, pn.pane.Bokeh(plot, sizing_mode="stretch_both"), sizing_mode="stretch_both"
+            choice,
+            pn.pane.Bokeh(plot, sizing_mode="stretch_both"),
+            self._strip,
+            sizing_mode="stretch_both",
         )
 
     # -- drawing ---------------------------------------------------------------------------
@@ -279,8 +326,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """Put the names beside the joints at frame k; their places in all frames."""
         wanted = self._scene is not None and "names" in self.show
         names = names_of(self._scene, self._unit) if self._scene and wanted else []
-        places = _by_frame([name.places for name in names])
-        row = places[min(k, len(places) - 1)] if names else np.zeros(0, complex)
+        places = _beside([name.places for name in names])
+        row = places[min(k, len(places) - 1)]
         colours = [coloured(name.colour, self.dark) for name in names]
         texts = [name.text for name in names]
         self._words.data = {"x": row.real, "y": row.imag, "text": texts, "color": colours}
@@ -288,8 +335,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def _send_handles(self, k: int) -> dict[str, Any]:
         """Put rings around what can be dragged."""
-        places = _by_frame([self.frames.at(*spot) for spot in self._handles.values()])
-        row = places[k] if self._handles else np.zeros(0, complex)
+        places = _beside([self.frames.at(*spot) for spot in self._handles.values()])
+        row = places[min(k, len(places) - 1)]
         names, frames = list(self._handles), [k] * len(row)
         self._pins.data = {"x": row.real, "y": row.imag, "name": names, "frame": frames}
         return _film(self._pins, places)
@@ -345,9 +392,9 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             self._fit()
 
 
-def _by_frame(places: list[Any]) -> Any:
-    """Places of points as rows of frames; of no point one row without places."""
-    return np.array(places).T.reshape(-1, len(places)) if places else np.zeros((1, 0), complex)
+def _beside(columns: list[Any]) -> Any:
+    """Places (frames, p) of p points."""
+    return np.stack(columns, axis=1) if columns else np.zeros((1, 0), complex)
 
 
 def _film(
@@ -359,17 +406,3 @@ def _film(
     columns = {name: np.ascontiguousarray(z, np.float32).ravel() for name, z in flat.items()}
     told = {"source": source, "starts": list(starts), "rows": rows, "frames": len(places)}
     return told | columns
-
-
-def dress(plot: Any, dark: bool) -> None:
-    """Give a figure the colours of the palette."""
-    ink, paper, pale = (coloured(c, dark) for c in (INK, PAPER, PALE))
-    plot.background_fill_color = plot.border_fill_color = paper
-    plot.outline_line_color = ink
-    plot.grid.grid_line_color = pale
-    plot.axis.axis_line_color = plot.axis.major_tick_line_color = ink
-    plot.axis.minor_tick_line_color = None
-    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = ink
-    plot.axis.axis_label_text_font = plot.axis.major_label_text_font = FONT
-    plot.axis.axis_label_text_font_style = "normal"
-    plot.toolbar.logo = None

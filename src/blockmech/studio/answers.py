@@ -1,0 +1,238 @@
+"""Answers beside the mechanism: outputs as curves, what travels on wires, motions, costs."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Iterable
+from typing import Any, get_args
+
+import numpy as np
+import panel as pn
+from bokeh.layouts import column
+
+from blockmech.analysis.explain import explain
+from blockmech.analysis.trade import trade
+from blockmech.draw.curves import abscissa
+from blockmech.draw.motion import Motion, moves_of_result
+from blockmech.dynamics.along import result_along
+from blockmech.dynamics.simulation import simulate
+from blockmech.errors import BlockmechError
+from blockmech.result import Result
+from blockmech.samples import DEFAULT_SAMPLES
+from blockmech.studio.curves import Plot, labels_of, panels_of, places_of
+from blockmech.studio.mechanism import STRIP, MechanismView
+from blockmech.studio.sheet import Sheet
+from blockmech.studio.turn import FRAME
+from blockmech.studio.work import Told, Work
+from blockmech.typing import FrictionMethod
+from blockmech.wires import on_all_wires
+
+TOOLS = "pan,xwheel_zoom,box_zoom,reset,save"
+FORWARD = {"p": "m", "v": "m/s", "a": "m/s²", "om": "rad/s", "al": "rad/s²"}
+BACK = {"F": "N", "M": "N m", "power": "W"}
+
+
+def wire_values(result: Result, pose: int) -> dict[str, str]:
+    """What travels on every wire at a sample of a run, as text of a few lines.
+
+    Forward place and motion of the marker and its link; back force and moment on that link,
+    the power, and the shares of the joint's block in reduced inertia and effort.
+    """
+    one, structure = result.at(np.array([pose])), result.mechanism.structure
+    found = on_all_wires(structure, one.inside, one.n)
+    rotary = [structure.joint(ref).rotary for ref in structure.driven.values()]
+    shares = {"J_red": "kg m²" if rotary[0] else "kg", "tau_red": "N m" if rotary[0] else "N"}
+    lines = {"→": FORWARD, "←": BACK, "reduced": shares}
+    return {
+        name: "\n".join(
+            f"{way} "
+            + "; ".join(_told(key, wire[key], u) for key, u in units.items() if key in wire)
+            for way, units in lines.items()
+            if units.keys() & wire.keys()
+        )
+        for name, wire in found.items()
+    }
+
+
+def _told(key: str, values: Any, unit: str) -> str:
+    """A quantity at one sample, with its unit."""
+    value = np.atleast_1d(values)[0]
+    if not np.isfinite(value):
+        return f"{key} none"
+    if np.iscomplexobj(value):
+        return f"{key} = ({value.real:.4g}, {value.imag:.4g}) {unit}"
+    return f"{key} = {value + 0.0:.4g} {unit}"
+
+
+def answer(
+    motion: Motion, names: Iterable[str], friction: FrictionMethod, accuracy: float | None = None
+) -> Result:
+    """Outputs at the samples of a motion; gaps are marked.
+
+    With an ``accuracy`` the method is chosen by it. Raises `RequestError` for what cannot be.
+    """
+    result = motion.result
+    if accuracy is None or result.motion is not None:
+        return result.with_friction(friction, *names)
+    given = dict.fromkeys(("friction", "tolerance", "iterations")) | {"static": False}
+    found: Result = result.mechanism.answer(
+        result.samples, tuple(names), given, accuracy, "auto", None, None, "mark"
+    )
+    return found
+
+
+def _summary(result: Result, seconds: float) -> str:
+    """What was computed, how, and what it took."""
+    how = f"{result.n} samples, {result.plan.calls} kernel calls a sample, {seconds * 1e3:.1f} ms"
+    chosen = f"; {result.accuracy}" if result.accuracy is not None else ""
+    gaps = len(result.quality.gaps)
+    holes = f"; {gaps} samples without an answer" if gaps else ""
+    iterations = [int(np.max(x)) for x in result.quality.iterations.values() if len(x)]
+    most = f"; at most {max(iterations)} iterations of friction" if any(iterations) else ""
+    error = "" if result.motion is None else f"; {result.motion.summary()[0]}"
+    return "; ".join([how + chosen + most + holes + error, *result.notes()])
+
+
+class Answers:
+    """Curves, wires, simulation and costs of what a view shows."""
+
+    def __init__(self, sheet: Sheet, view: MechanismView) -> None:
+        self.sheet, self.view = sheet, view
+        self.result: Result | None = None
+        self.drawn: list[Plot] = []
+        self.names = pn.widgets.MultiChoice(label="Outputs", sizing_mode="stretch_width")
+        methods = list(get_args(FrictionMethod))
+        self.friction = pn.widgets.Select(
+            label="Friction", options=methods, value="newton", width=120
+        )
+        self.accuracy = pn.widgets.Select(
+            label="Accuracy",
+            options={
+                "as the method": None,
+                **{f"{x:g}": x for x in 10.0 ** np.arange(-3, -13, -3)},
+            },
+            width=120,
+        )
+        self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=130)
+        self.said = pn.pane.Str("", sizing_mode="stretch_width")
+        self.costs = pn.pane.Str("", sizing_mode="stretch_width")
+        self.plots = pn.pane.Bokeh(column(sizing_mode="stretch_width"), sizing_mode="stretch_width")
+        self.csv = pn.widgets.FileDownload(
+            callback=self._csv, filename="result.csv", label="CSV", width=90
+        )
+        self.work = Work()
+        buttons = {
+            "Simulate": self.simulate,
+            "Turn": view.renew,
+            "Cost": self.explain,
+            "Trade": self.trade,
+        }
+        self.buttons = [pn.widgets.Button(label=name, width=90) for name in buttons]
+        for button, act in zip(self.buttons, buttons.values(), strict=True):
+            button.on_click(lambda _, act=act: act())
+        self.work.param.watch(lambda event: self.said.param.update(object=event.new), "said")
+        for widget in (self.names, self.friction, self.accuracy):
+            widget.param.watch(lambda _: self.renew(), "value")
+        view.param.watch(lambda _: self._begin(), "motion")
+        self._begin()
+
+    def panel(self) -> Any:
+        """What is asked above, the curves below."""
+        asked = pn.FlexBox(self.friction, self.accuracy, self.csv, self.until, *self.buttons)
+        asked.append(self.work.stop)
+        return pn.Column(
+            *(self.names, asked, self.said, self.plots, self.costs), sizing_mode="stretch_width"
+        )
+
+    # -- curves ----------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        """Offer the outputs of what the view shows now; those that were chosen stay."""
+        motion = self.view.motion
+        self.work.cancel()
+        offered = [] if motion is None else list(motion.mechanism.outputs)
+        chosen = [name for name in self.names.value if name in offered]
+        if not chosen and motion is not None:
+            drives = (motion.mechanism.of_driver(d, "drive") for d in motion.mechanism.drivers)
+            chosen = [name for name in drives if name in offered]
+        self.costs.object = ""
+        same = chosen == self.names.value
+        self.names.param.update(options=offered, value=chosen)
+        if same:
+            self.renew()
+
+    def renew(self) -> None:
+        """Compute and draw what is chosen; what cannot be is said."""
+        self.result, cursors, said = None, [], ""
+        motion, names = self.view.motion, self.names.value
+        if motion is not None and names:
+            begun = time.perf_counter()
+            try:
+                result = answer(motion, names, self.friction.value, self.accuracy.value)
+                panels, along = panels_of(result, names), abscissa(result)
+            except BlockmechError as error:
+                said, panels = str(error), []
+            else:
+                said = _summary(result, time.perf_counter() - begun)
+                self.result = result
+            if [labels_of(p) for p in panels] != [plot.curves for plot in self.drawn]:
+                self.drawn = [
+                    Plot(p, self.view.dark, height=2 * STRIP, tools=TOOLS) for p in panels
+                ]
+                figures = [plot.figure for plot in self.drawn]
+                self.plots.object = column(*figures, sizing_mode="stretch_width")
+            for plot, panel in zip(self.drawn, panels, strict=True):
+                plot.show(panel, along, self.view.gaps)
+                cursors.append({"span": plot.cursor, "at": places_of(along, FRAME)})
+        self.said.object = said
+        self.plots.visible = bool(cursors)
+        self.view.follow("answers", cursors)
+
+    def _csv(self) -> io.StringIO:
+        """The shown curves as text."""
+        return io.StringIO("" if self.result is None else self.result.to_csv())
+
+    def wires(self, name: str) -> str:
+        """What travels on a wire in the shown pose, for the diagram; "" where nothing is known."""
+        motion = self.view.motion
+        if motion is None:
+            return ""
+        try:
+            found = wire_values(motion.result.with_friction(self.friction.value), self.view.sample)
+        except BlockmechError as error:
+            return str(error)
+        return found.get(name, "")
+
+    # -- long work -------------------------------------------------------------------------
+
+    def simulate(self) -> None:
+        """Move the mechanism under its loads, and play that in time."""
+        mechanism, until, friction = self.sheet.mechanism, self.until.value, self.friction.value
+
+        def task(told: Told) -> Result:
+            found = simulate(mechanism, until, want=(), friction=friction, progress=told)
+            times = found.motion.times(DEFAULT_SAMPLES)
+            return result_along(mechanism, found.motion, times, (), friction=friction)
+
+        def done(result: Result) -> None:
+            self.view.play(moves_of_result(result))
+            self.said.object = " ".join(result.motion.summary())
+
+        if mechanism is not None:
+            self.work.begin(task, done)
+
+    def explain(self) -> None:
+        """Say what each chosen output costs."""
+        if self.view.motion is not None and self.names.value:
+            names, friction = tuple(self.names.value), self.friction.value
+            self.costs.object = explain(self.view.motion.mechanism, names, friction=friction)
+
+    def trade(self) -> None:
+        """Measure what the methods cost and how exact they are."""
+        mechanism, names = self.sheet.mechanism, tuple(self.names.value)
+        if mechanism is not None and names:
+            self.work.begin(
+                lambda told: trade(mechanism, "run", names, say=told),
+                lambda found: self.costs.param.update(object=str(found)),
+            )

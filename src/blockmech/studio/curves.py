@@ -1,0 +1,114 @@
+"""Curves over the samples of a run as bokeh figures, with a cursor that goes with the pose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from bokeh.models import BoxAnnotation, ColumnDataSource, Span
+from bokeh.plotting import figure
+
+from blockmech.draw import palette as ink
+from blockmech.draw.curves import chosen_panels, without_friction
+from blockmech.draw.panels import WITHOUT, Abscissa, Panel
+from blockmech.draw.paper import scaled_unit, shown_name
+from blockmech.result import Result
+from blockmech.studio.film import coloured
+
+FONT = "DejaVu Sans, Verdana, sans-serif"
+Gaps = Iterable[tuple[int, int, str]]
+
+
+def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
+    """The named outputs by quantity and unit, forces without friction beside them.
+
+    Raises `RequestError` where there are none, or too many for a picture.
+    """
+    bare: dict[tuple[str, str], Panel] = {}
+    twin = without_friction(result)
+    if twin is not None:
+        bare = {(p.quantity, p.unit): p for p in chosen_panels(twin, twin)}
+    found = []
+    for panel in chosen_panels(result, names):
+        beside = bare.get((panel.quantity, panel.unit))
+        found.append(panel if beside is None else replace(panel, without=beside.curves))
+    return found
+
+
+def margins_of(result: Result) -> Panel:
+    """The margin of every group: 0 at a dead centre, below where it cannot close."""
+    told = result.mechanism.said
+    return Panel("margin", "", {told(block): m for block, m in result.quality.margin.items()})
+
+
+class Plot:
+    """The figure of a panel, with a cursor; it stays while the same curves are shown."""
+
+    def __init__(self, panel: Panel, dark: bool, **look: Any) -> None:
+        self.dark, self.curves = dark, labels_of(panel)
+        self.figure = figure(sizing_mode="stretch_width", **look)
+        self.cursor = Span(dimension="height", line_color=coloured(ink.ALARM, dark), line_width=1)
+        self.figure.add_layout(self.cursor)
+        self.fixed = list(self.figure.center)
+        self.source = ColumnDataSource({"x": [], **{name: [] for name in self.curves}})
+        for i, name in enumerate(self.curves):
+            bare = i >= len(panel.curves)
+            style = ink.curve_style(i % len(panel.curves))
+            self.figure.line(
+                "x", name, source=self.source, line_color=coloured(style["color"], dark),
+                line_dash=[int(4 * x) for x in style["dashes"]], line_width=1 if bare else 2,
+                name=name, legend_label=name,
+            )  # fmt: skip
+        dress(self.figure, dark)
+
+    def show(self, panel: Panel, along: Abscissa, gaps: Gaps) -> None:
+        """Draw the values; gaps are hatched between the samples beside them."""
+        low, high = panel.shown
+        factor, unit = scaled_unit(panel.unit, max(abs(low), abs(high)))
+        rows = [*panel.curves.values(), *panel.without.values()]
+        found = {name: factor * y for name, y in zip(self.curves, rows, strict=True)}
+        self.source.data = {"x": along.values, **found}
+        self.figure.xaxis.axis_label = along.words
+        self.figure.yaxis.axis_label = f"{panel.quantity} [{unit or '–'}]"
+        boxes = [self._box(along.values, first, last) for first, last, _ in gaps]
+        if boxes or len(self.figure.center) > len(self.fixed):
+            self.figure.center = [*self.fixed, *boxes]
+
+    def _box(self, x: Any, first: int, last: int) -> BoxAnnotation:
+        ends = float(x[max(first - 1, 0)]), float(x[min(last + 1, len(x) - 1)])
+        look = {"fill_alpha": 0.3, "hatch_pattern": "/", "hatch_alpha": 0.4, "line_dash": "dashed"}
+        colours = {"fill_color": ink.PALE, "hatch_color": ink.GREY, "line_color": ink.ALARM}
+        look |= {name: coloured(colour, self.dark) for name, colour in colours.items()}
+        return BoxAnnotation(left=min(ends), right=max(ends), **look)
+
+
+def labels_of(panel: Panel) -> list[str]:
+    """The curves as a legend names them."""
+    shown = [shown_name(name) or panel.quantity for name in panel.curves]
+    return shown + [f"{shown_name(name) or panel.quantity} {WITHOUT}" for name in panel.without]
+
+
+def dress(plot: Any, dark: bool) -> None:
+    """Give a figure the colours of the palette."""
+    line, paper, pale = (coloured(c, dark) for c in (ink.INK, ink.PAPER, ink.PALE))
+    plot.background_fill_color = plot.border_fill_color = paper
+    plot.outline_line_color = line
+    plot.grid.grid_line_color = pale
+    plot.axis.axis_line_color = plot.axis.major_tick_line_color = line
+    plot.axis.minor_tick_line_color = None
+    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = line
+    plot.axis.axis_label_text_font = plot.axis.major_label_text_font = FONT
+    plot.axis.axis_label_text_font_style = "normal"
+    plot.toolbar.logo = None
+    if plot.legend:
+        plot.legend.label_text_font = FONT
+        plot.legend.background_fill_color = paper
+        plot.legend.label_text_color = line
+        plot.legend.border_line_color = None
+        plot.add_layout(plot.legend[0], "right")
+
+
+def places_of(along: Abscissa, every: int) -> list[float]:
+    """Where a cursor stands in each frame."""
+    return [float(x) for x in along.values[::every]]

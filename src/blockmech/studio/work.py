@@ -1,0 +1,76 @@
+"""Long work beside the page: in a thread, with its progress, a Stop button and an end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from threading import Thread
+from typing import Any
+
+import panel as pn
+import param
+
+from blockmech.errors import BlockmechError
+
+Told = Callable[..., None]
+
+
+class Work(param.Parameterized):  # type: ignore[misc]  # as the sheet
+    """One piece of work at a time.
+
+    ``said`` is how far it is, or the sentence by which it failed; ``busy`` whether one runs.
+    """
+
+    said = param.String(default="")
+    busy = param.Boolean(default=False)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stop = pn.widgets.Button(label="Stop", disabled=True)
+        self.stop.on_click(lambda _: self.cancel())
+        self.param.watch(lambda event: self.stop.param.update(disabled=not event.new), "busy")
+        self._stopped = False
+        self.thread: Thread | None = None
+
+    def cancel(self) -> None:
+        """Ask the work to end: it does where it next tells of its progress."""
+        self._stopped = True
+
+    def begin(self, task: Callable[[Told], Any], done: Callable[[Any], None]) -> None:
+        """Run ``task(told)`` in a thread; ``done`` gets its answer, in the page's own thread.
+
+        ``told(what, done, whole)`` is to be called now and then.
+        """
+        if self.busy:
+            return
+        self.param.update(busy=True, said="begins ...")
+        self._stopped, page = False, pn.state.curdoc
+
+        def later(function: Callable[[], None]) -> None:
+            if page is None:
+                function()
+            else:
+                page.add_next_tick_callback(function)
+
+        def told(what: str, reached: float = 0, whole: float | None = None) -> None:
+            if self._stopped:
+                raise KeyboardInterrupt  # what Ctrl-C does: a simulation keeps what it has
+            part = f" {reached:.4g} of {whole:.4g}" if whole else ""
+            later(lambda: self.param.update(said=f"{what}{part}"))
+
+        def end(found: Any, said: str) -> None:
+            self.param.update(busy=False, said=said)
+            if found is not None:
+                done(found)
+
+        def run() -> None:
+            found, said = None, ""
+            try:
+                found = task(told)
+            except BlockmechError as error:
+                said = str(error)
+            except KeyboardInterrupt:
+                said = "stopped"
+            later(lambda: end(found, said))
+
+        self.thread = Thread(target=run, daemon=True)
+        self.thread.start()

@@ -1,0 +1,165 @@
+"""Answers: curves, wires, motions and costs as the studio shows them."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blockmech.builders import opened
+from blockmech.studio.answers import Answers, answer, wire_values
+from blockmech.studio.curves import panels_of
+from blockmech.studio.mechanism import MechanismView
+from blockmech.studio.sheet import Sheet
+from blockmech.studio.turn import FRAME, turn
+from tests.studio.page import page_of
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
+
+
+def answers_of(name="ruiz_fourbar"):
+    sheet = Sheet(opened(GRAPHS / f"{name}.json"))
+    view = MechanismView(sheet)
+    return Answers(sheet, view)
+
+
+@pytest.mark.parametrize(
+    "name", ["ruiz_fourbar", "joints/ruiz_fourbar", "excavator", "slider_crank"]
+)
+def test_wires_say_what_the_result_says(name):
+    mechanism = opened(GRAPHS / f"{name}.json").compile()
+    motion = turn(mechanism)
+    told = wire_values(motion.result.with_friction("newton"), 30)
+    run = mechanism.run(samples=361, want=(), friction="newton", on_gap="mark")
+    assert set(told) == {f"{m} -> {j}" for j, m in mechanism.structure.feeds.items()}
+    for wire, text in told.items():
+        found = run.wire(wire)
+        for key in ("p", "v", "a", "F"):
+            z = found[key][30]
+            assert f"{key} = ({z.real:.4g}, {z.imag:.4g}) " in text
+        assert f"M = {found['M'][30]:.4g} N m" in text
+        if "J_red" in found:
+            assert f"J_red = {found['J_red'][30]:.4g} kg" in text
+
+
+def test_curves_stand_with_and_without_friction():
+    motion = turn(opened(GRAPHS / "ruiz_fourbar.json").compile())
+    result = answer(motion, ["crank.drive"], "newton")
+    (panel,) = panels_of(result, ["crank.drive"])
+    mechanism = motion.mechanism
+    for method, curves in (("newton", panel.curves), ("none", panel.without)):
+        (drawn,) = curves.values()
+        run = mechanism.run(samples=361, want=["crank.drive"], friction=method)
+        assert np.array_equal(drawn, run["crank.drive"])
+    assert panel.unit == "N m"
+
+
+def test_an_accuracy_chooses_the_method():
+    motion = turn(opened(GRAPHS / "ruiz_fourbar.json").compile())
+    result = answer(motion, ["crank.drive"], "none", 1e-6)
+    fine = motion.mechanism.run(samples=361, want=["crank.drive"])
+    assert result.accuracy is not None
+    assert result.compare(fine)["crank.drive"] <= 1e-6
+
+
+def test_the_drive_is_shown_first_and_every_axis_has_its_unit():
+    answers = answers_of()
+    assert answers.names.value == ["crank.drive"]
+    (plot,) = answers.drawn
+    assert plot.figure.yaxis.axis_label == "drive [kN m]"
+    assert plot.figure.xaxis.axis_label == "crank.q [°]"
+    head, *_ = answers.csv.callback().getvalue().splitlines()
+    assert head == "crank.q [rad],time [s],crank.drive [N m],status"
+
+
+def test_curves_and_cursor_follow_the_sheet():
+    answers = answers_of()
+    (plot,) = answers.drawn
+    before = plot.source.data["crank"].copy()
+    form = copy.deepcopy(answers.sheet.form)
+    form["blocks"]["dyad"]["l_j"] = 3.2
+    answers.sheet.change(form, "longer")
+    assert answers.drawn == [plot]
+    assert not np.array_equal(plot.source.data["crank"], before)
+    (cursor,) = answers.view._cursors["answers"]
+    assert cursor["at"][10] == plot.source.data["x"][10 * FRAME]
+
+
+def test_an_output_that_is_gone_is_no_longer_shown():
+    answers = answers_of()
+    answers.names.value = ["dyad.C.reaction"]
+    answers.sheet.begin(opened(GRAPHS / "slider_crank.json"))
+    assert answers.names.value == ["crank.drive"]
+    answers.sheet.begin(type(answers.sheet.document)())
+    assert answers.names.value == []
+    assert answers.result is None
+
+
+def test_a_simulation_is_played_in_time():
+    answers = answers_of("engine")
+    answers.until.value = "time=0.05"
+    answers.simulate()
+    answers.work.thread.join(30)
+    motion = answers.view.motion
+    assert motion.result.motion.reached
+    assert motion.time[-1] == pytest.approx(0.05, abs=1e-12)
+    assert answers.view._captions()[-1].startswith("t = 0.050 s")
+    assert answers.drawn[0].figure.xaxis.axis_label == "time [s]"
+    answers.view.renew()
+    assert answers.view.motion.result.motion is None
+
+
+def test_a_simulation_can_be_stopped():
+    answers = answers_of("engine")
+    answers.until.value = "time=1e5"
+    answers.simulate()
+    answers.work.cancel()
+    answers.work.thread.join(30)
+    assert not answers.work.busy
+    ended = answers.view.motion.result.motion
+    assert answers.work.said == "stopped" or ended.end == "interrupted"
+
+
+@pytest.mark.parametrize("until", ["lunch", "time=-1"])
+def test_what_cannot_be_is_a_sentence(until):
+    answers = answers_of("engine")
+    answers.until.value = until
+    answers.simulate()
+    answers.work.thread.join(30)
+    assert until.removeprefix("time=") in answers.said.object
+    assert "Traceback" not in answers.said.object
+
+
+def test_costs_are_told():
+    answers = answers_of()
+    answers.explain()
+    assert "crank.drive" in answers.costs.object
+    assert "kernel calls" in answers.said.object
+
+
+def test_the_cursor_goes_with_the_pose_in_the_browser():
+    made = []
+
+    def make():
+        made.append(answers_of())
+        return made[-1].view.panel(), made[-1].panel()
+
+    def both():
+        import panel as pn
+
+        return pn.Row(*make(), sizing_mode="stretch_both")
+
+    with page_of(both) as page:
+        page.get_by_text("Play").click()
+        page.wait_for_timeout(500)
+        page.get_by_text("Pause").click()
+        page.wait_for_timeout(300)
+        (answers,) = made
+        k = answers.view.frame
+        at = page.evaluate(
+            "() => [...Object.values(Bokeh.documents)[0]._all_models.values()]"
+            ".filter((m) => m.type === 'Span').map((m) => m.location)"
+        )
+        assert k > 0
+        assert at == [pytest.approx(3.0 * k)] * 2  # the margins' and the curve's
+        assert page.errors == []
