@@ -536,3 +536,10 @@ def test_digits_that_coordinates_swallow_are_told_with_their_error():
     assert any(note.startswith("digits lost to rounding: ") for note in far.notes())
     written = [f for f in far.to_dict()["quality"]["flags"] if f["code"] == "digits-lost"]
     assert {flag["where"] for flag in written} == set(told)
+
+
+def test_a_motion_is_told_of_its_digits_without_accelerations_that_nobody_asked_for():
+    graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    moved = graph.compile().simulate("time=0.1", start={"crank": (0.0, 5.0)}, want="crank.q")
+    assert moved.digits_lost == ()
+    assert "accelerations" not in vars(moved.samples.inputs)

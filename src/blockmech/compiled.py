@@ -217,6 +217,10 @@ class Compiled(Runnable):
         """Outputs of a result that are rounding for the most part."""
 
     @abstractmethod
+    def motion_svg(self, result: Result) -> str:
+        """The picture of a simulation as SVG text."""
+
+    @abstractmethod
     def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message."""
 

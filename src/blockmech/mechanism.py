@@ -19,15 +19,14 @@ from blockmech.runnable import Later
 if TYPE_CHECKING:
     import blockmech.analysis.explain as explaining
     import blockmech.analysis.extremes as extremal
-    import blockmech.analysis.limits as limiting
     import blockmech.analysis.stroke as stroking
     import blockmech.analysis.verify as verifying
+    import blockmech.draw.arcs as closing
     import blockmech.draw.sensitivity as sensing
     import blockmech.draw.study as studying
     import blockmech.draw.tolerance as tolerating
     import blockmech.draw.trade as trading
     import blockmech.dynamics.simulation as simulating
-    import blockmech.modes.listing as listing
     import blockmech.studies.family as designing
     import blockmech.studies.objective as optimising
 
@@ -43,8 +42,8 @@ class Mechanism(Compiled):
     if TYPE_CHECKING:
         explain = explaining.explain
         extremes = extremal.extremes
-        limits = limiting.limits
-        modes = listing.modes
+        limits = closing.limits
+        modes = closing.modes
         objective = optimising.objective
         parameters = designing.parameters
         sensitivity = sensing.sensitivity
@@ -57,8 +56,8 @@ class Mechanism(Compiled):
     else:
         explain = Later("blockmech.analysis.explain")
         extremes = Later("blockmech.analysis.extremes")
-        limits = Later("blockmech.analysis.limits")
-        modes = Later("blockmech.modes.listing")
+        limits = Later("blockmech.draw.arcs")
+        modes = Later("blockmech.draw.arcs")
         objective = Later("blockmech.studies.objective")
         parameters = Later("blockmech.studies.family")
         sensitivity = Later("blockmech.draw.sensitivity")
@@ -89,6 +88,12 @@ class Mechanism(Compiled):
         from blockmech.analysis.rounding import digits_lost
 
         return digits_lost(result)
+
+    def motion_svg(self, result: Result) -> str:
+        """The picture of a simulation; see `blockmech.draw.simulation`."""
+        from blockmech.draw.simulation import motion_svg
+
+        return motion_svg(result)
 
     def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message.

@@ -335,6 +335,10 @@ class Result(Exported):
                 found[name] = float("inf") if one_sided else off
         return found
 
+    def _repr_html_(self) -> str:
+        picture = "" if self.motion is None else str(self.mechanism.motion_svg(self))
+        return super()._repr_html_() + picture
+
     def __repr__(self) -> str:
         gaps = len(self.quality.gaps)
         holes = f", {gaps} without an answer" if gaps else ""

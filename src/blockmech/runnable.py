@@ -98,7 +98,9 @@ def giving(cls: type[R], function: Callable[P, Any]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def more(*asked: P.args, **how: P.kwargs) -> R:
-        return cls(**vars(function(*asked, **how)))
+        found = cls.__new__(cls)
+        vars(found).update(vars(function(*asked, **how)))
+        return found
 
     return more
 

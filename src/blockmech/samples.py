@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,9 +56,8 @@ class Samples:
 
     def at(self, index: NDArray[np.intp]) -> Samples:
         """The samples of these indices."""
-        inputs = {k: np.ascontiguousarray(np.asarray(v)[index]) for k, v in self.inputs.items()}
         times = None if self.times is None else self.times[index]
-        return Samples(len(index), inputs, times, self.clock)
+        return Samples(len(index), _Some(self.inputs, index), times, self.clock)
 
     def given(self, names: Iterable[str]) -> Mapping[str, Any]:
         """The inputs of a program.
@@ -91,6 +90,22 @@ class Samples:
             rate = np.where(rate == 0.0, np.nan, rate)  # at rest no time passes that is known
             return _forward(_trapezoids(self.coordinate(0)) / rate)
         return np.full(self.n, np.nan)
+
+
+class _Some(Mapping[str, Any]):
+    """Inputs at some samples, each taken when it is asked for: accelerations may cost much."""
+
+    def __init__(self, inputs: Mapping[str, Any], index: NDArray[np.intp]) -> None:
+        self.inputs, self.index = inputs, index
+
+    def __getitem__(self, name: str) -> Array:
+        return np.ascontiguousarray(np.asarray(self.inputs[name])[self.index])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.inputs)
+
+    def __len__(self) -> int:
+        return len(self.inputs)
 
 
 def _trapezoids(x: Array) -> Array:

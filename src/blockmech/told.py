@@ -5,12 +5,14 @@ from __future__ import annotations
 import html
 from abc import ABC, abstractmethod
 
+DEGREES = False  # angles that are shown, in text, tables and pictures alike: else radians
+
 
 class Told(ABC):
     """What is told as lines of text wherever it is shown."""
 
     @abstractmethod
-    def text(self, degrees: bool = False) -> str:
+    def text(self, degrees: bool = DEGREES) -> str:
         """The lines; angles in degrees if asked for."""
 
     def __str__(self) -> str:

@@ -8,11 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from blockmech.analysis.trade import trade
 from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock, Question, Reference, Setting, measured
-from blockmech.draw.paper import plotted
-from blockmech.draw.trade import trade_figure
+from blockmech.draw.trade import trade
 from tests.gallery import mechanism
 from tests.wiring import chain, ruiz
 
@@ -87,10 +85,10 @@ def test_a_budget_without_a_reference_says_so_and_claims_nothing(tmp_path: Path)
     assert found.recommended is None
     assert json.loads(json.dumps(found.to_dict()))["reference"]["floor"] is None
     assert "reference:" not in found.text()
-    figure = trade_figure(found)
+    figure = found.figure()
     assert not any(axes.get_xticks().size + axes.get_yticks().size for axes in figure.axes)
     assert "Nothing was measured" in " ".join(t.get_text() for t in figure.texts)
-    assert plotted(trade_figure, found, tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
+    assert found.plot(tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_of_two_runs_the_surer_one_is_the_reference() -> None:

@@ -15,6 +15,8 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics import equation
+from tests.dynamics.test_compiled import rubbing
 
 from . import c_bounds
 from .results import NOTES, ROWS, Row, micro, python
@@ -36,8 +38,8 @@ TABLE_C = {1e-3: 0.116e-3, 1e-6: 0.388e-3, 1e-8: 0.770e-3}  # [s] T4, C RK4, the
         ("auto", 1e-3, None),
         ("auto", 1e-6, None),
         ("auto", 1e-9, 2.0),
-        ("energy", 1e-12, 2.0),
-        ("dop853", 1e-9, 30.0),
+        ("energy", 1e-12, 1.0),
+        ("dop853", 1e-9, 8.0),
         ("lsoda", 1e-9, 30.0),
     ],
 )
@@ -80,6 +82,22 @@ def test_andrews_squeezer_by_name(
     task = f"T4 Andrews' squeezer to {target:g}, {method}"
     ROWS.append(Row(task, seconds, TABLE_C[1e-8], "C RK4 to 1e-08 (table)", None, error))
     assert error <= target
+
+
+def test_friction_in_motion(monkeypatch) -> None:
+    pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+    seconds, ends = [], []
+    for worth in (10**12, 0):  # interpreted, compiled
+        monkeypatch.setattr(equation, "WORTH", worth)
+        mech = rubbing()
+        request = {"start": {"crank": (1.0, 0.0)}, "method": "dop853", "want": []}
+        mech.simulate("time=0.1", **request)  # compiles
+        start = time.process_time()
+        ends.append(mech.simulate("swings=2", **request).motion)
+        seconds.append(time.process_time() - start)
+    task = "two swings of a four-bar with friction, dop853, compiled"
+    ROWS.append(Row(task, seconds[1], seconds[0], "interpreted", 1 / 20, ends[1].error))
+    assert abs(ends[0].q_end - ends[1].q_end) <= ends[0].error + ends[1].error
 
 
 FIRST = """

@@ -52,6 +52,57 @@ def test_linkages_and_mechanisms_draw_themselves(name: str) -> None:
     assert linkage._repr_svg_() is None  # of an unfinished one a notebook shows its words
 
 
+# ---- pictures below the words -------------------------------------------------------------
+
+
+def said_in(figure: Any) -> str:
+    return " ".join(text.get_text() for axes in figure.axes for text in axes.texts)
+
+
+def short_crank_and_long_coupler() -> bm.Mechanism:
+    """A crank of 2 m that its dyad of 6 and 1 m lets swing, but not turn."""
+    return RUIZ.replace({"dyad.l_j": 1.0}).compile()
+
+
+def test_limits_show_their_arcs_and_what_ends_them(tmp_path: Any) -> None:
+    limits: Any = short_crank_and_long_coupler().limits()
+    shown, figure = limits._repr_html_(), limits.figure()
+    assert shown.startswith("<pre>")
+    assert "<svg" in shown
+    (axes,) = figure.axes
+    assert len(axes.patches) == len(limits.arcs) > 0
+    for arc, bar in zip(limits.arcs, axes.patches, strict=True):
+        assert (bar.get_x(), bar.get_width()) == pytest.approx((arc.start.q, arc.length))
+        assert f"{arc.start}" in said_in(figure)
+    turned = limits.figure(degrees=True).axes[0].patches[0]
+    assert turned.get_x() == pytest.approx(np.degrees(limits.arcs[0].start.q))
+    assert limits.plot(tmp_path / "arcs.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_modes_show_their_arcs_and_which_one_the_file_has() -> None:
+    modes: Any = short_crank_and_long_coupler().modes({"crank": 0.0})
+    assert "<svg" in modes._repr_html_()
+    figure = modes.figure()
+    (group,) = modes.groups
+    assert len(figure.axes[0].patches) == len(group.arcs)
+    assert "branch +1" in said_in(figure)
+    dots = [x for x in figure.axes[0].lines if x.get_marker() == "o" and len(x.get_xdata())]
+    chosen = [mode.arc for mode in group.samples[0] if mode.chosen]
+    assert [int(dot.get_ydata()[0]) for dot in dots] == chosen
+    without: Any = RUIZ.compile().modes({"crank": 0.0}, arcs=False)
+    assert "<svg" not in without._repr_html_()
+    with pytest.raises(bm.RequestError, match="no arc to draw"):
+        without.figure()
+
+
+def test_a_motion_shows_its_course_below_its_table() -> None:
+    fallen = RUIZ.compile().simulate("time=0.1", start={"crank": (0.0, 5.0)}, friction="none")
+    shown = fallen._repr_html_()
+    assert "<table" in shown
+    assert "coordinate of crank" in shown[shown.index("<svg") :]
+    assert "<svg" not in RUIZ.compile().run(samples=3)._repr_html_()
+
+
 # ---- names in an animation ----------------------------------------------------------------
 
 

@@ -87,7 +87,7 @@ def test_the_html_page_carries_every_frame(tmp_path):
     data = data_of(path.read_text("utf-8"))
     assert len(data["frames"]) == 72
     captions = [f["caption"] for f in data["frames"]]
-    assert captions[18].startswith("crank.q\u00a0= 90°; t\u00a0=\u00a00.157\u00a0s")
+    assert captions[18].startswith("crank.q\u00a0= 1.571\u00a0rad; t\u00a0=\u00a00.157\u00a0s")
     assert "weightlike 1000 N" in captions[0]
 
 
@@ -121,7 +121,7 @@ def test_a_name_cannot_break_out_of_the_page():
 
 def test_a_result_is_animated_at_its_own_samples():
     run = ruiz().run(at=[0.1, 0.4, 0.9], want=["crank.drive"])
-    data = data_of(animate(run).html)
+    data = data_of(animate(run, degrees=True).html)
     shown = [f["caption"].split(";")[0] for f in data["frames"]]
     assert shown == [f"crank.q\u00a0= {a}°" for a in ("5.73", "22.92", "51.57", "22.92")]
 

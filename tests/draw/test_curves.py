@@ -83,9 +83,9 @@ def test_a_mechanism_without_forces_shows_its_motion():
 
 def test_the_abscissa_is_the_drivers_coordinate_in_degrees_or_radians():
     result = ruiz().run(at=[0.0, 1.0, 2.0])
-    assert abscissa(result).words == "crank.q [°]"
-    assert abscissa(result).values == pytest.approx(np.degrees([0, 1, 2]))
-    assert abscissa(result, degrees=False).words == "crank.q [rad]"
+    assert abscissa(result, degrees=True).words == "crank.q [°]"
+    assert abscissa(result, degrees=True).values == pytest.approx(np.degrees([0, 1, 2]))
+    assert abscissa(result).words == "crank.q [rad]"
     assert abscissa(toggle().run(samples=3)).words == "ram.q [m]"
 
 

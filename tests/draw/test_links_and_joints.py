@@ -29,7 +29,7 @@ def test_a_mechanism_has_the_names_of_its_joints_and_links(crank):
     shown = words(picture.labels)
     assert {"O", "A", "B", "S", "crank", "rod", "piston", "q"} <= shown
     captions = [t.get_text() for t in picture.figure.texts if t.get_label() == "caption"]
-    assert captions[0].startswith("driver.motor.q\u00a0= 28.65°")
+    assert captions[0].startswith("driver.motor.q\u00a0= 0.5\u00a0rad")
 
 
 def test_a_pin_of_three_links_has_one_name():

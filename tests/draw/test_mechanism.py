@@ -14,11 +14,13 @@ from matplotlib.colors import to_hex
 import blockmech as bm
 from blockmech.draw import draw, mechanism_svg, palette
 from blockmech.draw.labels import Crowd, Label
-from blockmech.draw.mechanism import Picture, draw_mechanism
-from blockmech.draw.motion import moves
+from blockmech.draw.mechanism import Picture, caption, draw_mechanism
+from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.paper import rendered, styled
 from blockmech.draw.shapes import Stage, load_ways
 from blockmech.draw.sketch import hull, sketch_of
+from blockmech.export import table
+from blockmech.told import DEGREES
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
 from tests.wiring import chain, ruiz, toggle, watt
 
@@ -99,7 +101,15 @@ def test_further_poses_are_faint():
     assert len(artists(picture, "link:")) == 3
     assert len(artists(picture, "faint:")) == 2 * 3
     texts = [t.get_text() for t in picture.figure.texts]
-    assert texts == ["crank.q\u00a0= 57.3° (faint: 114.6°, 171.9°)"]
+    assert texts == ["crank.q\u00a0= 1\u00a0rad (faint: 2\u00a0rad, 3\u00a0rad)"]
+
+
+@pytest.mark.parametrize(("degrees", "said"), [(DEGREES, "1\u00a0rad"), (True, "57.3°")])
+def test_pictures_and_text_say_angles_in_one_unit(degrees, said):
+    run = ruiz().run(at=[1.0])
+    assert caption(moves_of_result(run), [0], degrees).startswith(f"crank.q\u00a0= {said}")
+    unit = "deg" if degrees else "rad"
+    assert f"[{unit}]" in table(run, degrees)
 
 
 def test_a_slider_is_drawn_on_its_guide():

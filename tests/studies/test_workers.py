@@ -3,6 +3,8 @@
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -173,8 +175,6 @@ def test_workers_that_are_none_are_refused(fourbar, more, words):
 
 @pytest.mark.parametrize(("module", "extra"), [("pyarrow", "study"), ("distributed", "cluster")])
 def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, module, extra):
-    import sys
-
     monkeypatch.setitem(sys.modules, module, None)
     more = {"out": tmp_path} if module == "pyarrow" else {"client": object()}
     with pytest.raises(bm.MissingEngineError, match=rf"blockmech\[{extra}\]"):
@@ -185,3 +185,17 @@ def test_a_place_that_cannot_be_written_is_one_message(fourbar, tmp_path):
     (tmp_path / "file").write_text("here", encoding="utf-8")
     with pytest.raises(bm.RequestError, match="it is a file, not a directory"):
         fourbar.study(VARY, **REQUEST, out=tmp_path / "file")
+
+
+def test_a_script_without_a_guard_is_told_so(tmp_path):
+    lines = (
+        "import blockmech as bm",
+        f"mech = bm.Graph.load({str(GRAPHS / 'ruiz_fourbar.json')!r}).compile()",
+        "mech.study({'dyad.l_i': [6.0]}, want='max(crank.drive)', samples=3, workers=1)",
+    )
+    script = tmp_path / "script.py"
+    script.write_text("\n".join(lines), encoding="utf-8")
+    said = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
+    assert said.returncode == 1
+    assert "[workers-died] workers: the processes ended before" in said.stderr
+    assert 'ask below "if __name__ == ...", and see' in said.stderr

@@ -17,7 +17,7 @@ from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
 from blockmech.errors import Problem, RequestError, listed
-from blockmech.told import Told
+from blockmech.told import DEGREES, Told
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class Extremes(Told):
         """All local extremes inside the range, in the order of the cycle."""
         return self._main.turns
 
-    def text(self, degrees: bool = False) -> str:
+    def text(self, degrees: bool = DEGREES) -> str:
         """The extremes of each part, one a line."""
         return "\n".join(self._lines())
 

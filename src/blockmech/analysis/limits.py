@@ -31,7 +31,7 @@ from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.structure import Structure
 from blockmech.reach import shortfall
 from blockmech.series import DOUBLE_ROOT, SCANNED
-from blockmech.told import Told
+from blockmech.told import DEGREES, Told
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -145,7 +145,7 @@ class Limits(Told):
         word = "feasible arc" + ("s" if len(self.arcs) > 1 else "")
         return f"{word} of {name}: {', '.join(map(str, self.arcs))} {self.unit}"
 
-    def text(self, degrees: bool = False) -> str:
+    def text(self, degrees: bool = DEGREES) -> str:
         """The arcs, their ends and change points, one a line."""
         turned = degrees and self.unit == "rad"
         scale, unit = (180 / math.pi, "deg") if turned else (1.0, self.unit)

@@ -121,7 +121,8 @@ def _scales(
 ) -> dict[str, float]:
     """Output -> 1 for angles, else its largest magnitude, or of a tiny one that of its unit."""
     sizes = {n: _largest(_at(v, good)) for n, v in values.items()}
-    rates = [_largest(v) for name, v in reference.samples.inputs.items() if name[:3] == "qd_"]
+    inputs = reference.samples.inputs
+    rates = [_largest(inputs[name]) for name in inputs if name[:3] == "qd_"]
     by_unit = {"rad/s": max(rates, default=0.0)}
     for name, size in sizes.items():
         by_unit[reference.unit(name)] = max(by_unit.get(reference.unit(name), 0.0), size)

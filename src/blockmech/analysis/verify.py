@@ -22,7 +22,7 @@ from blockmech.model.structure import LinkRef
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.samples import Samples
-from blockmech.told import Told
+from blockmech.told import DEGREES, Told
 from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Precision
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class Verification(Told):
         """Whether every check holds and there was something to check."""
         return self.samples > 0 and all(r.ok for r in self.rows)
 
-    def text(self, degrees: bool = False) -> str:
+    def text(self, degrees: bool = DEGREES) -> str:
         """The checks, one a line."""
         width = max((len(r.name) for r in self.rows), default=4)
         lines = [f"{'check':<{width}}  error [-]  allowed [-]"]

@@ -24,6 +24,7 @@ from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar,
 from blockmech.errors import BlockmechError, FormatError, GraphError, Problem, RequestError, in_file
 from blockmech.mechanism import Mechanism
 from blockmech.testing.expectations import check_closing
+from blockmech.told import DEGREES
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:
@@ -101,7 +102,7 @@ def limits(
         list[str] | None,
         option("Where another driver is held; by default where its law begins.", "[DRIVER=]NUMBER"),
     ] = None,
-    deg: DegreesOfText = False,
+    deg: DegreesOfText = DEGREES,
     json: AsJson = False,
 ) -> None:
     """Find the arcs of each driver on which the mechanism closes."""
@@ -133,7 +134,7 @@ def modes(
         str | None, option("Along which arcs are sought; by default the only one.", "NAME")
     ] = None,
     no_arcs: Annotated[bool, switch("no-arcs", "Do not seek the arcs of each mode.")] = False,
-    deg: DegreesOfText = False,
+    deg: DegreesOfText = DEGREES,
     json: AsJson = False,
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""

@@ -9,9 +9,10 @@ import typer
 
 from blockmech.builders import compiled_of, opened
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.options import At, GraphFile, names_of
+from blockmech.cli.options import At, GraphFile, names_of, switch
 from blockmech.cli.terminal import progress_bar, reading, say
 from blockmech.files import refuse_spared
+from blockmech.told import DEGREES
 
 Picture = Annotated[
     str,
@@ -35,7 +36,12 @@ Want = Annotated[
 
 
 def draw(
-    file: GraphFile, picture: Picture, kind: Kind = None, at: At = None, want: Want = None
+    file: GraphFile,
+    picture: Picture,
+    kind: Kind = None,
+    at: At = None,
+    want: Want = None,
+    deg: Annotated[bool, switch("deg", "Angles in degrees in the picture.")] = DEGREES,
 ) -> None:
     """Draw the block diagram, the mechanism at poses, an animation, or a schedule of calls.
 
@@ -57,5 +63,5 @@ def draw(
         given = coordinates(subject, at or [])
     with progress_bar("drawing"):
         names = names_of(want) or ("*",)
-        path = drawn(subject, picture, kind, given, want=names)  # type: ignore[arg-type]
+        path = drawn(subject, picture, kind, given, want=names, degrees=deg)  # type: ignore[arg-type]
     say(f"wrote {path}")

@@ -30,6 +30,7 @@ from blockmech.export import gap_lines, leading
 from blockmech.failures import why_not, without_gaps
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
+from blockmech.told import DEGREES
 
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
@@ -57,7 +58,7 @@ def run(
     out: Out = None,
     csv: Csv = None,
     plot: Plot = None,
-    deg: Degrees = False,
+    deg: Degrees = DEGREES,
     separator: Separator = ",",
     decimal: Decimal = ".",
     explain: Explain = False,

@@ -26,6 +26,7 @@ from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, reading
 from blockmech.export import gap_lines
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
+from blockmech.told import DEGREES
 
 Until = Annotated[
     str | None,
@@ -67,7 +68,7 @@ def simulate(
     out: Out = None,
     csv: Csv = None,
     plot: Plot = None,
-    deg: Degrees = False,
+    deg: Degrees = DEGREES,
     separator: Separator = ",",
     decimal: Decimal = ".",
     explain: Explain = False,

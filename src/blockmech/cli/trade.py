@@ -26,6 +26,7 @@ from blockmech.files import folder, refuse_spared, writing
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade import Trade
+    from blockmech.draw.trade import PlottedTrade
 
 Question = Annotated[str, option("run or simulate.", "QUESTION")]
 Wants = Annotated[
@@ -67,8 +68,8 @@ def trade(
     plot: Plot = None,
 ) -> None:
     """Measure speed against accuracy for this mechanism, and recommend a setting."""
-    from blockmech.analysis.trade import trade as traded
     from blockmech.draw.paper import suffix_of
+    from blockmech.draw.trade import trade as traded
 
     one_of(json=json, out=out is not None, plot=plot is not None)
     with reading(file):
@@ -97,7 +98,7 @@ def trade(
     given = {k: v for k, v in request.items() if v is not None}
     each = _seconds("--budget", budget) / len(wants)
     with progress_bar("measuring", still=True) as told:
-        found: list[Trade] = []
+        found: list[PlottedTrade] = []
         for names in wants:
             if not (found and _interrupted(found[-1])):
                 found.append(traded(mechanism, question, names, each, say=told, **given))  # type: ignore[arg-type]
@@ -118,14 +119,11 @@ def _interrupted(found: Trade) -> bool:
     return any(s.why == "interrupted" for s in found.skipped)
 
 
-def _written(found: Trade, out: str | None, plot: str | None) -> list[Path]:
+def _written(found: PlottedTrade, out: str | None, plot: str | None) -> list[Path]:
     """The files that are asked for, written: first the numbers, then the picture."""
-    from blockmech.draw.paper import plotted
-    from blockmech.draw.trade import trade_figure
-
     if out is None:
         with progress_bar("drawing"):
-            return [plotted(trade_figure, found, plot)] if plot is not None else []
+            return [found.plot(plot)] if plot is not None else []
     home = Path(out)
     csv, json, picture = (home / name for name in FILES)
     outdated = FILES if os.path.exists(json) else ()
@@ -138,7 +136,7 @@ def _written(found: Trade, out: str | None, plot: str | None) -> list[Path]:
         return [csv, json]
     try:
         with progress_bar("drawing"):
-            return [csv, json, plotted(trade_figure, found, picture)]
+            return [csv, json, found.plot(picture)]
     except KeyboardInterrupt:
         raise Interrupted(UNDRAWN) from None
 

@@ -27,6 +27,7 @@ from blockmech.files import folder as whole_folder
 from blockmech.model.graph import Graph
 from blockmech.result import Result
 from blockmech.runnable import Runnable
+from blockmech.told import DEGREES
 
 __all__ = [
     "Animation",
@@ -52,7 +53,7 @@ def draw(
     at: Any = None,
     *,
     trace: Iterable[str] | None = None,
-    degrees: bool = True,
+    degrees: bool = DEGREES,
     want: Iterable[str] | str = "*",
 ) -> Path:
     """Draw a graph, a linkage or a mechanism; the suffix of the path says the format.
@@ -117,7 +118,7 @@ def animate(
     frames: int = 72,
     seconds: float = 3.0,
     trace: Iterable[str] | None = None,
-    degrees: bool = True,
+    degrees: bool = DEGREES,
 ) -> Animation:
     """Animate a mechanism over the range of its laws of motion, or the samples of a run.
 
@@ -154,7 +155,7 @@ def animate(
 
 
 def run_pictures(
-    result: Result, folder: AnyPath, *, over: Axis = "auto", degrees: bool = True
+    result: Result, folder: AnyPath, *, over: Axis = "auto", degrees: bool = DEGREES
 ) -> list[Path]:
     """Write the pictures of a run: one for each kind of curve that it has.
 
@@ -185,7 +186,7 @@ def plot(
     names: Iterable[str] | None = None,
     *,
     over: Axis = "auto",
-    degrees: bool = True,
+    degrees: bool = DEGREES,
 ) -> Path:
     """Draw outputs of a run in one picture, one panel for each quantity.
 

@@ -29,6 +29,7 @@ from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.files import AnyPath, writing
 from blockmech.result import Result
+from blockmech.told import DEGREES
 
 MOVING = (".gif", ".html")
 NAMES = 12  # joints up to which all are named
@@ -50,7 +51,7 @@ class Animation:
         motion: Motion,
         seconds: float = 3.0,
         trace: Iterable[str] | None = None,
-        degrees: bool = True,
+        degrees: bool = DEGREES,
         every: int = 0,
     ) -> None:
         """Lay out the frames of a motion.

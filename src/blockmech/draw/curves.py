@@ -17,6 +17,7 @@ from blockmech.draw.panels import Abscissa, Array, Panel
 from blockmech.draw.paper import shown_name
 from blockmech.errors import Problem, RequestError
 from blockmech.result import Result
+from blockmech.told import DEGREES
 
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]
@@ -180,7 +181,7 @@ def _unwrapped(angle: Array) -> Array:
     return smooth
 
 
-def abscissa(result: Result, over: Axis = "auto", degrees: bool = True) -> Abscissa:
+def abscissa(result: Result, over: Axis = "auto", degrees: bool = DEGREES) -> Abscissa:
     """What the curves are drawn over: the only driver's coordinate, or time.
 
     A motion under loads is drawn over time: its driver may come back to the same place.

@@ -22,6 +22,7 @@ from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.structure import MarkerRef
+from blockmech.told import DEGREES
 
 SWEEP = 241  # samples of a path
 PATHS = 8  # that are drawn if none are named
@@ -49,7 +50,7 @@ class Picture:
 
 
 def draw_mechanism(
-    mechanism: Compiled, at: Any = None, trace: Iterable[str] | None = None, degrees: bool = True
+    mechanism: Compiled, at: Any = None, trace: Iterable[str] | None = None, degrees: bool = DEGREES
 ) -> Picture:
     """Draw a mechanism at poses: the first in full, the others faintly.
 
@@ -119,7 +120,7 @@ def _poses(motion: Motion, named: bool) -> list[int]:
 # -- captions ------------------------------------------------------------------------------
 
 
-def caption(motion: Motion, shown: Sequence[int], degrees: bool = True) -> str:
+def caption(motion: Motion, shown: Sequence[int], degrees: bool = DEGREES) -> str:
     """Driver coordinates of the poses, the main one first, and gravity."""
     parts = []
     for driver, q in motion.q.items():
@@ -133,16 +134,17 @@ def caption(motion: Motion, shown: Sequence[int], degrees: bool = True) -> str:
         parts.append(f"{shown_name(name)}\u00a0= {values[0]}{faint}")
     g = motion.mechanism.scene.gravity.z
     if g:
-        parts.append(f"gravity {abs(g):.4g}\u00a0m/s² {_pointing(g)}")
+        parts.append(f"gravity {abs(g):.4g}\u00a0m/s² {_pointing(g, degrees)}")
     return "; ".join(parts)
 
 
-def _pointing(g: complex) -> str:
+def _pointing(g: complex, degrees: bool) -> str:
     """A direction as an arrow, or as an angle if none fits."""
-    eighths = math.degrees(cmath.phase(g)) / 45
+    angle = cmath.phase(g)
+    eighths = math.degrees(angle) / 45
     if math.isclose(eighths, round(eighths)):
         return "→↗↑↖←↙↓↘"[round(eighths) % 8]
-    return f"at {math.degrees(cmath.phase(g)):.4g}°"
+    return f"at {math.degrees(angle):.4g}°" if degrees else f"at {angle:.4g}\u00a0rad"
 
 
 # -- paths of markers ----------------------------------------------------------------------

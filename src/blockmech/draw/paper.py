@@ -11,7 +11,7 @@ import contextlib
 import io
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -161,9 +161,3 @@ def suffix_of(path: AnyPath, what: str = "a plot", valid: Sequence[str] = STILL)
         known = f"suffixes for {what}: {listed(valid)}"
         raise RequestError(Problem("unknown-suffix", str(path), found, known, "choose one of them"))
     return suffix
-
-
-def plotted(figure: Callable[[Any], Any], found: Any, path: AnyPath) -> Path:
-    """Write the picture of an answer; a suffix that is not valid is refused before it is drawn."""
-    suffix = suffix_of(path)
-    return write_figure(figure(found), path, suffix)

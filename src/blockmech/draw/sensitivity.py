@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import Any
 
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import (
     new_figure,
-    plotted,
     scaled_unit,
     shown_name,
     styled,
     wrapped,
 )
+from blockmech.draw.pictured import Pictured
 from blockmech.runnable import giving
 from blockmech.studies.differentiate import sensitivity as derived
 from blockmech.studies.sensitivity import SHOWN, Effect, Sensitivity
@@ -23,12 +21,12 @@ PANELS = 6  # outputs that one picture can hold
 THICK = 0.62  # of a row: a bar
 
 
-class PlottedSensitivity(Sensitivity):
+class PlottedSensitivity(Pictured, Sensitivity):
     """Sensitivities with their picture."""
 
-    def plot(self, path: str | os.PathLike[str]) -> Path:
-        """Draw the ranked bars of the first outputs (png, svg or pdf)."""
-        return plotted(sensitivity_figure, self, path)
+    def figure(self) -> Any:
+        """The ranked bars of the first outputs."""
+        return sensitivity_figure(self)
 
 
 sensitivity = giving(PlottedSensitivity, derived)

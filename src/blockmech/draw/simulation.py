@@ -9,6 +9,7 @@ Sources: [D14] Durango et al. 2014, Figs. 6 and 7.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,19 @@ from blockmech.draw.animation import FRICTION_POWER, Animation
 from blockmech.draw.curves import Panels, by_unit, friction_panels, reaction_panels, values
 from blockmech.draw.motion import moves_of_result
 from blockmech.draw.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
-from blockmech.draw.paper import legend_above, new_figure, shown_name, styled, write_figure
+from blockmech.draw.paper import (
+    legend_above,
+    new_figure,
+    rendered,
+    shown_name,
+    styled,
+    write_figure,
+)
 from blockmech.dynamics.along import result_along
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.result import Result
+from blockmech.told import DEGREES
 
 CURVE = 721  # times of a curve
 FRAME = 0.04  # [s] on the screen
@@ -32,7 +41,15 @@ MARKED = ("rest", "joint reverses")  # events of a motion with friction
 ENERGIES = ("mechanism.kinetic_energy", "mechanism.potential_energy")
 
 
-def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True) -> list[Path]:
+def motion_svg(result: Result) -> str:
+    """Coordinate and rate of each driver over time as SVG text; "" of a motion of no duration."""
+    if not result.motion.t_end > result.motion.t_start:
+        return ""
+    fine, over = _smooth(result, ())
+    return rendered(draw_panels(state_panels(fine), over), ".svg").decode()
+
+
+def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = DEGREES) -> list[Path]:
     """Draw a simulation into a folder.
 
     ``motion.png`` (coordinate, rate and reactions over time), ``energy.png``,
@@ -55,12 +72,7 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True
         return []
     friction = result.settings["friction"] != "none"
     ends = (".reaction", *ENERGIES, *(".friction_power",) * friction)
-    names = [mechanism.of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
-    names += [n for n in mechanism.outputs if n.endswith(ends)]
-    t = motion.times(CURVE)
-    fine = result_along(mechanism, motion, t, names)
-    marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)
-    over = Abscissa("time [s]", t, events=marked)
+    fine, over = _smooth(result, [n for n in mechanism.outputs if n.endswith(ends)])
     panels = {
         "motion.png": motion_panels(fine, degrees),
         "energy.png": energy_panels(fine),
@@ -77,15 +89,30 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = True
     return [Path(folder) / name for name in (*figures, "animation.gif", "animation.html")]
 
 
-def motion_panels(result: Result, degrees: bool = True) -> Panels:
+def _smooth(result: Result, names: Iterable[str]) -> tuple[Result, Abscissa]:
+    """Coordinates, rates and further outputs at times of a picture's own, and these times."""
+    motion, mechanism = result.motion, result.mechanism
+    states = [mechanism.of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
+    t = motion.times(CURVE)
+    marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)
+    fine = result_along(mechanism, motion, t, [*states, *names])
+    return fine, Abscissa("time [s]", t, events=marked)
+
+
+def motion_panels(result: Result, degrees: bool = DEGREES) -> Panels:
     """Coordinate and rate of each driver and the reactions' magnitudes ([D14] Fig. 6)."""
+    return (*state_panels(result, degrees), *reaction_panels(result, None))
+
+
+def state_panels(result: Result, degrees: bool = DEGREES) -> Panels:
+    """Coordinate and rate of each driver."""
     panels = []
     for what, quantity in (("q", "coordinate"), ("rate", "rate")):
         for unit, curves in by_unit(result, what, degrees).items():
             (first, y), *others = curves.items()
             alone = Panel(f"{quantity} of {shown_name(first)}", unit, {"": y})
             panels.append(Panel(quantity, unit, curves) if others else alone)
-    return (*panels, *reaction_panels(result, None))
+    return tuple(panels)
 
 
 def energy_panels(result: Result) -> Panels:
@@ -96,7 +123,7 @@ def energy_panels(result: Result) -> Panels:
     return (Panel("energy", "J", {"kinetic": T, "potential": V, "total": T + V}),)
 
 
-def phase_plots(result: Result, degrees: bool = True) -> dict[str, Any]:
+def phase_plots(result: Result, degrees: bool = DEGREES) -> dict[str, Any]:
     """Figures by file: rates over coordinates, start and end marked.
 
     Drivers that turn share one, those that slide another.

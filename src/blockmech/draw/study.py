@@ -6,9 +6,7 @@ scatter, hatched in a map.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,13 +14,13 @@ import numpy as np
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import (
     new_figure,
-    plotted,
     scaled_unit,
     shown_name,
     styled,
     text_width,
     wrapped,
 )
+from blockmech.draw.pictured import Pictured
 from blockmech.errors import Problem, RequestError
 from blockmech.export import Column
 from blockmech.runnable import giving
@@ -37,15 +35,15 @@ ENDS = (2, 98)  # percent of the designs that the colours of a map are spread ov
 FOOT = 0.03  # of a panel's height: where designs without an answer are marked
 
 
-class PlottedStudy(Study):
+class PlottedStudy(Pictured, Study):
     """A study with its picture."""
 
-    def plot(self, path: str | os.PathLike[str]) -> Path:
-        """Draw the study (png, svg or pdf): curves, maps, or a matrix of scatter.
+    def figure(self) -> Any:
+        """The study: curves, maps, or a matrix of scatter.
 
-        Raises `RequestError` for another suffix, or where there is nothing to draw.
+        Raises `RequestError` where there is nothing to draw.
         """
-        return plotted(study_figure, self, path)
+        return study_figure(self)
 
 
 study = giving(PlottedStudy, studied)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +11,12 @@ from blockmech.draw.curves import abscissa, values
 from blockmech.draw.paper import (
     legend_above,
     new_figure,
-    plotted,
     scaled_unit,
     shown_name,
     styled,
     wrapped,
 )
+from blockmech.draw.pictured import Pictured
 from blockmech.runnable import giving
 from blockmech.studies.tolerance import Tolerance
 from blockmech.studies.tolerance import tolerance as found_of
@@ -28,12 +26,12 @@ OUTPUTS, NUMBERS = 3, 5  # that one picture can hold
 BAND = 3.0  # standard deviations: 99.7 % of a normal distribution
 
 
-class PlottedTolerance(Tolerance):
+class PlottedTolerance(Pictured, Tolerance):
     """A tolerance with its picture."""
 
-    def plot(self, path: str | os.PathLike[str]) -> Path:
-        """Draw the first outputs with their bands and deviations (png, svg or pdf)."""
-        return plotted(tolerance_figure, self, path)
+    def figure(self) -> Any:
+        """The first outputs with their bands and deviations."""
+        return tolerance_figure(self)
 
 
 tolerance = giving(PlottedTolerance, found_of)

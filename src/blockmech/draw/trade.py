@@ -7,8 +7,6 @@ reference hatched. Above the cost in seconds, below in kernel evaluations.
 from __future__ import annotations
 
 import math
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.trade import Trade
@@ -17,11 +15,11 @@ from blockmech.draw import palette as ink
 from blockmech.draw.paper import (
     legend_above,
     new_figure,
-    plotted,
     shown_name,
     styled,
     wrapped,
 )
+from blockmech.draw.pictured import Pictured
 from blockmech.runnable import giving
 
 if TYPE_CHECKING:
@@ -36,12 +34,12 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 COSTS = {"seconds": "time of one run [s]", "evaluations": "kernel evaluations [–]"}
 
 
-class PlottedTrade(Trade):
+class PlottedTrade(Pictured, Trade):
     """A trade with its picture."""
 
-    def plot(self, path: str | os.PathLike[str]) -> Path:
-        """Draw the work-precision diagram (png, svg or pdf)."""
-        return plotted(trade_figure, self, path)
+    def figure(self) -> Any:
+        """The work-precision diagram."""
+        return trade_figure(self)
 
 
 trade = giving(PlottedTrade, measured)

@@ -81,11 +81,12 @@ def with_rounding(system: System, motion: Motion, target: float | None) -> Motio
     rounding of a usual one.
     """
     if motion.error < math.inf and motion.t_end > motion.t_start:
-        q, qd = (float(np.abs(x).max()) for x in motion.at(motion.times(COMPARED)))
-        start, share = motion.at(motion.t_start), ROUNDING + system.noise
-        if len(system.drivers) == 1 and start.qd:
-            J = float(system.sample(start.q).J)
-            share *= max(1.0, typical_inertia(system, float(start.q)) / J) if J > 0 else 1.0
+        states = motion.at(motion.times(COMPARED))
+        q, qd = (float(np.abs(x).max()) for x in states)
+        share = ROUNDING + system.noise
+        if len(system.drivers) == 1 and states.qd[0]:
+            J = float(system.sample(states.q[:1]).J[0])
+            share *= max(1.0, typical_inertia(system, float(states.q[0])) / J) if J > 0 else 1.0
         late = share * max(abs(motion.t_end), motion.t_end - motion.t_start)
         unsure = motion.time_error + (0.0 if motion.end == "time" else late)
         error = motion.error + ROUNDING * q + late * qd

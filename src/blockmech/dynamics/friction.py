@@ -315,7 +315,7 @@ class JointFriction:
         """
         here, beyond, vanishes = self._beyond(q, direction)
         at = np.where(vanishes, beyond, here)
-        return tuple(int(x) for x in direction * np.sign(at))
+        return tuple(int(x) for x in direction * np.sign(np.nan_to_num(at)))  # NaN: no pose
 
     def reversing(self, q: float) -> list[int]:
         """Pairs whose slip vanishes at q, as far as the next place tells."""

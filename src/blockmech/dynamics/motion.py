@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from blockmech.series import SCANNED
-from blockmech.told import Told
+from blockmech.told import DEGREES, Told
 
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
@@ -143,7 +143,7 @@ class Motion(Told):
         """Whether the error estimate is within the target (True if there is none)."""
         return self.accuracy is None or self.error <= self.accuracy
 
-    def text(self, degrees: bool = False) -> str:
+    def text(self, degrees: bool = DEGREES) -> str:
         """What ended it, method, error and figures, one a line."""
         return "\n".join(self.summary())
 

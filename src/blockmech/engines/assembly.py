@@ -21,6 +21,7 @@ import struct
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from blockmech.engines import lapack
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, is_truth, needed
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
@@ -77,6 +78,10 @@ class Text:
             "i64 %n, i64 %slots, i64 %designs) {",
             "start:",
         ]
+        systems = [node for node in nodes if node.op == "system"]
+        for node in systems:  # not in a loop, where they would be made again and again
+            count = len(node.args) - 2
+            lines += [f"{self._name(node)} = alloca [{count} x {self.reals}], align 64"]
         for k in range(inputs):
             lines += [
                 f"%x{k}.at = getelementptr ptr, ptr %x, i64 {k}",
@@ -118,7 +123,8 @@ class Text:
             "ret void",
             "}",
         ]
-        return "\n".join([*self.head, *lines]) + "\n"
+        head = [*self.head, *([lapack.text(self.lanes)] if systems else [])]
+        return "\n".join([*head, *lines]) + "\n"
 
     def _stored(self, row: int, node: Node) -> list[str]:
         lines, name = [], self._name(node)
@@ -199,6 +205,14 @@ class Text:
         op, me = node.op, self._name(node)
         if op in ("input", "parameter"):
             return self._loaded(node)
+        if op == "system":
+            return list(self._system(node))
+        if op == "part":
+            return [
+                f"{me}.at = getelementptr {self.reals}, ptr {self._name(node.args[0])}, "
+                f"i64 {node.args[1]}",
+                f"{me} = load {self.reals}, ptr {me}.at",
+            ]
         if op in ("piece", "entry", "atan2"):
             return list(self._by_lane(node))
         truth = op in ("&", "|")
@@ -220,6 +234,14 @@ class Text:
         if op == "neg":
             return [f"{me} = fneg {self.reals} {args[0]}"]
         return [f"{me} = call {self.reals} @{CALLS[op]}.v{self.lanes}f64({self.reals} {args[0]})"]
+
+    def _system(self, node: Node) -> Iterator[str]:
+        """The entries of a system, and the routine that works on them."""
+        me, (name, n, *entries) = self._name(node), node.args
+        for k, x in enumerate(entries):
+            yield f"{me}.{k} = getelementptr {self.reals}, ptr {me}, i64 {k}"
+            yield f"store {self.reals} {self._name(x)}, ptr {me}.{k}"
+        yield f"call void @{name}(ptr {me}, i32 {n})"
 
     def _loaded(self, node: Node) -> list[str]:
         """An input of each lane, or a parameter in all of them."""

@@ -6,7 +6,9 @@ that of the scalar engine operation by operation, and sine, cosine and atan2 are
 library's, so the two say the same to the last bit.
 
 Samples that need an algorithm of their own are flagged by the loop and done again by the
-scalar engine. Programs that are more than flat arithmetic are declined: `Untraceable`.
+scalar engine. What is no kernel (a group followed from its home, a user's function) is asked
+beforehand, if inputs alone say it: its answers are inputs. Programs that are more than flat
+arithmetic are declined: `Untraceable`.
 """
 
 from __future__ import annotations
@@ -21,10 +23,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.engines import assembly
+from blockmech.engines import assembly, lapack
 from blockmech.engines.assembly import LANES
 from blockmech.engines.nodes import Node, Untraceable
-from blockmech.engines.numpy import Planar, leaves
+from blockmech.engines.numpy import CHUNK, Planar, leaves
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.trace import Trace, filled, numbers
 from blockmech.errors import MissingEngineError, Problem
@@ -56,13 +58,14 @@ class LlvmEngine:
         rows = list(dict.fromkeys([*wanted, *([] if flag is None else [flag])]))
         self._row = {node: row for row, node in enumerate(rows)}
         self._flag = flag
-        text = assembly.Text().fill(len(program.inputs), rows)
+        self._asked, self._inputs = trace.asked, len(program.inputs) + trace.answers
+        text = assembly.Text().fill(self._inputs, rows)
         self._fill = machine_code(text, "fill", FILL).function
         self._numbers = np.array([*numbers(program.parameters.values()), 0.0])  # never empty
         self._parameters = self._numbers.ctypes.data
         self._scalar = ScalarEngine(program)
-        self._room = ctypes.c_double * (LANES * (len(program.inputs) + len(rows)))
-        self._places = ctypes.c_void_p * (len(program.inputs) + 1)  # never empty
+        self._room = ctypes.c_double * (LANES * (self._inputs + len(rows)))
+        self._places = ctypes.c_void_p * (self._inputs + 1)  # never empty
         self._read_one = eval(f"lambda x, row: {self._text(trace.values)}")
 
     def _text(self, value: Any) -> str:
@@ -78,6 +81,7 @@ class LlvmEngine:
     def one(self, inputs: Sequence[float]) -> tuple[Any, ...]:
         """Values of one sample: float or complex each, NaN or infinite where impossible."""
         room = self._room()  # inputs, then rows; the other lanes compute with zeros, for nobody
+        given, inputs = inputs, self._answered(inputs) if self._asked else inputs
         k = LANES * len(inputs)
         room[0:k:LANES] = list(inputs)
         first = ctypes.addressof(room)
@@ -85,8 +89,27 @@ class LlvmEngine:
         self._fill(places, self._parameters, first + LINE * len(inputs), LANES, LANES, 0, 1)
         row = room[k::LANES]
         if self._flag is not None and row[self._row[self._flag]]:
-            return self._scalar.one(inputs)
+            return self._scalar.one(given)
         found: tuple[Any, ...] = self._read_one(inputs, row)
+        return found
+
+    def _columns(self, inputs: Sequence[Any], n: int) -> list[Array]:
+        """Columns (n,) of the inputs and of what is asked of them, which comes chunk by chunk."""
+        given = [np.ascontiguousarray(x, np.float64) for x in inputs]
+        if not self._asked:
+            return given
+        whole = [np.broadcast_to(x, n) for x in given]
+        parts = [
+            self._answered([x[i : i + CHUNK] for x in whole]) for i in range(0, max(n, 1), CHUNK)
+        ]
+        return [np.concatenate(column) for column in zip(*parts, strict=True)]
+
+    def _answered(self, inputs: Sequence[Any]) -> list[Any]:
+        """Inputs, numbers or columns, and behind them what functions that are no kernels say."""
+        found = [*inputs]
+        for function, places in self._asked:
+            places_of = iter([inputs[k] for k in numbers(places)]).__next__
+            found += numbers([function(*filled(places, places_of))])
         return found
 
     def run(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
@@ -94,7 +117,7 @@ class LlvmEngine:
         them for more."""
         if n == 1:
             return self.one([float(inputs[x][0]) for x in self.program.inputs])
-        columns = [np.ascontiguousarray(inputs[x], np.float64) for x in self.program.inputs]
+        columns = self._columns([inputs[x] for x in self.program.inputs], n)
         out = self._samples(columns, n)
         if self._flag is not None:
             self._again(self._scalar, columns, out, np.flatnonzero(out[self._row[self._flag], :n]))
@@ -119,8 +142,8 @@ class LlvmEngine:
         slots = np.empty((m, len(rows)))
         for k, x in enumerate(rows):
             slots[:, k] = x if np.size(x) == 1 else np.ravel(x)
-        given = [np.asarray(inputs[x], np.float64) for x in self.program.inputs]
-        n = max((c.size for c in given), default=1)
+        n = max((np.size(inputs[x]) for x in self.program.inputs), default=1)
+        given = self._columns([inputs[x] for x in self.program.inputs], n)
         blocks = -(-n // LANES)
         columns = [_whole_blocks(c) for c in given]
         out = np.empty((max(1, len(self._row)), m, blocks * LANES))
@@ -189,7 +212,7 @@ class LlvmEngine:
     ) -> None:
         """Flagged samples by the scalar engine."""
         for i in samples.tolist():
-            found = scalar.one([float(c[i]) for c in columns])
+            found = scalar.one([float(c[i]) for c in columns[: len(self.program.inputs)]])
             for node, x in zip(leaves(self.values), numbers(found), strict=True):
                 if isinstance(node, Node) and node.op != "input":
                     out[self._row[node], i] = x
@@ -255,6 +278,8 @@ def machine_code(text: str, name: str, kind: Any) -> Code:
     if text.count("\n") > LONGEST:
         raise Untraceable(f"it has more than {LONGEST} operations")
     llvm = _package()
+    if "@dgesv" in text:
+        lapack.link(llvm)
     target = llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),

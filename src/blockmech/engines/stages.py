@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from blockmech.engines.assembly import Text
 from blockmech.engines.llvm import FILL, machine_code
-from blockmech.engines.trace import Body, Trace, numbers
+from blockmech.engines.nodes import Untraceable
+from blockmech.engines.trace import FOLLOWED, Body, Trace, numbers
 from blockmech.plan import Program
 
 Floats = NDArray[np.float64]
@@ -98,6 +99,8 @@ class Rates:
         `MissingEngineError` without llvmlite."""
         self.dimension, self.inputs = dimension, dimension + 1 + more
         trace = Trace(program, body, self.inputs)
+        if trace.asked:
+            raise Untraceable(FOLLOWED)
         self.rows: list[Any] = [*trace.values, *([] if trace.flag is None else [trace.flag])]
         self.flagged = trace.flag is not None
         text = Text(1).fill(self.inputs, self.rows)

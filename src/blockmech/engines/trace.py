@@ -13,12 +13,15 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
 from types import FunctionType
-from typing import Any, NoReturn
+from typing import Any, NamedTuple
 
 from blockmech.engines.binding import bind
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, Untraceable
 from blockmech.engines.numpy import Planar, imul, leaves, mul
+from blockmech.engines.numpy import each as each_of
 from blockmech.plan import Program
 from blockmech.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
 
@@ -27,12 +30,31 @@ Body = Callable[..., tuple[Any, ...]]
 FOLLOWED = "it follows a group without closed form from its home"
 
 
+class Asked(NamedTuple):
+    """A function that is no kernel, and its arguments: places among the inputs."""
+
+    function: Callable[..., Any]
+    places: tuple[Any, ...]
+
+
+class _Foreign:
+    """Stands for a function that is no kernel while a program is traced."""
+
+    def __init__(self, name: str, answer: Callable[..., Any]) -> None:
+        self.__name__, self.answer = name, answer
+
+    def __call__(self, *given: Any) -> Any:
+        """What it says of nodes."""
+        return self.answer(*given)
+
+
 class Trace:
     """A program in flat operations.
 
     Attributes
     ----------
     nodes : all operations, each after those that it is made of
+    asked : functions of inputs alone, whose answers are more inputs, in order
     values : what the program returns, nodes in the place of batches
     flags : conditions under which a sample needs an algorithm of its own
     """
@@ -42,8 +64,7 @@ class Trace:
 
         Raises `Untraceable` where the program is more than flat arithmetic.
         """
-        if not all(isinstance(f, FunctionType | type) for f in program.functions.values()):
-            raise Untraceable(FOLLOWED)
+        self.asked: list[Asked] = []
         self.nodes: list[Node] = []
         self.loops: list[Loop] = []
         self.flags: list[Any] = []
@@ -57,7 +78,9 @@ class Trace:
             return self._leaf("parameter", next(count), PARAMETER)
 
         slots = tuple(filled(value, slot) for value in program.parameters.values())
-        bound = bind(program, PRIMITIVES, CONSTANTS)
+        self._inputs = self._given = len(leafs)
+        functions = {name: self._bindable(f) for name, f in program.functions.items()}
+        bound = bind(replace(program, functions=functions), PRIMITIVES, CONSTANTS)
 
         def run(*x: Any) -> tuple[Any, ...]:
             return bound(*x, slots)
@@ -79,6 +102,39 @@ class Trace:
             scope = max((x.scope for x in args if isinstance(x, Node)), default=PARAMETER)
             self._made[key] = Node(self, op, args, scope)
         return self._made[key]
+
+    @property
+    def answers(self) -> int:
+        """Number of inputs that are answers."""
+        return self._inputs - self._given
+
+    def _bindable(self, function: Any) -> Any:
+        """A kernel, or what stands for a function that is none."""
+        if isinstance(function, FunctionType | type):
+            return function
+
+        def answer(*given: Any) -> Any:
+            zeros = filled(given, float)
+            return self.answer(function, given, function(*zeros))
+
+        return _Foreign(function.__name__, answer)
+
+    def answer(self, function: Any, given: tuple[Any, ...], like: Any) -> Any:
+        """What a function of inputs alone says: inputs of their own, worked out beforehand.
+
+        ``like`` is an answer of it, which tells of what parts it is made.
+        """
+        asked = leaves(given)
+        if not all(isinstance(x, Node) and x.op == "input" for x in asked):
+            raise Untraceable("it asks a function of Python of what it computes")
+        places = iter([x.args[0] for x in asked]).__next__
+
+        def leaf() -> Node:
+            self._inputs += 1
+            return self._leaf("input", self._inputs - 1, SAMPLE)
+
+        self.asked.append(Asked(function, filled(given, places)))
+        return filled(like, leaf)
 
     def _leaf(self, op: str, index: int, scope: int) -> Node:
         return Node(self, op, (index,), scope)
@@ -213,19 +269,45 @@ def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
     return one(given, *data) if condition else given
 
 
-def each(function: Any, *x: Any) -> NoReturn:
-    """Refused: what it asks is no formula."""
-    raise Untraceable("it asks a function of Python sample by sample")
+def each(function: Any, *x: Any) -> Any:
+    """A function of Python: of inputs alone it is asked beforehand."""
+    trace = _trace_of(x)
+    return function(*x) if trace is None else trace.answer(partial(each_of, function), x, 0.0)
 
 
-def matrix(rows: Any) -> NoReturn:
-    """Refused: groups that are followed are solved by iteration."""
-    raise Untraceable(FOLLOWED)
+def matrix(rows: Any) -> Any:
+    """A matrix is its rows."""
+    return tuple(map(tuple, rows))
+
+
+def solve(a: Any, right: Any) -> Any:
+    """The columns of the matrix and the right side are one operation of many results."""
+    return solve_transposed(tuple(zip(*a, strict=True)), right)
+
+
+def solve_transposed(a: Any, right: Any) -> Any:
+    """See `blockmech.plane.solve_transposed`."""
+    entries = [x for row in a for x in row]
+    return _system("solve", [*entries, *right], len(a), range(len(entries), len(entries) + len(a)))
+
+
+def spread(a: Any) -> Any:
+    """See `blockmech.plane.spread`."""
+    return _system("spread", [x for column in zip(*a, strict=True) for x in column], len(a), [0])[0]
+
+
+def _system(name: str, entries: list[Any], n: int, places: Iterable[int]) -> tuple[Node, ...]:
+    """What LAPACK leaves at some places of the entries."""
+    trace = _trace_of(tuple(entries))
+    assert trace is not None  # pairs close at places of the sample
+    whole = trace.node("system", name, n, *entries)
+    return tuple(trace.node("part", whole, k) for k in places)
 
 
 PRIMITIVES: dict[str, Any] = {
-    **{f.__name__: f for f in (cross, dot, mul, imul, hyp, expi, angle, where, sign)},
-    **{f.__name__: f for f in (minimum, maximum, modulo, piecewise, repeat, repair, each, matrix)},
+    **{f.__name__: f for f in (cross, dot, mul, imul, hyp, expi, angle, where, sign, matrix)},
+    **{f.__name__: f for f in (minimum, maximum, modulo, piecewise, repeat, repair, each)},
+    **{f.__name__: f for f in (solve, solve_transposed, spread)},
     "sqrt": sqrt,
     "planar": Planar,
     "EPS": EPS,

@@ -15,6 +15,7 @@ import numpy as np
 from blockmech.export.columns import Column, Labelled, driver_columns, output_columns
 from blockmech.plan import Output
 from blockmech.quality import OK
+from blockmech.told import DEGREES
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -59,7 +60,7 @@ def leading(outputs: Mapping[str, Output]) -> tuple[str, ...]:
 
 
 def table(
-    result: Labelled, degrees: bool = False, width: int = WIDTH, of: Collection[str] = ()
+    result: Labelled, degrees: bool = DEGREES, width: int = WIDTH, of: Collection[str] = ()
 ) -> str:
     """A text table: drivers and the outputs that fit, units in the head, gaps named.
 
@@ -80,7 +81,7 @@ def table(
     )
 
 
-def html_table(result: Labelled, degrees: bool = False) -> str:
+def html_table(result: Labelled, degrees: bool = DEGREES) -> str:
     """The same table as HTML, for notebooks; every name is escaped."""
     shown = _select(result, degrees, WIDTH, tuple(result))
     status = result.quality.status
@@ -97,7 +98,7 @@ def html_table(result: Labelled, degrees: bool = False) -> str:
     return "\n".join(lines)
 
 
-def gap_lines(result: Labelled, degrees: bool = False) -> list[str]:
+def gap_lines(result: Labelled, degrees: bool = DEGREES) -> list[str]:
     """One line for neighbouring samples without an answer: why, how many, where."""
     quality = result.quality
     gaps = quality.gaps

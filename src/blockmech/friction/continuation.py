@@ -59,6 +59,7 @@ class Path(NamedTuple):
     steps: int
 
 
+@np.errstate(all="ignore")  # what is not finite has no solution
 def continue_from_zero(
     k: Sequence[float],
     edges: Sequence[bool],

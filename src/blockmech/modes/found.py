@@ -13,7 +13,7 @@ from pydantic_core import to_json
 
 from blockmech.analysis.scan import TINY
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.told import Told
+from blockmech.told import DEGREES, Told
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
@@ -147,7 +147,7 @@ class Modes(Told):
         told = "there is no such group"
         raise RequestError(Problem("bad-request", group, told, valid, close_match(group, names)))
 
-    def text(self, degrees: bool = False) -> str:
+    def text(self, degrees: bool = DEGREES) -> str:
         """The modes as lines of text."""
         return "\n".join(_lines(self, degrees))
 

@@ -59,7 +59,7 @@ class Runner:
 
     def part(self, n: int) -> int:
         """Designs handed out at a time: so many samples are work enough to start something."""
-        return self.size(n) * (COMPILED_FROM // CHUNK)
+        return self.size(n) * max(1, COMPILED_FROM // CHUNK)
 
     def prepared(self, count: int) -> _Planned:
         """The plan that serves all of so many designs, or that of the first one."""

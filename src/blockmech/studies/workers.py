@@ -145,7 +145,7 @@ def _deaf() -> None:
 
 def _died() -> RequestError:
     found = "the processes ended before they had done anything"
-    remedy = 'in a script, ask below "if __name__ == \\"__main__\\":", and see what they wrote'
+    remedy = 'in a script, ask below "if __name__ == ...", and see what the processes wrote'
     return RequestError(Problem("workers-died", "workers", found, "", remedy))
 
 
