@@ -108,8 +108,8 @@ _LATER = {  # loaded when they are first asked for
 
 
 def __getattr__(name: str) -> Any:
-    if name == "draw":
-        return import_module("blockmech.draw")
+    if name in ("draw", "studio"):
+        return import_module(f"blockmech.{name}")
     if name in _LATER:
         return getattr(import_module(_LATER[name]), name)
     raise AttributeError(f"module 'blockmech' has no attribute {name!r}")

@@ -15,7 +15,7 @@ from blockmech.errors import FormatError, GraphError, Problem, in_file
 from blockmech.model import graph
 from blockmech.model.document import read
 from blockmech.model.joints import decomposition, linkage
-from blockmech.model.reading import text_of
+from blockmech.model.reading import decoded, text_of
 from blockmech.runnable import Runnable
 
 if TYPE_CHECKING:
@@ -129,6 +129,12 @@ def opened(path: str | os.PathLike[str]) -> Opened:
     """
     kind: Callable[[dict[str, Any]], type[Opened]] = _kind
     return read(text_of(path), os.fspath(path), kind)
+
+
+def read_text(raw: bytes, name: str) -> Opened:
+    """The mechanism in the bytes of a file, by its name in messages. Raises like `opened`."""
+    kind: Callable[[dict[str, Any]], type[Opened]] = _kind
+    return read(decoded(raw, name), name, kind)
 
 
 def _kind(raw: dict[str, Any]) -> type[Opened]:

@@ -24,6 +24,7 @@ from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate
+from blockmech.cli.studio import studio
 from blockmech.cli.sweep import sweep
 from blockmech.cli.terminal import (
     DONE,
@@ -43,7 +44,7 @@ from blockmech.files import sparing
 
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade, sweep),
-    *(sensitivity, test, new, blocks, schema),
+    *(sensitivity, test, new, blocks, schema, studio),
 )
 
 FAULTY = "This is a fault of blockmech: please report it with these lines."

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-import blockmech
 from blockmech.cli.options import refused
 from blockmech.cli.terminal import say
 from blockmech.errors import close_match, listed
 from blockmech.files import writing
-from blockmech.testing.files import graphs_of
+from blockmech.testing.files import gallery
 
 
 def new(
@@ -38,14 +36,3 @@ def new(
     with writing(file) as stream:
         stream.write(graphs[name].read_bytes())
     say(f"wrote {file}")
-
-
-def gallery() -> dict[str, Path]:
-    """Mechanisms that come with the package, by name; of a folder ``"folder/name"``."""
-    package = Path(blockmech.__file__).parent
-    # A wheel carries the graphs inside the package, a checkout has them at its top.
-    for place in (package / "graphs", package.parents[1] / "graphs"):
-        if place.is_dir():
-            found = graphs_of(place)
-            return {path.relative_to(place).with_suffix("").as_posix(): path for path in found}
-    return {}

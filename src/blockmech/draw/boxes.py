@@ -136,7 +136,7 @@ def graph_of(mechanism: Compiled) -> Graph:
     return graph
 
 
-def content_of(graph: Graph, names: Names | None = None) -> Content:
+def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Content:
     """What the diagram of a graph shows; ``names`` are those of links and joints."""
     words = Words.of(names, graph)
     # An address that is none at all leaves a part empty.
@@ -149,9 +149,9 @@ def content_of(graph: Graph, names: Names | None = None) -> Content:
     else:
         s = graph.structure()
         subtitle = words.formula(s).replace("->", "→")
-    if len(shown) > MOST:  # of a valid graph in the order of formation
-        subtitle = f"first {MOST} of {len(shown)} blocks – {subtitle}"
-        shown = (shown if problems else [s.frame, *s.blocks, *s.elements])[:MOST]
+    if len(shown) > most:  # of a valid graph in the order of formation
+        subtitle = f"first {most} of {len(shown)} blocks – {subtitle}"
+        shown = (shown if problems else [s.frame, *s.blocks, *s.elements])[:most]
     drawn = [w for w in wires if w.source in shown and w.target in shown]
     fed = {(w.target, w.port) for w in wires}
     return Content(

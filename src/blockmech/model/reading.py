@@ -38,12 +38,24 @@ def text_of(path: str | os.PathLike[str]) -> str:
         raise FormatError(in_file([_not_opened(error)], shown)) from error
 
 
+def decoded(raw: bytes, shown: str) -> str:
+    """The text in the bytes of a file. Raises `FormatError` with file, line and column."""
+    try:
+        return _decoded(_of_size(raw))
+    except FormatError as error:
+        raise FormatError(in_file(error.problems, shown)) from error.__cause__
+
+
 def _bytes_of(path: Path) -> bytes:
     if path.is_dir():
         found, remedy = "it is a directory", "name a graph file in it"
         raise FormatError(Problem("not-a-file", "", found, "", remedy))
     with path.open("rb") as stream:
-        raw = stream.read(LARGEST + 1)
+        return _of_size(stream.read(LARGEST + 1))
+
+
+def _of_size(raw: bytes) -> bytes:
+    """Bytes that a graph file may have."""
     if len(raw) > LARGEST:
         found = f"too large: more than {LARGEST / 1e6:.0f} MB"
         valid, remedy = "a graph file is shorter", "check that it is a graph file"

@@ -34,6 +34,7 @@ from blockmech.result import Result
 from blockmech.studio.curves import CURVE, FONT, Plot, labels_of, margins_of, places_of
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.film import PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
+from blockmech.studio.session import heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
 from blockmech.studio.window import Window
@@ -102,7 +103,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._strip = pn.pane.Bokeh(sizing_mode="stretch_width")
         self._make_figure()
         self._make_controls()
-        sheet.param.watch(lambda *_: self.renew(), ["form", "mechanism"])
+        sheet.param.watch(heard(self.renew), ["form", "mechanism"])
         self.param.watch(lambda *_: self._draw(), ["show"])
         self.renew()
 

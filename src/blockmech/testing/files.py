@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import blockmech
+
 LEFT_OUT = ("broken", "legacy")
 """Folders of graphs that are wrong on purpose, or of old versions."""
 
@@ -19,3 +21,14 @@ def is_graph_of(folder: Path, file: Path) -> bool:
 def graphs_of(folder: Path) -> Iterator[Path]:
     """The graphs of a folder that are tested, in name order."""
     return (path for path in sorted(folder.rglob("*.json")) if is_graph_of(folder, path))
+
+
+def gallery() -> dict[str, Path]:
+    """Mechanisms that come with the package, by name; of a folder ``"folder/name"``."""
+    package = Path(blockmech.__file__).parent
+    # A wheel carries the graphs inside the package, a checkout has them at its top.
+    for place in (package / "graphs", package.parents[1] / "graphs"):
+        if place.is_dir():
+            found = graphs_of(place)
+            return {path.relative_to(place).with_suffix("").as_posix(): path for path in found}
+    return {}

@@ -1,0 +1,37 @@
+"""``blockmech studio``: wire blocks in the browser and see the mechanism move."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from blockmech.cli.terminal import say
+from blockmech.studio import needed
+
+
+def studio(
+    file: Annotated[
+        str | None, typer.Argument(metavar="[FILE]", help="A file of this folder.")
+    ] = None,
+    port: Annotated[int, typer.Option(help="Port; by default a free one.", min=0)] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address, open nothing.")
+    ] = False,
+) -> None:
+    """Open the studio in the browser: the gallery, or the sheet of FILE.
+
+    Only this machine is answered, and no file outside of the current folder is touched.
+    """
+    page = needed()
+
+    def told(address: str) -> None:
+        say(address)
+        if not no_browser:
+            webbrowser.open(address)
+
+    server = page.started(Path.cwd(), file, port, told)
+    say("Ctrl-C ends it")
+    server.io_loop.start()

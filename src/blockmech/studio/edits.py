@@ -1,0 +1,119 @@
+"""What can be done to the form of a block diagram: each edit gives a new form.
+
+A form is the plain data of a graph file. What an edit does not touch is shared with the
+form before it; whether the new form is sound, the sheet finds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from blockmech.blocks.registry import REGISTRY
+from blockmech.errors import GraphError
+from blockmech.model import checks
+from blockmech.model.schema import graph_schema
+from blockmech.studio.fields import starter
+
+Form = dict[str, Any]
+OF_DRIVERS = ("drive", "initial", "stops")  # sections of the scene, by driver
+
+
+def free_name(form: Form, kind: str) -> str:
+    """A name for a new block of a type that no block has: ``rrr``, ``rrr_2`` ..."""
+    word, taken = kind.rsplit(".", 1)[-1], form["blocks"]
+    names = (word if k == 1 else f"{word}_{k}" for k in range(1, len(taken) + 2))
+    return next(name for name in names if name not in taken)
+
+
+def added(form: Form, kind: str, name: str, at: tuple[float, float] | None = None) -> Form:
+    """With a new block, whose required values are the simplest that are valid."""
+    schema = graph_schema()
+    block = {"type": kind, **starter(schema, schema["$defs"][kind])}
+    return placed(with_block(form, name, block), {name: at} if at else {})
+
+
+def with_block(form: Form, name: str, block: Mapping[str, Any]) -> Form:
+    """With a block as given, new or in the place of the one of that name."""
+    return {**form, "blocks": {**form["blocks"], name: dict(block)}}
+
+
+def without(form: Form, blocks: Iterable[str], wires: Iterable[str] = ()) -> Form:
+    """Without some blocks, all that hangs on them, and some wires (``"a.B -> c.D"``)."""
+    gone, cut = set(blocks), set(wires)
+    kept = [
+        wire
+        for wire in form["wires"]
+        if not gone & {wire["from"].split(".")[0], wire["to"].split(".")[0]}
+        and wire_text(wire) not in cut
+    ]
+    left = {name: block for name, block in form["blocks"].items() if name not in gone}
+    made = {**form, "blocks": left, "wires": kept}
+    return _by_block(made, lambda name: None if name in gone else name)
+
+
+def renamed(form: Form, old: str, new: str) -> Form:
+    """With another name of a block, wherever the block is named.
+
+    Raises `GraphError` for a name that is taken or is none.
+    """
+    block = REGISTRY[form["blocks"][old]["type"]].model_construct()
+    problem = checks.name_problem(dict.fromkeys(form["blocks"], block), new, block)
+    if problem:
+        raise GraphError(problem)
+
+    def end(address: str) -> str:
+        name, dot, rest = address.partition(".")
+        return f"{new}{dot}{rest}" if name == old else address
+
+    blocks = {}
+    for name, raw in form["blocks"].items():
+        follows = raw.get("driver") == old and "driver" in raw
+        blocks[new if name == old else name] = {**raw, "driver": new} if follows else raw
+    wires = [{"from": end(wire["from"]), "to": end(wire["to"])} for wire in form["wires"]]
+    return _by_block(
+        {**form, "blocks": blocks, "wires": wires}, lambda name: new if name == old else name
+    )
+
+
+def duplicated(form: Form, names: Iterable[str]) -> Form:
+    """With a copy of each of some blocks, not wired."""
+    for name in names:
+        raw = form["blocks"][name]
+        form = with_block(form, free_name(form, f"copy.{name}"), raw)
+    return form
+
+
+def wired(form: Form, source: str, target: str) -> Form:
+    """With one more wire."""
+    return {**form, "wires": [*form["wires"], {"from": source, "to": target}]}
+
+
+def placed(form: Form, places: Mapping[str, tuple[float, float]]) -> Form:
+    """With places [pt] of some blocks on the canvas."""
+    at = {name: [round(x, 1), round(y, 1)] for name, (x, y) in places.items()}
+    return {**form, "view": {**form.get("view", {}), **at}} if at else form
+
+
+def laid_out(form: Form) -> Form:
+    """Without places, so that they follow from the wires."""
+    return {key: part for key, part in form.items() if key != "view"}
+
+
+def wire_text(wire: Mapping[str, str]) -> str:
+    """A wire as it is called."""
+    return f"{wire['from']} -> {wire['to']}"
+
+
+def _by_block(form: Form, rename: Any) -> Form:
+    """The sections that are keyed by a block or its driver, with other keys; None: without."""
+
+    def keyed(part: Mapping[str, Any]) -> dict[str, Any]:
+        return {new: item for old, item in part.items() if (new := rename(old)) is not None}
+
+    scene = form.get("scene", {})
+    scene = {key: keyed(part) if key in OF_DRIVERS else part for key, part in scene.items()}
+    made = {**form, "scene": {key: part for key, part in scene.items() if part != {}}}
+    if "view" in form:
+        made["view"] = keyed(form["view"])
+    return made

@@ -1,0 +1,103 @@
+"""Files of the studio: nothing outside of the folder it was started in is read or written."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+from pathlib import Path
+
+from blockmech.builders import Opened, opened
+from blockmech.errors import FormatError, Problem, RequestError
+from blockmech.model.reading import text_of
+from blockmech.studio.sheet import Sheet
+
+
+def inside(folder: Path, name: str | os.PathLike[str]) -> Path:
+    """The place that a name means in a folder, links followed.
+
+    Raises `RequestError` for a place that is not in it, and for what is no JSON file.
+    """
+    path = Path(os.path.realpath(folder / name)) if "\0" not in str(name) else Path()
+    if not path.is_relative_to(os.path.realpath(folder)):
+        remedy = "start the studio in the folder of the file"
+        found = "it is outside of the folder that the studio was started in"
+        raise RequestError(Problem("not-inside", str(name), found, "", remedy))
+    if path.suffix != ".json":
+        remedy = "end its name in .json"
+        raise RequestError(Problem("not-a-file", str(name), "it is no JSON file", "", remedy))
+    return path
+
+
+def files_of(folder: Path) -> list[str]:
+    """Names of the JSON files of a folder and those one below, as `read_into` takes them."""
+    found = [*folder.glob("*.json"), *folder.glob("[!.]*/*.json")]
+    return sorted(path.relative_to(folder).as_posix() for path in found)
+
+
+class Filed(Sheet):
+    """A sheet that knows its file as it was last read or written.
+
+    So a file that somebody else changed since is not overwritten without a word.
+    """
+
+    stamp = ""
+
+    def open(self, name: str) -> None:
+        """Show a file of the folder. Raises `FormatError`, `GraphError`, `RequestError`."""
+        path = inside(self.folder, name)
+        document = opened(path)
+        self.stamp = _stamp(path)
+        self.begin(document, path)
+
+    def save(self, name: str, replace: bool = False) -> None:
+        """Write the file as `Graph.save` does.
+
+        Raises `RequestError` for a place outside of the folder and, without ``replace``, for
+        a file that is not as this sheet knows it.
+        """
+        path = inside(self.folder, name)
+        known = self.stamp if path == self.path else ""
+        if not replace and _stamp(path) not in ("", known):
+            found = "the file is there, and is not the one on this sheet"
+            if path == self.path:
+                found = "the file was changed by somebody else since it was read"
+            remedy = "choose another name, or replace it"
+            raise RequestError(Problem("changed-file", path.name, found, "", remedy))
+        document: Opened = self.document
+        document.save(path)
+        self.stamp = _stamp(path)
+        self.keep(path)
+
+
+class Desk:
+    """The sheets that a server keeps, by name; that of a file goes by the file's."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+        self.sheets: dict[str, Filed] = {}
+
+    def put(self, document: Opened | None = None) -> str:
+        """A new sheet; its name."""
+        name = secrets.token_hex(4)
+        self.sheets[name] = Filed(document, self.folder)
+        return name
+
+    def open(self, file: str) -> str:
+        """The sheet of a file of the folder. Raises like `Filed.open`."""
+        for name, sheet in self.sheets.items():
+            if sheet.path is not None and sheet.path == (self.folder / file).resolve():
+                return name
+        sheet = Filed(None, self.folder)
+        sheet.open(file)
+        name = secrets.token_hex(4)
+        self.sheets[name] = sheet
+        return name
+
+
+def _stamp(path: Path) -> str:
+    """What tells one content of a file from another, "" for no file."""
+    try:
+        return hashlib.sha256(text_of(path).encode()).hexdigest()
+    except FormatError as error:
+        return "" if error.problems[0].code == "no-file" else "unreadable"

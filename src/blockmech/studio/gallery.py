@@ -1,0 +1,65 @@
+"""The first page: mechanisms of the gallery to start from, files of the folder, an upload."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+from urllib.parse import quote
+
+import panel as pn
+
+from blockmech.builders import Opened, opened, read_text
+from blockmech.draw.paper import rendered
+from blockmech.errors import BlockmechError
+from blockmech.studio.looks import CARDS, colours, dressed
+from blockmech.testing.files import gallery
+
+
+@cache
+def picture_of(name: str) -> bytes:
+    """The mechanism of a gallery graph as SVG."""
+    from blockmech.draw.mechanism import draw_mechanism
+
+    mechanism = opened(gallery()[name]).compile()
+    return rendered(draw_mechanism(mechanism).figure, ".svg")
+
+
+def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, dark: bool) -> Any:
+    """The page; ``names`` are files of the folder, ``put`` makes a sheet and gives its name."""
+    theme = "&amp;theme=dark" if dark else ""
+    cards = "".join(
+        f'<a class=card href="?example={quote(name)}{theme}">'
+        f'<img loading=lazy alt="" src="picture/{quote(name)}.svg"><b>{html.escape(name)}</b></a>'
+        for name in gallery()
+        if "/" not in name
+    )
+    files = "".join(
+        f'<li><a href="?open={quote(name)}{theme}">{html.escape(name)}</a></li>' for name in names
+    )
+    upload = pn.widgets.FileInput(accept=".json", name="Upload a file")
+    line = pn.pane.HTML(_alert(said))
+
+    def take(event: Any) -> None:
+        try:
+            name = put(read_text(event.new, upload.filename))
+        except BlockmechError as error:
+            line.object = _alert(str(error))
+            return
+        line.object = f'<p>read: <a href="?sheet={name}{theme}">open the sheet</a></p>'
+
+    upload.param.watch(take, "value")
+    head = f'<h1>blockmech studio</h1><p><a href="?new{theme}">Empty sheet</a></p>'
+    pn.config.raw_css = [colours(dark)]
+    here = f"<h2>In this folder</h2><ul class=files>{files}</ul>" if files else ""
+    shown = f"{CARDS}<h2>Gallery</h2><div class=cards>{cards}</div>"
+    parts = (head, line, upload, here, shown)
+    made = [
+        pn.pane.HTML(p, sizing_mode="stretch_width") if isinstance(p, str) else p for p in parts
+    ]
+    return dressed(pn.Column(*made, sizing_mode="stretch_width"))
+
+
+def _alert(said: str) -> str:
+    return f"<p role=alert>{html.escape(said)}</p>" if said else ""

@@ -1,0 +1,103 @@
+"""Colours and style of the page: those of the pictures, light and dark."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+from panel_reactflow import ReactFlow
+
+from blockmech.draw import palette as ink
+
+LIGHT = f"""
+--bm-paper: {ink.PAPER}; --bm-ink: {ink.INK}; --bm-grey: #595959; --bm-line: #8a8a8a;
+--bm-blue: {ink.FORWARD}; --bm-alarm: {ink.ALARM}; --bm-pale: {ink.PALE};
+--bm-frame: {ink.FRAME_FILL}; --bm-driver: {ink.DRIVER_FILL}; --bm-group: {ink.GROUP_FILL};
+--bm-element: {ink.ELEMENT_FILL};
+"""
+DARK = """
+color-scheme: dark;
+--bm-paper: #16181b; --bm-ink: #ececec; --bm-grey: #b4b4b4; --bm-line: #7d848c;
+--bm-blue: #6cb8ea; --bm-alarm: #ff8a8a; --bm-pale: #3a3f45;
+--bm-frame: #2c3036; --bm-driver: #1d3a4f; --bm-group: #202327; --bm-element: #403523;
+"""
+CANVAS = """
+.react-flow__node { background: var(--bm-group) !important; color: var(--bm-ink) !important;
+  border: 1.2px solid var(--bm-line) !important; border-radius: 3px; box-shadow: none }
+.react-flow__node.bm-frame { background: var(--bm-frame) !important }
+.react-flow__node.bm-driver { background: var(--bm-driver) !important }
+.react-flow__node.bm-element { border-style: dashed !important;
+  background: var(--bm-element) !important }
+.react-flow__node.bm-bad { border-color: var(--bm-alarm) !important }
+.react-flow__node.selected { outline: 2px solid var(--bm-blue); outline-offset: 1px }
+.rf-node-content { padding: 5px 44px; min-width: 60px; align-items: center }
+.rf-node-label { white-space: pre-line; text-align: center; line-height: 1.25;
+  font-weight: 400 !important; font-size: 12px; margin: 0 !important }
+.rf-node-label::first-line { font-weight: 700; font-size: 13px }
+.react-flow__handle { width: 10px; height: 10px; background: var(--bm-group);
+  border: 1.6px solid var(--bm-ink) }
+.react-flow__handle.source { background: var(--bm-ink); width: 7px; height: 7px }
+.react-flow__handle[aria-label$="(P)"], .react-flow__handle[aria-label$="(guide)"] {
+  border-radius: 0 }
+.react-flow__handle[aria-label$="(load)"] { transform: translate(-50%, -50%) rotate(45deg);
+  border-radius: 0; width: 8px; height: 8px }
+.react-flow__handle[aria-label*="⚠"] { border-color: var(--bm-alarm); background: var(--bm-paper) }
+.react-flow__handle::before { content: attr(data-handleid); position: absolute; top: 50%;
+  transform: translateY(-50%); font-size: 11px; color: var(--bm-ink); pointer-events: none;
+  max-width: 60px; overflow: hidden; text-overflow: ellipsis; white-space: nowrap }
+.react-flow__handle[aria-label$="(load)"]::before { transform: translateY(-50%) rotate(-45deg) }
+.react-flow__handle.target::before { left: 11px }
+.react-flow__handle.source::before { right: 10px }
+.react-flow__edge-path { stroke: var(--bm-blue); stroke-width: 1.5 }
+.react-flow__edge.selected .react-flow__edge-path { stroke-width: 3 }
+.react-flow { background: var(--bm-paper) !important }
+.react-flow__attribution { display: none }
+"""
+"""Style inside of the canvas: blocks as boxes, ports named, R round, P and guides square."""
+
+STYLE = """
+html, body { margin: 0; height: 100%; background: var(--bm-paper); color: var(--bm-ink);
+  font: 13px/1.4 system-ui, "DejaVu Sans", sans-serif }
+"""
+PANE = """
+:host { color: var(--bm-ink); font: 13px/1.4 system-ui, "DejaVu Sans", sans-serif }
+h1 { font-size: 15px; margin: 0 } h2 { font-size: 14px; margin: 0 }
+h3 { font-size: 12px; margin: 8px 4px 0; color: var(--bm-grey); font-weight: 600 }
+p { margin: 0 } ul { margin: 0; padding-left: 16px; max-height: 52px; overflow: auto }
+ul, p[role=alert] { color: var(--bm-alarm) }
+"""
+CARDS = """<style>
+ul.files { color: inherit; max-height: none } a { color: var(--bm-blue) }
+.cards { display: grid; gap: 12px; grid-template-columns: repeat(auto-fill, minmax(210px, 1fr)) }
+.card { border: 1px solid var(--bm-pale); border-radius: 4px; padding: 8px; text-decoration: none;
+  text-align: center }
+.card img { width: 100%; height: 150px; object-fit: contain; background: #fff }
+.card b { display: block; font-weight: 600; color: var(--bm-ink) }
+</style>"""
+WIDGET = """
+:host { --bm-field: 26px }
+label, .bk-input-group > label { color: var(--bm-grey); font-size: 12px; margin: 0 }
+.bk-input { min-height: 26px; height: 26px; padding: 2px 6px; font-size: 13px;
+  color: var(--bm-ink); background: var(--bm-paper); border: 1px solid var(--bm-line) }
+.bk-input::placeholder { color: var(--bm-grey) }
+.bk-btn { padding: 3px 10px; font-size: 13px; border: 1px solid var(--bm-line);
+  color: var(--bm-ink); background: var(--bm-group) }
+.bk-btn-primary { background: #005a8f; color: #fff }
+.bk-btn-danger { background: #a30015; color: #fff }
+"""
+
+
+def colours(dark: bool) -> str:
+    """Style of the whole page; what it names is inherited by all parts."""
+    return f":root {{{DARK if dark else LIGHT}}}\n{STYLE}"
+
+
+def dressed(shown: Any) -> Any:
+    """A part of the page with the studio's style on all that is in it."""
+    for part in shown.select():
+        style = PANE if isinstance(part, pn.pane.HTML) else WIDGET
+        if isinstance(part, ReactFlow):
+            style = CANVAS
+        if isinstance(part, pn.widgets.Widget | pn.pane.HTML | ReactFlow):
+            part.stylesheets = [style]
+    return shown

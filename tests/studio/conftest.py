@@ -1,0 +1,68 @@
+"""One server and one browser for all tests that act as a user does."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ARGUMENTS = (
+    *("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync"),
+)
+
+
+@pytest.fixture(scope="session")
+def studio(tmp_path_factory):
+    """Address and folder of a studio that runs."""
+    folder = tmp_path_factory.mktemp("studio")
+    command = [sys.executable, "-m", "blockmech", "studio", "--no-browser"]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with (
+        (folder / ".log").open("w", encoding="utf-8") as log,
+        subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=log, text=True
+        ) as server,
+    ):
+        address = server.stdout.readline().strip()
+        assert address.startswith("http://127.0.0.1:"), (folder / ".log").read_text("utf-8")
+        yield address, folder
+        server.terminate()
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """Chromium with a user's folder of its own."""
+    from playwright.sync_api import sync_playwright
+
+    found = shutil.which("chromium")
+    if found is None:
+        pytest.skip("there is no browser: the Debian package chromium is not installed")
+    with sync_playwright() as tool:
+        folder = Path(tmp_path_factory.mktemp("chromium"))
+        window = {"width": 1440, "height": 900}
+        context = tool.chromium.launch_persistent_context(
+            folder, executable_path=found, headless=True, args=ARGUMENTS, viewport=window
+        )
+        context.set_default_timeout(20000)
+        yield context
+        context.close()
+
+
+@pytest.fixture
+def page(browser):
+    """A window that is closed afterwards, in which no script fails and nothing is loaded from
+    outside."""
+    page, wrong = browser.new_page(), []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("request", lambda request: wrong.append(request.url) if _outside(request.url) else None)
+    page.on("dialog", lambda dialog: dialog.accept())
+    yield page
+    page.close()
+    assert wrong == []
+
+
+def _outside(url):
+    return not url.startswith(("http://127.0.0.1:", "blob:http://127.0.0.1:", "data:"))

@@ -1,0 +1,91 @@
+"""Files, edits and fields of the studio, without a browser."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import blockmech as bm
+from blockmech.blocks.registry import REGISTRY
+from blockmech.model.schema import graph_schema
+from blockmech.studio import edits
+from blockmech.studio.fields import Shown, fields_of, item_at
+from blockmech.studio.files import Desk, Filed
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    shutil.copy(GRAPHS / "ruiz_fourbar.json", tmp_path / "a.json")
+    return tmp_path
+
+
+def test_a_file_is_saved_as_it_was_read(folder):
+    sheet = Filed(None, folder)
+    sheet.open("a.json")
+    sheet.save("b.json")
+    bm.Graph.load(folder / "a.json").save(folder / "c.json")
+    assert (folder / "b.json").read_bytes() == (folder / "c.json").read_bytes()
+
+
+def test_nothing_outside_of_the_folder_is_read_or_written(folder):
+    inner = folder / "inner"
+    inner.mkdir()
+    (inner / "link.json").symlink_to(folder / "a.json")
+    sheet = Filed(None, inner)
+    for name in ("../a.json", str(folder / "a.json"), "link.json"):
+        with pytest.raises(bm.RequestError, match="outside of the folder"):
+            sheet.open(name)
+        with pytest.raises(bm.RequestError, match="outside of the folder"):
+            sheet.save(name)
+
+
+def test_a_file_that_changed_since_is_not_overwritten_silently(folder):
+    sheet = Filed(None, folder)
+    sheet.open("a.json")
+    (folder / "a.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(bm.RequestError, match="changed by somebody else"):
+        sheet.save("a.json")
+    sheet.save("a.json", replace=True)
+    assert sheet.saved
+    assert bm.Graph.load(folder / "a.json").name == "ruiz_fourbar"
+
+
+def test_one_file_is_one_sheet(folder):
+    desk = Desk(folder)
+    assert desk.open("a.json") == desk.open("./a.json")
+
+
+def test_a_renamed_block_is_renamed_wherever_it_is_named():
+    form = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").to_data()
+    made = bm.Graph.from_data(edits.renamed(form, "crank", "motor"))
+    assert made.check() == []
+    assert list(made.scene.drive) == ["motor"]
+    with pytest.raises(bm.GraphError, match="taken"):
+        edits.renamed(form, "crank", "dyad")
+
+
+def test_without_a_block_its_wires_and_its_drive_are_gone():
+    form = edits.without(bm.Graph.load(GRAPHS / "ruiz_fourbar.json").to_data(), ["crank"])
+    assert [w for w in form["wires"] if "crank" in str(w)] == []
+    assert not form["scene"].get("drive")
+
+
+@pytest.mark.parametrize("kind", [k for k in REGISTRY if k != "group.general"])
+def test_every_kind_of_block_begins_with_valid_values(kind):
+    form = edits.added(bm.Graph().to_data(), kind, "new")
+    assert bm.Graph.from_data(form).blocks["new"].type_name == kind
+
+
+@pytest.mark.parametrize("shown", [Shown(), Shown("mm", "deg")])
+@pytest.mark.parametrize("path", sorted(GRAPHS.glob("*.json")), ids=lambda path: path.stem)
+def test_a_value_that_is_shown_and_read_again_is_the_same(path, shown):
+    schema, read = graph_schema(), 0
+    for raw in bm.Graph.load(path).to_data()["blocks"].values():
+        for field in fields_of(schema, schema["$defs"][raw["type"]], raw):
+            value = item_at(raw, field.path)
+            if value is not None and field.kind in ("number", "pair", "place"):
+                assert shown.value(field, shown.text(field, value)) == value
+                read += 1
+    assert read
