@@ -49,3 +49,11 @@ def page_of(make):
             browser.close()
     finally:
         server.stop()
+
+
+def wait_until(page, met):
+    """Let the page work until something holds, at most 8 s; the test says whether it does."""
+    for _ in range(160):
+        if met():
+            return
+        page.wait_for_timeout(50)

@@ -14,7 +14,7 @@ from blockmech.studio.curves import panels_of
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, turn
-from tests.studio.page import page_of
+from tests.studio.page import page_of, wait_until
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 
@@ -190,8 +190,9 @@ def test_the_cursor_goes_with_the_pose_in_the_browser():
         page.get_by_text("Play").click()
         page.wait_for_timeout(500)
         page.get_by_text("Pause").click()
-        page.wait_for_timeout(300)
         (answers,) = made
+        wait_until(page, lambda: answers.view.frame > 0)
+        page.wait_for_timeout(300)  # the browser draws the frame that it told
         k = answers.view.frame
         at = page.evaluate(
             "() => [...Object.values(Bokeh.documents)[0]._all_models.values()]"

@@ -10,7 +10,7 @@ from blockmech.builders import opened
 from blockmech.studio import sketching
 from blockmech.studio.links import LinksSheet, columns_of, outlines_of
 from blockmech.studio.sheet import Sheet
-from tests.studio.page import page_of
+from tests.studio.page import page_of, wait_until
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 JOINTS = sorted(path.stem for path in (GRAPHS / "joints").glob("*.json"))
@@ -158,10 +158,7 @@ def test_a_four_bar_is_drawn_in_the_browser():
         (pane,) = panes
         for count, (x, y) in enumerate(spots, 1):
             page.mouse.click(area["x"] + x * area["width"], area["y"] + y * area["height"])
-            for _ in range(100):
-                page.wait_for_timeout(50)
-                if len(pane.drawn) == count:
-                    break
+            wait_until(page, lambda count=count: len(pane.drawn) == count)
             page.wait_for_timeout(300)  # two taps at once would be a double one
         assert sorted(pane.drawn) == list("ABCD")
         for ends in ("AB", "BC", "CD"):

@@ -14,7 +14,7 @@ from blockmech.studio.film import SHOWN, coloured, names_of, scene_of
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
-from tests.studio.page import page_of
+from tests.studio.page import page_of, wait_until
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 GALLERY = sorted(path.stem for path in GRAPHS.glob("*.json"))
@@ -229,16 +229,17 @@ def test_a_mechanism_plays_in_the_browser_and_a_joint_is_dragged():
         page.get_by_text("Play").click()
         page.wait_for_timeout(600)
         page.get_by_text("Pause").click()
-        page.wait_for_timeout(300)
         (view,) = views
+        wait_until(page, lambda: view.frame > 0)
         assert view.frame > 0
+        page.wait_for_timeout(300)  # the browser draws the frame that it told
         k, length = view.frame, view.sheet.form["blocks"]["dyad"]["l_j"]
         x, y = screen(page, complex(view.frames.at(*view._handles["C"])[k]))
         page.mouse.move(x, y)
         page.mouse.down()
         page.mouse.move(x + 40, y - 30, steps=5)
         page.mouse.up()
-        page.wait_for_timeout(500)
+        wait_until(page, lambda: view.sheet.undoable == "move C")
         assert view.sheet.undoable == "move C"
         assert view.sheet.form["blocks"]["dyad"]["l_j"] != length
         assert page.errors == []
