@@ -189,6 +189,7 @@ def _rows(made: Layered) -> dict[Node, int]:
     The matrix holds differences of rows only, so the solution is in whole numbers.
     """
     from scipy.optimize import linprog
+    from scipy.sparse import coo_array
 
     nodes = {node: k for k, node in enumerate(made.row)}
     steps = list(made.steps.edges(keys=True))
@@ -205,10 +206,10 @@ def _rows(made: Layered) -> dict[Node, int]:
         cost[k] = STRAIGHT[passing] * (len(nodes) + 1)
     if not limits:
         return made.row
-    matrix = np.zeros((len(limits), len(cost)))
-    for line, (upper, lower, _, slack) in zip(matrix, limits, strict=True):
-        line[upper], line[lower] = 1.0, -1.0
-        if slack is not None:
-            line[slack] = -1.0
+    entries = [(line, upper, 1.0) for line, (upper, _, _, _) in enumerate(limits)]
+    entries += [(line, lower, -1.0) for line, (_, lower, _, _) in enumerate(limits)]
+    entries += [(k, slack, -1.0) for k, (*_, slack) in enumerate(limits) if slack is not None]
+    lines, columns, values = zip(*entries, strict=True)
+    matrix = coo_array((values, (lines, columns)), (len(limits), len(cost))).tocsr()
     found = linprog(cost, matrix, [-distance for _, _, distance, _ in limits], method="highs-ds")
     return {node: round(found.x[k]) for node, k in nodes.items()}

@@ -130,7 +130,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             choices = field.choices or (False, True)
             options = {"" if c == "" else str(c): c for c in choices}
             if field.default is not None and not field.required:
-                options = {f"{field.default} (default)": None, **options}
+                options = {f"{field.default} (default)": "", **options}
             widget: Any = pn.widgets.Select(label=label, options=options)
         else:
             hint = {"place": "x, y or r @ angle", "pair": "x, y", "json": "JSON"}.get(
