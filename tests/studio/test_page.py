@@ -1,9 +1,77 @@
 """The studio as a user works with it, in a browser."""
 
+import json
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import pytest
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
+
+DYAD = {
+    "l_i [m]": "6",
+    "l_j [m]": "3",
+    "i mass [kg]": "30",
+    "i inertia [kg m2]": "48.8",
+    "i cm [m]": "2.8 @ 0.152",
+    "j mass [kg]": "7.2",
+    "j inertia [kg m2]": "5.5",
+    "j cm [m]": "1.5, 0",
+    **{
+        f"{joint} {key}": value
+        for joint in "BCD"
+        for key, value in (("coefficient", "0.4"), ("radius [m]", "0.0075"))
+    },
+}
+WIRES = (
+    ("frame.A", "crank.A"),
+    ("crank.B", "dyad.B"),
+    ("frame.D", "dyad.D"),
+    ("dyad.S", "weightlike.at"),
+    ("dyad.j", "couple.on"),
+)
+
+
+def opened(page, studio, what):
+    page.goto(studio[0] + what)
+    page.wait_for_selector(".react-flow__pane")
+    page.wait_for_function("Bokeh.documents[0].is_idle")
+    page.wait_for_timeout(300)
+
+
+def drop(page, kind, x, y):
+    """Drag a kind of block from the palette to a place on the canvas."""
+    before = page.locator(".react-flow__node").count()
+    canvas = page.locator(".react-flow__pane")
+    page.locator(f'button[data-kind="{kind}"]').drag_to(canvas, target_position={"x": x, "y": y})
+    page.locator(".react-flow__node").nth(before).wait_for()
+
+
+def fill(page, label, value):
+    field = page.get_by_label(label, exact=True)
+    field.fill(value)
+    field.press("Enter")
+
+
+def wire(page, source, target):
+    """Draw a wire from a marker to a joint."""
+    ends = []
+    for end, side in ((source, "source"), (target, "target")):
+        block, port = end.split(".")
+        handle = f'.react-flow__handle.{side}[data-nodeid="{block}"][data-handleid="{port}"]'
+        box = page.locator(handle).bounding_box()
+        ends.append((box["x"] + box["width"] / 2, box["y"] + box["height"] / 2))
+    page.mouse.move(*ends[0])
+    page.mouse.down()
+    page.mouse.move(*[(a + b) / 2 for a, b in zip(*ends, strict=True)], steps=3)
+    page.locator(f"{handle}.rf-handle-valid").wait_for()  # the server has said that it may be
+    page.mouse.move(*ends[1], steps=3)
+    before = page.locator(".react-flow__edge").count()
+    page.mouse.up()
+    page.locator(".react-flow__edge").nth(before).wait_for(state="attached")
+    page.get_by_role("status").get_by_text(f"{source} -> {target}").wait_for()
+    page.wait_for_timeout(300)  # the handles of both blocks are made again
 
 
 def test_without_the_token_nothing_is_answered(studio):
@@ -13,6 +81,54 @@ def test_without_the_token_nothing_is_answered(studio):
             urllib.request.urlopen(wrong)
         assert refused.value.code == 403
         refused.value.close()
+
+
+def test_the_fourbar_from_an_empty_sheet(page, studio):
+    opened(page, studio, "?new")
+    drop(page, "frame", 60, 120)
+    fill(page, "new in markers", "A")
+    fill(page, "A at [m]", "0, 0")
+    fill(page, "new in markers", "D")
+    fill(page, "D at [m]", "5.5, 0")
+    drop(page, "driver.crank", 200, 60)
+    fill(page, "length [m]", "2")
+    for label, value in (("mass [kg]", "4.8"), ("inertia [kg m2]", "1.7"), ("cm [m]", "1, 0")):
+        fill(page, f"crank {label}", value)
+    fill(page, "A coefficient", "0.4")
+    fill(page, "A radius [m]", "0.0075")
+    drop(page, "dyad.rrr", 420, 60)
+    for label, value in DYAD.items():
+        fill(page, label, value)
+    page.get_by_label("branch", exact=True).select_option("1")
+    fill(page, "new in i markers", "S")
+    fill(page, "i markers S at [m]", "2.5 @ 0.5235987755982988")
+    fill(page, "Name", "dyad")
+    drop(page, "load.force", 620, 40)
+    fill(page, "force [N]", "0, -1000")
+    fill(page, "Name", "weightlike")
+    drop(page, "load.couple", 620, 320)
+    fill(page, "moment [N m]", "-250")
+    page.get_by_label("Edit").select_option("mechanism")
+    fill(page, "title", "Four-bar of Ruiz, Durango & Calle 2010, Table 1")
+    fill(page, "new in drive", "crank")
+    fill(page, "crank rate", "10")
+    fill(page, "crank from", "0")
+    fill(page, "crank to", "6.283185307179586")
+    fill(page, "gravity [m/s2]", "0, 0")
+    fill(page, "Name", "ruiz_fourbar")
+    fit = page.get_by_label("Fit View")
+    fit.click()
+    page.wait_for_timeout(400)
+    for source, target in WIRES:
+        wire(page, source, target)
+    fill(page, "File", "mine.json")
+    page.get_by_role("button", name="Save").click()
+    page.get_by_text("wrote mine.json").wait_for()
+    made = json.loads((studio[1] / "mine.json").read_text("utf-8"))
+    given = json.loads((GRAPHS / "ruiz_fourbar.json").read_text("utf-8"))
+    assert made.pop("view").keys() == made["blocks"].keys()
+    made["wires"].sort(key=given["wires"].index)
+    assert made == given
 
 
 def test_blocks_are_dropped_and_edited_by_their_forms(page, studio):

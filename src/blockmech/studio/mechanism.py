@@ -188,7 +188,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._fixed = list(self.figure.renderers)
         self._layers: list[tuple[str, Any]] = []
         self._pins.on_change("data", self._dropped)
-        self.figure.on_event(RangesUpdate, self._zoomed)
+        zoomed = heard(self._zoomed)
+        self.figure.on_event(RangesUpdate, lambda _: zoomed())
 
     def _make_controls(self) -> None:
         self._said = Div(text="", sizing_mode="stretch_width", styles={"min-height": "2.6em"})
@@ -251,7 +252,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def _posed(self, attr: str, old: int, new: int) -> None:
         self.frame = int(new)
 
-    def _zoomed(self, event: Any) -> None:
+    def _zoomed(self) -> None:
         """Symbols keep their size on the screen."""
         unit = self.window.scale * PIXELS
         if self._scene is not None and not math.isclose(

@@ -14,12 +14,14 @@ def heard(do: Callable[[], Any]) -> Callable[..., None]:
     """A watcher that acts in the window in which it was made, at that window's next turn.
 
     A server may change what a window shows only while it holds the window's lock, which it
-    does at a turn of its own. Outside of a server it acts at once.
+    does at a turn of its own. All that changes there goes to the browser as one message: Panel
+    and Bokeh send theirs at different times, and a model has to arrive before it is named.
+    Outside of a server it acts at once.
     """
     document = pn.state.curdoc
 
     async def locked(document: Any) -> None:
-        with set_curdoc(document):
+        with set_curdoc(document), pn.io.hold(document), document.models.freeze():
             do()
 
     def act(*_: Any) -> None:

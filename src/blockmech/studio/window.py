@@ -12,6 +12,7 @@ from bokeh.plotting import figure
 from blockmech.draw.palette import SIZES
 from blockmech.studio.curves import dress
 from blockmech.studio.film import PIXELS
+from blockmech.studio.session import heard
 
 SIZE = 700, 500  # [px] before the browser says
 
@@ -27,12 +28,9 @@ class Window:
             sizing_mode="stretch_both",
         )  # fmt: skip
         dress(self.figure, dark)
-        self._resized = resized
-        self.figure.on_change("inner_width", self._changed)
-        self.figure.on_change("inner_height", self._changed)
-
-    def _changed(self, attr: str, old: int, new: int) -> None:
-        self._resized()
+        fit = heard(resized)
+        for size in ("inner_width", "inner_height"):
+            self.figure.on_change(size, lambda attr, old, new: fit())
 
     @property
     def size(self) -> tuple[int, int]:
