@@ -171,9 +171,11 @@ def test_a_gallery_graph_opens_plays_and_saves_unchanged(page, studio, name):
 def test_odd_names_are_text_and_run_nothing(page, studio):
     show(page, studio, "?example=ruiz_fourbar")
     choose(page, "Edit", "crank")
+    page.get_by_label("length [m]", exact=True).wait_for()
     fill(page, "Name", ODD)
     page.locator(".react-flow__node.bm-driver").get_by_text(ODD).wait_for()
     choose(page, "Edit", "mechanism")
+    page.get_by_label("title", exact=True).wait_for()
     fill(page, "title", ODD)
     fill(page, "Name", "<b>\"'\u202e")
     save(page, "<i>a'b\u202e.json")
