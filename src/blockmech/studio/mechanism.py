@@ -34,6 +34,7 @@ from blockmech.result import Result
 from blockmech.studio.curves import CURVE, FONT, Plot, labels_of, margins_of, places_of
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.film import PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
+from blockmech.studio.looks import WIDGET
 from blockmech.studio.session import heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
@@ -197,7 +198,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             start=0, end=1, value=0, step=1, title="Pose", show_value=False,
             sizing_mode="stretch_width",
         )  # fmt: skip
-        self._play = Toggle(label="▶ Play", width=90, align="end")
+        self._play = Toggle(label="▶ Play", width=90, align="end", stylesheets=[WIDGET])
         parts = {"pose": self.pose, "said": self._said, "film": [], "captions": [""], "cursors": []}
         self._shower = CustomJS(args=parts, code=SHOW_FRAME)
         parts = {"pose": self.pose, "play": self._play, "order": [0], "seconds": self.seconds}
