@@ -86,6 +86,21 @@ label, .bk-input-group > label { color: var(--bm-grey); font-size: 12px; margin:
 .bk-btn-danger { background: #a30015; color: #fff }
 """
 
+NAMES = """
+const name = (root) => {
+  for (const port of root.querySelectorAll(".react-flow__handle")) port.setAttribute("role", "img");
+  for (const thumb of root.querySelectorAll(".noUi-handle"))
+    thumb.setAttribute("aria-label", root.querySelector(".bk-slider-title").textContent);
+};
+const all = (root) => {
+  name(root);
+  new MutationObserver(() => name(root)).observe(root, {childList: true, subtree: true});
+  for (const part of root.querySelectorAll("*")) if (part.shadowRoot) all(part.shadowRoot);
+};
+all(document);
+"""
+"""What the libraries leave without a role or a name for a screen reader: ports and sliders."""
+
 
 def colours(dark: bool) -> str:
     """Style of the whole page; what it names is inherited by all parts."""

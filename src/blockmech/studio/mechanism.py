@@ -34,6 +34,7 @@ from blockmech.result import Result
 from blockmech.studio.curves import CURVE, FONT, Plot, labels_of, margins_of, places_of
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.film import PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
+from blockmech.studio.looks import WIDGET
 from blockmech.studio.session import heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
@@ -197,7 +198,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             start=0, end=1, value=0, step=1, title="Pose", show_value=False,
             sizing_mode="stretch_width",
         )  # fmt: skip
-        self._play = Toggle(label="▶ Play", width=90, align="end")
+        self._play = Toggle(label="▶ Play", width=90, align="end", stylesheets=[WIDGET])
         parts = {"pose": self.pose, "said": self._said, "film": [], "captions": [""], "cursors": []}
         self._shower = CustomJS(args=parts, code=SHOW_FRAME)
         parts = {"pose": self.pose, "play": self._play, "order": [0], "seconds": self.seconds}
@@ -301,13 +302,18 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         return draw(source=ColumnDataSource(empty), **places, **looks)
 
     def _send_names(self, k: int) -> dict[str, Any]:
-        """Put the names beside the joints at frame k; their places in all frames."""
+        """Put the names beside the joints at frame k; their places in all frames.
+
+        They never get fewer: bokeh asks new data for the colours of as many as there were.
+        """
         wanted = self._scene is not None and "names" in self.show
         names = names_of(self._scene, self._unit) if self._scene and wanted else []
+        spare = max(len(self._words.data["x"]) - len(names), 0)
         places = _beside([name.places for name in names])
+        places = np.pad(places, ((0, 0), (0, spare)), constant_values=np.nan)
         row = places[min(k, len(places) - 1)]
-        colours = [coloured(name.colour, self.dark) for name in names]
-        texts = [name.text for name in names]
+        colours = [coloured(name.colour, self.dark) for name in names] + ["transparent"] * spare
+        texts = [name.text for name in names] + [""] * spare
         self._words.data = {"x": row.real, "y": row.imag, "text": texts, "color": colours}
         return _film(self._words, places)
 
