@@ -24,6 +24,14 @@ FOCUSED = """() => {
   return at?.ariaLabel ?? at?.labels?.[0]?.textContent ?? at?.textContent ?? "";
 }"""
 
+EQUAL_SCALES = """() => {
+  const models = [...Bokeh.documents[0]._all_models.values()];
+  const shown = models.find(m => m.type === "Figure" && m.y_range.reset_start != null);
+  const across = shown.inner_width / (shown.x_range.end - shown.x_range.start);
+  const up = shown.inner_height / (shown.y_range.end - shown.y_range.start);
+  return Math.abs(across / up - 1) < 1 / shown.inner_height;
+}"""
+
 
 def show(page, studio, what):
     """Open an address of the studio and wait until the sheet stands."""
@@ -159,6 +167,7 @@ def test_a_gallery_graph_opens_plays_and_saves_unchanged(page, studio, name):
     given = studio[1] / f"{name}.json"
     shutil.copy(gallery()[name], given)
     show(page, studio, f"?open={given.name}")
+    page.wait_for_function(EQUAL_SCALES)
     pose = page.get_by_role("slider").first
     page.get_by_text("▶ Play").click()
     page.wait_for_timeout(400)

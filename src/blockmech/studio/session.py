@@ -21,8 +21,12 @@ def heard(do: Callable[[], Any]) -> Callable[..., None]:
     document = pn.state.curdoc
 
     async def locked(document: Any) -> None:
-        with set_curdoc(document), pn.io.hold(document), document.models.freeze():
-            do()
+        document.hold()  # that of Panel loses what changes before the browser says it is there
+        try:
+            with set_curdoc(document), document.models.freeze():
+                do()
+        finally:
+            document.unhold()
 
     def act(*_: Any) -> None:
         if document is None or document.session_context is None:
