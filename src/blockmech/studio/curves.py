@@ -101,13 +101,14 @@ def dress(plot: Any, dark: bool) -> None:
     plot.axis.axis_label_text_color = plot.axis.major_label_text_color = line
     plot.axis.axis_label_text_font = plot.axis.major_label_text_font = FONT
     plot.axis.axis_label_text_font_style = "normal"
-    plot.toolbar.logo = None
+    plot.toolbar.logo, plot.toolbar.autohide = None, True
     if plot.legend:
         plot.legend.label_text_font = FONT
         plot.legend.background_fill_color = paper
         plot.legend.label_text_color = line
         plot.legend.border_line_color = None
-        plot.add_layout(plot.legend[0], "right")
+        plot.legend.update(ncols=2, label_text_font_size="11px", padding=0, spacing=0, margin=2)
+        plot.add_layout(plot.legend[0], "above")
 
 
 def places_of(along: Abscissa, every: int) -> list[float]:

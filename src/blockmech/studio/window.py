@@ -6,14 +6,16 @@ from collections.abc import Callable
 from typing import Any
 
 from bokeh.core.property.descriptors import UnsetValueError
-from bokeh.models import Range1d
+from bokeh.models import CustomJSTickFormatter, Range1d
 from bokeh.plotting import figure
 
-from blockmech.draw.palette import SIZES
+from blockmech.draw.palette import SIZES, TEXT
 from blockmech.studio.curves import dress
+from blockmech.studio.fields import Shown
 from blockmech.studio.film import PIXELS
 from blockmech.studio.session import heard
 
+TICK = "return String(Number((tick * each).toPrecision(12))).replace('-', '\u2212')"
 SIZE = 700, 500  # [px] before the browser says
 
 
@@ -24,13 +26,20 @@ class Window:
         self.x, self.y = Range1d(-1, 1), Range1d(-1, 1)
         self.figure = figure(
             x_range=self.x, y_range=self.y, x_axis_label="x [m]", y_axis_label="y [m]",
-            tools="pan,wheel_zoom,reset,save", active_scroll="wheel_zoom", min_height=320,
+            tools="pan,wheel_zoom,reset,save", active_scroll="wheel_zoom", min_height=220,
             sizing_mode="stretch_both",
         )  # fmt: skip
         dress(self.figure, dark)
         fit = heard(resized)
         for size in ("inner_width", "inner_height"):
             self.figure.on_change(size, lambda attr, old, new: fit())
+
+    def measured(self, units: Shown) -> None:
+        """Write lengths in the unit that the user chose."""
+        each = units.factor("m")
+        for axis, name in zip(self.figure.axis, "xy", strict=True):
+            axis.axis_label = f"{name} [{units.length}]"
+            axis.formatter = CustomJSTickFormatter(args={"each": each}, code=TICK)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -48,7 +57,7 @@ class Window:
     def fit(self, low: complex, high: complex) -> None:
         """Show all from the lower left corner to the upper right one [m], with air around."""
         width, height = self.size
-        edge = 2 * SIZES.edge * PIXELS
+        edge = 2 * (SIZES.edge + TEXT) * PIXELS  # a name may stand outside of its joint
         size, middle = high - low, (high + low) / 2
         room = max(width - edge, 1), max(height - edge, 1)
         scale = max(size.real / room[0], size.imag / room[1]) or 1.0 / width
