@@ -1,7 +1,6 @@
 """What differs between machines is said, not left to the machine."""
 
 import ast
-import functools
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -9,10 +8,9 @@ FOLDERS = ("src", "tests", "examples")
 FILES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
 
 
-@functools.cache
 def nodes(path):
-    """All that stands in a file."""
-    return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    """All that stands in a file; not kept, as millions of them are a burden to all other tests."""
+    return ast.walk(ast.parse(path.read_text(encoding="utf-8")))
 
 
 def is_text_of_no_encoding(call):

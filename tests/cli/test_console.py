@@ -48,6 +48,7 @@ WRONG = {
     "an unknown option": ["run", "FILE", "--drve"],
     "no file": ["run", "no.json"],
     "no name of a file to draw": ["draw", "FILE"],
+    "no sheet": ["studio", "no.json", "--no-browser"],
 }
 CALLS = DONE | NO_ANSWER | WRONG
 CODES = dict.fromkeys(DONE, 0) | dict.fromkeys(NO_ANSWER, 1) | dict.fromkeys(WRONG, 2)

@@ -3,19 +3,22 @@
 The samples that a table shows are computed once more by the same program with longer numbers
 (`numpy.longdouble`). What changes is rounding: it is told where it takes more than half of the
 digits, relative to the output's own size, or to that of its unit where it is nothing beside the
-others. Where the machine has no longer numbers, nothing can be told.
+others. What is rounding with the longer numbers too is zero: nothing of it is lost. Where the
+machine has no longer numbers, nothing can be told.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
-from blockmech.analysis.reference_errors import WIDER, comparable, reference_errors
+from blockmech.analysis.reference_errors import DOUBLE, WIDER, comparable, reference_errors
 from blockmech.export.tables import ROWS
 from blockmech.quality import DIGITS_LOST, Flag
 from blockmech.result import Result
+from blockmech.typing import Precision
 
 
 @np.errstate(all="ignore")  # what is not finite is told by the quality
@@ -27,10 +30,9 @@ def digits_lost(result: Result) -> tuple[Flag, ...]:
     """
     if not (WIDER and result.n):
         return ()
-    mechanism, index = result.mechanism, result.samples.spread(ROWS)
+    index = result.samples.spread(ROWS)
     short = result.at(index)
-    values, engine = mechanism.evaluate(short.plan, short.samples, "numpy", "clongdouble")
-    wide = Result(mechanism, short.plan, short.samples, values, engine, result.settings)
+    wide = _again(short, "clongdouble")
     good = comparable(short, friction=True) & comparable(wide, friction=True)
     found = []
     for name, each in reference_errors(wide, short, good, math.inf).each(short).items():
@@ -38,4 +40,21 @@ def digits_lost(result: Result) -> tuple[Flag, ...]:
         i, half = int(lost.argmax()), math.sqrt(float(np.finfo(np.asarray(short[name]).dtype).eps))
         if lost[i] > half:
             found.append(Flag(int(index[i]), DIGITS_LOST, name, value=min(float(lost[i]), 1.0)))
+    if found:
+        runs, at = (short, _again(short, "complex64")), list(index)
+        found = [f for f in found if not _is_zero(f.where, at.index(f.sample), wide, runs)]
     return tuple(sorted(found, key=lambda flag: (-(flag.value or 0.0), flag.where)))
+
+
+def _again(result: Result, precision: Precision) -> Result:
+    """The same samples by numbers of another length."""
+    mechanism, plan, samples = result.mechanism, result.plan, result.samples
+    values, engine = mechanism.evaluate(plan, samples, "numpy", precision)
+    return Result(mechanism, plan, samples, values, engine, result.settings)
+
+
+def _is_zero(name: str, i: int, wide: Result, shorter: Iterable[Result]) -> bool:
+    """Whether a value is rounding with the longer numbers too, as shorter ones tell."""
+    value, eps = wide[name][i], float(np.finfo(wide[name].dtype).eps)
+    roundings = [np.abs(r[name][i] - value).max() / np.finfo(r[name].dtype).eps for r in shorter]
+    return bool(np.abs(value).max() <= np.nanmax(roundings) * math.sqrt(eps * DOUBLE))

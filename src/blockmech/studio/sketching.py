@@ -102,7 +102,7 @@ def moved(form: Form, name: str, z: complex) -> Form:
 
 
 def sliding(form: Form, name: str, angle: float) -> Form:
-    """The form in which a joint of two links slides along a line at an angle [rad] of the ground.
+    """The form in which a joint of two links slides along a line at an angle [rad].
 
     One that slides already turns again.
     """
