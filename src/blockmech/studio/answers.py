@@ -23,7 +23,7 @@ from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of, places_of
 from blockmech.studio.looks import LINES
 from blockmech.studio.mechanism import MechanismView
-from blockmech.studio.session import heard
+from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME
 from blockmech.studio.work import Told, Work
@@ -178,7 +178,7 @@ class Answers:
             self.names.value = [*self.names.value, name]
             self.find.value = ""
 
-    @pn.io.hold()
+    @together
     def renew(self) -> None:
         """Compute and draw what is chosen; what cannot be is said."""
         self.result, cursors, said = None, [], ""

@@ -36,7 +36,7 @@ from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.fields import Shown
 from blockmech.studio.film import PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
 from blockmech.studio.looks import WIDGET
-from blockmech.studio.session import heard
+from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
 from blockmech.studio.window import Window
@@ -148,7 +148,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.window.measured(self.shown)
         self.play(self.motion, self.said)
 
-    @pn.io.hold()
+    @together
     def play(self, motion: Motion | None, said: str = "") -> None:
         """Show a motion, e.g. that of a simulation, until the sheet changes."""
         self._scene = None
@@ -244,7 +244,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         motion: Motion = self.motion
         return motion.only(np.arange(0, len(motion.samples), FRAME))
 
-    @pn.io.hold()
+    @together
     def _draw(self) -> None:
         """Compute what is drawn, and fit it into the window."""
         self._scene, self._handles = None, {}
