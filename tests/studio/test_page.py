@@ -157,17 +157,19 @@ def test_the_four_bar_stands_with_its_answers_in_the_chosen_units(page, studio, 
         page.wait_for_function(f"({axes})().filter(m => m.axis_label == 'crank.q [°]').length == 2")
         page.wait_for_function(f"({axes})().some(m => m.axis_label == 'x [mm]')")
         page.get_by_label("Lengths").select_option("m")
-        page.wait_for_function(f"({axes})().some(m => m.axis_label == 'x [m]')")
+        page.wait_for_function(f"({axes})().every(m => m.axis_label != 'x [mm]')")
         page.get_by_text("crank.q = 0°").wait_for()
+        page.wait_for_timeout(500)  # the figure is painted
         page.screenshot(path=tmp_path / f"{theme}.png")
     # metres are as long upwards as they are across, in the browser's own numbers
-    across, up = page.evaluate(
+    scales = page.evaluate(
         """() => [...Bokeh.documents[0]._all_models.values()]
-        .filter(m => m.type == "Figure" && m.below[0].axis_label == "x [m]")
+        .filter(m => m.type == "Figure" && m.below[0].axis_label == "x [m]" && m.inner_width)
         .map(m => [(m.x_range.end - m.x_range.start) / m.inner_width,
-                   (m.y_range.end - m.y_range.start) / m.inner_height])[0]"""
+                   (m.y_range.end - m.y_range.start) / m.inner_height])"""
     )
-    assert across == pytest.approx(up, rel=1e-9)
+    assert scales
+    assert [across for across, _ in scales] == pytest.approx([up for _, up in scales], rel=1e-9)
     drawn = page.evaluate(
         """() => [...Bokeh.documents[0]._all_models.values()]
         .filter(m => m.type == "ColumnDataSource" && m.data.crank && m.data.x)

@@ -22,7 +22,6 @@ from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of, places_of
 from blockmech.studio.looks import LINES
-from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME
@@ -97,9 +96,9 @@ def _summary(result: Result, seconds: float) -> str:
 
 
 class Answers:
-    """Curves, wires, simulation and costs of what a view shows."""
+    """Curves, wires, simulation and costs of what a view, a `MechanismView`, shows."""
 
-    def __init__(self, sheet: Sheet, view: MechanismView) -> None:
+    def __init__(self, sheet: Sheet, view: Any) -> None:
         self.sheet, self.view = sheet, view
         self.result: Result | None = None
         self.drawn: list[Plot] = []

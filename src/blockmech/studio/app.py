@@ -32,7 +32,7 @@ LEAVING = "window.onbeforeunload = cb_obj.value ? null : (e) => e.preventDefault
 """Whoever leaves a sheet that is not saved is asked by the browser."""
 
 FORMULA = 52  # px above the canvas, which does not move when problems come and go
-BELOW = 300  # px of form and answers; diagram and mechanism have the rest
+BELOW = 270  # px of form and answers; diagram and mechanism have the rest
 
 
 class Page:

@@ -18,8 +18,7 @@ from blockmech.draw.sketch import hull
 from blockmech.errors import BlockmechError
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
-from blockmech.studio.curves import FONT
-from blockmech.studio.film import PIXELS, coloured
+from blockmech.studio.film import FONT, PIXELS, coloured
 from blockmech.studio.session import heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import Drawn, Form

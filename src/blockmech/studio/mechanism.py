@@ -31,10 +31,10 @@ from blockmech.draw.motion import Motion
 from blockmech.draw.palette import INK
 from blockmech.errors import BlockmechError
 from blockmech.result import Result
-from blockmech.studio.curves import CURVE, FONT, Plot, labels_of, margins_of, places_of
+from blockmech.studio.curves import CURVE, Plot, labels_of, margins_of, places_of
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.fields import Shown
-from blockmech.studio.film import PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
+from blockmech.studio.film import FONT, PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
 from blockmech.studio.looks import WIDGET
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
