@@ -93,7 +93,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     frame = param.Integer(default=0)
     show = param.ListSelector(default=["paths", "names"], objects=list(SHOWN))
     gaps = param.List(default=[])
-    shown = param.Parameter(default=Shown(angle="deg"))
+    shown = param.Parameter(default=Shown())
     said = param.String(default="")
 
     def __init__(self, sheet: Sheet, dark: bool = False, seconds: float = 3.0) -> None:
