@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import panel as pn
+from bokeh.models import CustomJS
 
 from blockmech.builders import Graph, Linkage, Opened, opened
 from blockmech.draw.palette import ROW
@@ -22,7 +23,7 @@ from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import SCENE, Form
 from blockmech.studio.gallery import gallery_page
 from blockmech.studio.links import LinksSheet
-from blockmech.studio.looks import colours, dressed
+from blockmech.studio.looks import NAMES, colours, dressed
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import serve
 from blockmech.studio.session import heard
@@ -265,6 +266,7 @@ def window(desk: Desk) -> Any:
     before = _watchers(sheet)
     page = Page(sheet)
     shown = page.panel(dark)
+    pn.state.curdoc.js_on_event("document_ready", CustomJS(code=NAMES))
     mine = [watcher for watcher in _watchers(sheet) if watcher not in before]
     pn.state.on_session_destroyed(lambda _: [sheet.param.unwatch(w) for w in mine])
     return shown

@@ -45,7 +45,7 @@ export function render({{ model }}) {{
     chip.type = "button"; chip.draggable = true; chip.textContent = words;
     chip.title = why || kind; chip.disabled = Boolean(why);
     chip.className = family; chip.dataset.kind = kind;
-    chip.setAttribute("aria-label", "Add " + kind);
+    chip.setAttribute("aria-label", "Add " + words);
     chip.addEventListener("dragstart", e => e.dataTransfer.setData("{DRAGGED}", kind));
     chip.addEventListener("click", () => model.send_msg(kind));
     box.append(chip);
@@ -153,20 +153,20 @@ class Diagram:
             self.flow.param.update(nodes=[], edges=[])
             return
         content = content_of(graph, most=len(graph.blocks) + 1)
-        problems = self.sheet.problems
-        types = {b.name: _node_type(graph, b, problems) for b in content.blocks}
+        wrong = {at: p.found for p in self.sheet.problems for at in _about(p, graph)}
+        types = {b.name: _node_type(graph, b, wrong) for b in content.blocks}
         rows = {name: _rows(spec) for name, spec in types.items()}
         self.places = _places(content, rows, self.sheet.form.get("view", {}))
-        nodes = [self._node(block, types[block.name]) for block in content.blocks]
+        bad = {at.partition(".")[0] for at in wrong}
+        nodes = [self._node(b, types[b.name], b.name in bad) for b in content.blocks]
         edges = [_edge(wire.source, wire.target) for wire in graph.wires]
         kinds = {spec["type"]: spec for spec in types.values()}
         if kinds != self.flow.node_types:
             self.flow.node_types = kinds
         self.flow.param.update(nodes=nodes, edges=edges)
 
-    def _node(self, block: DrawnBlock, spec: dict[str, Any]) -> dict[str, Any]:
+    def _node(self, block: DrawnBlock, spec: dict[str, Any], wrong: bool) -> dict[str, Any]:
         x, y = self.places[block.name]
-        wrong = any(_named(p) == block.name for p in self.sheet.problems)
         return {
             "id": block.name,
             "type": spec["type"],
@@ -287,9 +287,8 @@ def _rows(spec: dict[str, Any]) -> int:
     return max(3, max(len(spec["inputs"]), len(spec["outputs"])) + 1)
 
 
-def _node_type(graph: Graph, block: DrawnBlock, problems: tuple[Problem, ...]) -> dict[str, Any]:
+def _node_type(graph: Graph, block: DrawnBlock, wrong: dict[str, str]) -> dict[str, Any]:
     """Handles of a block: joints and terminals on the left, markers and guides on the right."""
-    wrong = {p.where: p.found for p in problems}
     inputs = []
     for port in block.ports:
         said = wrong.get(f"{block.name}.{port.name}")
@@ -314,7 +313,8 @@ def _edge(source: str, target: str) -> dict[str, Any]:
     return {"id": f"{source} -> {target}", "type": "smoothstep", "data": {}, **ends}
 
 
-def _named(problem: Problem) -> str:
-    """The block that a problem is about."""
-    parts = problem.where.split(".")
-    return parts[1] if parts[0] == "blocks" and len(parts) > 1 else parts[0]
+def _about(problem: Problem, graph: Graph) -> list[str]:
+    """The blocks and ports that a problem is about; of blocks in a loop, where they are fed."""
+    names = problem.where.removeprefix("blocks.").split(", ")
+    fed = [w for w in graph.wires if {w.source.split(".")[0], w.target.split(".")[0]} <= {*names}]
+    return [*names, *(wire.target for wire in fed)]

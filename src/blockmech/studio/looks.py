@@ -95,6 +95,21 @@ TABS = """
 """
 LINES = "pre { font: 12px system-ui, sans-serif; white-space: pre-wrap; margin: 0 }"
 
+NAMES = """
+const name = (root) => {
+  for (const port of root.querySelectorAll(".react-flow__handle")) port.setAttribute("role", "img");
+  for (const thumb of root.querySelectorAll(".noUi-handle"))
+    thumb.setAttribute("aria-label", root.querySelector(".bk-slider-title").textContent);
+};
+const all = (root) => {
+  name(root);
+  new MutationObserver(() => name(root)).observe(root, {childList: true, subtree: true});
+  for (const part of root.querySelectorAll("*")) if (part.shadowRoot) all(part.shadowRoot);
+};
+all(document);
+"""
+"""What the libraries leave without a role or a name for a screen reader: ports and sliders."""
+
 
 def colours(dark: bool) -> str:
     """Style of the whole page; what it names is inherited by all parts."""

@@ -318,13 +318,18 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         return draw(source=ColumnDataSource(empty), **places, **looks)
 
     def _send_names(self, k: int) -> dict[str, Any]:
-        """Put the names beside the joints at frame k; their places in all frames."""
+        """Put the names beside the joints at frame k; their places in all frames.
+
+        They never get fewer: bokeh asks new data for the colours of as many as there were.
+        """
         wanted = self._scene is not None and "names" in self.show
         names = names_of(self._scene, self._unit) if self._scene and wanted else []
+        spare = max(len(self._words.data["x"]) - len(names), 0)
         places = _beside([name.places for name in names])
+        places = np.pad(places, ((0, 0), (0, spare)), constant_values=np.nan)
         row = places[min(k, len(places) - 1)]
-        colours = [coloured(name.colour, self.dark) for name in names]
-        texts = [name.text for name in names]
+        colours = [coloured(name.colour, self.dark) for name in names] + ["transparent"] * spare
+        texts = [name.text for name in names] + [""] * spare
         self._words.data = {"x": row.real, "y": row.imag, "text": texts, "color": colours}
         return _film(self._words, places)
 

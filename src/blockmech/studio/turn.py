@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -99,7 +100,7 @@ def part_of(form: Mapping[str, Any], failing: Iterable[str]) -> dict[str, Any]:
 
 def blamed_blocks(form: Mapping[str, Any], problems: Iterable[Problem]) -> set[str]:
     """The blocks that problems are about."""
-    words = {word for p in problems for word in p.where.replace("[", ".").split(".")}
+    words = {word for p in problems for word in re.split(r", |[.\[]", p.where)}
     return words & set(form["blocks"])
 
 

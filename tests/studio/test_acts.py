@@ -1,0 +1,304 @@
+"""What a user does on the page and what it answers, by mouse and by keyboard."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+import blockmech as bm
+from blockmech.builders import opened
+from blockmech.studio import edits
+from blockmech.studio.files import Filed
+from blockmech.studio.looks import DARK, LIGHT
+from blockmech.testing.files import gallery
+
+ROOT = Path(__file__).parents[2]
+AXE = ROOT / ".ci" / "node_modules" / "axe-core" / "axe.min.js"
+ODD = '<img src=x onerror="window\u2024hurt=1">\u202e\'a'  # a name has no full stop
+
+FOCUSED = """() => {
+  let at = document.activeElement;
+  while (at?.shadowRoot?.activeElement) at = at.shadowRoot.activeElement;
+  return at?.ariaLabel ?? at?.labels?.[0]?.textContent ?? at?.textContent ?? "";
+}"""
+
+
+def show(page, studio, what):
+    """Open an address of the studio and wait until the sheet stands."""
+    page.goto(studio[0] + what)
+    page.wait_for_selector(".react-flow__pane")
+    page.wait_for_function("Bokeh.documents[0].is_idle")
+
+
+def press(page, name):
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def fill(page, label, value):
+    field = page.get_by_label(label, exact=True)
+    field.fill(value)
+    field.press("Enter")
+
+
+def choose(page, label, value):
+    page.get_by_label(label, exact=True).select_option(value)
+
+
+def add(page, word):
+    """Press a kind of the palette."""
+    count = page.locator(".react-flow__node").count()
+    press(page, f"Add {word}")
+    page.locator(".react-flow__node").nth(count).wait_for()
+
+
+def connect(page, source, target):
+    choose(page, "Connect marker", source)
+    choose(page, "to joint", target)
+    press(page, "Connect")
+    told(page, f"{source} -> {target}")
+
+
+def told(page, text):
+    page.get_by_role("status").get_by_text(text, exact=True).wait_for()
+
+
+def save(page, name):
+    fill(page, "File", name)
+    page.get_by_role("button", name=re.compile("^Saved?$")).click()
+    told(page, f"wrote {name}")
+
+
+def port(page, side, address):
+    block, name = address.split(".")
+    return page.locator(
+        f'.react-flow__handle.{side}[data-nodeid="{block}"][data-handleid="{name}"]'
+    )
+
+
+def tab_to(page, name):
+    """Press the tabulator until what has this name has the focus."""
+    for _ in range(150):
+        page.keyboard.press("Tab")
+        if page.evaluate(FOCUSED) == name:
+            return
+    pytest.fail(f"the tabulator never comes to {name}")
+
+
+def test_a_wrong_wire_is_refused_while_it_is_dragged_and_by_the_form(page, studio):
+    show(page, studio, "?example=ruiz_fourbar")
+    graph = opened(gallery()["ruiz_fourbar"])
+    with pytest.raises(bm.GraphError) as refused:
+        graph.connect("frame.D", "dyad.B")
+    for side, address in (("source", "frame.D"), ("target", "dyad.B")):
+        box = port(page, side, address).bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, steps=4)
+        page.mouse.down()
+    wrong = page.locator(".rf-handle-invalid").and_(port(page, "target", "dyad.B"))
+    wrong.wait_for()
+    assert str(refused.value) == wrong.get_attribute("data-tooltip")
+    page.mouse.up()
+    page.keyboard.press("Escape")
+    choose(page, "Wires", "crank.B -> dyad.B")
+    press(page, "Remove wire")
+    told(page, "crank.B -> dyad.B removed")
+    choose(page, "Connect marker", "dyad.C")
+    choose(page, "to joint", "dyad.B")
+    press(page, "Connect")
+    form = edits.without(graph.to_data(), (), ["crank.B -> dyad.B"])
+    with pytest.raises(bm.GraphError) as refused:
+        bm.Graph.from_data(form).connect("dyad.C", "dyad.B")
+    told(page, str(refused.value))
+
+
+def test_a_closed_loop_is_told_at_its_blocks_and_ports(page, studio):
+    show(page, studio, "?new")
+    add(page, "II RRR")
+    add(page, "II RRR")
+    connect(page, "rrr.C", "rrr_2.B")
+    connect(page, "rrr_2.C", "rrr.B")
+    expect(page.locator(".react-flow__node.bm-bad")).to_have_count(2)
+    said = re.compile("the blocks wait for each other: rrr.C -> rrr_2.B, rrr_2.C -> rrr.B")
+    for address in ("rrr.B", "rrr_2.B"):
+        expect(port(page, "target", address)).to_have_attribute("aria-label", said)
+    expect(page.get_by_label("problems")).to_contain_text(said)
+
+
+def test_all_is_undone_and_done_again(page, studio):
+    show(page, studio, "?new")
+    for word in ("frame", "crank"):
+        add(page, word)
+    fill(page, "length [m]", "2")
+    fill(page, "Name", "motor")
+    connect(page, "frame.frame", "motor.A")
+    save(page, "once.json")
+    for name, left in (("Undo", 0), ("Redo", 2)):
+        for _ in range(5):  # two blocks, a length, a name, a wire
+            press(page, name)
+        expect(page.get_by_role("button", name=name, exact=True)).to_be_disabled()
+        expect(page.locator(".react-flow__node")).to_have_count(left)
+    save(page, "again.json")
+    once, again = ((studio[1] / name).read_bytes() for name in ("once.json", "again.json"))
+    assert once == again
+    assert b'"motor.A"' in once
+
+
+@pytest.mark.parametrize("name", gallery())
+def test_a_sheet_saves_a_gallery_graph_unchanged(tmp_path, name):
+    path = tmp_path / "a.json"
+    shutil.copy(gallery()[name], path)
+    sheet = Filed(None, tmp_path)
+    sheet.open("a.json")
+    sheet.save("b.json")
+    assert (tmp_path / "b.json").read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["ruiz_fourbar", "engine", "watt_sixbar"])
+def test_a_gallery_graph_opens_plays_and_saves_unchanged(page, studio, name):
+    given = studio[1] / f"{name}.json"
+    shutil.copy(gallery()[name], given)
+    show(page, studio, f"?open={given.name}")
+    pose = page.get_by_role("slider").first
+    page.get_by_text("▶ Play").click()
+    page.wait_for_timeout(400)
+    page.get_by_text("❚❚ Pause").click()
+    assert float(pose.get_attribute("aria-valuenow")) > 0
+    save(page, f"{name}_b.json")
+    assert (studio[1] / f"{name}_b.json").read_bytes() == given.read_bytes()
+
+
+def test_odd_names_are_text_and_run_nothing(page, studio):
+    show(page, studio, "?example=ruiz_fourbar")
+    choose(page, "Edit", "crank")
+    page.get_by_label("length [m]", exact=True).wait_for()
+    fill(page, "Name", ODD)
+    page.locator(".react-flow__node.bm-driver").get_by_text(ODD).wait_for()
+    choose(page, "Edit", "mechanism")
+    page.get_by_label("title", exact=True).wait_for()
+    fill(page, "title", ODD)
+    fill(page, "Name", "<b>\"'\u202e")
+    save(page, "<i>a'b\u202e.json")
+    page.goto(studio[0])
+    page.get_by_text("<i>a'b\u202e.json").click()
+    page.locator(".react-flow__node.bm-driver").get_by_text(ODD).wait_for()
+    assert page.evaluate("window.hurt") is None
+    assert page.locator("img[src=x]").count() == 0
+
+
+def test_a_file_that_another_changed_is_not_overwritten(page, studio):
+    path = studio[1] / "shared.json"
+    shutil.copy(gallery()["ruiz_fourbar"], path)
+    show(page, studio, "?open=shared.json")
+    other = Filed(None, studio[1])
+    other.open("shared.json")
+    other.change({**other.form, "title": "mine"}, "title")
+    other.save("shared.json")
+    theirs = path.read_bytes()
+    fill(page, "title", "yours")
+    press(page, "Save")
+    page.get_by_role("status").get_by_text("changed by somebody else").wait_for()
+    assert path.read_bytes() == theirs
+    press(page, "Replace the file")
+    told(page, "wrote shared.json")
+    assert bm.Graph.load(path).title == "yours"
+
+
+def test_two_windows_on_one_file_show_one_sheet_that_a_reload_keeps(page, browser, studio):
+    shutil.copy(gallery()["ruiz_fourbar"], studio[1] / "two.json")
+    show(page, studio, "?open=two.json")
+    second = browser.new_page()
+    second.on("dialog", lambda dialog: dialog.accept())
+    show(second, studio, "?open=two.json")
+    add(second, "spring")
+    page.locator(".react-flow__node").nth(5).wait_for()
+    second.close()
+    page.reload()
+    page.locator(".react-flow__node").nth(5).wait_for()
+    expect(page.get_by_role("button", name="Undo", exact=True)).to_be_enabled()
+
+
+def test_an_upload_is_checked_as_any_file(page, studio):
+    page.goto(studio[0])
+    given = gallery()["ruiz_fourbar"].read_text("utf-8")
+    upload = page.get_by_label("Upload a file")
+    wrong = given.replace('"length": 2', '"length": -2')
+    for text, role in ((wrong, "alert"), (given, None)):
+        file = {"name": "up.json", "mimeType": "application/json", "buffer": text.encode()}
+        upload.set_input_files(file)
+        if role:
+            page.get_by_role(role).get_by_text("length must be > 0 m, got -2").wait_for()
+    page.get_by_role("link", name="open the sheet").click()
+    page.locator(".react-flow__node").nth(4).wait_for()
+
+
+def test_a_mechanism_is_named_wired_and_saved_by_the_keyboard_alone(page, studio):
+    show(page, studio, "?new")
+    for word, field, value in (("frame", "new in markers", "A"), ("crank", "length [m]", "2")):
+        tab_to(page, f"Add {word}")
+        page.keyboard.press("Enter")
+        page.get_by_label(field, exact=True).wait_for()
+        tab_to(page, field)
+        page.keyboard.press("Control+a")
+        page.keyboard.type(value)
+        page.keyboard.press("Enter")
+    tab_to(page, "Name")
+    page.keyboard.press("Control+a")
+    page.keyboard.type("motor")
+    page.keyboard.press("Enter")
+    page.locator(".react-flow__node").get_by_text("motor").wait_for()
+    tab_to(page, "Connect marker")
+    page.keyboard.type("frame.A")
+    tab_to(page, "Connect")
+    page.keyboard.press("Enter")
+    told(page, "frame.A -> motor.A")
+    tab_to(page, "File")
+    page.keyboard.press("Control+a")
+    page.keyboard.type("keys.json")
+    tab_to(page, "Save")
+    page.keyboard.press("Enter")
+    told(page, "wrote keys.json")
+    made = bm.Graph.load(studio[1] / "keys.json")
+    assert [str(wire) for wire in made.wires] == ["frame.A -> motor.A"]
+    assert made.blocks["motor"].length == 2
+
+
+@pytest.mark.parametrize("what", ["", "?example=ruiz_fourbar"])
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing_serious(page, studio, what, theme):
+    if not AXE.exists():
+        pytest.skip("axe-core is not installed: npm install --no-save --prefix .ci axe-core")
+    page.goto(f"{studio[0]}{what or '?'}&theme={theme}")
+    page.wait_for_function("window.Bokeh?.documents[0]?.is_idle")
+    page.locator(".react-flow__pane" if what else ".cards").wait_for()
+    if "example" in what:
+        page.locator('.react-flow__handle[role="img"]').first.wait_for()
+    page.evaluate(AXE.read_text("utf-8"))
+    found = page.evaluate("axe.run(document, {resultTypes: ['violations', 'passes']})")
+    bad = [
+        (rule["id"], node["html"])
+        for rule in found["violations"]
+        if rule["impact"] in ("serious", "critical")
+        for node in rule["nodes"]
+    ]
+    assert bad == []
+    assert "color-contrast" in {rule["id"] for rule in found["passes"]}
+
+
+@pytest.mark.parametrize("colours", [LIGHT, DARK], ids=["light", "dark"])
+def test_words_stand_out_from_what_is_behind_them(colours):
+    """WCAG 2.1, 1.4.3 (words 4.5) and 1.4.11 (outlines of what is used 3)."""
+    light = {name: luminance(z) for name, z in re.findall(r"--bm-(\w+): #(\w{6})", colours)}
+    behind = ("paper", "frame", "driver", "group", "element")
+    for least, words in ((4.5, ("ink", "grey", "alarm")), (4.5, ("blue",)), (3.0, ("line",))):
+        for word in words:
+            for back in behind if word == "ink" else ("paper",):
+                pair = sorted((light[word], light[back]))
+                assert (pair[1] + 0.05) / (pair[0] + 0.05) >= least, (word, back)
+
+
+def luminance(colour):
+    """Relative luminance of a colour in hexadecimal digits, WCAG 2.1."""
+    parts = [int(colour[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    r, g, b = (x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts)
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b
