@@ -45,7 +45,7 @@ from blockmech.studies.sampling import normal, uniform
 from blockmech.values import Link, Marker
 
 if TYPE_CHECKING:
-    from blockmech import draw
+    from blockmech import draw, studio
     from blockmech.dynamics.request import Until, Watch
     from blockmech.mechanism import Mechanism
     from blockmech.result import Result
@@ -94,6 +94,7 @@ __all__ = [
     "draw",
     "laws",
     "normal",
+    "studio",
     "uniform",
 ]
 

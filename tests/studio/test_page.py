@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from blockmech.builders import Graph
+
 GRAPHS = Path(__file__).parents[2] / "graphs"
 
 DYAD = {
@@ -143,3 +145,35 @@ def test_blocks_are_dropped_and_edited_by_their_forms(page, studio):
     field.press("Enter")
     page.get_by_text("length must be > 0 m, got -2").first.wait_for()
     assert page.locator(".react-flow__node.bm-driver").count() == 1
+
+
+def test_the_four_bar_stands_with_its_answers_in_the_chosen_units(page, studio, tmp_path):
+    """`examples/studio.png` is this picture; the other one is looked at."""
+    for theme in ("dark", "light"):
+        opened(page, studio, f"?example=ruiz_fourbar&theme={theme}")
+        page.get_by_label("Lengths").select_option("mm")
+        page.get_by_label("Angles").select_option("deg")
+        axes = "() => [...Bokeh.documents[0]._all_models.values()].filter(m => m.axis_label)"
+        page.wait_for_function(f"({axes})().filter(m => m.axis_label == 'crank.q [°]').length == 2")
+        page.wait_for_function(f"({axes})().some(m => m.axis_label == 'x [mm]')")
+        page.get_by_label("Lengths").select_option("m")
+        page.wait_for_function(f"({axes})().every(m => m.axis_label != 'x [mm]')")
+        page.get_by_text("crank.q = 0°").wait_for()
+        page.wait_for_timeout(500)  # the figure is painted
+        page.screenshot(path=tmp_path / f"{theme}.png")
+    # metres are as long upwards as they are across, in the browser's own numbers
+    scales = page.evaluate(
+        """() => [...Bokeh.documents[0]._all_models.values()]
+        .filter(m => m.type == "Figure" && m.below[0].axis_label == "x [m]" && m.inner_width)
+        .map(m => [(m.x_range.end - m.x_range.start) / m.inner_width,
+                   (m.y_range.end - m.y_range.start) / m.inner_height])"""
+    )
+    assert scales
+    assert [across for across, _ in scales] == pytest.approx([up for _, up in scales], rel=1e-9)
+    drawn = page.evaluate(
+        """() => [...Bokeh.documents[0]._all_models.values()]
+        .filter(m => m.type == "ColumnDataSource" && m.data.crank && m.data.x)
+        .map(m => Array.from(m.data.crank))[0]"""
+    )
+    run = Graph.load(GRAPHS / "ruiz_fourbar.json").run(samples=361, want=["crank.drive"])
+    assert drawn == pytest.approx(run["crank.drive"] / 1e3, rel=1e-12)

@@ -1,6 +1,8 @@
 """The studio: a page in the browser on which mechanisms are wired, seen and saved.
 
-``blockmech.studio(g)`` shows a graph in a notebook, or gives a page that `panel` serves.
+``blockmech.studio(g, dark=False)`` shows a copy of a graph or linkage in a notebook; what it gives
+is a panel object, which `panel` serves as well. Without ``g`` the sheet is empty. It raises
+`MissingEngineError` where the extra ``studio`` is not installed.
 """
 
 from __future__ import annotations
@@ -28,11 +30,7 @@ class _Studio(ModuleType):
     """The package, which can be called."""
 
     def __call__(self, document: Any = None, dark: bool = False) -> Any:
-        """The studio of a graph or linkage as a panel object; it shows itself in a notebook.
-
-        ``document`` : Graph or Linkage, left as it is; without one the sheet is empty.
-        Raises `MissingEngineError` where the extra ``studio`` is not installed.
-        """
+        """The studio of a copy of a graph or linkage, as a panel object."""
         shown: Any = needed().in_notebook(document, dark)
         return shown
 

@@ -21,7 +21,8 @@ from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of, places_of
-from blockmech.studio.mechanism import MechanismView
+from blockmech.studio.looks import LINES
+from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME
 from blockmech.studio.work import Told, Work
@@ -95,20 +96,23 @@ def _summary(result: Result, seconds: float) -> str:
 
 
 class Answers:
-    """Curves, wires, simulation and costs of what a view shows."""
+    """Curves, wires, simulation and costs of what a view, a `MechanismView`, shows."""
 
-    def __init__(self, sheet: Sheet, view: MechanismView) -> None:
+    def __init__(self, sheet: Sheet, view: Any) -> None:
         self.sheet, self.view = sheet, view
         self.result: Result | None = None
         self.drawn: list[Plot] = []
-        self.names = pn.widgets.MultiSelect(label="Outputs", size=5, sizing_mode="stretch_width")
+        self.names = pn.widgets.MultiSelect(label="Outputs", size=4, sizing_mode="stretch_width")
         self.find = pn.widgets.AutocompleteInput(
-            label="Add an output", search_strategy="includes", case_sensitive=False, width=220
+            label="Add an output",
+            search_strategy="includes",
+            case_sensitive=False,
+            sizing_mode="stretch_width",
         )
         self.find.param.watch(lambda event: self._add(event.new), "value")
         methods = list(get_args(FrictionMethod))
         self.friction = pn.widgets.Select(
-            label="Friction", options=methods, value="newton", width=120
+            label="Friction", options=methods, value="newton", width=100
         )
         self.accuracy = pn.widgets.Select(
             label="Accuracy",
@@ -116,14 +120,14 @@ class Answers:
                 "as the method": 0.0,
                 **{f"{x:g}": x for x in 10.0 ** np.arange(-3, -13, -3)},
             },
-            width=120,
+            width=100,
         )
-        self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=130)
-        self.said = pn.pane.Str("", sizing_mode="stretch_width")
+        self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
+        self.said = pn.pane.Str("", sizing_mode="stretch_width", stylesheets=[LINES])
         self.costs = pn.pane.Str("", sizing_mode="stretch_width")
         self.plots = pn.pane.Bokeh(column(sizing_mode="stretch_width"), sizing_mode="stretch_width")
         self.csv = pn.widgets.FileDownload(
-            callback=self._csv, filename="result.csv", label="CSV", width=90
+            callback=self._csv, filename="result.csv", label="CSV", width=100
         )
         self.work = Work()
         buttons = {
@@ -132,24 +136,22 @@ class Answers:
             "Cost": self.explain,
             "Trade": self.trade,
         }
-        self.buttons = [pn.widgets.Button(label=name, width=90) for name in buttons]
+        self.buttons = [pn.widgets.Button(label=name, width=100) for name in buttons]
         for button, act in zip(self.buttons, buttons.values(), strict=True):
             button.on_click(lambda _, act=act: act())
         self.work.param.watch(lambda event: self.said.param.update(object=event.new), "said")
         for widget in (self.names, self.friction, self.accuracy):
             widget.param.watch(lambda _: self.renew(), "value")
         view.param.watch(lambda _: self._begin(), "motion")
+        view.param.watch(heard(self.renew), "shown")
         self._begin()
 
     def panel(self) -> Any:
-        """What is asked above, the curves below."""
-        asked = pn.FlexBox(
-            self.find, self.friction, self.accuracy, self.csv, self.until, *self.buttons
-        )
-        asked.append(self.work.stop)
-        return pn.Column(
-            *(self.names, asked, self.said, self.plots, self.costs), sizing_mode="stretch_width"
-        )
+        """What is asked on the left, the curves beside it."""
+        parts = (self.friction, self.accuracy, self.until, *self.buttons, self.work.stop, self.csv)
+        asked = pn.Column(self.find, self.names, pn.FlexBox(*parts), width=250)
+        told = pn.Column(self.said, self.plots, self.costs, sizing_mode="stretch_width")
+        return pn.Row(asked, told, sizing_mode="stretch_width")
 
     # -- curves ----------------------------------------------------------------------------
 
@@ -175,6 +177,7 @@ class Answers:
             self.names.value = [*self.names.value, name]
             self.find.value = ""
 
+    @together
     def renew(self) -> None:
         """Compute and draw what is chosen; what cannot be is said."""
         self.result, cursors, said = None, [], ""
@@ -183,7 +186,10 @@ class Answers:
             begun = time.perf_counter()
             try:
                 result = answer(motion, names, self.friction.value, self.accuracy.value or None)
-                panels, along = panels_of(result, names), abscissa(result)
+                panels, along = (
+                    panels_of(result, names),
+                    abscissa(result, degrees=self.view.degrees),
+                )
             except BlockmechError as error:
                 said, panels = str(error), []
             else:

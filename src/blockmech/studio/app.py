@@ -11,16 +11,18 @@ from typing import Any
 import panel as pn
 from bokeh.models import CustomJS
 
-from blockmech.builders import Graph, Opened, opened
+from blockmech.builders import Graph, Linkage, Opened, opened
 from blockmech.draw.palette import ROW
 from blockmech.errors import BlockmechError
 from blockmech.loads.contract import Element
 from blockmech.studio import edits
+from blockmech.studio.answers import Answers
 from blockmech.studio.diagram import Diagram
 from blockmech.studio.fields import Shown
 from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import SCENE, Form
 from blockmech.studio.gallery import gallery_page
+from blockmech.studio.links import LinksSheet
 from blockmech.studio.looks import NAMES, colours, dressed
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import serve
@@ -31,7 +33,7 @@ LEAVING = "window.onbeforeunload = cb_obj.value ? null : (e) => e.preventDefault
 """Whoever leaves a sheet that is not saved is asked by the browser."""
 
 FORMULA = 52  # px above the canvas, which does not move when problems come and go
-BELOW = 330  # px of the form, at whose sections one looks in turn; the mechanism has the rest
+BELOW = 270  # px of form and answers; diagram and mechanism have the rest
 
 
 class Page:
@@ -79,16 +81,15 @@ class Page:
         self.remove.on_click(lambda _: self._remove())
         for widget in (self.length, self.angle):
             widget.param.watch(
-                lambda *_: self.form.param.update(shown=Shown(self.length.value, self.angle.value)),
-                "value",
+                lambda _: self._show_in(Shown(self.length.value, self.angle.value)), "value"
             )
 
     def _make_wiring(self) -> None:
-        self.block = pn.widgets.Select(label="Edit", width=150)
-        self.source = pn.widgets.Select(label="Connect marker", width=150)
-        self.target = pn.widgets.Select(label="to joint", width=150)
+        self.block = pn.widgets.Select(label="Edit", width=96)
+        self.source = pn.widgets.Select(label="Connect marker", width=96)
+        self.target = pn.widgets.Select(label="to joint", width=96)
         self.wire = pn.widgets.Button(name="Connect")
-        self.wires = pn.widgets.Select(label="Wires", width=190)
+        self.wires = pn.widgets.Select(label="Wires", width=110)
         self.cut = pn.widgets.Button(name="Remove wire")
         self.block.param.watch(lambda event: self.form.param.update(selected=event.new), "value")
         self.wire.on_click(
@@ -117,16 +118,32 @@ class Page:
             align_items="end",
             css_classes=["bm-wiring"],
         )
-        left = pn.Column(
+        self.view = MechanismView(self.sheet, dark)
+        self.answers = Answers(self.sheet, self.view)
+        self.links = LinksSheet(self.sheet, dark)
+        self.diagram.wire_values = self.answers.wires
+        self._show_in(self.form.shown)
+        blocks = pn.Column(
             *(self.diagram.palette, self.formula, self.diagram.flow, wiring, self.status),
-            css_classes=["bm-left"],
             sizing_mode="stretch_both",
         )
-        self.view = MechanismView(self.sheet, dark)
-        below = pn.Column(self.form.panel(), sizing_mode="stretch_width", height=BELOW, scroll=True)
-        right = pn.Column(self.view.panel(), below, sizing_mode="stretch_both")
+        drawn = pn.Tabs(
+            ("Blocks", blocks),
+            ("Links and joints", self.links.panel()),
+            active=int(isinstance(self.sheet.document, Linkage)),
+            sizing_mode="stretch_both",
+        )
+        below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
+        sides = (
+            (drawn, pn.Column(self.form.panel(), **below)),
+            (self.view.panel(), pn.Column(self.answers.panel(), **below)),
+        )
+        body = pn.Row(
+            *(pn.Column(*parts, sizing_mode="stretch_both", scroll="y-auto") for parts in sides),
+            sizing_mode="stretch_both",
+            css_classes=["bm-body"],
+        )
         pn.config.raw_css = [colours(dark)]
-        body = pn.Row(left, right, sizing_mode="stretch_both", css_classes=["bm-body"])
         page = pn.Column(
             *(bar, body), css_classes=["bm-page"], sizing_mode="stretch_both", margin=0
         )
@@ -137,6 +154,10 @@ class Page:
     def say(self, text: str) -> None:
         """Tell something in the line below the diagram, also to a screen reader."""
         self.status.object = f"<p role=status>{html.escape(text)}</p>"
+
+    def _show_in(self, units: Shown) -> None:
+        """Show lengths and angles in the units that the user chose; files stay SI."""
+        self.form.shown = self.view.shown = units
 
     def select(self, name: str) -> None:
         """Show the form of a block, or of the scene."""

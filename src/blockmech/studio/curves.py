@@ -14,9 +14,8 @@ from blockmech.draw.curves import chosen_panels, without_friction
 from blockmech.draw.panels import PANEL, WITHOUT, Abscissa, Panel
 from blockmech.draw.paper import scaled_unit, shown_name
 from blockmech.result import Result
-from blockmech.studio.film import PIXELS, coloured
+from blockmech.studio.film import PIXELS, coloured, dress
 
-FONT = "DejaVu Sans, Verdana, sans-serif"
 CURVE = round(PANEL * PIXELS)  # [px] height of a figure
 Gaps = Iterable[tuple[int, int, str]]
 
@@ -88,26 +87,6 @@ def labels_of(panel: Panel) -> list[str]:
     """The curves as a legend names them."""
     shown = [shown_name(name) or panel.quantity for name in panel.curves]
     return shown + [f"{shown_name(name) or panel.quantity} {WITHOUT}" for name in panel.without]
-
-
-def dress(plot: Any, dark: bool) -> None:
-    """Give a figure the colours of the palette."""
-    line, paper, pale = (coloured(c, dark) for c in (ink.INK, ink.PAPER, ink.PALE))
-    plot.background_fill_color = plot.border_fill_color = paper
-    plot.outline_line_color = line
-    plot.grid.grid_line_color = pale
-    plot.axis.axis_line_color = plot.axis.major_tick_line_color = line
-    plot.axis.minor_tick_line_color = None
-    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = line
-    plot.axis.axis_label_text_font = plot.axis.major_label_text_font = FONT
-    plot.axis.axis_label_text_font_style = "normal"
-    plot.toolbar.logo = None
-    if plot.legend:
-        plot.legend.label_text_font = FONT
-        plot.legend.background_fill_color = paper
-        plot.legend.label_text_color = line
-        plot.legend.border_line_color = None
-        plot.add_layout(plot.legend[0], "right")
 
 
 def places_of(along: Abscissa, every: int) -> list[float]:

@@ -40,10 +40,11 @@ CHIPS = f"""
 export function render({{ model }}) {{
   const box = document.createElement("div");
   box.className = "chips";
-  for (const [kind, family, words] of model.kinds) {{
+  for (const [kind, family, words, why] of model.kinds) {{
     const chip = document.createElement("button");
     chip.type = "button"; chip.draggable = true; chip.textContent = words;
-    chip.title = kind; chip.className = family; chip.dataset.kind = kind;
+    chip.title = why || kind; chip.disabled = Boolean(why);
+    chip.className = family; chip.dataset.kind = kind;
     chip.setAttribute("aria-label", "Add " + words);
     chip.addEventListener("dragstart", e => e.dataTransfer.setData("{DRAGGED}", kind));
     chip.addEventListener("click", () => model.send_msg(kind));
@@ -70,6 +71,7 @@ class Palette(pn.custom.JSComponent):  # type: ignore[misc]  # as the sheet
         button.frame { background: var(--bm-frame) }
         button.driver { background: var(--bm-driver) }
         button.element { background: var(--bm-element); border-style: dashed }
+        button:disabled { color: var(--bm-grey); cursor: default }
         button:focus-visible { outline: 2px solid var(--bm-blue) }
         """
     ]
@@ -82,17 +84,19 @@ class Palette(pn.custom.JSComponent):  # type: ignore[misc]  # as the sheet
         self._pressed(str(msg))
 
 
-def kinds() -> list[tuple[str, str, str]]:
-    """Type, family and word of every block that can be begun with the simplest values."""
+def kinds() -> list[tuple[str, str, str, str]]:
+    """Type, family and word of every kind of block, and why it cannot be begun here or ""."""
     schema, found = graph_schema(), []
     for kind in REGISTRY:
         try:
             made = REGISTRY[kind](**starter(schema, schema["$defs"][kind]))
         except BlockmechError:  # links and pairs of a group are more than one field each
+            why = f"{kind} has no simplest values: draw links and joints, or open a file with one"
+            found.append((kind, "group", kind.split(".")[-1], why))
             continue
         content = content_of(_alone(kind, made)).blocks[0]
         word = {"group": content.words, "frame": "frame"}.get(content.kind, kind.split(".")[-1])
-        found.append((kind, content.kind, word.replace("_", " ")))
+        found.append((kind, content.kind, word.replace("_", " "), ""))
     order = ("frame", "driver", "group", "element")
     return sorted(found, key=lambda item: order.index(item[1]))
 
@@ -112,7 +116,7 @@ class Diagram:
         self.wire_values: Callable[[str], str] | None = None
         self.flow = ReactFlow(
             sizing_mode="stretch_both",
-            min_height=320,
+            min_height=240,
             editor_mode="side",
             display_side_bar=False,
             drop_types=[DRAGGED],

@@ -29,6 +29,7 @@ from blockmech.model.structure import JointRef, LinkRef
 
 GLYPHS = {"area": "patches", "line": "multi_line", "disc": "scatter"}
 SHOWN = ("paths", "names", "velocities", "reactions", "friction circles")
+FONT = "DejaVu Sans, Verdana, sans-serif"
 PIXELS = 12 / SMALL  # of the screen in a point of the page: words 12 px high
 
 
@@ -236,3 +237,24 @@ def _drawn(motion: Motion, link: LinkRef, outline: Outline) -> Complex:
     t = np.linspace(0, 1, len(DIRECTIONS))
     along = corners[:-1, None] + np.diff(corners)[:, None] * t
     return motion.at(link, np.asarray(along.ravel(), complex))
+
+
+def dress(plot: Any, dark: bool) -> None:
+    """Give a figure the colours of the palette."""
+    line, paper, pale = (coloured(c, dark) for c in (ink.INK, ink.PAPER, ink.PALE))
+    plot.background_fill_color = plot.border_fill_color = paper
+    plot.outline_line_color = line
+    plot.grid.grid_line_color = pale
+    plot.axis.axis_line_color = plot.axis.major_tick_line_color = line
+    plot.axis.minor_tick_line_color = None
+    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = line
+    plot.axis.axis_label_text_font = plot.axis.major_label_text_font = FONT
+    plot.axis.axis_label_text_font_style = "normal"
+    plot.toolbar.logo, plot.toolbar.autohide = None, True
+    if plot.legend:
+        plot.legend.label_text_font = FONT
+        plot.legend.background_fill_color = paper
+        plot.legend.label_text_color = line
+        plot.legend.border_line_color = None
+        plot.legend.update(ncols=2, label_text_font_size="11px", padding=0, spacing=10, margin=2)
+        plot.add_layout(plot.legend[0], "above")

@@ -18,8 +18,8 @@ from blockmech.draw.sketch import hull
 from blockmech.errors import BlockmechError
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
-from blockmech.studio.curves import FONT
-from blockmech.studio.film import PIXELS, coloured
+from blockmech.studio.film import FONT, PIXELS, coloured
+from blockmech.studio.session import heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import Drawn, Form
 from blockmech.studio.window import Window
@@ -68,7 +68,7 @@ class LinksSheet:
         self.said = pn.pane.HTML("", sizing_mode="stretch_width")
         self.diagram = pn.pane.SVG(None, encode=True, sizing_mode="stretch_width", max_height=300)
         self._make_figure()
-        sheet.param.watch(lambda _: self.renew(), "form")
+        sheet.param.watch(heard(self.renew), "form")
         self.renew()
 
     def panel(self) -> Any:

@@ -52,6 +52,7 @@ CANVAS = """
 .react-flow__edge.selected .react-flow__edge-path { stroke-width: 3 }
 .react-flow { background: var(--bm-paper) !important }
 .react-flow__attribution { display: none }
+.react-flow__controls { flex-direction: row !important }
 """
 """Style inside of the canvas: blocks as boxes, ports named, R round, P and guides square."""
 
@@ -84,7 +85,15 @@ label, .bk-input-group > label { color: var(--bm-grey); font-size: 12px; margin:
   color: var(--bm-ink); background: var(--bm-group) }
 .bk-btn-primary { background: #005a8f; color: #fff }
 .bk-btn-danger { background: #a30015; color: #fff }
+.noUi-target { background: var(--bm-pale); border-color: var(--bm-line) }
+.noUi-handle { background: var(--bm-group); border-color: var(--bm-line) }
 """
+TABS = """
+.bk-tab { color: var(--bm-grey); font-size: 12px; padding: 3px 10px }
+.bk-tab.bk-active { color: var(--bm-ink) !important; background: var(--bm-paper) !important;
+  border-color: var(--bm-line) !important }
+"""
+LINES = "pre { font: 12px system-ui, sans-serif; white-space: pre-wrap; margin: 0 }"
 
 NAMES = """
 const name = (root) => {
@@ -113,6 +122,8 @@ def dressed(shown: Any) -> Any:
         style = PANE if isinstance(part, pn.pane.HTML) else WIDGET
         if isinstance(part, ReactFlow):
             style = CANVAS
-        if isinstance(part, pn.widgets.Widget | pn.pane.HTML | ReactFlow):
+        if isinstance(part, pn.Tabs):
+            style = TABS
+        if isinstance(part, pn.widgets.Widget | pn.pane.HTML | pn.Tabs | ReactFlow):
             part.stylesheets = [style]
     return shown

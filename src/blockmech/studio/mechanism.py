@@ -31,11 +31,12 @@ from blockmech.draw.motion import Motion
 from blockmech.draw.palette import INK
 from blockmech.errors import BlockmechError
 from blockmech.result import Result
-from blockmech.studio.curves import CURVE, FONT, Plot, labels_of, margins_of, places_of
+from blockmech.studio.curves import CURVE, Plot, labels_of, margins_of, places_of
 from blockmech.studio.dragging import dragged, handles_of
-from blockmech.studio.film import PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
+from blockmech.studio.fields import Shown
+from blockmech.studio.film import FONT, PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
 from blockmech.studio.looks import WIDGET
-from blockmech.studio.session import heard
+from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
 from blockmech.studio.window import Window
@@ -83,6 +84,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     motion : the poses of all samples, of a turn or of a simulation; None where nothing moves
     frame : the shown one of the frames; the sample is `sample`
     show : what is drawn beside links and loads, some of `SHOWN`
+    shown : units of lengths and angles
     gaps : first and last sample of each gap, and the sentence of its diagnosis
     said : what went wrong as a sentence, "" where nothing did
     """
@@ -91,6 +93,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     frame = param.Integer(default=0)
     show = param.ListSelector(default=["paths", "names"], objects=list(SHOWN))
     gaps = param.List(default=[])
+    shown = param.Parameter(default=Shown())
     said = param.String(default="")
 
     def __init__(self, sheet: Sheet, dark: bool = False, seconds: float = 3.0) -> None:
@@ -106,6 +109,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._make_controls()
         sheet.param.watch(heard(self.renew), ["form", "mechanism"])
         self.param.watch(lambda *_: self._draw(), ["show"])
+        self.param.watch(heard(self._show_units), ["shown"])
         self.renew()
 
     # -- what is shown ---------------------------------------------------------------------
@@ -134,6 +138,17 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             motion, said = None, str(error)
         self.play(motion, said)
 
+    @property
+    def degrees(self) -> bool:
+        """Whether angles are shown in degrees."""
+        return bool(self.shown.angle == "deg")
+
+    def _show_units(self) -> None:
+        """Write places and angles in the chosen units."""
+        self.window.measured(self.shown)
+        self.play(self.motion, self.said)
+
+    @together
     def play(self, motion: Motion | None, said: str = "") -> None:
         """Show a motion, e.g. that of a simulation, until the sheet changes."""
         self._scene = None
@@ -157,7 +172,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         cursors = []
         self._strip.visible = closed is not None and bool(closed.quality.margin)
         if closed is not None and self._strip.visible:
-            panel, along = margins_of(closed), abscissa(closed)
+            panel, along = margins_of(closed), abscissa(closed, degrees=self.degrees)
             if self._margins is None or self._margins.curves != labels_of(panel):
                 self._margins = Plot(panel, self.dark, height=CURVE // 2, toolbar_location=None)
                 self._margins.figure.legend.visible = False
@@ -196,7 +211,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._said = Div(text="", sizing_mode="stretch_width", styles={"min-height": "2.6em"})
         self.pose = Slider(
             start=0, end=1, value=0, step=1, title="Pose", show_value=False,
-            sizing_mode="stretch_width",
+            sizing_mode="stretch_width", stylesheets=[WIDGET],
         )  # fmt: skip
         self._play = Toggle(label="▶ Play", width=90, align="end", stylesheets=[WIDGET])
         parts = {"pose": self.pose, "said": self._said, "film": [], "captions": [""], "cursors": []}
@@ -216,7 +231,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         )  # fmt: skip
         return pn.Column(
             choice,
-            pn.pane.Bokeh(plot, sizing_mode="stretch_both"),
+            pn.pane.Bokeh(plot, sizing_mode="stretch_both", min_height=340),
             self._strip,
             sizing_mode="stretch_both",
         )
@@ -229,6 +244,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         motion: Motion = self.motion
         return motion.only(np.arange(0, len(motion.samples), FRAME))
 
+    @together
     def _draw(self) -> None:
         """Compute what is drawn, and fit it into the window."""
         self._scene, self._handles = None, {}
@@ -341,7 +357,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         if self.motion is None:
             return [said]
         frames, time = self.frames, self.frames.time
-        told = [html.escape(caption(frames, [k])) for k in range(len(frames.samples))]
+        told = [html.escape(caption(frames, [k], self.degrees)) for k in range(len(frames.samples))]
         if self.motion.result.motion is not None and time is not None:
             told = [f"t = {t:.3f} s; {words}" for t, words in zip(time, told, strict=True)]
         for first, last, why in [] if self.said else self.gaps:

@@ -6,14 +6,15 @@ from collections.abc import Callable
 from typing import Any
 
 from bokeh.core.property.descriptors import UnsetValueError
-from bokeh.models import Range1d
+from bokeh.models import CustomJSTickFormatter, Range1d
 from bokeh.plotting import figure
 
-from blockmech.draw.palette import SIZES
-from blockmech.studio.curves import dress
-from blockmech.studio.film import PIXELS
+from blockmech.draw.palette import SIZES, TEXT
+from blockmech.studio.fields import Shown
+from blockmech.studio.film import PIXELS, dress
 from blockmech.studio.session import heard
 
+TICK = "return String(Number((tick * each).toPrecision(12))).replace('-', '\u2212')"
 SIZE = 700, 500  # [px] before the browser says
 
 
@@ -24,13 +25,21 @@ class Window:
         self.x, self.y = Range1d(-1, 1), Range1d(-1, 1)
         self.figure = figure(
             x_range=self.x, y_range=self.y, x_axis_label="x [m]", y_axis_label="y [m]",
-            tools="pan,wheel_zoom,reset,save", active_scroll="wheel_zoom", min_height=320,
+            tools="pan,wheel_zoom,reset,save", active_scroll="wheel_zoom", min_height=220,
             sizing_mode="stretch_both",
         )  # fmt: skip
         dress(self.figure, dark)
+        self.ticks = CustomJSTickFormatter(args={"each": 1.0}, code=TICK)
+        self.figure.axis.formatter = self.ticks
         fit = heard(resized)
         for size in ("inner_width", "inner_height"):
             self.figure.on_change(size, lambda attr, old, new: fit())
+
+    def measured(self, units: Shown) -> None:
+        """Write lengths in the unit that the user chose."""
+        self.ticks.args = {"each": units.factor("m")}
+        for axis, name in zip(self.figure.axis, "xy", strict=True):
+            axis.axis_label = f"{name} [{units.length}]"
 
     @property
     def size(self) -> tuple[int, int]:
@@ -48,9 +57,9 @@ class Window:
     def fit(self, low: complex, high: complex) -> None:
         """Show all from the lower left corner to the upper right one [m], with air around."""
         width, height = self.size
-        edge = 2 * SIZES.edge * PIXELS
+        edge, name = 2 * SIZES.edge * PIXELS, 2 * TEXT * PIXELS  # names stand beside joints
         size, middle = high - low, (high + low) / 2
-        room = max(width - edge, 1), max(height - edge, 1)
+        room = max(width - edge - name, 1), max(height - edge, 1)
         scale = max(size.real / room[0], size.imag / room[1]) or 1.0 / width
         half = complex(width, height) * scale / 2
         for axis, c, h in ((self.x, middle.real, half.real), (self.y, middle.imag, half.imag)):

@@ -25,7 +25,7 @@ class Work(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def __init__(self) -> None:
         super().__init__()
-        self.stop = pn.widgets.Button(label="Stop", disabled=True)
+        self.stop = pn.widgets.Button(label="Stop", disabled=True, width=100)
         self.stop.on_click(lambda _: self.cancel())
         self.param.watch(lambda event: self.stop.param.update(disabled=not event.new), "busy")
         self._stopped = False
