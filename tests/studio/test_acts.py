@@ -5,7 +5,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import expect
 
 import blockmech as bm
 from blockmech.builders import opened
@@ -13,6 +12,8 @@ from blockmech.studio import edits
 from blockmech.studio.files import Filed
 from blockmech.studio.looks import DARK, LIGHT
 from blockmech.testing.files import gallery
+
+expect = pytest.importorskip("playwright.sync_api", reason="it is no browser's driver").expect
 
 ROOT = Path(__file__).parents[2]
 AXE = ROOT / ".ci" / "node_modules" / "axe-core" / "axe.min.js"
