@@ -163,16 +163,21 @@ def test_a_four_bar_is_drawn_in_the_browser(page):
         assert sorted(pane.drawn) == list("ABCD")
         for ends in ("AB", "BC", "CD"):
             pick(page, pane, ends)
-            page.get_by_role("button", name="Link").click()
-            page.wait_for_timeout(250)
+            press(page, pane, "Link")
         pick(page, pane, "AD")
-        page.get_by_role("button", name="To the frame").click()
-        page.wait_for_timeout(250)
+        press(page, pane, "To the frame")
         pick(page, pane, "A")
-        page.get_by_role("button", name="Driver").click()
-        page.wait_for_timeout(400)
+        press(page, pane, "Driver")
         assert pane.sheet.problems == ()
         assert "RRR" in page.locator("p[role=status]").inner_text()
+
+
+def press(page, pane, button):
+    """Press a button, and wait until the document has changed and the page tells of it."""
+    before = pane.sheet.form
+    page.get_by_role("button", name=button).click()
+    wait_until(page, lambda: pane.sheet.form != before)
+    page.wait_for_timeout(400)
 
 
 def pick(page, pane, names):
