@@ -137,6 +137,11 @@ def read_text(raw: bytes, name: str) -> Opened:
     return read(decoded(raw, name), name, kind)
 
 
+def from_data(data: dict[str, Any]) -> Opened:
+    """The mechanism in the plain data of a file. Raises like `opened`."""
+    return _kind(data).from_data(data)
+
+
 def _kind(raw: dict[str, Any]) -> type[Opened]:
     """What data say that they are, or, if they name no format, what they look like."""
     joints = "joints" in raw and "blocks" not in raw

@@ -39,7 +39,7 @@ def whole(fourbar):
     return fourbar.study(VARY, **REQUEST)
 
 
-def same(one, other):
+def assert_same(one, other):
     assert one.n == other.n
     assert one.status == other.status
     for label in one:
@@ -53,7 +53,7 @@ def files(place):
 
 def test_parts_read_as_what_the_study_found(fourbar, whole, tmp_path):
     parted = fourbar.study(VARY, **REQUEST, out=tmp_path / "new" / "parts")
-    same(whole, parted)
+    assert_same(whole, parted)
     assert set(whole.status) == {"ok", "no-assembly"}
     assert len(files(tmp_path / "new" / "parts")) == REQUEST["count"] // PART
     assert parted.grid("poses(dyad.C.p)").shape == (400, 6)
@@ -66,7 +66,7 @@ def test_parts_read_as_what_the_study_found(fourbar, whole, tmp_path):
 
 def test_parts_of_any_size_hold_the_same(fourbar, whole, monkeypatch, tmp_path):
     monkeypatch.setattr(Runner, "part", lambda self, n: 7)
-    same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
+    assert_same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
 
 
 def test_an_interrupted_study_goes_on_where_it_stopped(fourbar, whole, tmp_path, monkeypatch):
@@ -82,9 +82,9 @@ def test_an_interrupted_study_goes_on_where_it_stopped(fourbar, whole, tmp_path,
     again = fourbar.study(VARY, **REQUEST, out=tmp_path, progress=lambda *x: told.append(x[1]))
     assert told == list(range(4 * PART, 401, PART))
     assert kept.items() <= {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}.items()
-    same(whole, again)
+    assert_same(whole, again)
     monkeypatch.setattr(Work, "here", lambda work, spans: iter(spans) if not spans else 1 / 0)
-    same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
+    assert_same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
 
 
 def test_another_question_in_the_folder_is_refused(fourbar, tmp_path):
@@ -105,7 +105,7 @@ def test_another_question_in_the_folder_is_refused(fourbar, tmp_path):
 
 def test_a_draft_that_a_dead_worker_left_is_no_part(fourbar, whole, tmp_path):
     (tmp_path / ".blockmech-0123abcd").write_bytes(b"half a file")
-    same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
+    assert_same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
 
 
 def test_local_processes_give_the_same_though_one_is_killed(fourbar, whole, tmp_path):
@@ -119,7 +119,7 @@ def test_local_processes_give_the_same_though_one_is_killed(fourbar, whole, tmp_
 
     found = fourbar.study(VARY, **REQUEST, out=tmp_path / "there", workers=2, progress=kill)
     assert killed[0].exitcode == -signal.SIGKILL
-    same(whole, found)
+    assert_same(whole, found)
     assert files(tmp_path / "here") == files(tmp_path / "there")
 
 
@@ -137,10 +137,10 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed(fourbar, whole, tmp_
                 os.kill(killed[0], signal.SIGKILL)
 
         found = fourbar.study(VARY, **REQUEST, out=tmp_path / "there", client=client, progress=kill)
-        same(whole, found)
+        assert_same(whole, found)
         assert killed
         assert files(tmp_path / "here") == files(tmp_path / "there")
-        same(whole, fourbar.study(VARY, **REQUEST, client=client))
+        assert_same(whole, fourbar.study(VARY, **REQUEST, client=client))
 
 
 @pytest.mark.parametrize("sampling", ["latin", "sobol", "random", "grid", "paired"])

@@ -72,6 +72,15 @@ def test_without_a_block_its_wires_and_its_drive_are_gone():
     assert not form["scene"].get("drive")
 
 
+def test_a_driver_called_by_a_joint_goes_with_its_block():
+    form = bm.Graph.load(GRAPHS / "scissor_lift.json").to_data()
+    assert list(form["scene"]["drive"]) == ["scissors.cylinder"]
+    made = bm.Graph.from_data(edits.renamed(form, "scissors", "arms"))
+    assert made.check() == []
+    assert list(made.scene.drive) == ["arms.cylinder"]
+    assert "drive" not in edits.without(form, ["scissors"])["scene"]
+
+
 @pytest.mark.parametrize("kind", [k for k in REGISTRY if k != "group.general"])
 def test_every_kind_of_block_begins_with_valid_values(kind):
     form = edits.added(bm.Graph().to_data(), kind, "new")

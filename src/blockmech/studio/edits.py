@@ -6,7 +6,7 @@ form before it; whether the new form is sound, the sheet finds.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from blockmech.blocks.registry import REGISTRY
@@ -49,7 +49,7 @@ def without(form: Form, blocks: Iterable[str], wires: Iterable[str] = ()) -> For
     ]
     left = {name: block for name, block in form["blocks"].items() if name not in gone}
     made = {**form, "blocks": left, "wires": kept}
-    return _by_block(made, lambda name: None if name in gone else name)
+    return _by_block(made, lambda name: None if name.split(".")[0] in gone else name)
 
 
 def renamed(form: Form, old: str, new: str) -> Form:
@@ -68,12 +68,10 @@ def renamed(form: Form, old: str, new: str) -> Form:
 
     blocks = {}
     for name, raw in form["blocks"].items():
-        follows = raw.get("driver") == old and "driver" in raw
-        blocks[new if name == old else name] = {**raw, "driver": new} if follows else raw
+        follows = {"driver": end(raw["driver"])} if "driver" in raw else {}
+        blocks[end(name)] = {**raw, **follows}
     wires = [{"from": end(wire["from"]), "to": end(wire["to"])} for wire in form["wires"]]
-    return _by_block(
-        {**form, "blocks": blocks, "wires": wires}, lambda name: new if name == old else name
-    )
+    return _by_block({**form, "blocks": blocks, "wires": wires}, end)
 
 
 def duplicated(form: Form, names: Iterable[str]) -> Form:
@@ -105,8 +103,11 @@ def wire_text(wire: Mapping[str, str]) -> str:
     return f"{wire['from']} -> {wire['to']}"
 
 
-def _by_block(form: Form, rename: Any) -> Form:
-    """The sections that are keyed by a block or its driver, with other keys; None: without."""
+def _by_block(form: Form, rename: Callable[[str], str | None]) -> Form:
+    """The sections that are keyed by a block or its driver, with other keys; None: without.
+
+    A driver is called as its block, or by a joint of it (``scissors.cylinder``).
+    """
 
     def keyed(part: Mapping[str, Any]) -> dict[str, Any]:
         return {new: item for old, item in part.items() if (new := rename(old)) is not None}

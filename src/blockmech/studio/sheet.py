@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import param
 
-from blockmech.builders import Graph, Linkage, Opened
+from blockmech.builders import Graph, Opened, from_data
 from blockmech.errors import GraphError, Problem
 from blockmech.model.writing import canonical_text
 
@@ -72,8 +72,7 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
         Raises `FormatError` or `GraphError` for a form that could not be read again, with
         all that is wrong; the sheet then stays as it is.
         """
-        kind = Linkage if form.get("format") == Linkage.form.format else Graph
-        document = kind.from_data(form)
+        document = from_data(form)
         text = document.to_json()
         if text != canonical_text(self.form):
             self._done.append(Step(document.to_data(), said))
@@ -103,9 +102,7 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
         return canonical_text(self.form)
 
     def _again(self) -> None:
-        form = self._done[-1].form
-        kind = Linkage if form["format"] == Linkage.form.format else Graph
-        self._show(kind.from_data(form), self.path)
+        self._show(from_data(self._done[-1].form), self.path)
 
     def _show(self, document: Opened, path: Path | None) -> None:
         """Set what follows from the last step, in one event."""

@@ -17,6 +17,7 @@ from blockmech.failures import why_not
 from blockmech.mechanism import Mechanism
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
+from blockmech.studio.edits import without
 
 FRAME = 3  # samples from one frame to the next: as smooth as a screen shows, a third to send
 
@@ -84,18 +85,7 @@ def part_of(form: Mapping[str, Any], failing: Iterable[str]) -> dict[str, Any]:
         for wire in form["wires"]:
             if wire["from"].partition(".")[0] in gone:
                 gone.add(wire["to"].partition(".")[0])
-    blocks = {name: block for name, block in form["blocks"].items() if name not in gone}
-    wires = [
-        w for w in form["wires"] if {w[x].partition(".")[0] for x in ("from", "to")} <= set(blocks)
-    ]
-    scene = {
-        key: {d: x for d, x in given.items() if d.partition(".")[0] in blocks}
-        if isinstance(given, Mapping)
-        else given
-        for key, given in form.get("scene", {}).items()
-    }
-    kept = {key: x for key, x in form.items() if key not in ("expect", "view")}
-    return kept | {"blocks": blocks, "wires": wires, "scene": scene}
+    return without({key: x for key, x in form.items() if key not in ("expect", "view")}, gone)
 
 
 def blamed_blocks(form: Mapping[str, Any], problems: Iterable[Problem]) -> set[str]:
