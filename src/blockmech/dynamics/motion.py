@@ -30,7 +30,7 @@ SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulo
 AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 
-EVALUATIONS = 500_000  # of kernels, or steps, at most in a run of an integrator; some seconds
+EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 FACT_UNITS: Mapping[str, str] = {
     "swing_time": "s",
     "period": "s",
@@ -116,6 +116,7 @@ class Motion(Told):
     accuracy : the target of ``error``, None if none was given
     reached : whether ``error`` is within the target
     cost : kernel evaluations
+    engine : of single states, "scalar" or "llvm" in the end; "numpy" along the path
     notes : what a reader must know: doubts, targets missed, limits
     facts : further numbers by name (period, work of a period, multiplier ...), see `fact_unit`
     """
@@ -135,6 +136,7 @@ class Motion(Told):
     time_error: float
     accuracy: float | None
     cost: Cost
+    engine: str = "numpy"
     notes: tuple[str, ...] = ()
     facts: Mapping[str, float] = field(default_factory=dict)
 
@@ -151,7 +153,9 @@ class Motion(Told):
         """Lines about its end, method, error and figures; ``unit`` is the coordinates'."""
         lines = [f"{self.status}: {self.end}, after {self.t_end:.12g} s"]
         why = f" ({self.why})" if self.why else ""
-        lines.append(f"method {self.method}{why}, {self.cost.evaluations} kernel evaluations")
+        by = " by machine code" if self.engine == "llvm" else ""
+        cost = f"{self.cost.evaluations} kernel evaluations{by}"
+        lines.append(f"method {self.method}{why}, {cost}")
         if math.isfinite(self.error):
             clock = f", {self.time_error:.1e} s at the end" if self.time_error > 0 else ""
             lines.append(f"estimated error {self.error:.1e} {unit}{clock}")

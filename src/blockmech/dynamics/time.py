@@ -183,6 +183,7 @@ class Run:
             time_error=2 * self.left,
             accuracy=self.request.accuracy,
             cost=self.system.cost,
+            engine=self.system.engine_of_states.name,
             notes=tuple(self.notes),
             facts=self.facts | ({} if fixed else {"tolerance": self.tolerance}),
         )
