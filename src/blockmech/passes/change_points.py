@@ -31,7 +31,6 @@ from blockmech.series import DOUBLE_ROOT, GOLDEN, NODES, SCANNED, Floats, fit, p
 SEAM = -math.pi / 2  # where the scan of a turn begins
 REACHES = (12.0, 6.0, 2.5, 1.2)  # spacings on either side that a series covers
 ENDED = 1e-10  # end of a series that is smooth
-PANELS = 24  # of a turn, to begin with
 AT_HOME = 1e-3  # of the largest determinant: below it home is at a change point
 TRAVEL = 2.0  # sizes of the mechanism to which a slide is searched on either side
 
@@ -118,7 +117,8 @@ def _no_home(block: str, driver: str, q: float, size: float) -> Problem:
 
 def _points(search: _Search, edges: Floats, gap: Any, known: set[float]) -> Iterator[float]:
     """Change points among the extrema of the determinant's square."""
-    found = fit(lambda q: search.size(q) ** 2, edges[:: SCANNED // PANELS]).extrema()
+    whole = panels(search.low, search.high, SCANNED // NODES)
+    found = fit(lambda q: search.size(q) ** 2, whole).extrema()
     points = [x for guess in found.tolist() if (x := _root(search, guess)) is not None]
     for point in points:
         x = SEAM + (point - SEAM) % math.tau if search.rotary else point
