@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front, trade
+from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front
 from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock
-from blockmech.draw.trade import trade_figure
+from blockmech.draw.trade import trade
 from blockmech.mechanism import Mechanism
 from tests.gallery import mechanism
 from tests.wiring import ruiz, watt
@@ -236,7 +236,7 @@ def test_json_and_csv_hold_every_point() -> None:
 
 
 def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
-    figure = trade_figure(friction())
+    figure = friction().figure()
     assert [a.get_xlabel() for a in figure.axes] == [
         "time of one run [s]",
         "kernel evaluations [–]",
@@ -252,7 +252,7 @@ def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
 
 @pytest.mark.parametrize("found", [friction, motion])
 def test_labels_of_the_picture_do_not_overlap_and_stay_inside(found) -> None:
-    figure = trade_figure(found())
+    figure = found().figure()
     renderer = figure.canvas.get_renderer()
     whole = figure.bbox
     for axes in figure.axes:
