@@ -83,6 +83,13 @@ class RequestError(BlockmechError):
     """A call asks for something that does not exist or does not fit together."""
 
 
+def refused(
+    where: str, found: str, remedy: str = "", valid: str = "", code: str = "bad-request"
+) -> RequestError:
+    """The error of a call that makes no sense, with its one problem."""
+    return RequestError(Problem(code, where, found, valid, remedy))
+
+
 class NotComputedError(RequestError, KeyError):
     """A result does not hold the output that is read from it."""
 
