@@ -260,9 +260,14 @@ class Run:
         if self.method != "radau":  # SciPy's takes one number only
             rtol = np.array([FLOOR] * k + [rtol] * (y.size - k))
         atol = np.array([tol] * k + [tol * speed] * k + [tol * work] * (y.size - 2 * k))
-        return SOLVERS[self.method](
+        solver = SOLVERS[self.method](
             self.equation, t, y, bound, rtol=rtol, atol=atol, max_step=longest
         )
+        if self.method == "radau":
+            # SciPy's iterates to 10 EPS, every step to the same side: no finer run would show it.
+            # This falls with the tolerance, to 10 EPS at the finest.
+            solver.newton_tol = max(solver.newton_tol, math.sqrt(EPS / rtol))
+        return solver
 
     def _stepped(self, solver: Any) -> Any:
         """Dense output of one more step; None where there is no step."""
