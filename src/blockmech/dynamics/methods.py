@@ -1,15 +1,7 @@
 """Which method computes a motion, and why; what is refused.
 
-| method             | loads may depend on | joint friction | ends at an event | ``auto`` takes it |
-|--------------------|---------------------|----------------|------------------|-------------------|
-| ``energy``         | q                   | no             | no               | where it can      |
-| ``spectral``       | q and q'            | yes            | no               | else, if it can   |
-| ``dop853``         | q, q' and time      | yes            | yes              | else              |
-| ``radau``          | the same            | yes            | yes              | where it is stiff |
-| ``lsoda``, ``rk4`` | the same            | yes            | yes              | never             |
-| ``euler_q``        | q, q' and time      | no             | yes              | never             |
-
-Several drivers need an integrator or ``rk4``. The steady state is a search of its own.
+``auto`` goes along the path where it can (``energy``, ``spectral``), else in time by ``dop853``,
+by ``radau`` where that is stiff. The steady state is a search of its own.
 """
 
 from __future__ import annotations
