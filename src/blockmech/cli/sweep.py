@@ -20,9 +20,9 @@ from blockmech.cli.options import (
     Times,
     Tolerance,
     option,
-    refused,
 )
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
+from blockmech.errors import refused
 from blockmech.files import refuse_spared
 from blockmech.model.parameters import named
 from blockmech.studies.parts import needed
