@@ -29,8 +29,9 @@ from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import difference, stopped
 from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.motion import EVALUATIONS, Floats, Motion
-from blockmech.dynamics.request import SimulationRequest, bad
+from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.track import AT_ONCE
+from blockmech.errors import refused
 
 STEP = 1e-3  # [rad], or of the span, of euler_q; of 200 ms, of rk4, where the time is not known
 # Stated error over the difference of step and half step. Order 1 differs by half; from rest, under
@@ -43,7 +44,7 @@ def checked_step(step: float, whole: float) -> float:
     """The step; refused where it makes more of them than can be made. Both [rad or m, or s]."""
     if math.isfinite(whole) and whole / step > EVALUATIONS:
         found = f"{step:.3g} makes {whole / step:.3g} steps, at most {EVALUATIONS:,} can be made"
-        raise bad("step", found, "give a larger one")
+        raise refused("step", found, "give a larger one")
     return step
 
 
