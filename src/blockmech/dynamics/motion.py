@@ -17,7 +17,7 @@ from blockmech.told import DEGREES, Told
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
 
-EVALUATIONS = 500_000  # of kernels, or steps, at most in a run of an integrator; some seconds
+EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 FACT_UNITS: Mapping[str, str] = {
     "swing_time": "s",
     "period": "s",
@@ -103,6 +103,7 @@ class Motion(Told):
     accuracy : the target of ``error``, None if none was given
     reached : whether ``error`` is within the target
     cost : kernel evaluations
+    engine : of single states, "scalar" or "llvm" in the end; "numpy" along the path
     notes : what a reader must know: doubts, targets missed, limits
     facts : further numbers by name (period, work of a period, multiplier ...), see `fact_unit`
     """
@@ -122,6 +123,7 @@ class Motion(Told):
     error: float = 0.0
     time_error: float = 0.0
     cost: Cost = field(default_factory=Cost)
+    engine: str = "numpy"
     notes: tuple[str, ...] = ()
     facts: Mapping[str, float] = field(default_factory=dict)
 
@@ -138,7 +140,9 @@ class Motion(Told):
         """Lines about its end, method, error and figures; ``unit`` is the coordinates'."""
         lines = [f"{self.status}: {self.end}, after {self.t_end:.12g} s"]
         why = f" ({self.why})" if self.why else ""
-        lines.append(f"method {self.method}{why}, {self.cost.evaluations} kernel evaluations")
+        by = " by machine code" if self.engine == "llvm" else ""
+        cost = f"{self.cost.evaluations} kernel evaluations{by}"
+        lines.append(f"method {self.method}{why}, {cost}")
         if math.isfinite(self.error):
             clock = f", {self.time_error:.1e} s at the end" if self.time_error > 0 else ""
             lines.append(f"estimated error {self.error:.1e} {unit}{clock}")

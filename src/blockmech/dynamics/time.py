@@ -158,6 +158,7 @@ class Run:
             error=math.inf,
             time_error=2 * self.left,
             cost=self.system.cost,
+            engine=self.system.engine_of_states.name,
             notes=tuple(self.notes),
             facts=self.facts | ({} if fixed else {"tolerance": self.tolerance}),
         )
