@@ -17,7 +17,7 @@ from blockmech.export import Exported
 from blockmech.plan import Output, Plan
 from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
-from blockmech.wires import travelling
+from blockmech.wires import on_wires
 
 
 class Result(Exported):
@@ -312,7 +312,7 @@ class Result(Exported):
         ``wire("crank.B", "dyad.B")`` or ``wire("crank.B -> dyad.B")``; see `blockmech.wires`.
         """
         name = source if target is None else f"{source} -> {target}"
-        return travelling(self.mechanism.structure, self.inside, self.n, name)
+        return on_wires(self.mechanism.structure, self.inside, self.n, name)[name]
 
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
         """Largest difference of each common output, relative to its largest size.
