@@ -8,7 +8,7 @@ BALANCE = 1e-12  # what `verify` allows, of the sum of absolute terms times its 
 
 
 @given(mechanisms(Options(kinds=KINDS, groups=(1, 4), drivers=(1, 3))))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_balances_and_both_routes_to_the_drive_hold_on_random_mechanisms(case):
     mech = case.graph.compile()
     found = mech.verify(**case.request)
