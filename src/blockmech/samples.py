@@ -238,10 +238,8 @@ def _collected(
 def _laws(drivers: Sequence[str], scene: Scene) -> dict[str, LawOfMotion]:
     missing = [d for d in drivers if d not in scene.drive]
     if missing:
-        found, remedy = (
-            "the driver has no law of motion",
-            "give it one, or name the samples with at=",
-        )
+        found = "the driver has no law of motion"
+        remedy = "give it one, or name the samples with at="
         places = (scene.address("drive", d) for d in missing)
         raise RequestError(Problem("no-law", where, found, "", remedy) for where in places)
     return {d: scene.drive[d] for d in drivers}

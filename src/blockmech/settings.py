@@ -24,10 +24,8 @@ def friction_asked(method: str | None, tolerance: float | None, iterations: int 
         problems.append(Problem("unknown-method", "friction", found, valid, ""))
     given = [n for n, x in (("tolerance", tolerance), ("iterations", iterations)) if x is not None]
     if given and method != "successive":
-        found, remedy = (
-            f'has no meaning for friction="{method}"',
-            'use friction="successive" with it',
-        )
+        found = f'has no meaning for friction="{method}"'
+        remedy = 'use friction="successive" with it'
         problems.append(Problem("useless-setting", listed(given), found, "", remedy))
     if tolerance is not None and not (is_number(tolerance) and tolerance >= 0):
         found = f"must be >= 0 N, got {tolerance!r}"

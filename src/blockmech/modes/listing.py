@@ -84,10 +84,8 @@ def modes(
     drivers, still = mechanism.drivers, dict.fromkeys(mechanism.drivers, 0.0)
     if at is None:
         begun = {d: mechanism.scene.begin(d) for d in drivers}
-        told, remedy = (
-            "nothing says where this driver stands",
-            "give its coordinate, or a law of motion by coordinate",
-        )
+        told = "nothing says where this driver stands"
+        remedy = "give its coordinate, or a law of motion by coordinate"
         lost = [Problem("bad-request", d, told, "", remedy) for d, q in begun.items() if q is None]
         if lost:
             raise RequestError(lost)
