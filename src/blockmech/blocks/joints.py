@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
+from blockmech.values import Axis
+
 PairKind = Literal["R", "P"]
 
 
@@ -54,12 +56,12 @@ class Joint:
     @property
     def coordinate_unit(self) -> str:
         """Unit of its coordinate."""
-        return "rad" if self.rotary else "m"
+        return Axis.of(self.kind).coordinate
 
     @property
     def effort_unit(self) -> str:
         """Unit of what acts along its coordinate."""
-        return "N m" if self.rotary else "N"
+        return Axis.of(self.kind).effort
 
     @property
     def outer(self) -> bool:
