@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
-from blockmech.values import Axis
-
 PairKind = Literal["R", "P"]
 
 
@@ -56,12 +54,12 @@ class Joint:
     @property
     def coordinate_unit(self) -> str:
         """Unit of its coordinate."""
-        return Axis.of(self.kind).coordinate
+        return "rad" if self.rotary else "m"
 
     @property
     def effort_unit(self) -> str:
         """Unit of what acts along its coordinate."""
-        return Axis.of(self.kind).effort
+        return "N m" if self.rotary else "N"
 
     @property
     def outer(self) -> bool:
