@@ -11,7 +11,7 @@ import difflib
 import json
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from itertools import islice
 from typing import Any, TypeAlias
@@ -84,6 +84,13 @@ class RequestError(BlockmechError):
     """A call asks for something that does not exist or does not fit together."""
 
 
+def refused(
+    where: str, found: str, remedy: str = "", valid: str = "", code: str = "bad-request"
+) -> RequestError:
+    """The error of a call that makes no sense, with its one problem."""
+    return RequestError(Problem(code, where, found, valid, remedy))
+
+
 class NotComputedError(RequestError, KeyError):
     """A result does not hold the output that is read from it."""
 
@@ -116,14 +123,12 @@ class SampleFailure:
     samples : indices of the failing samples
     drivers : driver values at the first failing sample [rad or m]
     margin : the block's margin there [-], NaN if it has none
-    detail : further facts by name
     """
 
     block: str
     samples: Sequence[int]
     drivers: dict[str, float]
     margin: float = float("nan")
-    detail: dict[str, Any] = field(default_factory=dict)
 
 
 class SampleError(BlockmechError):

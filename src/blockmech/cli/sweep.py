@@ -20,11 +20,10 @@ from blockmech.cli.options import (
     Times,
     Tolerance,
     option,
-    refused,
 )
 from blockmech.cli.output import check_places, write_found
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
-from blockmech.errors import needed
+from blockmech.errors import needed, refused
 from blockmech.model.parameters import named
 from blockmech.studies.sampling import Distribution, normal, uniform
 

@@ -16,13 +16,12 @@ from scipy.optimize import brentq
 
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
+from blockmech.loads.actuators import Motor
+from blockmech.loads.constant import Force
 from blockmech.loads.contract import VELOCITY_READS, Element, Following, read_by
-from blockmech.loads.force import Force
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Table
-from blockmech.loads.motor import Motor
-from blockmech.loads.spring import Spring
-from blockmech.loads.torsion_spring import TorsionSpring, twist
+from blockmech.loads.springs import Spring, TorsionSpring, twist
 from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule

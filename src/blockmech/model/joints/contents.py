@@ -17,9 +17,8 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.contract import Element
 from blockmech.model.expect import Expectation
-from blockmech.model.form import Form, Section
+from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.laws_of_motion import AnyLaw
-from blockmech.model.migrations import VERSION
 from blockmech.model.scene import Initial, Stops
 from blockmech.values import (
     POSE,
