@@ -206,18 +206,6 @@ def test_thrust_on_a_moving_link_presses_it_with_the_opposite_force():
     assert np.abs(run["arm.A.reaction"]).max() <= 70 * ROUNDING
 
 
-def test_driver_that_is_none_is_a_problem_of_the_graph():
-    g = bm.Graph("arm")
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
-    g.add("crank", bm.Crank(length=1.0))
-    g.add("e", bm.Motor(law={"kind": "polynomial", "coefficients": [1.0]}, driver="krank"))
-    for wire in (("frame.O", "crank.A"), ("frame.O", "e.a"), ("crank.crank", "e.b")):
-        g.connect(*wire)
-    (problem,) = g.check()
-    assert (problem.code, problem.where) == ("unknown-driver", "e.driver")
-    assert problem.remedy == 'did you mean "crank"?'
-
-
 def test_driver_of_a_law_that_asks_for_none_is_refused():
     with pytest.raises(bm.GraphError, match="constant"):
         bm.Motor(law={"kind": "constant", "value": 1.0}, driver="crank")
