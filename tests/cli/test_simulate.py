@@ -68,7 +68,8 @@ def test_alone_it_prints_a_table_and_how_it_went_and_writes_nothing(call, tmp_pa
     assert os.listdir(tmp_path) == []
 
 
-def test_a_folder_gets_the_numbers_and_the_pictures(call, tmp_path):
+def test_a_folder_gets_the_numbers_and_the_pictures(call, tmp_path, monkeypatch):
+    monkeypatch.setattr("blockmech.draw.simulation.FRAME", 0.4)  # [s] fewer pictures in a film
     out = tmp_path / "fall"
     said = call("simulate", WATT, "--out", out)
     assert said.code == 0
