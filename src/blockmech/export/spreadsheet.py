@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 from pydantic_core import to_json
@@ -38,6 +39,23 @@ def to_csv(
     return text
 
 
+def csv_table(
+    rows: Iterable[Iterable[Any]], path: AnyPath | None = None, separator: str = ","
+) -> str:
+    """Rows of words and numbers as CSV text; written if a path is given.
+
+    A number that is none is an empty cell, a word is no formula. Raises `RequestError` where
+    the place cannot be written.
+    """
+    stream = io.StringIO(newline="")
+    write = csv.writer(stream, delimiter=separator, lineterminator="\n")
+    for row in rows:
+        write.writerow([_word(x) if isinstance(x, str) else "" if x != x else x for x in row])
+    if path is not None:
+        write_csv([stream.getvalue()], path)
+    return stream.getvalue()
+
+
 def csv_chunks(
     result: Labelled, separator: str = ",", decimal: str = ".", degrees: bool = False
 ) -> Iterator[str]:
@@ -46,13 +64,13 @@ def csv_chunks(
     return _chunks(result, separator, decimal, degrees)
 
 
-def text_cell(text: str) -> str:
+def _word(text: str) -> str:
     """A text as a cell that no spreadsheet takes for a formula or for the end of a row."""
     line = printable(text)
     return f"'{line}" if line.startswith(FORMULA) else line
 
 
-def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
+def write_csv(chunks: Iterable[str], path: AnyPath) -> None:
     """Write CSV text atomically; marked as UTF-8 for spreadsheets if it is not ASCII."""
     with writing(path) as stream:
         for i, chunk in enumerate(chunks):
@@ -63,10 +81,7 @@ def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
 
 def _chunks(result: Labelled, separator: str, decimal: str, degrees: bool) -> Iterator[str]:
     found = columns(result, degrees)
-    head = io.StringIO()
-    row = csv.writer(head, delimiter=separator, lineterminator="\n")
-    row.writerow([*(text_cell(column.head) for column in found), "status"])
-    yield head.getvalue()
+    yield csv_table([[*(column.head for column in found), "status"]], separator=separator)
     status = result.quality.status
     for start in range(0, result.n, ROWS):
         part = slice(start, start + ROWS)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -15,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.errors import NotComputedError, Problem, close_match, listed
-from blockmech.export import Column, aligned, write_csv
+from blockmech.export import Column, aligned, csv_table
 from blockmech.files import AnyPath, writing
 from blockmech.model.parameters import Parameter
 from blockmech.quality import WORDS
@@ -141,14 +139,11 @@ class Study(Mapping[str, Array]):
         Numbers read back to the last bit; a cell without one is empty. Written if a path is
         given. Raises `RequestError` where the place cannot be written.
         """
-        stream, rows = io.StringIO(), self.table()
-        write = csv.writer(stream, lineterminator="\n")
-        write.writerow([*(column.head for column in rows), "status"])
-        cells = [["" if x != x else x for x in column.values.tolist()] for column in rows]
-        write.writerows(zip(*cells, (self.reason(i) or "ok" for i in range(self.n)), strict=True))
-        if path is not None:
-            write_csv([stream.getvalue()], path)
-        return stream.getvalue()
+        found = self.table()
+        head = [*(column.head for column in found), "status"]
+        cells = [column.values.tolist() for column in found]
+        status = (self.reason(i) or "ok" for i in range(self.n))
+        return csv_table([head, *zip(*cells, status, strict=True)], path)
 
     def to_parquet(self, path: AnyPath) -> None:
         """Write the table as a Parquet file, units in the fields' metadata.
