@@ -108,29 +108,6 @@ def test_joint_friction_brakes_unless_it_is_waived(call, ruiz, tmp_path):
     assert "friction work" not in free.out
 
 
-@pytest.mark.parametrize(
-    ("words", "part"),
-    [
-        (["--until", "sometime"], "says nothing about when to stop"),
-        (["--method", "magic"], 'no method "magic"'),
-        (["--times", "1:0"], "is not a range"),
-        (["--json", "--plot", "x.png"], "only one of them"),
-    ],
-)
-def test_calls_that_make_no_sense_are_refused_in_one_message(call, words, part):
-    said = call("simulate", WATT, *words)
-    assert said.code == 2
-    assert said.out == ""
-    assert part in said.err
-    assert "Traceback" not in said.err
-
-
-def test_a_steady_state_tells_its_period(call):
-    found = json.loads(call("simulate", GRAPHS / "pump.json", "--until", "steady", "--json").out)
-    assert found["motion"]["facts"]["period"] == pytest.approx(found["time"][-1], rel=1e-12)
-    assert found["outputs"]["crank.q"]["values"][-1] == pytest.approx(2 * math.pi, abs=1e-9)
-
-
 def test_a_steady_state_tells_its_period_its_stability_and_how_it_was_found(call, tmp_path):
     data = json.loads((GRAPHS / "pump.json").read_text(encoding="utf-8"))
     series = {"kind": "fourier", "of": "time", "period": 0.2, "mean": 1.0, "cosines": [5.0]}
