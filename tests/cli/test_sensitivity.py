@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 from blockmech.cli import main
+from tests.gallery import GRAPHS
 
-GRAPHS = Path(__file__).parents[2] / "graphs"
 RUIZ = str(GRAPHS / "ruiz_fourbar.json")
 ASKED = ["sensitivity", RUIZ, "--want", "crank.drive,dyad.C.p", "--at", "0:360deg:13"]
 

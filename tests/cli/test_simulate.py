@@ -6,15 +6,14 @@ import json
 import math
 import os
 import re
-from pathlib import Path
 
 import jsonschema
 import pytest
 
 import blockmech as bm
 from blockmech.export import result_schema
+from tests.gallery import GRAPHS
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 WATT = GRAPHS / "watt_sixbar.json"
 FIVEBAR = GRAPHS / "joints" / "fivebar_falling.json"
 DEGREES = math.pi / 180

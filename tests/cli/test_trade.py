@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from blockmech.cli import main
+from tests.gallery import GRAPHS
 
 pytestmark = pytest.mark.usefixtures("one_repeat")
-GRAPHS = Path(__file__).parents[2] / "graphs"
 RUIZ, CRANK = str(GRAPHS / "ruiz_fourbar.json"), str(GRAPHS / "slider_crank.json")
 QUICK = ("--samples", "51", "--budget", "5s")
 
