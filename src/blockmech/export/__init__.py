@@ -11,23 +11,26 @@ from typing import Any
 from blockmech.export.columns import AnyPath, Column, Labelled, columns
 from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz
 from blockmech.export.schema import result_schema
-from blockmech.export.spreadsheet import csv_chunks, csv_table, to_csv, write_csv
+from blockmech.export.spreadsheet import csv_chunks, csv_of, to_csv, write_csv
 from blockmech.export.tables import aligned, gap_lines, html_table, leading, table
 
 __all__ = [
-    "AnyPath",
     "Column",
     "Exported",
     "aligned",
     "columns",
     "csv_chunks",
-    "csv_table",
+    "csv_of",
     "gap_lines",
     "html_table",
     "json_chunks",
     "leading",
     "result_schema",
     "table",
+    "to_csv",
+    "to_dataframe",
+    "to_dict",
+    "to_npz",
     "write_csv",
 ]
 

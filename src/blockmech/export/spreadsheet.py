@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,23 +39,6 @@ def to_csv(
     return text
 
 
-def csv_table(
-    rows: Iterable[Iterable[Any]], path: AnyPath | None = None, separator: str = ","
-) -> str:
-    """Rows of words and numbers as CSV text; written if a path is given.
-
-    A number that is none is an empty cell, a word is no formula. Raises `RequestError` where
-    the place cannot be written.
-    """
-    stream = io.StringIO(newline="")
-    write = csv.writer(stream, delimiter=separator, lineterminator="\n")
-    for row in rows:
-        write.writerow([_word(x) if isinstance(x, str) else "" if x != x else x for x in row])
-    if path is not None:
-        write_csv([stream.getvalue()], path)
-    return stream.getvalue()
-
-
 def csv_chunks(
     result: Labelled, separator: str = ",", decimal: str = ".", degrees: bool = False
 ) -> Iterator[str]:
@@ -70,7 +53,7 @@ def _word(text: str) -> str:
     return f"'{line}" if line.startswith(FORMULA) else line
 
 
-def write_csv(chunks: Iterable[str], path: AnyPath) -> None:
+def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
     """Write CSV text atomically; marked as UTF-8 for spreadsheets if it is not ASCII."""
     with writing(path) as stream:
         for i, chunk in enumerate(chunks):
@@ -79,9 +62,29 @@ def write_csv(chunks: Iterable[str], path: AnyPath) -> None:
             stream.write(chunk.encode())
 
 
+def csv_of(
+    head: Sequence[str],
+    rows: Iterable[Iterable[Any]],
+    path: AnyPath | None = None,
+    separator: str = ",",
+) -> str:
+    """CSV text of a table, written if a path is given; a cell without a number is empty.
+
+    Numbers read back to the last bit, words are no formulas. Raises `RequestError` where the
+    place cannot be written.
+    """
+    stream = io.StringIO(newline="")
+    write = csv.writer(stream, delimiter=separator, lineterminator="\n")
+    for row in (head, *rows):
+        write.writerow([_word(x) if isinstance(x, str) else "" if x != x else x for x in row])
+    if path is not None:
+        write_csv([stream.getvalue()], path)
+    return stream.getvalue()
+
+
 def _chunks(result: Labelled, separator: str, decimal: str, degrees: bool) -> Iterator[str]:
     found = columns(result, degrees)
-    yield csv_table([[*(column.head for column in found), "status"]], separator=separator)
+    yield csv_of([*(column.head for column in found), "status"], (), separator=separator)
     status = result.quality.status
     for start in range(0, result.n, ROWS):
         part = slice(start, start + ROWS)

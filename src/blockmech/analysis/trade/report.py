@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
-from blockmech.export import AnyPath, aligned, csv_table
+from blockmech.export import aligned, csv_of
+from blockmech.files import AnyPath
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
@@ -158,7 +159,7 @@ class Trade:
         names = [name for name in (rows[0] if rows else {}) if name != "options"]
         times = ("seconds", "fastest", "slowest")
         head = [f"{name} [s]" if name in times else name for name in names]
-        return csv_table([head, *([row[name] for name in names] for row in rows)], path)
+        return csv_of(head, ([row[name] for name in names] for row in rows), path)
 
     def _rows(self) -> list[tuple[Point, dict[str, Any]]]:
         """Points, and each as data."""
