@@ -12,6 +12,7 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from importlib import import_module
 from itertools import islice
 from typing import Any, TypeAlias
 
@@ -96,6 +97,20 @@ class NotComputedError(RequestError, KeyError):
 
 class MissingEngineError(BlockmechError):
     """An optional package is needed; the remedy names the extra to install."""
+
+
+def needed(module: str, where: str, extra: str, instead: str = "") -> Any:
+    """An optional package. Raises `MissingEngineError` that names the extra to install.
+
+    ``where`` asks for it; ``instead`` says what does without it.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        found = f"the package {module.partition('.')[0]} is not installed"
+        remedy = f'pip install "blockmech[{extra}]"'
+        problem = Problem("missing-package", where, found, instead, remedy)
+        raise MissingEngineError(problem) from error
 
 
 @dataclass

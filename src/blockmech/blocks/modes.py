@@ -27,7 +27,7 @@ from blockmech.blocks.block import refuse
 from blockmech.blocks.contract import AssurGroup
 from blockmech.errors import shown
 from blockmech.typing import LinkPosition
-from blockmech.values import Branch, Number, Strictly, mistake
+from blockmech.values import Axis, Branch, Number, Strictly, Units, mistake
 
 FOLLOW = "follow"
 
@@ -41,6 +41,10 @@ class BranchHome(Strictly):
 
     drivers: Annotated[dict[str, Number], Field(min_length=1)]
     branch: Branch
+
+    def units(self, axis: Axis) -> Units:
+        """The drivers' coordinates."""
+        return {"drivers": axis.coordinates}
 
 
 def _known(raw: Any) -> Any:

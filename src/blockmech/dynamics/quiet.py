@@ -5,6 +5,7 @@ What is told here is what `Lookout.in_step` would find; a step in doubt is left 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics.dop853 import Step, between
-from blockmech.dynamics.events import NEAR, PARTS, TURN, Lookout
+from blockmech.dynamics.events import NEAR, PARTS, Lookout
 from blockmech.dynamics.motion import Floats
 
 
@@ -30,7 +31,7 @@ def looked_over(lookout: Lookout, steps: Sequence[Step]) -> tuple[list[int], Flo
     turned = ((a < 0) & (b >= 0) & (way >= 0)) | ((a > 0) & (b <= 0) & (way <= 0))
     spans, may = np.array(lookout.spans)[:, None], [[rule.dips] for rule in lookout.rules]
     ways = (np.abs(np.diff(states[: spans.size])) / spans).max(axis=0)
-    dips = np.array(may) & (np.minimum(a, b) < np.minimum(NEAR, PARTS * TURN * ways))
+    dips = np.array(may) & (np.minimum(a, b) < np.minimum(NEAR, PARTS * math.tau * ways))
     calm: NDArray[np.bool_] = np.asarray(~turned.any(axis=0))
     look = np.flatnonzero(calm & (dips.any(axis=0) | ~_steady(lookout, steps, states)))
     if look.size:

@@ -16,18 +16,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from blockmech.compiled import compiled_program
+from blockmech.dynamics import ends
 from blockmech.dynamics.along import frictionless, result_along
 from blockmech.dynamics.change_points import system_of
-from blockmech.dynamics.methods import move, standing
-from blockmech.dynamics.motion import (
-    IMPOSSIBLE,
-    INTERRUPTED,
-    TOO_MANY,
-    UNDEFINED_LOAD,
-    Event,
-    Floats,
-    Motion,
-)
+from blockmech.dynamics.methods import move
+from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import (
     Progress,
     SimulationRequest,
@@ -43,7 +36,7 @@ from blockmech.dynamics.request import (
     watches_of,
 )
 from blockmech.dynamics.system import System
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import listed, refused
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
@@ -113,14 +106,14 @@ def simulate(
     how = friction_asked(friction, tolerance, iterations)
     if engine not in ENGINES:
         found, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
-        raise RequestError(Problem("unknown-engine", "engine", found, valid, ""))
+        raise refused("engine", found, valid=valid, code="unknown-engine")
     settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
     told = progress_of(progress)
     wanted = times_of(times)
     goal = goal_of(until, wanted)
     starts = starts_of(mechanism.scene, mechanism.drivers, start)
     target, size = size_of("accuracy", accuracy), size_of("step", step)
-    events = watches_of(watch, goal)
+    events = watches_of(watch)
     bounds = stops_of(mechanism.scene, starts, stops)
     refuse_no_inertia(mechanism)
     shown = wanted
@@ -150,13 +143,13 @@ def _moved(system: System, request: SimulationRequest) -> Motion:
     except KeyboardInterrupt:  # before there was anything but the start
         steady = request.until.goal == "steady"
         notes = ("interrupted before a steady state was found",) if steady else ()
-        return standing(request, "none", "ended", INTERRUPTED, notes=notes)
+        return replace(request.standing, status="ended", end=ends.INTERRUPTED, notes=notes)
 
 
 def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
     """What else a reader must know of how a run ended."""
     found = []
-    if motion.end == TOO_MANY and goal.goal not in ("time", "steady"):
+    if motion.end == ends.TOO_MANY and goal.goal not in ("time", "steady"):
         met = f"{goal.goal} was not reached in {motion.t_end - motion.t_start:.6g} s"
         found.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
     if goal.forcing and "time" not in system.depends_on:
@@ -170,7 +163,7 @@ def refuse_no_inertia(mechanism: Compiled) -> None:
     if not any(structure.properties(link).massive for link in structure.links):
         found = "no link has mass or inertia, so loads set no motion"
         remedy = 'give links "mass" and "inertia"'
-        raise RequestError(Problem("no-inertia", mechanism.name, found, "", remedy))
+        raise refused(mechanism.name, found, remedy, code="no-inertia")
 
 
 def evaluation_cost(
@@ -221,16 +214,18 @@ def with_undefined_loads(mechanism: Compiled, motion: Motion) -> Motion:
     A method only sees that the equation of motion says nothing further on, as it does where
     links do not reach: tables that end, functions that give NaN, springs of no length.
     """
-    if motion.end not in (IMPOSSIBLE, UNDEFINED_LOAD) and motion.status != "failed":
+    if motion.end not in (ends.IMPOSSIBLE, ends.UNDEFINED_LOAD) and motion.status != "failed":
         return motion
     silent = undefined_loads(mechanism, motion)
     if not silent:
         return motion
     events = [event for event in motion.events if event.kind != motion.end]
     if motion.status != "failed":
-        events.append(Event(UNDEFINED_LOAD, motion.t_end, motion.q_end, motion.qd_end))
+        events.append(Event(ends.UNDEFINED_LOAD, motion.t_end, motion.q_end, motion.qd_end))
     note = f"{listed(silent)} gives no value beyond t = {motion.t_end:.9g} s"
-    return replace(motion, end=UNDEFINED_LOAD, events=tuple(events), notes=(*motion.notes, note))
+    return replace(
+        motion, end=ends.UNDEFINED_LOAD, events=tuple(events), notes=(*motion.notes, note)
+    )
 
 
 def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:

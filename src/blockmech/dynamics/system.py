@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
 Floats: TypeAlias = NDArray[np.float64]
 T = TypeVar("T")
-TURN = 2 * math.pi
 FREE = Friction("none")
 REPORTED = 64  # evaluations between two words of progress: some milliseconds of work
 
@@ -215,7 +214,7 @@ class System:
     @cached_property
     def span(self) -> float:
         """A length [rad or m] over which things change."""
-        return TURN if self.rotary[0] else loads.largest_length(self.compiled.structure)
+        return math.tau if self.rotary[0] else loads.largest_length(self.compiled.structure)
 
     @cached_property
     def table(self) -> PlaceTable | None:

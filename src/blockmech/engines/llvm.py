@@ -30,7 +30,7 @@ from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import CHUNK, Planar, leaves
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.trace import Trace, filled, numbers
-from blockmech.errors import MissingEngineError, Problem
+from blockmech.errors import MissingEngineError, needed
 from blockmech.plan import Program
 
 Array = NDArray[np.float64]
@@ -289,18 +289,7 @@ def machine_code(text: str, name: str, kind: Any) -> Code:
 @functools.cache
 def _package() -> Any:
     """llvmlite's binding, ready for this processor."""
-    try:
-        import llvmlite.binding as llvm
-    except ImportError:
-        raise MissingEngineError(
-            Problem(
-                "missing-engine",
-                "engine",
-                'engine="llvm" needs llvmlite',
-                "",
-                'install "blockmech[fast]"',
-            )
-        ) from None
+    llvm = needed("llvmlite.binding", 'engine="llvm"', "fast")
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)  # the one of Python's math

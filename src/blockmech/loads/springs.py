@@ -17,7 +17,7 @@ from typing import Annotated, Any
 from blockmech.loads.contract import Element, Terminal
 from blockmech.plane import angle, dot, expi, hyp, mul, where
 from blockmech.typing import Complex, Real
-from blockmech.values import Angle, NotNegative, Number, in_unit
+from blockmech.values import Angle, Axis, NotNegative, Number, Units, in_unit
 
 
 def pull(p_a: Complex, p_b: Complex, p: Spring) -> tuple[Complex, Complex]:
@@ -124,6 +124,11 @@ class TorsionSpring(Element, type="load.torsion_spring"):
     stiffness: Annotated[Number, in_unit("N m/rad")]
     rest_angle: Angle = 0.0
     damping: Annotated[NotNegative, in_unit("N m s/rad")] = 0.0
+
+    def units(self, axis: Axis) -> Units:
+        """Those along the axis: on a sliding joint of a document it is a spring along it."""
+        stiffness, damping = (axis.coefficient(of) for of in ("coordinate", "rate"))
+        return {"stiffness": stiffness, "rest_angle": axis.coordinate, "damping": damping}
 
     def kernel(self) -> Callable[..., Any]:
         """The cheapest form that says the same."""

@@ -16,7 +16,8 @@ import numpy as np
 
 from blockmech.analysis.reference_errors import DOUBLE, ReferenceErrors, reference_errors
 from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
-from blockmech.dynamics.motion import INTERRUPTED, Motion
+from blockmech.dynamics.ends import INTERRUPTED
+from blockmech.dynamics.motion import Motion
 from blockmech.errors import RequestError, refused
 from blockmech.result import Result
 
