@@ -36,7 +36,7 @@ from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.fields import Shown
 from blockmech.studio.film import FONT, PIXELS, SHOWN, Layer, Scene, coloured, names_of, scene_of
 from blockmech.studio.looks import WIDGET
-from blockmech.studio.session import heard, together
+from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
 from blockmech.studio.window import Window
@@ -107,7 +107,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._strip = pn.pane.Bokeh(sizing_mode="stretch_width")
         self._make_figure()
         self._make_controls()
-        sheet.param.watch(heard(self.renew), ["form", "mechanism"])
+        follow(sheet, self.renew, "form", "mechanism")
         self.param.watch(lambda *_: self._draw(), ["show"])
         self.param.watch(heard(self._show_units), ["shown"])
         self.renew()

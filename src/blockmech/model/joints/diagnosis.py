@@ -2,7 +2,7 @@
 
 Counting and generic rank (`assur.diagnosis`) tell what holds for almost all lengths. Whether
 the given lengths are special, as in a parallelogram with three equal cranks, is told by the
-rank of the velocity conditions in the pose of the document (`special`).
+rank of the velocity conditions in the pose of the document (`closing`).
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from blockmech.assur.groups import Unit
 from blockmech.assur.rank import TooTangledError
 from blockmech.assur.rigidity import Rigidity, rigidity
 from blockmech.errors import Problem, listed, path_text
-from blockmech.model.joints.closing import Closing, Gap, gaps
+from blockmech.model.joints.closing import MOST_LINKS, Closing, Gap, gaps, special_geometry
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Poses
-from blockmech.model.joints.special import MOST_LINKS, special_geometry
 from blockmech.values import MILLI
 
 EACH = "each freedom has one driver"
@@ -262,10 +261,7 @@ def far_off(layout: Layout, closed: Poses) -> Iterator[Problem]:
 def dead_centre(links: Iterable[str], why: str) -> Problem:
     """The problem of a pose that does not tell which way a group is put together."""
     names = list(links)
-    return Problem(
-        "dead-centre",
-        path_text(("links", names[0])),
-        f"{listed(names)} stand at a dead centre in the given pose: {why}",
-        "the pose tells the assembly mode",
-        "give the poses at another driver value, in which the group is bent",
-    )
+    found = f"{listed(names)} stand at a dead centre in the given pose: {why}"
+    valid = "the pose tells the assembly mode"
+    remedy = "give the poses at another driver value, in which the group is bent"
+    return Problem("dead-centre", path_text(("links", names[0])), found, valid, remedy)
