@@ -5,10 +5,9 @@
         off = norm of h sum_j E_j K_j, in tolerances, of two estimates
         the step is taken where off < 1, else it is tried again with a shorter h
 
-What is left when a stage is flagged, or h is too short, is done by who asked; the first rate of
-the state and what is ``watched`` of it end the steps where they change their sign. The rates are
-those of a traced program of one lane (`blockmech.engines.assembly`), asked by a body: they are
-worked out state by state, hundreds of times in what a call from Python takes.
+The first rate of the state and what is ``watched`` of it end the steps where they change their
+sign. The rates are those of a traced program of one lane (`blockmech.engines.assembly`), asked by
+a body: they are worked out state by state, hundreds of times in what a call from Python takes.
 
 Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.1, II.4
 (control of the step: safety 0.9, factors from 0.2 to 10 as in SciPy) and II.10 (the estimates).
@@ -59,14 +58,13 @@ done:
   ret double %sum
 }
 
-define i1 @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
+define void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
     double %h, i64 %first, i64 %last, i64 %n, i64 %width, i64 %columns) {
 start:
   %clock = getelementptr double, ptr %state, i64 %n
   br label %stage
 stage:
   %s = phi i64 [ %first, %start ], [ %s.next, %placed ]
-  %flagged = phi i1 [ 0, %start ], [ %flagged.next, %placed ]
   %s.more = icmp slt i64 %s, %last
   br i1 %s.more, label %place, label %done
 place:
@@ -96,15 +94,10 @@ placed:
   %K.row = mul i64 %s, %width
   %K.at = getelementptr double, ptr %K, i64 %K.row
   call void @fill(ptr %x, ptr %numbers, ptr %K.at, i64 1, i64 1, i64 0, i64 1)
-  %flag = sub i64 %width, 1
-  %flag.at = getelementptr double, ptr %K.at, i64 %flag
-  %said = load double, ptr %flag.at
-  %here = fcmp une double %said, 0.0
-  %flagged.next = or i1 %flagged, %here
   %s.next = add i64 %s, 1
   br label %stage
 done:
-  ret i1 %flagged
+  ret void
 }
 
 define i64 @steps(ptr %x, ptr %numbers, ptr %blocks, ptr %states, ptr %state, ptr %A, ptr %C,
@@ -162,9 +155,9 @@ within:
   %tried = load double, ptr %tried.at
   %tried.next = fadd double %tried, 1.0
   store double %tried.next, ptr %tried.at
-  %lost = call i1 @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C,
-    double %t, double %h, i64 1, i64 %ends, i64 %n, i64 %width, i64 %all)
-  br i1 %lost, label %done, label %judge
+  call void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
+    double %h, i64 1, i64 %ends, i64 %n, i64 %width, i64 %all)
+  br label %judge
 judge:
   %i = phi i64 [ 0, %within ], [ %i.next, %component ]
   %fifths = phi double [ 0.0, %within ], [ %fifths.next, %component ]
@@ -222,10 +215,8 @@ accepted:
   %stretch = select i1 %much, double %grows, double %factor
   %h.next = fmul double %h, %stretch
   call void @llvm.memcpy.p0.p0.i64(ptr %y.next, ptr %state, i64 %bytes, i1 0)
-  %lost.between = call i1 @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A,
-    ptr %C, double %t, double %h, i64 %ends, i64 %all, i64 %n, i64 %width, i64 %all)
-  br i1 %lost.between, label %done, label %taken
-taken:
+  call void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
+    double %h, i64 %ends, i64 %all, i64 %n, i64 %width, i64 %all)
   store double %h.next, ptr %control
   %m.next = add i64 %m, 1
   %t.next = getelementptr double, ptr %times, i64 %m.next
@@ -234,7 +225,7 @@ taken:
   call void @llvm.memcpy.p0.p0.i64(ptr %K.next, ptr %slope, i64 %row.bytes, i1 0)
   br label %watch
 watch:
-  %w = phi i64 [ 0, %taken ], [ %w.next, %same ]
+  %w = phi i64 [ 0, %accepted ], [ %w.next, %same ]
   %w.more = icmp sle i64 %w, %watched
   br i1 %w.more, label %watches, label %step
 watches:
@@ -285,8 +276,7 @@ class Rates:
         trace = Trace(program, body, self.inputs)
         if trace.asked:
             raise Untraceable(FOLLOWED)
-        first, flag = trace.values[0], trace.flag
-        self.rows: list[Any] = [*trace.values, first < first if flag is None else flag]  # or never
+        self.rows: list[Any] = [*trace.values]
         text = Text(1).fill(self.inputs, self.rows) + STEPS
         self.at = machine_code(text, "fill", FILL)
         self.steps = machine_code(text, "steps", KIND)
@@ -356,13 +346,13 @@ class Stages:
         tried = int(control[3])
         return Steps(t[: m + 1], y[: m + 1], K[:m, :, :n].copy(), float(control[0]), tried)
 
-    def at(self, t: float, y: Sequence[float]) -> list[float] | None:
-        """What the program says of a state; None where it needs an algorithm of its own."""
+    def at(self, t: float, y: Sequence[float]) -> list[float]:
+        """What the program says of a state."""
         r, n = self._rates, self._rates.dimension
         self._state[:n], self._state[n] = y, t
         r.at.function(self._x, self._parameters, self._row.ctypes.data, 1, 1, 0, 1)
         found: list[float] = self._row.tolist()
-        return None if found[-1] else found
+        return found
 
     def rows(self, y: Floats) -> Floats:
         """What it says of states (n, m), at the time 0: (rows, m)."""
