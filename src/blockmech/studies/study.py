@@ -5,7 +5,7 @@ By this process it is one loop over blocks; by others, or into a folder, it goes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
@@ -23,9 +23,7 @@ from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
 from blockmech.studies.workers import Work, fingerprint, hands
-from blockmech.typing import Coordinates, FrictionMethod, Numbers
-
-Told = Callable[[str, float, float | None], None]
+from blockmech.typing import Coordinates, FrictionMethod, Numbers, Progress
 
 
 def study(
@@ -43,7 +41,7 @@ def study(
     tolerance: float | None = None,
     iterations: int | None = None,
     static: bool = False,
-    progress: Told | None = None,
+    progress: Progress | None = None,
     out: AnyPath | None = None,
     workers: int | None = None,
     client: Any = None,
@@ -133,7 +131,7 @@ def _check_values(family: Family, chosen: Designs) -> None:
         raise FormatError(dict.fromkeys(problems))
 
 
-def _in_memory(runner: Runner, chosen: Designs, n: int, say: Told | None) -> Rows:
+def _in_memory(runner: Runner, chosen: Designs, n: int, say: Progress | None) -> Rows:
     """All designs, or those before Ctrl-C."""
     blocks: list[Block] = []
     done, size = 0, runner.part(n)
@@ -155,7 +153,7 @@ def _in_parts(
     runner: Runner,
     chosen: Designs,
     n: int,
-    say: Told | None,
+    say: Progress | None,
     place: Path | None,
     workers: int | None,
     client: Any,
@@ -190,6 +188,6 @@ def _in_parts(
     return Rows(chosen.columns(0, whole[-1][1]), Block.joined(blocks))
 
 
-def _tell(say: Told | None, done: int, whole: int) -> None:
+def _tell(say: Progress | None, done: int, whole: int) -> None:
     if say is not None:
         say(f"{done} of {whole} designs", done, whole)
