@@ -9,7 +9,7 @@ a branch that follows. Then each design is made, checked and compiled by itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -36,20 +36,8 @@ from blockmech.studies.variation import (
 )
 
 
-class Parameters(Mapping[str, Parameter]):
+class Parameters(dict[str, Parameter]):
     """Every number of a mechanism by address, with value and unit."""
-
-    def __init__(self, found: Mapping[str, Parameter]) -> None:
-        self._found = found
-
-    def __getitem__(self, address: str) -> Parameter:
-        return self._found[address]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._found)
-
-    def __len__(self) -> int:
-        return len(self._found)
 
     def __repr__(self) -> str:
         rows = [(p.address, f"{p.value:.9g}", p.unit or "-") for p in self.values()]

@@ -14,11 +14,9 @@ from typing import Any
 from blockmech.compiled import Compiled
 from blockmech.errors import FormatError, GraphError, Problem, needed
 from blockmech.files import AnyPath
-from blockmech.settings import check_switch, friction_asked
 from blockmech.studies.block import Block, Rows
 from blockmech.studies.family import Family, as_said
 from blockmech.studies.parts import WITHOUT, Parts
-from blockmech.studies.reductions import wanted
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
@@ -82,16 +80,13 @@ def study(
     FormatError for values that the file would refuse
     MissingEngineError without pyarrow (extra ``study``) or distributed (extra ``cluster``)
     """
-    check_switch("static", static)
-    friction_asked(friction, tolerance, iterations)
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     chosen = designs(vary, sampling, count, seed)
     family = Family(mechanism, vary)
     _check_values(family, chosen)
     poses = {"at": over, "samples": samples, "times": times}
-    taken = Runner(family, (), poses, how).samples(mechanism)
-    columns = wanted(want, family.general.outputs, taken, mechanism.drivers)
-    runner = Runner(family, columns, poses, how)
+    runner = Runner.of(family, want, poses, how)
+    taken = runner.samples(mechanism)
     rows: Rows | Parts
     if out is None and workers is None and client is None:
         rows = _in_memory(runner, chosen, taken.n, progress)
@@ -101,7 +96,7 @@ def study(
     return Study(
         mechanism.name,
         dict(zip(vary, family.parameters, strict=True)),
-        columns,
+        runner.want,
         rows,
         chosen.shape,
         {mechanism.of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(mechanism.drivers)},

@@ -153,9 +153,8 @@ def tolerance(
     """
     wrong = [a for a, law in numbers.items() if not isinstance(law, Distribution)]
     if wrong or not numbers:
-        problems = (Problem("bad-request", a, "no distribution", "", "give e.g. normal(6.0, 1e-4)")
-                    for a in wrong or ["numbers"])  # fmt: skip
-        raise RequestError(problems)
+        remedy, places = "give e.g. normal(6.0, 1e-4)", wrong or ["numbers"]
+        raise RequestError(Problem("bad-request", a, "no distribution", "", remedy) for a in places)
     found = named(parameters_of(sections_of(mechanism)), numbers)
     laws = {p.address: law for p, law in found.items()}
     moved = {p.address: law.mean for p, law in found.items() if law.mean != p.value}
