@@ -44,7 +44,7 @@ def test_short_rough_guides_jam_where_the_judge_finds_no_solution(machine, mu):
     graph = machine(bm.Coulomb(coefficient=mu, guide_length=0.03))
     chance = np.random.default_rng(7)
     counts = {"ok": 0, "jammed": 0}
-    for q in chance.uniform(0, 2 * np.pi, 14):
+    for q in chance.uniform(0, 2 * np.pi, 25):
         found = compared(graph, q, True)
         (status,) = found.run.quality.status
         if status == "no-assembly":
