@@ -36,7 +36,7 @@ from blockmech.dynamics.request import (
     watches_of,
 )
 from blockmech.dynamics.system import System
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import listed, refused
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
@@ -106,14 +106,14 @@ def simulate(
     how = friction_asked(friction, tolerance, iterations)
     if engine not in ENGINES:
         found, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
-        raise RequestError(Problem("unknown-engine", "engine", found, valid, ""))
+        raise refused("engine", found, valid=valid, code="unknown-engine")
     settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
     told = progress_of(progress)
     wanted = times_of(times)
     goal = goal_of(until, wanted)
     starts = starts_of(mechanism.scene, mechanism.drivers, start)
     target, size = size_of("accuracy", accuracy), size_of("step", step)
-    events = watches_of(watch, goal)
+    events = watches_of(watch)
     bounds = stops_of(mechanism.scene, starts, stops)
     refuse_no_inertia(mechanism)
     shown = wanted
@@ -161,7 +161,7 @@ def refuse_no_inertia(mechanism: Compiled) -> None:
     if not any(structure.properties(link).massive for link in structure.links):
         found = "no link has mass or inertia, so loads set no motion"
         remedy = 'give links "mass" and "inertia"'
-        raise RequestError(Problem("no-inertia", mechanism.name, found, "", remedy))
+        raise refused(mechanism.name, found, remedy, code="no-inertia")
 
 
 def evaluation_cost(
