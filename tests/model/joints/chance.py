@@ -95,12 +95,12 @@ def _joint(chance, frames, joint):
 
 
 def _pinned_together(chance, joints, drivers):
-    """The joints, pins at one place of a link, smooth or rough, as one of many links."""
+    """The joints, pins at one place of a link as one of many links, rubbing as the first does."""
     at_place = defaultdict(list)
     for name, joint in joints.items():
         if joint["type"] == "R" and name not in drivers:
             for link, at in _ends(joint):
-                at_place[link, tuple(at), "friction" in joint].append(name)
+                at_place[link, tuple(at)].append(name)
     for same in at_place.values():
         ends = {a: z for name in same if name in joints for a, z in _ends(joints[name])}
         if len(ends) == len(same) + 1 > 2 and same[0] in joints:
