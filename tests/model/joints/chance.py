@@ -116,7 +116,8 @@ def _ends(joint):
 
 
 def _load(frames, load):
-    found = {key: x for key, x in asdict(load).items() if x is not None}
+    given = {key: x for key, x in asdict(load).items() if x is not None}
+    found = {key: list(x) if isinstance(x, tuple) else x for key, x in given.items()}
     if isinstance(load, mb.TorsionSpring):
         turn = frames.turn(load.links[1]) - frames.turn(load.links[0])
         found["rest_angle"] = math.remainder(load.rest_angle - turn, math.tau)
