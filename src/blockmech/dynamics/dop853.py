@@ -1,7 +1,7 @@
 """SciPy's DOP853, many steps at a time by machine code where that is asked.
 
-Coefficients, estimate and control of the step are SciPy's; where machine code finds no step, its
-own tell why.
+Coefficients, the attributes of SciPy's class, estimate and control of the step are its own; where
+machine code finds no step, SciPy's tell why.
 
 Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.5, II.10.
 """
