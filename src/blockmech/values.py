@@ -66,6 +66,13 @@ def in_unit(unit: str) -> Any:
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
+
+
+def of_driver(by_time: str = "") -> Any:
+    """That a field is a driver's coordinate [rad or m], or the rate or acceleration of it."""
+    return Field(json_schema_extra={"of_driver": by_time})
+
+
 Length = Annotated[Number, Field(gt=0, json_schema_extra={"unit": "m"})]
 Distance = Annotated[Number, Field(json_schema_extra={"unit": "m"})]
 Angle = Annotated[Number, Field(json_schema_extra={"unit": "rad"})]

@@ -1,5 +1,6 @@
-"""A page of one pane in a browser, as a test sees it."""
+"""A page in a browser, and what a user does there."""
 
+import re
 import socket
 from contextlib import contextmanager
 
@@ -35,3 +36,103 @@ def wait_until(page, met):
         if met():
             return
         page.wait_for_timeout(50)
+
+
+def show(page, studio, what):
+    """Open an address of the studio and wait until the sheet stands."""
+    page.goto(studio[0] + what)
+    page.wait_for_selector(".react-flow__pane")
+    page.wait_for_function("Bokeh.documents[0].is_idle")
+
+
+def press(page, name):
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def fill(page, label, value):
+    field = page.get_by_label(label, exact=True)
+    field.fill(value)
+    field.press("Enter")
+
+
+def choose(page, label, value):
+    page.get_by_label(label, exact=True).select_option(value)
+
+
+def edit(page, block):
+    """Choose a block whose form is shown."""
+    from playwright.sync_api import expect
+
+    choose(page, "Edit", block)
+    expect(page.get_by_label("Name", exact=True)).to_have_value(block)
+
+
+def told(page, text):
+    page.get_by_role("status").get_by_text(text, exact=True).wait_for()
+
+
+def blocks(page):
+    return page.locator(".react-flow__node")
+
+
+def add(page, word):
+    """Press a kind of the palette."""
+    count = blocks(page).count()
+    press(page, f"Add {word}")
+    blocks(page).nth(count).wait_for()
+
+
+def drop(page, kind, x, y):
+    """Drag a kind of block from the palette to a place on the canvas."""
+    count = blocks(page).count()
+    canvas = page.locator(".react-flow__pane")
+    page.locator(f'button[data-kind="{kind}"]').drag_to(canvas, target_position={"x": x, "y": y})
+    blocks(page).nth(count).wait_for()
+
+
+def connect(page, source, target):
+    """Wire a joint in the form of its block."""
+    edit(page, target.partition(".")[0])
+    choose(page, f"wire to {target}", source)
+    wire_between(page, source, target).wait_for(state="attached")
+
+
+def port(page, side, address):
+    block, name = address.split(".")
+    return page.locator(
+        f'.react-flow__handle.{side}[data-nodeid="{block}"][data-handleid="{name}"]'
+    )
+
+
+def wire_between(page, source, target):
+    return page.locator(f'.react-flow__edge[data-id="{source} -> {target}"]')
+
+
+def middle(locator):
+    box = locator.bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def drag_wire(page, source, target):
+    """Drag a wire from a marker to above a joint, until the server has said whether it may be."""
+    end = port(page, "target", target)
+    port(page, "source", source).hover()  # as soon as nothing is before it
+    page.mouse.down()
+    page.mouse.move(*middle(end), steps=4)
+    said = end.and_(page.locator(".rf-handle-valid, .rf-handle-invalid"))
+    said.wait_for()
+    return said
+
+
+def wire(page, source, target):
+    """Draw a wire from a marker to a joint."""
+    drag_wire(page, source, target)
+    page.mouse.move(*middle(port(page, "target", target)))
+    page.mouse.up()
+    wire_between(page, source, target).wait_for(state="attached")
+
+
+def save(page, name):
+    fill(page, "File", name)
+    page.get_by_role("button", name=re.compile("^Saved?$")).click()
+    told(page, f"wrote {name}")

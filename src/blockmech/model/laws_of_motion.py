@@ -14,7 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
-from blockmech.values import Angle, Number, NumbersGiven, Positive, Strictly, check_table
+from blockmech.values import (
+    Angle,
+    Number,
+    NumbersGiven,
+    Positive,
+    Strictly,
+    check_table,
+    of_driver,
+)
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
@@ -44,8 +52,8 @@ class OverRange(LawOfMotion):
     """Constant acceleration over a range of the coordinate; zero is a constant rate."""
 
     by_coordinate: ClassVar[bool] = True
-    start: Annotated[Number, Field(alias="from")] = 0.0
-    end: Annotated[Number, Field(alias="to")] = 2 * math.pi
+    start: Annotated[Number, Field(alias="from"), of_driver()] = 0.0
+    end: Annotated[Number, Field(alias="to"), of_driver()] = 2 * math.pi
 
     @property
     @abstractmethod
@@ -107,7 +115,7 @@ class ConstantRate(OverRange):
     """
 
     law: Literal["constant_rate"] = "constant_rate"
-    rate: Number
+    rate: Annotated[Number, of_driver("/s")]
 
     @property
     def _course(self) -> tuple[float, float]:
@@ -118,8 +126,8 @@ class RateAcceleration(OverRange):
     """Constant acceleration [rad/s2 or m/s2]; ``rate`` [rad/s or m/s] is the one at ``from``."""
 
     law: Literal["rate_acceleration"] = "rate_acceleration"
-    rate: Number = 0.0
-    acceleration: Number
+    rate: Annotated[Number, of_driver("/s")] = 0.0
+    acceleration: Annotated[Number, of_driver("/s2")]
 
     @property
     def _course(self) -> tuple[float, float]:
@@ -130,8 +138,8 @@ class Harmonic(LawOfMotion):
     """q = mean + amplitude sin(2 pi frequency t + phase); frequency [Hz], phase [rad]."""
 
     law: Literal["harmonic"] = "harmonic"
-    mean: Number = 0.0
-    amplitude: Number
+    mean: Annotated[Number, of_driver()] = 0.0
+    amplitude: Annotated[Number, of_driver()]
     frequency: Positive
     phase: Angle = 0.0
 
@@ -157,8 +165,8 @@ class Cycloidal(LawOfMotion):
     """
 
     law: Literal["cycloidal"] = "cycloidal"
-    start: Annotated[Number, Field(alias="from")]
-    end: Annotated[Number, Field(alias="to")]
+    start: Annotated[Number, Field(alias="from"), of_driver()]
+    end: Annotated[Number, Field(alias="to"), of_driver()]
     time: Annotated[Positive, Field(alias="duration", json_schema_extra={"unit": "s"})]
 
     def at_times(self, t: Array) -> Motion:
