@@ -16,12 +16,13 @@ from pydantic import ConfigDict, Field, model_validator
 
 from blockmech.values import (
     Angle,
+    Axis,
     Number,
     NumbersGiven,
     Positive,
     Strictly,
+    Units,
     check_table,
-    of_driver,
 )
 
 Array = NDArray[np.float64]
@@ -34,6 +35,13 @@ class LawOfMotion(Strictly):
     model_config = ConfigDict(populate_by_name=True)
     kind_key: ClassVar[str] = "law"
     by_coordinate: ClassVar[bool] = False
+
+    def units(self, axis: Axis) -> Units:
+        """Coordinates, rates and accelerations of the driver, and times."""
+        q = axis.coordinate
+        coordinates = dict.fromkeys(("start", "end", "mean", "amplitude", "values"), q)
+        rates = {"rate": f"{q}/s", "acceleration": f"{q}/s2"}
+        return {**coordinates, **rates, "times": "s", "frequency": "Hz"}
 
     @abstractmethod
     def at_times(self, t: Array) -> Motion:
@@ -52,8 +60,8 @@ class OverRange(LawOfMotion):
     """Constant acceleration over a range of the coordinate; zero is a constant rate."""
 
     by_coordinate: ClassVar[bool] = True
-    start: Annotated[Number, Field(alias="from"), of_driver()] = 0.0
-    end: Annotated[Number, Field(alias="to"), of_driver()] = 2 * math.pi
+    start: Annotated[Number, Field(alias="from")] = 0.0
+    end: Annotated[Number, Field(alias="to")] = 2 * math.pi
 
     @property
     @abstractmethod
@@ -115,7 +123,7 @@ class ConstantRate(OverRange):
     """
 
     law: Literal["constant_rate"] = "constant_rate"
-    rate: Annotated[Number, of_driver("/s")]
+    rate: Number
 
     @property
     def _course(self) -> tuple[float, float]:
@@ -126,8 +134,8 @@ class RateAcceleration(OverRange):
     """Constant acceleration [rad/s2 or m/s2]; ``rate`` [rad/s or m/s] is the one at ``from``."""
 
     law: Literal["rate_acceleration"] = "rate_acceleration"
-    rate: Annotated[Number, of_driver("/s")] = 0.0
-    acceleration: Annotated[Number, of_driver("/s2")]
+    rate: Number = 0.0
+    acceleration: Number
 
     @property
     def _course(self) -> tuple[float, float]:
@@ -138,8 +146,8 @@ class Harmonic(LawOfMotion):
     """q = mean + amplitude sin(2 pi frequency t + phase); frequency [Hz], phase [rad]."""
 
     law: Literal["harmonic"] = "harmonic"
-    mean: Annotated[Number, of_driver()] = 0.0
-    amplitude: Annotated[Number, of_driver()]
+    mean: Number = 0.0
+    amplitude: Number
     frequency: Positive
     phase: Angle = 0.0
 
@@ -165,8 +173,8 @@ class Cycloidal(LawOfMotion):
     """
 
     law: Literal["cycloidal"] = "cycloidal"
-    start: Annotated[Number, Field(alias="from"), of_driver()]
-    end: Annotated[Number, Field(alias="to"), of_driver()]
+    start: Annotated[Number, Field(alias="from")]
+    end: Annotated[Number, Field(alias="to")]
     time: Annotated[Positive, Field(alias="duration", json_schema_extra={"unit": "s"})]
 
     def at_times(self, t: Array) -> Motion:

@@ -9,22 +9,27 @@ from pydantic import Field, model_validator
 
 from blockmech.model.laws_of_motion import AnyLaw, OverRange
 from blockmech.values import (
+    Axis,
     Number,
     Strictly,
+    Units,
     Vector,
     VectorGiven,
     default,
     in_unit,
     mistake,
-    of_driver,
 )
 
 
 class Initial(Strictly):
     """Start of a free motion: coordinate [rad or m] and rate [rad/s or m/s] of a driver."""
 
-    q: Annotated[Number, of_driver()] = 0.0
-    rate: Annotated[Number, of_driver("/s")] = 0.0
+    q: Number = 0.0
+    rate: Number = 0.0
+
+    def units(self, axis: Axis) -> Units:
+        """The driver's."""
+        return {"q": axis.coordinate, "rate": axis.argument("rate")}
 
 
 class Stops(Strictly):
@@ -33,8 +38,12 @@ class Stops(Strictly):
     Either may be left out. A free motion ends at a stop; a given motion is not bound by it.
     """
 
-    low: Annotated[Number | None, Field(alias="from"), of_driver()] = None
-    high: Annotated[Number | None, Field(alias="to"), of_driver()] = None
+    low: Annotated[Number | None, Field(alias="from")] = None
+    high: Annotated[Number | None, Field(alias="to")] = None
+
+    def units(self, axis: Axis) -> Units:
+        """The driver's."""
+        return dict.fromkeys(("low", "high"), axis.coordinate)
 
     @model_validator(mode="after")
     def _in_order(self) -> Stops:

@@ -17,8 +17,8 @@ import numpy as np
 
 from blockmech.analysis.limits import Limits, limits
 from blockmech.blocks.general import GeneralGroup
+from blockmech.blocks.modes import Mode, branches, dyad_modes
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.model.dyad_modes import Mode, branches, dyad_modes
 from blockmech.model.joints.layout import Pose
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.closing import NEAR, triad_modes

@@ -26,7 +26,7 @@ class Field(NamedTuple):
 
     path : where its value is in the form of the document
     kind : number, pair, place, choice, text, json; map is a section that takes new keys
-    unit : of SI; ``q``, ``q/s`` or ``q/s2`` where it is that of a driver's coordinate
+    unit : of SI
     said : what the declaration says of it
     starter : of a map what a new item is, of a choice among kinds what each begins with
     beside : keys that stand beside it with one value only
@@ -130,8 +130,13 @@ def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator
 
 
 def _leaf(node: Schema, path: Path) -> Field:
-    unit = str(node.get("unit", "")) or ("q" + node["of_driver"] if "of_driver" in node else "")
-    found = Field(path, "json", unit, node.get("default"), said=str(node.get("description", "")))
+    found = Field(
+        path,
+        "json",
+        str(node.get("unit", "")),
+        node.get("default"),
+        said=str(node.get("description", "")),
+    )
     if any("polar" in o.get("properties", {}) for o in node.get("anyOf", ())):
         return found._replace(kind="place", unit="m")
     if "enum" in node or node.get("type") == "boolean":

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import panel as pn
 import param
 
-from blockmech.blocks.contract import Moving
 from blockmech.blocks.registry import REGISTRY
-from blockmech.builders import Graph, Opened
+from blockmech.builders import Graph
 from blockmech.errors import BlockmechError, Problem
+from blockmech.model.parameters import parameters_of
 from blockmech.model.schema import graph_schema, joints_schema
 from blockmech.studio.edits import markers_of, ports_of, renamed, wired
 from blockmech.studio.fields import Field, Path, Shown, fields_of, item_at, schema_at, with_item
@@ -109,12 +109,11 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """The fields of what is selected, and of the wires to a block."""
         graph, form, at = self.sheet.document, self.draft, self.selected
         root = graph_schema() if isinstance(graph, Graph) else joints_schema()
-        units = units_of_drivers(form, graph)
+        units = {x.path: x.unit for x in parameters_of(graph.sections()).values()}
         for field in fields_of(root, schema_at(root, at), item_at(form, at), at):
             own = field.path[len(at) :]
             if not (own[0] in ASIDE if not at else own == ("type",) and at[0] == "blocks"):
-                unit = next((units[key] for key in field.path if key in units), "rad or m")
-                yield field._replace(unit=field.unit.replace("q", unit))
+                yield field._replace(unit=units.get(field.path, field.unit))
         if at[:1] == ("blocks",):
             markers = (f"{name}.{m}" for name, b in graph.blocks.items() for m in markers_of(b))
             ends = Field((), "choice", choices=tuple(markers))
@@ -220,20 +219,6 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             self.selected = (section, new)
         except BlockmechError as error:
             self.say(_words(error.problems[0]))
-
-
-def units_of_drivers(form: dict[str, Any], document: Opened) -> dict[str, str]:
-    """Driver -> unit of its coordinate, whether or not the mechanism is complete."""
-    if isinstance(document, Graph):
-        moving = {n: b for n, b in document.blocks.items() if isinstance(b, Moving)}
-        return {
-            block.driver_name(name, joint.name): joint.coordinate_unit
-            for name, block in moving.items()
-            for joint in block.driven
-        }
-    kinds = {name: joint["type"] for name, joint in form["joints"].items()}
-    of = {name: kinds.get(driver["joint"]) for name, driver in form.get("drivers", {}).items()}
-    return {name: "rad" if kind == "R" else "m" for name, kind in of.items()}
 
 
 def _section(name: str) -> Any:
