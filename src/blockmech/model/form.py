@@ -79,6 +79,8 @@ class Section(NamedTuple):
 
     def data(self, item: Any) -> dict[str, Any]:
         """An item as its file says it."""
+        if self.other and not isinstance(item, Strictly | Mapping):
+            return {self.key: item.type, **item.raw}  # of an unknown kind: word for word
         said: dict[str, Any] = plain(item)
         if self.key and self.key not in said and hasattr(item, "type_name"):
             said = {self.key: item.type_name.removeprefix(self.prefix)} | said
@@ -105,11 +107,16 @@ class Form:
     always: tuple[str, ...]
     items: Callable[[], Mapping[str, Section]]
 
-    def written(self, name: str, title: str, sections: Mapping[str, Any]) -> dict[str, Any]:
-        """What stands in a file: head and sections, but for those that say nothing."""
-        data = {"format": self.format, "version": VERSION, "name": name, "title": title}
-        data |= sections
-        return {key: said for key, said in data.items() if said or key in ("name", *self.always)}
+    def written(self, sections: Mapping[str, Any]) -> dict[str, Any]:
+        """What stands in a file: all sections but for those that say nothing."""
+        named, data = self.items(), {"format": self.format, "version": VERSION}
+        for key, declared in self.model.model_fields.items():
+            if (content := sections.get(key)) is not None:
+                items = named.get(key)
+                said = {n: items.data(x) for n, x in content.items()} if items else plain(content)
+                if key in ("name", *self.always) or (said and said != plain(declared.default)):
+                    data[key] = said
+        return data
 
 
 def bad_name(what: str, name: Any, where: str = "") -> Problem:

@@ -106,13 +106,9 @@ def _side(q: float, point: float, rotary: bool) -> float:
 
 def _no_home(block: str, driver: str, q: float, size: float) -> Problem:
     what = "stands at a change point" if math.isfinite(size) else "does not close"
-    return Problem(
-        "bad-home",
-        f"{block}.home",
-        f"the dyad {what} at {driver} = {q:.9g}, so its branch there means nothing",
-        "",
-        "name a pose in which both its modes exist and differ",
-    )
+    found = f"the dyad {what} at {driver} = {q:.9g}, so its branch there means nothing"
+    remedy = "name a pose in which both its modes exist and differ"
+    return Problem("bad-home", f"{block}.home", found, "", remedy)
 
 
 def _points(search: _Search, edges: Floats, gap: Any, known: set[float]) -> Iterator[float]:

@@ -122,7 +122,8 @@ def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Parts:
         raise GraphError(problems)
     diagram.add_loads()
     shown = Formation(tuple(units), (), ())
-    return diagram.data(), diagram.names(), shown, None if general else linkage
+    names = diagram.names()  # it puts markers on links that have none
+    return diagram.data(), names, shown, None if general else linkage
 
 
 def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:
