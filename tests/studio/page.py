@@ -3,6 +3,11 @@
 import re
 import socket
 from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+AXE = Path(__file__).parents[2] / ".ci" / "node_modules" / "axe-core" / "axe.min.js"
 
 
 @contextmanager
@@ -136,3 +141,20 @@ def save(page, name):
     fill(page, "File", name)
     page.get_by_role("button", name=re.compile("^Saved?$")).click()
     told(page, f"wrote {name}")
+
+
+def accessible(page):
+    """Let axe look at what is shown."""
+    if not AXE.exists():
+        pytest.skip("axe-core is not installed: npm install --no-save --prefix .ci axe-core")
+    page.wait_for_function("Bokeh.documents[0].is_idle")
+    page.evaluate(AXE.read_text("utf-8"))
+    found = page.evaluate("axe.run(document, {resultTypes: ['violations', 'passes']})")
+    bad = [
+        (rule["id"], node["html"])
+        for rule in found["violations"]
+        if rule["impact"] in ("serious", "critical")
+        for node in rule["nodes"]
+    ]
+    assert bad == []
+    assert "color-contrast" in {rule["id"] for rule in found["passes"]}

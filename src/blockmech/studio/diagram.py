@@ -18,6 +18,7 @@ from panel_reactflow import ReactFlow
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Graph
 from blockmech.draw.boxes import Content, DrawnBlock, content_of, graph_of
+from blockmech.draw.diagram import view_of
 from blockmech.draw.layout import Box, arrange
 from blockmech.draw.palette import ROW, TEXT
 from blockmech.draw.routing import place
@@ -157,7 +158,7 @@ class Diagram:
         wrong = {at: p.found for p in sheet.problems if ours for at in _about(p, shown)}
         types = {b.name: _node_type(shown, b, wrong) for b in content.blocks}
         rows = {name: _rows(spec) for name, spec in types.items()}
-        self.places = _places(content, rows, sheet.form.get("view", {}))
+        self.places = _places(content, rows, view_of(shown))
         bad = {at.partition(".")[0] for at in wrong}
         nodes = [self._node(b, types[b.name], b.name in bad, wrong) for b in content.blocks]
         edges = [_edge(wire.source, wire.target) for wire in shown.wires]
@@ -258,10 +259,9 @@ class Diagram:
 
 
 def _places(
-    content: Content, rows: dict[str, int], view: dict[str, Any]
+    content: Content, rows: dict[str, int], at: dict[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
     """Places [pt] of all blocks: the author's, and for others those that follow from the wires."""
-    at = {name: (float(x), float(y)) for name, (x, y) in view.items() if name in rows}
     if len(at) == len(rows):
         return at
     wires, boxes = [wire.ends for wire in content.wires], []
@@ -304,7 +304,7 @@ def _points(at: dict[str, float]) -> tuple[float, float]:
 def _edge(source: str, target: str) -> dict[str, Any]:
     (a, marker), (b, port) = source.split("."), target.split(".")
     ends = {"source": a, "sourceHandle": marker, "target": b, "targetHandle": port}
-    return {"id": f"{source} -> {target}", "type": "smoothstep", "data": {}, **ends}
+    return {"id": f"{source} -> {target}", "type": "smart_step", "zIndex": 1, "data": {}, **ends}
 
 
 def _ends(edge: dict[str, Any]) -> str:
