@@ -156,5 +156,5 @@ def accessible(page):
         if rule["impact"] in ("serious", "critical")
         for node in rule["nodes"]
     ]
-    assert bad == []
+    assert bad == [], bad
     assert "color-contrast" in {rule["id"] for rule in found["passes"]}

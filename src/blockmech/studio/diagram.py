@@ -304,7 +304,7 @@ def _points(at: dict[str, float]) -> tuple[float, float]:
 def _edge(source: str, target: str) -> dict[str, Any]:
     (a, marker), (b, port) = source.split("."), target.split(".")
     ends = {"source": a, "sourceHandle": marker, "target": b, "targetHandle": port}
-    return {"id": f"{source} -> {target}", "type": "smart_step", "zIndex": 1, "data": {}, **ends}
+    return {"id": f"{source} -> {target}", "type": "smoothstep", "data": {}, **ends}
 
 
 def _ends(edge: dict[str, Any]) -> str:
