@@ -254,7 +254,8 @@ class Diagram:
             self.select(names[0])
 
     def _hovered(self, event: dict[str, Any]) -> None:
-        if text := self.values(event["edge_id"]):
+        just_drawn = event["edge_id"] == self.sheet.undoable  # the pointer is there by itself
+        if not just_drawn and (text := self.values(event["edge_id"])):
             self.flow.show_popup(pn.pane.Str(text), event["position"])
 
 
