@@ -39,7 +39,9 @@ class Page:
     def __init__(self, sheet: Filed, dark: bool = False) -> None:
         self.sheet, self.dark = sheet, dark
         self.status = pn.pane.HTML("", css_classes=["bm-status"], sizing_mode="stretch_width")
-        self.formula = pn.pane.HTML("", height=FORMULA, sizing_mode="stretch_width")
+        self.formula = pn.pane.HTML(
+            "", height=FORMULA, sizing_mode="stretch_width", styles={"overflow-y": "auto"}
+        )
         self.view = MechanismView(sheet, dark)
         self.answers = Answers(sheet, self.view)
         self.form = Form(sheet, self.say)

@@ -126,7 +126,7 @@ class Diagram:
             display_side_bar=False,
             drop_types=[DRAGGED],
             popup_trigger="hover",
-            min_zoom=0.1,
+            min_zoom=0.02,
             max_zoom=1.2,
             default_node_editor=lambda *_, **__: None,
         )
