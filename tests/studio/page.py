@@ -131,7 +131,9 @@ def drag_wire(page, source, target):
 
 def wire(page, source, target):
     """Draw a wire from a marker to a joint."""
-    drag_wire(page, source, target)
+    from playwright.sync_api import expect
+
+    expect(drag_wire(page, source, target)).to_have_class(re.compile("rf-handle-valid"))
     page.mouse.move(*middle(port(page, "target", target)))
     page.mouse.up()
     wire_between(page, source, target).wait_for(state="attached")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from blockmech.builders import Graph
-from tests.studio.page import accessible, drop, fill, save, show, wire
+from tests.studio.page import accessible, drop, edit, fill, save, show, wire
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 
@@ -103,6 +103,7 @@ def test_the_fourbar_from_an_empty_sheet(page, studio):
     fill(page, "crank to [rad]", "6.283185307179586")
     fill(page, "gravity [m/s2]", "0, 0")
     fill(page, "name", "ruiz_fourbar")
+    edit(page, "crank")  # when its form is there, the server has done all that was typed
     page.get_by_label("Fit View").click()
     steady(page)
     for source, target in WIRES:
