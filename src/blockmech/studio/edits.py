@@ -103,8 +103,9 @@ def wired(form: Form, source: str | None, target: str) -> Form:
 
 
 def placed(form: Form, places: Places) -> Form:
-    """With places of some blocks on the canvas."""
-    at = {name: [round(x, 1), round(y, 1)] for name, (x, y) in places.items()}
+    """With places of blocks on the canvas, as far as they are there."""
+    there = {name: at for name, at in places.items() if name in form["blocks"]}
+    at = {name: [round(x, 1), round(y, 1)] for name, (x, y) in there.items()}
     return {**form, "view": {**form.get("view", {}), **at}} if at else form
 
 
