@@ -150,11 +150,6 @@ def inputs(program: Program, given: Mapping[str, Any]) -> list[Any]:
     return [given[name] for name in program.inputs]
 
 
-def programs(compiled: Source) -> Programs:
-    """The programs of a mechanism, see `Compiled.once`."""
-    return Programs(compiled)
-
-
 @dataclass
 class System:
     """A mechanism as dynamics sees it; one per run, because it counts its evaluations.
@@ -179,7 +174,7 @@ class System:
     _programs: Programs = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._programs = self.compiled.once(programs)
+        self._programs = self.compiled.once(Programs)
         if not self.stops:
             self.stops = ((-math.inf, math.inf),) * len(self.drivers)
 
