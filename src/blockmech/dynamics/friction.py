@@ -33,7 +33,7 @@ from blockmech.engines.llvm import OneByOne
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
-from blockmech.friction.solvers import loads as pair_loads
+from blockmech.friction.equations import loads as pair_loads
 from blockmech.model.structure import Structure
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
