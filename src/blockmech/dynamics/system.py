@@ -19,14 +19,14 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import loads
 from blockmech.dynamics.friction import JointFriction, MotionProgram
-from blockmech.dynamics.motion import Cost
+from blockmech.dynamics.motion import Cost, Floats
 from blockmech.dynamics.table import PlaceTable
 from blockmech.engines.llvm import WORTH, LlvmEngine, OneByOne
 from blockmech.engines.numpy import NumpyEngine
@@ -40,7 +40,6 @@ from blockmech.plan import Friction, Program, Schedule
 if TYPE_CHECKING:
     from blockmech.typing import Progress
 
-Floats: TypeAlias = NDArray[np.float64]
 T = TypeVar("T")
 FREE = Friction("none")
 REPORTED = 64  # evaluations between two words of progress: some milliseconds of work
