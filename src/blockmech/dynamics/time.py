@@ -271,25 +271,31 @@ class Run:
             hits = lookout.in_step(solver.t_old, solver.t, solver.y, dense)
             self._note(hits, dense)
             met = hits[-1] if hits and hits[-1].rule.terminal else None
-            t, y = solver.t, solver.y
+            t, y, parts = solver.t, solver.y, [dense]
             if met is not None:
-                t, y = self._exactly(met, solver.t_old, self.y, dense)
+                t, y, parts = self._exactly(met, solver.t_old, self.y, dense)
             self.longest = max(self.longest, t - solver.t_old)  # what an event cuts off is none
-            self._took(t, y, dense)
+            for part in parts[:-1]:
+                self._took(part.t, part(part.t), part)
+            self._took(t, y, parts[-1])
             if met is not None:
                 return met
         return None
 
-    def _exactly(self, hit: Hit, t0: float, y0: Floats, dense: Any) -> tuple[float, Floats]:
-        """Time and state of an event, the state by a step up to it: dense output is coarser."""
-        t, between = hit.t, np.asarray(dense(hit.t))
+    def _exactly(self, hit: Hit, t0: float, y0: Floats, dense: Any) -> tuple[float, Floats, Any]:
+        """Time and state of an event, and dense output up to it, by steps that end there.
+
+        A step beyond it is coarser, and has seen what a kink is for.
+        """
+        t, between, parts = hit.t, np.asarray(dense(hit.t)), []
         if not t > t0:
-            return t, between
+            return t, between, [dense]
         finer = math.isfinite(self.max_step)  # not the one step of the coarser run again
         solver = self._solver(t, t0, y0, SHORTER * (t - t0) if finer else math.inf)
         while solver.status == "running":
-            if self._stepped(solver) is None:
-                return t, between
+            parts.append(self._stepped(solver))
+            if parts[-1] is None:
+                return t, between, [dense]
         y = np.array(solver.y)
         slope, ahead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
         here = hit.rule.value(t, y)
@@ -297,7 +303,7 @@ class Run:
         late = min(-here / rise, dense.t - t) if rise else math.nan  # not beyond its step
         moved = y + late * slope
         known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
-        return (t + late, moved) if known else (t, y)
+        return (t + late, moved, parts) if known else (t, y, parts)
 
     def _took(self, t: float, y: Floats, dense: Any) -> None:
         if t > self.times[-1]:
