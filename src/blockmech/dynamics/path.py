@@ -366,6 +366,7 @@ class PathRun:
             qd_end=qd,
             track=track,
             events=tuple(e._replace(t=t0 + e.t) for e in self.events),
+            error=math.inf,
             notes=tuple(self.notes),
             facts=dict(self.facts),
         )
@@ -384,7 +385,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
         return stopped(fine, None)
     if not run.panels and not run.legs:
-        return fine
+        return replace(fine, error=0.0)
     run = PathRun(system, request, start, COARSE, True)
     run.run()
     coarse = run.motion()
