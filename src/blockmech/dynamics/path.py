@@ -366,7 +366,6 @@ class PathRun:
             qd_end=qd,
             track=track,
             events=tuple(e._replace(t=t0 + e.t) for e in self.events),
-            error=math.inf,
             notes=tuple(self.notes),
             facts=dict(self.facts),
             error=math.inf if legs else 0.0,
@@ -386,7 +385,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
         return stopped(fine, None)
     if not run.panels and not run.legs:
-        return replace(fine, error=0.0)
+        return fine
     run = PathRun(system, request, start, COARSE, True)
     run.run()
     coarse = run.motion()
