@@ -21,7 +21,6 @@ FACTOR = 0.003  # [m] f' r of every pin
 DETERMINED = slice(1, None)  # at crank 0 the sense of joint C is undefined
 
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
-EACH_ROW = pytest.mark.parametrize("k", range(len(ROWS)), ids=lambda k: f"{CRANKS[k]:g}rad")
 
 
 def run(engine="scalar", **request):
