@@ -12,15 +12,11 @@ import numpy as np
 from blockmech.dynamics.motion import Floats, Motion, Still
 from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.model.scene import Scene
+from blockmech.typing import Progress
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
 Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
-Progress: TypeAlias = Callable[[str, float, float | None], None]
-"""Told now and then in a run: what is at work, how far it is, and the whole where that is known.
-
-It may raise `KeyboardInterrupt` to stop the run, which keeps what was done.
-"""
 
 
 class GoalNumber(NamedTuple):

@@ -22,7 +22,6 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import (
-    Progress,
     SimulationRequest,
     Start,
     Until,
@@ -40,7 +39,7 @@ from blockmech.errors import listed, refused
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
-from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers
+from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers, Progress
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
