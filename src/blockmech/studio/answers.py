@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import io
 import time
 from collections.abc import Iterable
@@ -10,21 +11,20 @@ from typing import Any, get_args
 import numpy as np
 import panel as pn
 from bokeh.layouts import column
+from bokeh.models import Div
 
 from blockmech.analysis.explain import explain
 from blockmech.analysis.trade import trade
-from blockmech.draw.curves import abscissa
 from blockmech.draw.motion import Motion, moves_of_result
 from blockmech.dynamics.along import result_along
 from blockmech.dynamics.simulation import simulate
 from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
-from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of, places_of
+from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of
 from blockmech.studio.looks import LINES
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.turn import FRAME
 from blockmech.studio.work import Told, Work
 from blockmech.typing import FrictionMethod
 from blockmech.wires import on_all_wires
@@ -124,6 +124,7 @@ class Answers:
         )
         self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
         self.said = pn.pane.Str("", sizing_mode="stretch_width", stylesheets=[LINES])
+        self.values = Div(text="", sizing_mode="stretch_width")
         self.costs = pn.pane.Str("", sizing_mode="stretch_width")
         self.plots = pn.pane.Bokeh(column(sizing_mode="stretch_width"), sizing_mode="stretch_width")
         self.csv = pn.widgets.FileDownload(
@@ -132,7 +133,7 @@ class Answers:
         self.work = Work()
         buttons = {
             "Simulate": self.simulate,
-            "Turn": view.renew,
+            "Turn": view.turn,
             "Cost": self.explain,
             "Trade": self.trade,
         }
@@ -144,13 +145,16 @@ class Answers:
             widget.param.watch(lambda _: self.renew(), "value")
         view.param.watch(lambda _: self._begin(), "motion")
         view.param.watch(heard(self.renew), "shown")
+        view.param.watch(lambda _: self._show_pose(), "pose")
         self._begin()
 
     def panel(self) -> Any:
         """What is asked on the left, the curves beside it."""
         parts = (self.friction, self.accuracy, self.until, *self.buttons, self.work.stop, self.csv)
         asked = pn.Column(self.find, self.names, pn.FlexBox(*parts), width=250)
-        told = pn.Column(self.said, self.plots, self.costs, sizing_mode="stretch_width")
+        told = pn.Column(
+            self.values, self.said, self.plots, self.costs, sizing_mode="stretch_width"
+        )
         return pn.Row(asked, told, sizing_mode="stretch_width")
 
     # -- curves ----------------------------------------------------------------------------
@@ -180,31 +184,40 @@ class Answers:
     @together
     def renew(self) -> None:
         """Compute and draw what is chosen; what cannot be is said."""
-        self.result, cursors, said = None, [], ""
+        self.result, panels, said = None, [], ""
         motion, names = self.view.motion, self.names.value
         if motion is not None and names:
             begun = time.perf_counter()
             try:
                 result = answer(motion, names, self.friction.value, self.accuracy.value or None)
-                panels, along = (
-                    panels_of(result, names),
-                    abscissa(result, degrees=self.view.degrees),
-                )
+                panels = panels_of(result, names)
             except BlockmechError as error:
-                said, panels = str(error), []
+                said = str(error)
             else:
                 said = _summary(result, time.perf_counter() - begun)
                 self.result = result
             if [labels_of(p) for p in panels] != [plot.curves for plot in self.drawn]:
-                self.drawn = [Plot(p, self.view.dark, height=CURVE, tools=TOOLS) for p in panels]
+                look = {"height": CURVE, "tools": TOOLS}
+                self.drawn = [Plot(p, self.view.dark, self.view.seek, **look) for p in panels]
                 figures = [plot.figure for plot in self.drawn]
                 self.plots.object = column(*figures, sizing_mode="stretch_width")
             for plot, panel in zip(self.drawn, panels, strict=True):
-                plot.show(panel, along, self.view.gaps)
-                cursors.append({"span": plot.cursor, "at": places_of(along, FRAME)})
+                plot.show(panel, self.view.along, self.view.gaps)
         self.said.object = said
-        self.plots.visible = bool(cursors)
-        self.view.follow("answers", cursors)
+        self.plots.visible = bool(panels)
+        self._show_pose()
+
+    @together
+    def _show_pose(self) -> None:
+        """Put the cursors and the values to the shown pose."""
+        k, lines = self.view.pose, []
+        for plot in self.drawn if self.result is not None else ():
+            plot.cursor.location = float(self.view.along.values[k])
+        for name in self.result or ():
+            output, value = self.result.output(name), self.result[name][k]
+            if output.kind in ("real", "vector"):
+                lines.append(_told(name, value, output.unit))
+        self.values.text = "<br>".join(map(html.escape, lines))
 
     def _csv(self) -> io.StringIO:
         """The shown curves as text."""
@@ -216,7 +229,7 @@ class Answers:
         if motion is None:
             return ""
         try:
-            found = wire_values(motion.result.with_friction(self.friction.value), self.view.sample)
+            found = wire_values(motion.result.with_friction(self.friction.value), self.view.pose)
         except BlockmechError as error:
             return str(error)
         return found.get(name, "")
