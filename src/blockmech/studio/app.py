@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import panel as pn
-from bokeh.models import CustomJS
 
 from blockmech.builders import Graph, Linkage, Opened, opened
 from blockmech.draw.palette import ROW
@@ -23,10 +22,10 @@ from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import SCENE, Form
 from blockmech.studio.gallery import gallery_page
 from blockmech.studio.links import LinksSheet
-from blockmech.studio.looks import NAMES, colours, dressed
+from blockmech.studio.looks import begin, page
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import serve
-from blockmech.studio.session import heard
+from blockmech.studio.session import follow
 from blockmech.testing.files import gallery
 
 LEAVING = "window.onbeforeunload = cb_obj.value ? null : (e) => e.preventDefault();"
@@ -34,6 +33,7 @@ LEAVING = "window.onbeforeunload = cb_obj.value ? null : (e) => e.preventDefault
 
 FORMULA = 52  # px above the canvas, which does not move when problems come and go
 BELOW = 270  # px of form and answers; diagram and mechanism have the rest
+ABOVE = {"min-height": "540px"}  # in a lower window each side scrolls
 
 
 class Page:
@@ -47,8 +47,7 @@ class Page:
         self.diagram = Diagram(sheet, self.say, self.select)
         self._make_bar()
         self._make_wiring()
-        watched = ["form", "problems", "saved", "undoable", "redoable", "path"]
-        sheet.param.watch(heard(self.show), watched)
+        follow(sheet, self.show, "form", "problems", "saved", "undoable", "redoable", "path")
         self.show()
 
     # -- parts ------------------------------------------------------------
@@ -132,22 +131,21 @@ class Page:
             ("Links and joints", self.links.panel()),
             active=int(isinstance(self.sheet.document, Linkage)),
             sizing_mode="stretch_both",
+            styles=ABOVE,
         )
         below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
+        moving = self.view.panel()
+        moving.styles = ABOVE
         sides = (
             (drawn, pn.Column(self.form.panel(), **below)),
-            (self.view.panel(), pn.Column(self.answers.panel(), **below)),
+            (moving, pn.Column(self.answers.panel(), **below)),
         )
         body = pn.Row(
             *(pn.Column(*parts, sizing_mode="stretch_both", scroll="y-auto") for parts in sides),
             sizing_mode="stretch_both",
             css_classes=["bm-body"],
         )
-        pn.config.raw_css = [colours(dark)]
-        page = pn.Column(
-            *(bar, body), css_classes=["bm-page"], sizing_mode="stretch_both", margin=0
-        )
-        return dressed(page)
+        return page([bar, body], dark)
 
     # -- what is shown ----------------------------------------------------
 
@@ -262,22 +260,16 @@ def window(desk: Desk) -> Any:
     if pn.state.location is not None and args.get("sheet") != name:
         theme = "&theme=dark" if dark else ""
         pn.state.location.param.update(search=f"?sheet={name}{theme}", reload=False)
-    sheet = desk.sheets[name]
-    before = _watchers(sheet)
-    page = Page(sheet)
-    shown = page.panel(dark)
-    pn.state.curdoc.js_on_event("document_ready", CustomJS(code=NAMES))
-    mine = [watcher for watcher in _watchers(sheet) if watcher not in before]
-    pn.state.on_session_destroyed(lambda _: [sheet.param.unwatch(w) for w in mine])
-    return shown
+    return shown_of(desk.sheets[name], dark)
 
 
-def _watchers(sheet: Filed) -> list[Any]:
-    kinds = sheet.param.watchers.values()
-    return list(dict.fromkeys(w for kind in kinds for many in kind.values() for w in many))
+def shown_of(sheet: Filed, dark: bool) -> Any:
+    """A page of a sheet."""
+    begin(dark)
+    return Page(sheet).panel(dark)
 
 
 def in_notebook(document: Opened | None, dark: bool) -> Any:
     """The page of a copy of a document, as a panel object."""
     pn.extension()
-    return Page(Filed(None if document is None else document.snapshot())).panel(dark)
+    return shown_of(Filed(None if document is None else document.snapshot()), dark)

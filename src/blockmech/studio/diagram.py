@@ -29,7 +29,7 @@ from blockmech.model.graph import Graph
 from blockmech.model.schema import graph_schema
 from blockmech.studio import edits
 from blockmech.studio.fields import starter
-from blockmech.studio.session import heard
+from blockmech.studio.session import follow
 from blockmech.studio.sheet import Sheet
 
 PIXELS = 13 / TEXT  # of the page for a point of a file's view: 13 px words in place of 8 pt ones
@@ -136,7 +136,7 @@ class Diagram:
         self.flow.on("edge_hovered", self._hovered)
         self.flow.on("edge_unhovered", lambda _: self.flow.close_popup())
         self.palette = Palette(lambda kind: self.add(kind, None))
-        sheet.param.watch(heard(self.show), ["form", "problems"])
+        follow(sheet, self.show, "form", "problems")
         self.show()
 
     @property

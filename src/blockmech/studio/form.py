@@ -18,8 +18,7 @@ from blockmech.errors import BlockmechError, Problem
 from blockmech.model.schema import graph_schema
 from blockmech.studio.edits import renamed, with_block
 from blockmech.studio.fields import Field, Shown, fields_of, item_at, with_item
-from blockmech.studio.looks import dressed
-from blockmech.studio.session import heard
+from blockmech.studio.session import follow
 from blockmech.studio.sheet import Sheet
 
 SCENE = ""
@@ -44,7 +43,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.column = pn.Column(css_classes=["bm-form"], sizing_mode="stretch_width")
         self._taking = False
         self.param.watch(lambda *_: self.renew(), ["selected", "shown"])
-        sheet.param.watch(heard(self._follow), ["form"])
+        follow(sheet, self._follow, "form")
         self.renew()
 
     def panel(self) -> Any:
@@ -73,7 +72,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             if lines not in parts:
                 parts.append(lines)
             lines.append(self._adding(field) if field.kind == "map" else self._row(field))
-        self.column.objects = [dressed(part) for part in parts]
+        self.column.objects = parts
 
     def _follow(self) -> None:
         """Show the values that the sheet has now; other fields make another form."""

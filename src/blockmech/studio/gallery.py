@@ -13,7 +13,7 @@ import panel as pn
 from blockmech.builders import Opened, opened, read_text
 from blockmech.draw.paper import rendered
 from blockmech.errors import BlockmechError
-from blockmech.studio.looks import CARDS, colours, dressed
+from blockmech.studio.looks import CARDS, begin, page
 from blockmech.testing.files import gallery
 
 
@@ -28,6 +28,7 @@ def picture_of(name: str) -> bytes:
 
 def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, dark: bool) -> Any:
     """The page; ``names`` are files of the folder, ``put`` makes a sheet and gives its name."""
+    begin(dark)
     theme = "&amp;theme=dark" if dark else ""
     cards = "".join(
         f'<a class=card href="?example={quote(name)}{theme}">'
@@ -51,14 +52,13 @@ def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, 
 
     upload.param.watch(take, "value")
     head = f'<h1>blockmech studio</h1><p><a href="?new{theme}">Empty sheet</a></p>'
-    pn.config.raw_css = [colours(dark)]
     here = f"<h2>In this folder</h2><ul class=files>{files}</ul>" if files else ""
     shown = f"{CARDS}<h2>Gallery</h2><div class=cards>{cards}</div>"
     parts = (head, line, upload, here, shown)
-    made = [
-        pn.pane.HTML(p, sizing_mode="stretch_width") if isinstance(p, str) else p for p in parts
-    ]
-    return dressed(pn.Column(*made, sizing_mode="stretch_width"))
+    wide = "stretch_width"
+    return page(
+        [pn.pane.HTML(p, sizing_mode=wide) if isinstance(p, str) else p for p in parts], dark
+    )
 
 
 def _alert(said: str) -> str:

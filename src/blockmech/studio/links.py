@@ -19,7 +19,7 @@ from blockmech.errors import BlockmechError
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
 from blockmech.studio.film import FONT, PIXELS, coloured
-from blockmech.studio.session import heard
+from blockmech.studio.session import follow
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import Drawn, Form
 from blockmech.studio.window import Window
@@ -68,7 +68,7 @@ class LinksSheet:
         self.said = pn.pane.HTML("", sizing_mode="stretch_width")
         self.diagram = pn.pane.SVG(None, encode=True, sizing_mode="stretch_width", max_height=300)
         self._make_figure()
-        sheet.param.watch(heard(self.renew), "form")
+        follow(sheet, self.renew, "form")
         self.renew()
 
     def panel(self) -> Any:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import panel as pn
+from bokeh.models import CustomJS
+from panel.theme import Inherit, Native
 from panel_reactflow import ReactFlow
 
 from blockmech.draw import palette as ink
@@ -56,43 +58,45 @@ CANVAS = """
 """
 """Style inside of the canvas: blocks as boxes, ports named, R round, P and guides square."""
 
-STYLE = """
-html, body { margin: 0; height: 100%; background: var(--bm-paper); color: var(--bm-ink);
-  font: 13px/1.4 system-ui, "DejaVu Sans", sans-serif }
+PAGE = """
+:host { min-height: 100vh; background: var(--bm-paper); color: var(--bm-ink);
+  font: 13px/1.4 system-ui, "DejaVu Sans", sans-serif; --design-background-color: var(--bm-paper);
+  --design-background-text-color: var(--bm-ink); --design-surface-color: var(--bm-group);
+  --design-surface-text-color: var(--bm-ink); --design-primary-color: #005a8f;
+  --design-primary-text-color: #fff }
 """
-PANE = """
-:host { color: var(--bm-ink); font: 13px/1.4 system-ui, "DejaVu Sans", sans-serif }
+WIDGET = """
+:host { color: var(--bm-ink); --bm-field: 26px; font: inherit }
 h1 { font-size: 15px; margin: 0 } h2 { font-size: 14px; margin: 0 }
 h3 { font-size: 12px; margin: 8px 4px 0; color: var(--bm-grey); font-weight: 600 }
 p { margin: 0 } ul { margin: 0; padding-left: 16px; max-height: 52px; overflow: auto }
-ul, p[role=alert] { color: var(--bm-alarm) }
+ul, p[role=alert] { color: var(--bm-alarm) } a { color: var(--bm-blue) }
+label, .bk-input-group > label { color: var(--bm-grey); font-size: 12px; margin: 0 }
+.bk-input { min-height: 26px; padding: 2px 6px; font-size: 13px; color: var(--bm-ink);
+  background-color: var(--bm-paper); border: 1px solid var(--bm-line) }
+.bk-input:not([size], [multiple]) { height: 26px }
+select.bk-input:not([size], [multiple]) { appearance: auto; background-image: none }
+.bk-input::placeholder { color: var(--bm-grey) }
+.bk-btn { padding: 3px 10px; font-size: 13px; color: var(--bm-ink); background: var(--bm-group) }
+:host(.solid) .bk-btn { border: 1px solid var(--bm-line) }
+.bk-btn-primary { background: #005a8f; color: #fff }
+.bk-btn-danger { background: #a30015; color: #fff }
+.noUi-target { background: var(--bm-pale); border-color: var(--bm-line) }
+.noUi-handle { background: var(--bm-group); border-color: var(--bm-line) }
+.bk-tab { color: var(--bm-grey); font-size: 12px; padding: 3px 10px }
+.bk-tab.bk-active { color: var(--bm-ink) !important; background: var(--bm-paper) !important;
+  border-color: var(--bm-line) !important }
 """
+"""Style of all parts of the page: words, fields, buttons, sliders and tabs."""
+
 CARDS = """<style>
-ul.files { color: inherit; max-height: none } a { color: var(--bm-blue) }
+ul.files { color: inherit; max-height: none }
 .cards { display: grid; gap: 12px; grid-template-columns: repeat(auto-fill, minmax(210px, 1fr)) }
 .card { border: 1px solid var(--bm-pale); border-radius: 4px; padding: 8px; text-decoration: none;
   text-align: center }
 .card img { width: 100%; height: 150px; object-fit: contain; background: #fff }
 .card b { display: block; font-weight: 600; color: var(--bm-ink) }
 </style>"""
-WIDGET = """
-:host { --bm-field: 26px }
-label, .bk-input-group > label { color: var(--bm-grey); font-size: 12px; margin: 0 }
-.bk-input { min-height: 26px; height: 26px; padding: 2px 6px; font-size: 13px;
-  color: var(--bm-ink); background: var(--bm-paper); border: 1px solid var(--bm-line) }
-.bk-input::placeholder { color: var(--bm-grey) }
-.bk-btn { padding: 3px 10px; font-size: 13px; border: 1px solid var(--bm-line);
-  color: var(--bm-ink); background: var(--bm-group) }
-.bk-btn-primary { background: #005a8f; color: #fff }
-.bk-btn-danger { background: #a30015; color: #fff }
-.noUi-target { background: var(--bm-pale); border-color: var(--bm-line) }
-.noUi-handle { background: var(--bm-group); border-color: var(--bm-line) }
-"""
-TABS = """
-.bk-tab { color: var(--bm-grey); font-size: 12px; padding: 3px 10px }
-.bk-tab.bk-active { color: var(--bm-ink) !important; background: var(--bm-paper) !important;
-  border-color: var(--bm-line) !important }
-"""
 LINES = "pre { font: 12px system-ui, sans-serif; white-space: pre-wrap; margin: 0 }"
 
 NAMES = """
@@ -111,19 +115,24 @@ all(document);
 """What the libraries leave without a role or a name for a screen reader: ports and sliders."""
 
 
-def colours(dark: bool) -> str:
-    """Style of the whole page; what it names is inherited by all parts."""
-    return f":root {{{DARK if dark else LIGHT}}}\n{STYLE}"
+class Look(Native):  # type: ignore[misc]  # panel's own types say nothing of it
+    """The studio's style on all parts of a page that is made after `begin`."""
+
+    modifiers = {
+        pn.viewable.Viewable: {"stylesheets": [Inherit, WIDGET]},
+        ReactFlow: {"stylesheets": [Inherit, CANVAS]},
+    }
 
 
-def dressed(shown: Any) -> Any:
-    """A part of the page with the studio's style on all that is in it."""
-    for part in shown.select():
-        style = PANE if isinstance(part, pn.pane.HTML) else WIDGET
-        if isinstance(part, ReactFlow):
-            style = CANVAS
-        if isinstance(part, pn.Tabs):
-            style = TABS
-        if isinstance(part, pn.widgets.Widget | pn.pane.HTML | pn.Tabs | ReactFlow):
-            part.stylesheets = [style]
-    return shown
+def begin(dark: bool) -> None:
+    """Let the parts that are made from here on have the studio's style."""
+    pn.config.design, pn.config.theme = Look, "dark" if dark else "default"
+    if pn.state.curdoc is not None:
+        pn.config.raw_css = ["html, body { margin: 0; height: 100% }"]
+        pn.state.curdoc.js_on_event("document_ready", CustomJS(code=NAMES))
+
+
+def page(parts: list[Any], dark: bool) -> Any:
+    """A page of some parts, one below the other, which inherit its colours."""
+    colours = f":host {{{DARK if dark else LIGHT}}}\n{PAGE}"
+    return pn.Column(*parts, stylesheets=[colours], sizing_mode="stretch_both", margin=0)

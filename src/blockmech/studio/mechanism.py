@@ -36,7 +36,7 @@ from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.fields import Shown
 from blockmech.studio.film import FONT, PIXELS, SHOWN, Layer, Scene, coloured, scene_of
 from blockmech.studio.looks import WIDGET
-from blockmech.studio.session import heard, together
+from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import (
     blamed_blocks,
@@ -96,7 +96,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._margins: Plot | None = None
         self._make_figure()
         self._make_controls()
-        sheet.param.watch(heard(self.renew), ["form", "mechanism"])
+        follow(sheet, self.renew, "form", "mechanism")
         self.param.watch(lambda *_: self._draw(), ["show"])
         self.param.watch(heard(self._show_units), ["shown"])
         self.param.watch(lambda *_: self._show_pose(), ["pose"])

@@ -41,3 +41,10 @@ def heard(do: Callable[[], Any]) -> Callable[..., None]:
             IOLoop.current().add_callback(turn, locked)
 
     return act
+
+
+def follow(sheet: Any, do: Callable[[], Any], *names: str) -> None:
+    """Do something in this window when some of a sheet's attributes change, until it closes."""
+    watcher = sheet.param.watch(heard(do), list(names))
+    if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
+        pn.state.on_session_destroyed(lambda _: sheet.param.unwatch(watcher))
