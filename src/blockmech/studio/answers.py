@@ -62,8 +62,8 @@ def _told(key: str, values: Any, unit: str) -> str:
     if not np.isfinite(value):
         return f"{key} none"
     if np.iscomplexobj(value):
-        return f"{key} = ({value.real:.4g}, {value.imag:.4g}) {unit}"
-    return f"{key} = {value + 0.0:.4g} {unit}"
+        return f"{key} = ({value.real:.6g}, {value.imag:.6g}) {unit}"
+    return f"{key} = {value + 0.0:.6g} {unit}"
 
 
 def answer(
@@ -247,6 +247,7 @@ class Answers:
 
         def done(result: Result) -> None:
             self.view.play(moves_of_result(result))
+            self.view.pose = 0
             self.said.object = " ".join(result.motion.summary())
 
         if mechanism is not None:

@@ -105,7 +105,7 @@ def _gaps(motion: Motion, whole: Structure) -> Iterator[Shape]:
         ends = [m for ref, m in whole.feeds.items() if ref.block == name and m.on in motion.origin]
         if len(ends) > 1:
             points = np.array([motion.at(m.on, marker_place(whole, m)) for m in ends])
-            own = [z for link, z in motion.origin.items() if link.block == name]
+            own = [axis for link, axis in motion.axis.items() if link.block == name]
             points = np.where(np.isfinite(own).any(axis=0) if own else False, np.nan, points)
             if np.isfinite(points).all(axis=0).any():
                 yield Shape(f"gap:{name}", "line", points, 8, ink.ALARM, width=1.5, dash=(3, 2))

@@ -35,7 +35,6 @@ from blockmech.studio.curves import CURVE, Plot, labels_of, margins_of
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.fields import Shown
 from blockmech.studio.film import FONT, PIXELS, SHOWN, Layer, Scene, coloured, scene_of
-from blockmech.studio.looks import WIDGET
 from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import (
@@ -178,8 +177,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         motion = self.motion
         drivers = motion.mechanism.drivers if motion is not None and len(motion.q) > 1 else ()
         if tuple(self._drivers) != drivers:
-            look = {"sizing_mode": "stretch_width", "stylesheets": [WIDGET]}
-            self._drivers = {d: pn.widgets.FloatSlider(**look) for d in drivers}
+            self._drivers = {d: pn.widgets.FloatSlider(min_width=120) for d in drivers}
             for driver, slider in self._drivers.items():
                 slider.param.watch(partial(self._driven, driver), "value")
             self._sliders.objects = list(self._drivers.values())
@@ -188,7 +186,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             si = motion.mechanism.driver_joint(driver).coordinate_unit
             start, end = self.shown.factor(si) * low, self.shown.factor(si) * high
             slider.param.update(
-                name=f"{motion.mechanism.of_driver(driver, 'q')} [{self.shown.unit(si)}]",
+                label=f"{motion.mechanism.of_driver(driver, 'q')} [{self.shown.unit(si)}]",
                 start=start,
                 end=max(end, start + math.ulp(start)),
                 step=(end - start) / (DEFAULT_SAMPLES - 1) or 1.0,
@@ -232,7 +230,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         return screen_time(float(np.ptp(self.motion.time))) if simulated else self.seconds
 
     def _toggled(self, playing: bool) -> None:
-        self._play.name = "❚❚ Pause" if playing else "▶ Play"
+        self._play.label = "❚❚ Pause" if playing else "▶ Play"
         if playing and self.motion is not None:
             n = len(self.motion.samples)
             self._begun = time.perf_counter() - self._seconds * self.pose / n
@@ -264,9 +262,9 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def _make_controls(self) -> None:
         self._said = Div(text="", sizing_mode="stretch_width", styles={"min-height": "2.6em"})
         self.slider = pn.widgets.IntSlider.from_param(
-            self.param.pose, name="Pose", start=0, show_value=False, sizing_mode="stretch_width"
+            self.param.pose, label="Pose", start=0, show_value=False, sizing_mode="stretch_width"
         )
-        self._play = pn.widgets.Toggle(name="▶ Play", width=90, align="end")
+        self._play = pn.widgets.Toggle(label="▶ Play", width=90, align="end")
         self._play.param.watch(lambda event: self._toggled(event.new), "value")
         self._clock: Any = None
         self._begun = 0.0
@@ -340,11 +338,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
                 layers = self._scene.layers(unit, self.dark)
             except BlockmechError as error:
                 self.said = str(error)
-            looks = {**RING, "line_color": coloured(INK, self.dark)}
-            places = [self.motion.at(*spot) for spot in self._handles.values()]
-            rings = {key: [value] * len(places) for key, value in looks.items()}
-            rings["name"] = list(self._handles)
-            layers.append(Layer("scatter", np.array(places).T, rings))
+            layers.append(self._rings())
         known = [(old.glyph, len(old.looks["name"])) for old, _ in self._layers]
         if known == [(layer.glyph, len(layer.looks["name"])) for layer in layers]:
             sources = [source for _, source in self._layers]
@@ -356,6 +350,14 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
                 sources[-1].on_change("data", self._dropped)
         self._layers = list(zip(layers, sources, strict=True))
         self._show_pose(fresh=True)
+
+    def _rings(self) -> Layer:
+        """Rings around what can be taken hold of."""
+        names, n = list(self._handles), len(self.motion.samples)
+        places = np.array([self.motion.at(*spot) for spot in self._handles.values()], complex)
+        looks = {**RING, "line_color": coloured(INK, self.dark)}
+        columns = {key: [value] * len(names) for key, value in looks.items()}
+        return Layer("scatter", places.reshape(-1, n).T, {**columns, "name": names})
 
     def _renderer(self, layer: Layer) -> Any:
         """A source of a layer's columns, which are drawn."""
