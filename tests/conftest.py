@@ -7,6 +7,7 @@ again, which doubled the time of collecting.
 import gc
 import os
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 SHARED = {
@@ -28,3 +29,12 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.enable()
+
+
+@pytest.fixture(scope="module")
+def one_repeat():
+    """Trades time each setting once after its cold run: fewer say the same of its error."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("blockmech.analysis.trade.measure.FEWEST", 1)
+        patch.setattr("blockmech.analysis.trade.measure.LONG_ENOUGH", 0.0)
+        yield

@@ -214,6 +214,7 @@ PAGES = sorted((ROOT / "docs").rglob("*.md"))
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("one_repeat")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_runs_prints_the_numbers_it_says_and_draws_its_pictures(page, tmp_path):
     text = page.read_text(encoding="utf-8")
@@ -249,6 +250,7 @@ def test_the_reference_has_every_public_name_and_every_command():
     assert told == [function.__name__ for function in COMMANDS]
 
 
+@pytest.mark.usefixtures("one_repeat")
 def test_python_of_the_readme_runs_from_top_to_bottom_and_prints_the_numbers_it_says(monkeypatch):
     monkeypatch.chdir(ROOT)  # the reader stands in a checkout
     before = {p for p in ROOT.iterdir() if p.name != "__pycache__"}

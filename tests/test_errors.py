@@ -166,6 +166,7 @@ def test_every_code_that_a_file_can_cause_is_caused():
 
 
 NOT_FROM_FILES = {
+    "missing-package",  # an extra
     "bad-point",  # from_points
     "broken-plugin",  # an installed package
     "dead-centre",  # from_points

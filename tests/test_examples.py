@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -43,18 +43,16 @@ def test_three_iterations_are_within_a_thousandth_of_converged_ones():
 
 
 @pytest.mark.parametrize("script", sorted(p.stem for p in EXAMPLES.glob("*.py")))
-def test_examples_are_short_and_say_what_they_find(script, tmp_path):
+def test_examples_are_short_and_say_what_they_find(script, tmp_path, monkeypatch, capsys):
     path = EXAMPLES / f"{script}.py"
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 45
-    done = subprocess.run(
-        [sys.executable, path, *ASKED.get(script, ())],
-        capture_output=True,
-        check=True,
-        cwd=tmp_path,
-        encoding="utf-8",
-    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(EXAMPLES)
+    monkeypatch.setattr(sys, "argv", [str(path), *ASKED.get(script, ())])
+    runpy.run_path(str(path), run_name="__main__")
     lines, pictures = SAID.get(script, ([""], []))
-    assert done.stdout
-    assert not done.stderr
-    assert all(line in done.stdout for line in lines)
+    out, err = capsys.readouterr()
+    assert out
+    assert not err
+    assert all(line in out for line in lines)
     assert all((tmp_path / name).stat().st_size > 10_000 for name in pictures)

@@ -276,7 +276,7 @@ def test_dataframe_has_the_columns_of_the_csv(turn):
 
 def test_dataframe_without_pandas_names_what_to_install(turn, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)  # Python then finds no such module
-    with pytest.raises(bm.MissingEngineError, match="pip install pandas"):
+    with pytest.raises(bm.MissingEngineError, match=r"pip install \"blockmech\[study\]"):
         turn.to_dataframe()
 
 

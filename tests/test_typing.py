@@ -20,6 +20,19 @@ g = bm.Graph.load("graphs/ruiz_fourbar.json")
 mech = g.compile()
 m = bm.Linkage("four-bar")
 """
+CONSTRUCTORS = """import numpy as np
+import blockmech as bm
+
+links = {"i": bm.Link(mass=1.0, cm=(3.0, 0.0), markers={"S": (1.0, 2.0)})}
+drive = {"crank": bm.ConstantRate(rate=10.0, start=0.0, end=1.0)}
+g = bm.Graph("typed", gravity=(0.0, -9.81), drive=drive)
+pivot = bm.Marker(at=(5.5, 0.0), dir=(0.0, 1.0))
+g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": pivot, "E": 1 + 2j, "F": [1.0, 2.0]}))
+g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, branch=-1, links=links))
+g.add("weight", bm.Force(force=(0.0, -1000.0)))
+place: complex = pivot.at.z
+times = bm.Table(times=np.linspace(0.0, 1.0, 5), values=[0.0, 1.0, 2.0, 3.0, 4.0])
+"""
 RIGHT = (
     'g.run(at=range(3), want="crank.drive", friction="single")',
     'm.add_load("wind", bm.Force(force=(1.0, 0.0)), link="rod", at=(1.0, 0.0))',
@@ -28,6 +41,7 @@ RIGHT = (
     'bm.draw.draw(mech, "picture.png", "mechanism")',
 )
 WRONG = (
+    'bm.Force(force="down")',
     'g.run(at=0.0, frictoin="none")',
     'g.run(at=0.0, friction="nwton")',
     'm.run(at=0.0, on_gap="skip")',
@@ -51,22 +65,24 @@ WRONG = (
 def test_programs_of_the_readme_pass_and_slips_do_not(tmp_path: Path) -> None:
     pytest.importorskip("mypy", reason="mypy checks types; it comes with the extra dev")
     readme = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
-    good, bad = tmp_path / "good.py", tmp_path / "bad.py"
+    good, made, bad = (tmp_path / f"{name}.py" for name in ("good", "made", "bad"))
     good.write_text("\n".join([*readme, BEGIN, *RIGHT]), "utf-8")
+    made.write_text(CONSTRUCTORS, "utf-8")
     bad.write_text("\n".join([BEGIN, *WRONG]), "utf-8")
     cache = ROOT / ".mypy_cache"  # of a check of src, which would take seconds again
     kept = cache if cache.exists() else tmp_path / "cache"
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", f"--cache-dir={kept}", good, bad],
+        [sys.executable, "-m", "mypy", "--strict", f"--cache-dir={kept}", good, made, bad],
         capture_output=True,
         text=True,
         cwd=ROOT,
         env={**os.environ, "MYPYPATH": str(ROOT / "src")},
     )
-    assert not re.search(r"good\.py:\d+: error", done.stdout), done.stdout
+    assert not re.search(r"(good|made)\.py:\d+: error", done.stdout), done.stdout
     told = {int(n) for n in re.findall(r"bad\.py:(\d+): error", done.stdout)}
     first = BEGIN.count("\n") + 2
     assert told == set(range(first, first + len(WRONG))), done.stdout
+    assert (ROOT / "src" / "blockmech" / "py.typed").exists()  # so are installed packages read
 
 
 @pytest.mark.parametrize(

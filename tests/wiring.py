@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import json
 import random
 from collections.abc import Mapping
@@ -228,27 +227,6 @@ def mirrored(graph: Graph) -> Graph:
 
     g = rewired(graph, **{n: mirror(b) for n, b in graph.blocks.items()})
     gravity = bm.values.Vector(graph.scene.gravity.z.conjugate())
-    g.scene = graph.scene.model_copy(update={"gravity": gravity})
-    return g
-
-
-def rotated(graph: Graph, angle: float) -> Graph:
-    """The same mechanism turned about the origin: the frame's markers, ground forces, gravity."""
-    e = cmath.rect(1.0, angle)
-
-    def turn(block: Any) -> Any:
-        if isinstance(block, bm.Frame):
-            return bm.Frame(
-                markers={
-                    n: Marker(at=e * m.at.z, dir=e * m.direction) for n, m in block.markers.items()
-                }
-            )
-        if isinstance(block, bm.Force) and block.axes == "ground":
-            return changed(block, force=e * block.force.z)
-        return block
-
-    g = rewired(graph, **{n: turn(b) for n, b in graph.blocks.items()})
-    gravity = bm.values.Vector(e * graph.scene.gravity.z)
     g.scene = graph.scene.model_copy(update={"gravity": gravity})
     return g
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -14,12 +15,15 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from blockmech.errors import FormatError, GraphError, Problem, in_file
 from blockmech.model import graph
 from blockmech.model.document import read
-from blockmech.model.joints import decomposition, linkage
+from blockmech.model.joints import linkage
+from blockmech.model.naming import Names
 from blockmech.model.reading import decoded, text_of
 from blockmech.runnable import Runnable
 
 if TYPE_CHECKING:
+    from blockmech.assur.formation import Formation
     from blockmech.mechanism import Mechanism
+    from blockmech.model.joints.decompose import General
 
 
 class Graph(graph.Graph, Runnable):
@@ -47,8 +51,22 @@ class Graph(graph.Graph, Runnable):
         return rendered(draw_diagram(self).figure, ".svg").decode()
 
 
-class Decomposition(decomposition.Decomposition):
-    """A document as blocks, with doors to a mechanism; see the model's."""
+@dataclass(frozen=True)
+class Decomposition:
+    """A document as blocks.
+
+    Attributes
+    ----------
+    data : the graph as it would stand in its file
+    names : where the links, joints and drivers of the document are in the graph
+    formation : drivers and groups in formation order, by the document's names
+    document : what it was made of, if that tells it
+    """
+
+    data: dict[str, Any]
+    names: Names
+    formation: Formation
+    document: linkage.Linkage | None = None
 
     @cached_property
     def graph(self) -> Graph:
@@ -77,7 +95,7 @@ class Linkage(linkage.Linkage, Runnable):
         except GraphError as error:
             return list(error.problems)
 
-    def decompose(self, general: decomposition.General = "") -> Decomposition:
+    def decompose(self, general: General = "") -> Decomposition:
         """Drivers and Assur groups in formation order, as blocks.
 
         Parameters
@@ -89,7 +107,7 @@ class Linkage(linkage.Linkage, Runnable):
         """
         from blockmech.model.joints.decompose import decompose  # brings networkx
 
-        return Decomposition(**vars(decompose(self, general)))
+        return Decomposition(*decompose(self, general))
 
     def compile(self) -> Mechanism:
         """Decompose the linkage and freeze it into a mechanism that computes.
@@ -127,14 +145,13 @@ def opened(path: str | os.PathLike[str]) -> Opened:
     FormatError with all problems of the file
     GraphError if only the wiring of a graph is wrong
     """
-    kind: Callable[[dict[str, Any]], type[Opened]] = _kind
-    return read(text_of(path), os.fspath(path), kind)
+    return read_text(text_of(path), os.fspath(path))
 
 
-def read_text(raw: bytes, name: str) -> Opened:
-    """The mechanism in the bytes of a file, by its name in messages. Raises like `opened`."""
+def read_text(text: bytes | str, name: str) -> Opened:
+    """The mechanism in a file's bytes or text, by its name in messages. Raises like `opened`."""
     kind: Callable[[dict[str, Any]], type[Opened]] = _kind
-    return read(decoded(raw, name), name, kind)
+    return read(decoded(text, name) if isinstance(text, bytes) else text, name, kind)
 
 
 def from_data(data: dict[str, Any]) -> Opened:

@@ -316,15 +316,8 @@ def compiled_program(program: Program) -> LlvmEngine:
     try:
         return LlvmEngine(program)
     except Untraceable as why:
-        raise RequestError(
-            Problem(
-                "not-compiled",
-                "engine",
-                f"the program cannot be compiled: {why}",
-                "",
-                'use engine="numpy", or "auto"',
-            )
-        ) from None
+        found, remedy = f"the program cannot be compiled: {why}", 'use engine="numpy", or "auto"'
+        raise RequestError(Problem("not-compiled", "engine", found, "", remedy)) from None
 
 
 def _plan(mechanism: Compiled, want: tuple[str, ...], how: Friction, static: bool) -> Plan:

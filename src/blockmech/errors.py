@@ -11,7 +11,8 @@ import difflib
 import json
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
+from importlib import import_module
 from itertools import islice
 from typing import Any, TypeAlias
 
@@ -83,12 +84,33 @@ class RequestError(BlockmechError):
     """A call asks for something that does not exist or does not fit together."""
 
 
+def refused(
+    where: str, found: str, remedy: str = "", valid: str = "", code: str = "bad-request"
+) -> RequestError:
+    """The error of a call that makes no sense, with its one problem."""
+    return RequestError(Problem(code, where, found, valid, remedy))
+
+
 class NotComputedError(RequestError, KeyError):
     """A result does not hold the output that is read from it."""
 
 
 class MissingEngineError(BlockmechError):
     """An optional package is needed; the remedy names the extra to install."""
+
+
+def needed(module: str, where: str, extra: str, instead: str = "") -> Any:
+    """An optional package. Raises `MissingEngineError` that names the extra to install.
+
+    ``where`` asks for it; ``instead`` says what does without it.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        found = f"the package {module.partition('.')[0]} is not installed"
+        remedy = f'pip install "blockmech[{extra}]"'
+        problem = Problem("missing-package", where, found, instead, remedy)
+        raise MissingEngineError(problem) from error
 
 
 @dataclass
@@ -101,14 +123,12 @@ class SampleFailure:
     samples : indices of the failing samples
     drivers : driver values at the first failing sample [rad or m]
     margin : the block's margin there [-], NaN if it has none
-    detail : further facts by name
     """
 
     block: str
     samples: Sequence[int]
     drivers: dict[str, float]
     margin: float = float("nan")
-    detail: dict[str, Any] = field(default_factory=dict)
 
 
 class SampleError(BlockmechError):

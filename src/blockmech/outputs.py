@@ -288,15 +288,9 @@ class Catalogue(Mapping[str, Output]):
             fits = re.compile(fnmatch.translate(pattern)).match
             names = [n for n in self._outputs if fits(n)]
             if not names:
-                problems.append(
-                    Problem(
-                        "unknown-output",
-                        pattern,
-                        "no output has that name",
-                        f"outputs there: {listed(self._near(pattern), 16)}",
-                        close_match(pattern, self._outputs),
-                    )
-                )
+                known = f"outputs there: {listed(self._near(pattern), 16)}"
+                said, remedy = "no output has that name", close_match(pattern, self._outputs)
+                problems.append(Problem("unknown-output", pattern, said, known, remedy))
             found.update(dict.fromkeys(names))
         if problems:
             raise RequestError(problems)

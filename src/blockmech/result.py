@@ -17,7 +17,7 @@ from blockmech.export import Exported
 from blockmech.plan import Output, Plan
 from blockmech.quality import Flag, Quality, assess
 from blockmech.samples import Samples
-from blockmech.wires import travelling
+from blockmech.wires import on_wires
 
 
 class Result(Exported):
@@ -128,15 +128,9 @@ class Result(Exported):
     @np.errstate(all="ignore")  # what is not finite is told by the quality
     def _make(self, name: str) -> Any:
         if name not in self.plan.layout or name not in self.plan.want:
-            raise NotComputedError(
-                Problem(
-                    "not-wanted",
-                    name,
-                    "the run did not compute it",
-                    f"computed: {listed(self.plan.want)}",
-                    close_match(name, self.plan.want) or "name it in want=",
-                )
-            )
+            found, known = "the run did not compute it", f"computed: {listed(self.plan.want)}"
+            remedy = close_match(name, self.plan.want) or "name it in want="
+            raise NotComputedError(Problem("not-wanted", name, found, known, remedy))
         output = self.output(name)
         columns = [self._column(i) for i in self.plan.layout[name]]
         if output.kind == "number":
@@ -312,7 +306,7 @@ class Result(Exported):
         ``wire("crank.B", "dyad.B")`` or ``wire("crank.B -> dyad.B")``; see `blockmech.wires`.
         """
         name = source if target is None else f"{source} -> {target}"
-        return travelling(self.mechanism.structure, self.inside, self.n, name)
+        return on_wires(self.mechanism.structure, self.inside, self.n, name)[name]
 
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
         """Largest difference of each common output, relative to its largest size.
@@ -326,9 +320,8 @@ class Result(Exported):
                 mine, theirs = np.atleast_1d(self[name]), np.atleast_1d(other[name])
                 if mine.shape != theirs.shape:
                     what = f"has shape {mine.shape} here and {theirs.shape} there"
-                    raise RequestError(
-                        Problem("bad-request", name, what, "", "compare runs of the same samples")
-                    )
+                    remedy = "compare runs of the same samples"
+                    raise RequestError(Problem("bad-request", name, what, "", remedy))
                 scale = float(np.nanmax(np.abs(mine), initial=0.0)) or 1.0
                 off = float(np.nanmax(np.abs(mine - theirs), initial=0.0)) / scale
                 one_sided = (np.isnan(mine) != np.isnan(theirs)).any()

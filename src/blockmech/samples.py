@@ -238,16 +238,10 @@ def _collected(
 def _laws(drivers: Sequence[str], scene: Scene) -> dict[str, LawOfMotion]:
     missing = [d for d in drivers if d not in scene.drive]
     if missing:
-        raise RequestError(
-            Problem(
-                "no-law",
-                scene.address("drive", d),
-                "the driver has no law of motion",
-                "",
-                "give it one, or name the samples with at=",
-            )
-            for d in missing
-        )
+        found = "the driver has no law of motion"
+        remedy = "give it one, or name the samples with at="
+        places = (scene.address("drive", d) for d in missing)
+        raise RequestError(Problem("no-law", where, found, "", remedy) for where in places)
     return {d: scene.drive[d] for d in drivers}
 
 

@@ -24,15 +24,9 @@ def friction_asked(method: str | None, tolerance: float | None, iterations: int 
         problems.append(Problem("unknown-method", "friction", found, valid, ""))
     given = [n for n, x in (("tolerance", tolerance), ("iterations", iterations)) if x is not None]
     if given and method != "successive":
-        problems.append(
-            Problem(
-                "useless-setting",
-                listed(given),
-                f'has no meaning for friction="{method}"',
-                "",
-                'use friction="successive" with it',
-            )
-        )
+        found = f'has no meaning for friction="{method}"'
+        remedy = 'use friction="successive" with it'
+        problems.append(Problem("useless-setting", listed(given), found, "", remedy))
     if tolerance is not None and not (is_number(tolerance) and tolerance >= 0):
         found = f"must be >= 0 N, got {tolerance!r}"
         problems.append(Problem("bad-value", "tolerance", found, "", ""))
@@ -65,6 +59,5 @@ def check_chunk(chunk: int | None) -> None:
 def check_switch(name: str, value: object) -> None:
     """Raise `RequestError` for a switch that is neither on nor off."""
     if not isinstance(value, bool | np.bool_):
-        raise RequestError(
-            Problem("bad-value", name, f"must be True or False, got {value!r}", "", "")
-        )
+        found = f"must be True or False, got {value!r}"
+        raise RequestError(Problem("bad-value", name, found))

@@ -16,6 +16,7 @@ from typing import (
     Generic,
     Literal,
     LiteralString,
+    NamedTuple,
     NoReturn,
     Self,
     TypeAlias,
@@ -91,6 +92,44 @@ def is_number(x: object) -> bool:
 def is_count(x: object) -> bool:
     """Whether ``x`` is a whole number, at least 1, and not a boolean."""
     return isinstance(x, Integral) and not isinstance(x, bool) and int(x) >= 1
+
+
+class Axis(NamedTuple):
+    """Units of a coordinate and of the effort along it: of a turn, unless it is a way.
+
+    ``known`` are the axes of drivers by name, and of a document's joints as ``"joint.name"``.
+    """
+
+    coordinate: str = "rad"
+    effort: str = "N m"
+    known: Mapping[str, Axis] = {}
+
+    @classmethod
+    def of(cls, kind: str) -> Axis:
+        """That of a pair, "R" or "P"."""
+        return cls("m", "N") if kind == "P" else cls()
+
+    @property
+    def coordinates(self) -> Mapping[str, str]:
+        """Units of the coordinates that are known, by name."""
+        return {name: axis.coordinate for name, axis in self.known.items()}
+
+    def argument(self, of: str, power: str = "") -> str:
+        """Unit of an argument of a law: "coordinate", "rate" or "time"; or of a power of it."""
+        above, _, below = {"rate": f"{self.coordinate}/s", "time": "s"}.get(
+            of, self.coordinate
+        ).partition("/")
+        return above + power + (f"/{below}{power}" if below else "")
+
+    def coefficient(self, of: str, power: int = 1) -> str:
+        """Unit of the effort over a power of an argument: "N m s2/rad2" over a rate squared."""
+        below, _, above = self.argument(of, str(power) if power > 1 else "").partition("/")
+        return f"{self.effort} {above}".rstrip() + f"/{below}" if power else self.effort
+
+
+Units: TypeAlias = Mapping[str, Any]
+"""Field -> unit of its numbers, or one for each place or name in it."""
+POSE = ("m", "m", "rad")
 
 
 class Pair:
@@ -233,7 +272,6 @@ class Strictly(BaseModel):
         defer_build=True,  # importing the package builds no validators
     )
 
-    sized: ClassVar[tuple[str, ...]] = ()  # fields in the unit of what the model stands for
     kind_key: ClassVar[str] = ""  # the key by which a file tells this kind from others
     remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
 
@@ -272,6 +310,14 @@ class Strictly(BaseModel):
         copied = super().model_copy(update=update, deep=deep)
         copied.model_post_init(None)
         return copied
+
+    def axis(self, outside: Axis) -> Axis:
+        """Units along the coordinate of the model, and of what is inside it."""
+        return outside
+
+    def units(self, axis: Axis) -> Units:
+        """Units of the fields that depend on what the model is of; the others declare theirs."""
+        return {}
 
     def __getstate__(self) -> dict[Any, Any]:
         """What was given; what was found from it, kernels perhaps, is found again."""

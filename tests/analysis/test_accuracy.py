@@ -76,6 +76,7 @@ def test_the_true_error_is_within_the_estimate_and_that_within_the_target(
     assert run.accuracy.reached or target < 1e-9
 
 
+@pytest.mark.usefixtures("one_repeat")
 @pytest.mark.parametrize("name", ["ruiz_fourbar", "engine", "whitworth_shaper"])
 def test_a_sweep_as_recommended_by_a_trade_is_within_its_target(name: str) -> None:
     mech = mechanism(name)

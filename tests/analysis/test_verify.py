@@ -11,7 +11,7 @@ from blockmech.blocks import slide_drive
 from blockmech.blocks.contract import Kernels
 from blockmech.blocks.rrr import acceleration, position, reactions, transmission, velocity
 from blockmech.blocks.slide_drive import reactions as slide_reactions
-from blockmech.loads.spring import pull
+from blockmech.loads.springs import pull
 from blockmech.plane import hyp, imul, mul
 from blockmech.result import Result
 from blockmech.testing.strategies import Options, Seeded, random_mechanism

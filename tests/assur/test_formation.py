@@ -151,7 +151,7 @@ def test_reseating_pins_turns_a_false_group_into_dyads() -> None:
 
 def test_random_mechanisms_come_apart_into_what_they_were_made_of() -> None:
     rng = random.Random(11)
-    for trial in range(400):
+    for trial in range(120):
         links, pairs, drivers, sizes = random_mechanism(rng, shared=trial % 2 * 0.6)
         found = formation(links, pairs, FRAME, drivers)
         assert found.complete
@@ -163,7 +163,7 @@ def test_random_mechanisms_come_apart_into_what_they_were_made_of() -> None:
 
 def test_reseated_pins_give_the_smallest_groups_whatever_their_pairs_were() -> None:
     rng, larger = random.Random(3), 0
-    for _ in range(300):
+    for _ in range(80):
         links, pairs, drivers, sizes = random_mechanism(rng, shared=0.7)
         at: dict[str, list[Pair]] = defaultdict(list)
         for p in pairs:
@@ -190,7 +190,7 @@ def test_reseated_pins_give_the_smallest_groups_whatever_their_pairs_were() -> N
         assert {p.name for p in seated} == {p.name for p in pairs}
         assert reseat(links, seated, FRAME, drivers) == seated
         larger += len(before.units) < len(after.units)
-    assert larger > 30  # the mixing did harm, else nothing was shown
+    assert larger > 8  # the mixing did harm, else nothing was shown
 
 
 def test_a_thousand_dyads_are_taken_apart_soon() -> None:

@@ -140,7 +140,7 @@ def test_names_that_do_not_fit_are_refused() -> None:
             formation(links, pairs, FRAME, drivers)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_random_structures_agree_with_the_rank_of_a_jacobian(seed: int) -> None:
     rng, numeric = random.Random(seed), np.random.default_rng(seed)
     for trial in range(100):

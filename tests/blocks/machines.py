@@ -35,7 +35,7 @@ def crank(length=0.1, **markers):
     return bm.Crank(length=length, links=links, friction={"A": PIN})
 
 
-def slider_crank(branch=1, slider="later", shoe=LONG_SHOE, x_S=0.03):
+def slider_crank(shoe):
     """An offset slider-crank on an oblique guide, pin and slider's point off the line."""
     links = {
         "i": body(2.0, 0.05, (0.15, 0.01)),
@@ -44,9 +44,7 @@ def slider_crank(branch=1, slider="later", shoe=LONG_SHOE, x_S=0.03):
     dyad = bm.RRP(
         l=0.3,
         h=0.02,
-        x_S=x_S,
-        branch=branch,
-        slider=slider,
+        x_S=0.2,
         links=links,
         friction={"B": PIN, "C": PIN, "S": shoe},
     )
@@ -60,7 +58,7 @@ def slider_crank(branch=1, slider="later", shoe=LONG_SHOE, x_S=0.03):
     return wired("slider_crank", blocks, wires)
 
 
-def whitworth(branch=1, slider="later", shoe=SHOE):
+def whitworth(shoe):
     """A Whitworth quick return, the sliding block and the slot off their lines."""
     links = {
         "i": body(0.4, 0.001, (0.01, 0.02)),
@@ -70,8 +68,6 @@ def whitworth(branch=1, slider="later", shoe=SHOE):
         h_i=0.01,
         h_j=-0.02,
         x_S=0.02,
-        branch=branch,
-        slider=slider,
         links=links,
         friction={"B": PIN, "D": PIN, "S": shoe},
     )
@@ -85,7 +81,7 @@ def whitworth(branch=1, slider="later", shoe=SHOE):
     return wired("whitworth", blocks, wires)
 
 
-def slotted_crank(slider=None, shoe=SHOE):
+def slotted_crank(shoe):
     """A PRP dyad between a slot in the crank and a slot in the frame."""
     links = {
         "i": body(0.4, 0.001, (0.01, 0.02)),
@@ -96,7 +92,6 @@ def slotted_crank(slider=None, shoe=SHOE):
         h2=-0.02,
         x_S1=0.04,
         x_S2=-0.05,
-        slider=slider or {},
         links=links,
         friction={"S1": shoe, "C": PIN, "S2": shoe},
     )
@@ -110,19 +105,18 @@ def slotted_crank(slider=None, shoe=SHOE):
     return wired("slotted_crank", blocks, wires)
 
 
-def yoke(slider=None, beta=1.4, shoe=SHOE):
+def yoke(shoe):
     """A scotch yoke with an oblique slot."""
     links = {
         "i": body(0.4, 0.001, (0.01, 0.02)),
         "j": body(3.0, 0.05, (0.2, -0.01), P=(0.1, 0.0)),
     }
     dyad = bm.RPP(
-        beta=beta,
+        beta=1.4,
         h_i=0.03,
         h_j=-0.02,
         x_S1=0.04,
         x_S=-0.05,
-        slider=slider or {},
         links=links,
         friction={"B": PIN, "S1": shoe, "S": shoe},
     )
@@ -134,68 +128,3 @@ def yoke(slider=None, beta=1.4, shoe=SHOE):
     }
     wires = ["frame.O crank.A", "crank.B dyad.B", "frame.G dyad.S", "dyad.P cut.at"]
     return wired("yoke", blocks, wires)
-
-
-def shaper():
-    """Six links: a Whitworth drives a ram by a connecting rod."""
-    graph = whitworth()
-    ram = bm.RRP(
-        l=0.3,
-        links={"i": body(0.5, 0.002, (0.1, 0.0)), "j": body(4.0, 0.1, (0.0, 0.02))},
-        friction={"B": PIN, "C": PIN, "S": LONG_SHOE},
-    )
-    frame = graph.blocks["frame"]
-    more = {**frame.markers, "ways": guide(0.0, -0.6, 0.0)}
-    graph.blocks["frame"] = frame.model_copy(update={"markers": more})
-    graph.add("ram", ram)
-    graph.connect("dyad.P", "ram.B")
-    graph.connect("frame.ways", "ram.S")
-    return graph
-
-
-def stacked():
-    """Every dyad on moving links: guides on cranks, couplers and sliders; two drivers.
-
-    The second crank stands on the slide drive, and the last dyads share a link.
-    """
-    rod = body(1.0, 0.02, (0.2, 0.05), g=guide(0.1, 0.05, 0.4), P=(0.15, -0.05))
-    bar = body(0.5, 0.01, (0.02, 0.01))
-    block = body(0.6, 0.01, (0.02, 0.0), P=(0.05, 0.02), g=guide(0.0, 0.03, 1.1))
-    blocks = {
-        "frame": bm.Frame(markers={"O": (0, 0), "G": guide(-0.1, -0.3, 0.1), "D": (0.6, 0.1)}),
-        "crank": crank(g=guide(0.05, 0.0, 0.2)),
-        "slide": bm.SlideDrive(
-            links={"slider": body(0.8, 0.01, (0.0, 0.02), g=guide(0.1, 0.0, 0.9), P=(0.1, 0.1))},
-            friction={"S": SHOE},
-        ),
-        "a": bm.RRR(l_i=0.5, l_j=0.4, links={"i": rod}, friction={"C": PIN}),
-        "b": bm.RRP(l=0.7, h=0.05, x_S=0.1, links={"j": block}, friction={"S": SHOE, "B": PIN}),
-        "c": bm.RPR(h_i=0.03, h_j=0.01, links={"j": block}, friction={"S": LONG_SHOE, "D": PIN}),
-        "d": bm.PRP(h1=0.02, h2=-0.03, links={"j": block}, friction={"S1": SHOE, "C": PIN}),
-        "e": bm.RPP(
-            beta=1.2, h_i=0.02, links={"i": block, "j": bar}, friction={"S1": SHOE, "S": SHOE}
-        ),
-        "load": bm.Force(force=(30.0, -60.0), axes="link"),
-        "spring": bm.Spring(stiffness=200.0, free_length=0.2, damping=5.0),
-        "twist": bm.TorsionSpring(stiffness=3.0, rest_angle=0.4, damping=0.2),
-    }
-    wires = [
-        "frame.O crank.A",
-        "frame.G slide.S",
-        "crank.B a.B",
-        "frame.D a.D",
-        "a.P b.B",
-        "slide.g b.S",
-        "b.P c.B",
-        "crank.B c.D",
-        "crank.g d.S1",
-        "b.g d.S2",
-        "d.P e.B",
-        "a.g e.S",
-        "e.P load.at",
-        "c.P spring.a",
-        "slide.P spring.b",
-        "crank.crank twist.a",
-        "e.j twist.b",
-    ]
-    return wired("stacked", blocks, wires)

@@ -14,8 +14,6 @@ from tests.blocks.platforms import HOME, REACH, platform, stacked, triad, two_dr
 from tests.blocks.test_against_the_judge import ROUNDING, assert_the_judge_agrees, compared
 from tests.doors import graph_of as loads
 
-TWO_ROUTES = 1e-12  # [-] what `verify` allows, times the conditioning
-
 
 def moving(mech, rate):
     """Rates and accelerations of all drivers."""
@@ -34,10 +32,8 @@ def odd(name):
 CASES = {
     f"{name} at {q}": (graph, q)
     for name, graph, qs in (
-        ("triad", triad(), (0.6, 2.2, -1.0)),
-        ("two drivers", two_drivers(), ((0.6, 1.1), (2.0, 1.0), (-1.0, 0.9))),
         ("odd names", platform(cylinder=True, names=odd), ((0.9, 1.05),)),
-        ("one on the other", stacked(), (0.6, 0.9, 0.2)),
+        ("one on the other", stacked(), (0.6, 0.9)),
     )
     for q in qs
 }
@@ -50,22 +46,6 @@ def test_motion_and_forces_are_the_judges(graph, q, friction):
     assert_the_judge_agrees(found)
     if friction:
         assert sum(j.friction != 0 for j in found.judge.forces.joints.values()) >= 6
-
-
-@pytest.mark.parametrize("engine", ["scalar", "numpy"])
-@pytest.mark.parametrize("make", [triad, two_drivers, stacked])
-def test_efforts_of_both_routes_agree_and_everything_balances(make, engine):
-    mech = make().compile()
-    home = dict(zip(mech.drivers, (HOME, REACH - 0.1), strict=False))
-    at = {d: q + np.linspace(-0.1, 0.1, 5) for d, q in home.items()}
-    given = {"at": at, **moving(mech, 1.5), "engine": engine}
-    want = [f"{d}.{x}" for d in home for x in ("drive", "drive_by_reduction")]
-    run = mech.run(**given, want=[*want, "*.margin"], friction="none")
-    condition = 1 / np.min([m.min() for m in run.quality.margin.values()])
-    for d in home:
-        gap = np.abs(run[f"{d}.drive"] - run[f"{d}.drive_by_reduction"]).max()
-        assert gap <= TWO_ROUTES * condition * np.abs(run[f"{d}.drive"]).max()
-    assert mech.verify(**given, friction="newton").ok
 
 
 # -- scale, place and precision -------------------------------------------------------------

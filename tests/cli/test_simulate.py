@@ -33,6 +33,7 @@ REQUESTS = [
     (["--until", "angle=-1", "--accuracy", "1e-6"], {"until": "angle=-1", "accuracy": 1e-6}),
     (["--method", "rk4", "--step", "0.01"], {"method": "rk4", "step": 0.01}),
     (["--method", "euler_q", "--step", "0.01"], {"method": "euler_q", "step": 0.01}),
+    (["--engine", "scalar"], {"engine": "scalar"}),
     (["--friction", "none"], {"friction": "none"}),
     (["--start", "crank=60deg"], {"start": {"crank": (60 * DEGREES, 0.0)}}),
     (["--start", "0.5, -3"], {"start": {"crank": (0.5, -3.0)}}),

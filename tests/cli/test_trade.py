@@ -9,6 +9,7 @@ import pytest
 
 from blockmech.cli import main
 
+pytestmark = pytest.mark.usefixtures("one_repeat")
 GRAPHS = Path(__file__).parents[2] / "graphs"
 RUIZ, CRANK = str(GRAPHS / "ruiz_fourbar.json"), str(GRAPHS / "slider_crank.json")
 QUICK = ("--samples", "51", "--budget", "5s")
@@ -38,7 +39,7 @@ def test_a_folder_gets_table_data_and_picture(tmp_path: Path, capsys) -> None:
 
 
 def test_a_motion_with_joint_friction_is_traded_from_a_start(capsys) -> None:
-    call = ["trade", RUIZ, "--question", "simulate", "--until", "time=0.01", "--budget", "4s"]
+    call = ["trade", RUIZ, "--question", "simulate", "--until", "time=0.01", "--budget", "2s"]
     assert main([*call, "--start", "0.4,10"]) == 0
     text = capsys.readouterr().out
     assert "ruiz_fourbar, simulate until time=0.01" in text

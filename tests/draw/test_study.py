@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.draw.study import study_figure
 from tests.gallery import mechanism
 
 WANT = ["max_abs(crank.drive)", "min(dyad.margin)"]
@@ -22,7 +21,7 @@ CASES = {
 def test_each_kind_of_study_has_its_picture(kind, tmp_path):
     vary, more = CASES[kind]
     found = mechanism("ruiz_fourbar").study(vary, want=WANT, samples=9, friction="none", **more)
-    figure = study_figure(found)
+    figure = found.figure()
     panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
     assert len(panels) == {"curves": 2, "maps": 2, "scatter": 4}[kind]
     assert "without an answer" in figure._supxlabel.get_text()

@@ -28,13 +28,14 @@ class Synthetic(System):
     lossless = False
     friction = None
     table = None
+    engine_of_states = SimpleNamespace(name="scalar")
     drivers = ("q",)
     rotary = (True,)
 
     def __init__(self, one=None, batch=None, *, terms=None, k=1, **more):
         self._given_one, self._given_batch, self._given_terms = one, batch, terms
         self.method = self.progress = None
-        self.samples = self.calls = self.singles = 0
+        self.samples = self.calls = self.singles = self.states = 0
         names = tuple("q" if k == 1 else f"q{i}" for i in range(k))
         vars(self)["drivers"], vars(self)["rotary"] = names, (True,) * k
         no_turns = SimpleNamespace(rotary=False)

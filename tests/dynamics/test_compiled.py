@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from blockmech.dynamics import equation
+import blockmech as bm
+from blockmech.dynamics import system as systems
 from blockmech.dynamics.change_points import FollowingSystem
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.system import System
@@ -14,7 +15,6 @@ from tests.dynamics.test_friction import pendulum
 from tests.gallery import changed, document, mechanism
 
 pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
-NEVER = 10**12  # evaluations
 
 
 def rubbing():
@@ -28,12 +28,10 @@ def rubbing():
     return changed(data)
 
 
-def both(monkeypatch, make, **request):
-    """A motion interpreted, and with machine code from some number of evaluations on."""
-    motions = []
-    for worth in (NEVER, request.pop("worth", 0)):
-        monkeypatch.setattr(equation, "WORTH", worth)
-        motions.append(make().simulate(want=[], **request).motion)
+def both(make, engine="llvm", **request):
+    """A motion interpreted, and with machine code."""
+    motions = [make().simulate(want=[], engine=e, **request).motion for e in ("scalar", engine)]
+    assert [motion.engine for motion in motions] == ["scalar", "llvm"]
     return motions
 
 
@@ -48,32 +46,32 @@ def assert_one_motion(one, other):
 
 @pytest.mark.parametrize("name", ["watt_sixbar", "andrews_squeezer", "pump"])
 @pytest.mark.parametrize("method", ["dop853", "radau"])
-def test_a_motion_is_the_same(monkeypatch, name, method):
+def test_a_motion_is_the_same(name, method):
     request = {"until": "time=0.02", "method": method, "accuracy": 1e-8}
-    assert_one_motion(*both(monkeypatch, lambda: mechanism(name), **request))
+    assert_one_motion(*both(lambda: mechanism(name), **request))
 
 
-@pytest.mark.parametrize("worth", [0, 700])  # from the start, and in the middle of a segment
-def test_a_motion_with_friction_is_the_same(monkeypatch, worth):
+@pytest.mark.parametrize("engine", ["llvm", "auto"])  # which begins in the middle of a segment
+def test_a_motion_with_friction_is_the_same(monkeypatch, engine):
+    monkeypatch.setattr(systems, "WORTH", 700)
     request = {"until": "time=0.8", "start": {"crank": (1.0, 0.0)}, "method": "dop853"}
     request["accuracy"] = 1e-6
-    one, other = both(monkeypatch, rubbing, worth=worth, **request)
+    one, other = both(rubbing, engine, **request)
     assert_one_motion(one, other)
     assert other.facts["energy_balance"] < 1e-7
     assert other.facts["friction_work"] == pytest.approx(one.facts["friction_work"], rel=1e-7)
 
 
-def test_friction_that_no_certificate_covers_is_left_to_continuation(monkeypatch):
+def test_friction_that_no_certificate_covers_is_left_to_continuation():
     request = {"until": "time=1", "start": {"crank": (0.5, 1.0)}, "method": "dop853"}
-    one, other = both(monkeypatch, lambda: pendulum(coefficient=1.0, radius=1.2), **request)
+    one, other = both(lambda: pendulum(coefficient=1.0, radius=1.2), **request)
     assert_one_motion(one, other)
     assert other.end == "self-locking in motion"
 
 
 @pytest.mark.parametrize("make", [rubbing, lambda: mechanism("watt_sixbar")])
 def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
-    monkeypatch.setattr(equation, "WORTH", 0)
-    system = System(make(), method=friction_asked(None, None, None))
+    system = System(make(), method=friction_asked(None, None, None), engine="llvm")
     fast, plain = Equation(system, 1.0), Equation(system, 1.0)
     monkeypatch.setattr(plain, "row", lambda t, y: None, raising=False)
     sizes = 4 if system.friction is not None else 3
@@ -94,17 +92,30 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
     assert system.kept["rates", system.method] is not None
 
 
-def test_series_through_change_points_are_not_compiled(monkeypatch):
-    monkeypatch.setattr(equation, "WORTH", 0)
-    system = FollowingSystem(mechanism("watt_sixbar"))
+def test_a_motion_hangs_on_its_request_alone(monkeypatch):
+    monkeypatch.setattr(systems, "WORTH", 300)
+    mech, request = mechanism("watt_sixbar"), {"until": "time=0.5", "method": "dop853", "want": []}
+    first, second = (mech.simulate(**request).motion for _ in range(2))
+    assert first.engine == "llvm"
+    assert first.cost.singles == second.cost.singles
+    t = np.linspace(0.0, 0.5, 50)
+    np.testing.assert_array_equal(first.at(t), second.at(t))
+
+
+def test_engines_of_motions_are_told_by_name():
+    with pytest.raises(bm.RequestError, match='no engine "numpy" of motions'):
+        mechanism("watt_sixbar").simulate("time=1", engine="numpy")
+
+
+def test_series_through_change_points_are_not_compiled():
+    system = FollowingSystem(mechanism("watt_sixbar"), engine="llvm")
     assert Equation(system, 1.0).row(0.0, (1.0, 2.0, 0.0)) is None
 
 
-def test_where_there_is_no_pose_there_are_no_rates(monkeypatch):
-    monkeypatch.setattr(equation, "WORTH", 0)
+def test_where_there_is_no_pose_there_are_no_rates():
     data = document("ruiz_fourbar")
     data["blocks"]["dyad"]["l_i"] = 3.0  # reaches from 2.5 to 5.5, not to 7.5
-    system = System(changed(data), method=friction_asked("none", None, None))
+    system = System(changed(data), method=friction_asked("none", None, None), engine="llvm")
     row = Equation(system, 0.0).row(0.0, (math.pi, 1.0, 0.0))
     assert row is not None
     assert not row[3] > 0

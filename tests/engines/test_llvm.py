@@ -10,7 +10,7 @@ from hypothesis import given, settings
 import blockmech as bm
 from blockmech import compiled
 from blockmech.engines import llvm
-from blockmech.engines.llvm import LlvmEngine, WarmEngine
+from blockmech.engines.llvm import LlvmEngine, OneByOne
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.friction.solvers import METHODS
@@ -245,16 +245,14 @@ def test_a_study_of_many_designs_is_compiled(monkeypatch):
         assert found["max_abs(crank.drive)"][k] == np.abs(alone).max()
 
 
-def test_an_engine_warms_up_and_nobody_sees_it(monkeypatch):
-    monkeypatch.setattr(llvm, "WORTH", 20)
+def test_one_state_after_the_other_is_the_same_by_machine_code():
     mech = watt(spring=2.0).compile()
     program = mech.plan("crank.drive").program
-    engine, scalar = WarmEngine(program), ScalarEngine(program)
+    fast, scalar = (OneByOne(program).engine(compiled) for compiled in (True, False))
     states = [[0.1 * k + j for j in range(len(program.inputs))] for k in range(40)]
-    assert [engine.one(x) for x in states] == [scalar.one(x) for x in states]
-    assert isinstance(engine.one.__self__, LlvmEngine)
-    cold = WarmEngine(program_of(lambda x: math.sqrt(x), 1))
-    assert [cold.one([float(k)])[0] for k in range(30)] == [math.sqrt(k) for k in range(30)]
+    assert [fast.one(x) for x in states] == [scalar.one(x) for x in states]
+    assert (fast.name, scalar.name) == ("llvm", "scalar")
+    assert OneByOne(program_of(lambda x: math.sqrt(x), 1)).engine(True).name == "scalar"
 
 
 def test_precisions_are_those_of_numpy():

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -207,12 +208,17 @@ def long() -> Iterator[Motion]:
     """The pump of the gallery for hours: ten seconds, and whole turns of what it does then."""
     g = bm.Graph.load(GRAPHS / "pump.json")
     made = g.compile()
+
+    @cache
+    def settled() -> tuple[Any, Any]:
+        early = made.simulate("time=10").motion
+        start = {"crank": (early.q_end, early.qd_end)}
+        return early, made.simulate("turns=1", start=start).motion
+
     for k in (2, 3, 4):
 
         def turned(q: Any, rate: Any, t: Any) -> dict[str, Any]:
-            early = made.simulate("time=10").motion
-            settled = {"crank": (early.q_end, early.qd_end)}
-            turn = made.simulate("turns=1", start=settled).motion
+            early, turn = settled()
             many, rest = divmod(float(t) - 10.0, turn.t_end)
             way = math.copysign(2 * math.pi, early.qd_end)
             last = mpf(float(turn.at(rest).q))

@@ -13,7 +13,7 @@ from blockmech.builders import problems_in
 from blockmech.errors import FormatError, GraphError, RequestError
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.expect import Expectation
-from blockmech.model.migrations import VERSION, migrate
+from blockmech.model.form import VERSION
 from blockmech.model.writing import WIDTH, canonical_text
 from tests.doors import graph_of as loads
 from tests.gallery import GRAPHS
@@ -308,21 +308,11 @@ def test_numbers_are_the_shortest_that_read_back_the_same():
 # Versions.
 
 
-def to_version_2(data):
-    """A step as a later blockmech may have one: scene becomes setting."""
-    new = {key: said for key, said in data.items() if key != "scene"}
-    return {**new, "setting": data.get("scene", {})}
-
-
-def to_version_3(data):
-    return {**data, "blocks": {name.upper(): b for name, b in data["blocks"].items()}}
-
-
 @pytest.mark.parametrize("path", LEGACY, ids=lambda path: path.stem)
 def test_an_old_file_is_still_read(path):
     assert content(path)["version"] <= VERSION
     assert {p.code for p in problems_in(path)} <= {"unknown-block"}
-    assert json.loads(bm.Graph.load(path).to_json()) == migrate(content(path))
+    assert json.loads(bm.Graph.load(path).to_json()) == content(path)
 
 
 def test_an_old_file_still_gives_its_numbers():
@@ -331,18 +321,3 @@ def test_an_old_file_still_gives_its_numbers():
     result = g.run(at=expected.at, want=list(expected.want), friction=expected.friction)
     ((x, y),) = expected.want["slide.S.p"]
     assert abs(result["slide.S.p"][0] - complex(x, y)) <= expected.rtol * abs(complex(x, y))
-
-
-def test_steps_lead_from_version_to_version():
-    old = content(GRAPHS / "legacy" / "version_1.json")
-    new = migrate(old, steps=(to_version_2, to_version_3))
-    assert new["version"] == 3
-    assert new["setting"] == old["scene"]
-    assert "scene" not in new
-    assert list(new["blocks"]) == [name.upper() for name in old["blocks"]]
-    assert old == content(GRAPHS / "legacy" / "version_1.json")
-
-
-def test_a_newer_file_asks_for_a_newer_blockmech():
-    with pytest.raises(FormatError, match="made by a newer blockmech"):
-        migrate({"version": 3}, steps=(to_version_2,))

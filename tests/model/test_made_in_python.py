@@ -2,10 +2,6 @@
 
 import copy
 import pickle
-import subprocess
-import sys
-import textwrap
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -79,32 +75,3 @@ def test_a_marker_is_a_place_in_either_bracket():
         bm.Frame(markers={"A": [0, 1, 2], "D": ["x", 1]})
     assert [p.where for p in caught.value.problems] == ["Frame.markers.A", "Frame.markers.D"]
     assert all("must be a place in m, [x, y]" in p.found for p in caught.value.problems)
-
-
-TYPED = textwrap.dedent(
-    """
-    import numpy as np
-    import blockmech as bm
-
-    links = {"i": bm.Link(mass=1.0, cm=(3.0, 0.0), markers={"S": (1.0, 2.0)})}
-    drive = {"crank": bm.ConstantRate(rate=10.0, start=0.0, end=1.0)}
-    g = bm.Graph("typed", gravity=(0.0, -9.81), drive=drive)
-    pivot = bm.Marker(at=(5.5, 0.0), dir=(0.0, 1.0))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": pivot, "E": 1 + 2j, "F": [1.0, 2.0]}))
-    g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, branch=-1, links=links))
-    g.add("weight", bm.Force(force=(0.0, -1000.0)))
-    place: complex = pivot.at.z
-    times = bm.Table(times=np.linspace(0.0, 1.0, 5), values=[0.0, 1.0, 2.0, 3.0, 4.0])
-    """
-)
-
-
-@pytest.mark.skipif(find_spec("mypy") is None, reason="the type checker is for development")
-def test_a_type_checker_takes_what_the_constructors_take(tmp_path):
-    script = tmp_path / "typed.py"
-    script.write_text(f'{TYPED}bm.Force(force="down")  # refused\n', encoding="utf-8")
-    command = [sys.executable, "-m", "mypy", "--strict", "--no-incremental", str(script)]
-    found = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
-    refused = [line for line in found.stdout.splitlines() if "error:" in line]
-    assert len(refused) == 1, found.stdout
-    assert f"typed.py:{TYPED.count(chr(10)) + 1}: " in refused[0]

@@ -20,7 +20,7 @@ from tests.modes import chance
 from tests.modes.exact import count_exactly
 
 TURN = 2 * math.pi
-STEPS = 30  # between neighbouring check points, of the test's own following
+STEPS = 12  # between neighbouring check points, of the test's own following
 FOUND = 1e-6  # [-; of sizes about 1]: a pose that is the one and not another
 BESIDE = 1e-9  # [rad] of a dead centre, where two modes are there or gone
 PLACE = 1e-12  # [rad]
@@ -160,7 +160,7 @@ def test_after_a_turn_a_mode_may_be_another_one():
             continue
         o, e = found.modes[check][mode].o, found.modes[check][mode].e
         begin = found.nodes[check]
-        for q in np.linspace(begin, begin + TURN, 2_000)[1:]:
+        for q in np.linspace(begin, begin + TURN, 500)[1:]:
             o, e = newton(machine, q, o, e)
         assert abs(o - found.modes[check][other].o) <= FOUND
         assert other != mode

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from blockmech import PRP, RPP, RPR, RRP, RRR
-from blockmech.model.dyad_modes import dyad_modes
+from blockmech.blocks.modes import dyad_modes
 from blockmech.plane import cross, dot
 from blockmech.typing import Guide
 from tests.modes import chance

@@ -16,7 +16,9 @@ def test_the_search_finds_of_a_triad_what_its_polynomial_has() -> None:
     listed = mechanism.modes(arcs=False)["triad"].samples[0]
     stand = Standing(mechanism, {"crank": 0.0})
     block = mechanism.structure.blocks["triad"]
-    found = _Lister(mechanism, (stand,), "")._searched("triad", block, stand)  # type: ignore[arg-type]
+    outer = [joint.name for joint in block.joints.values() if joint.outer]
+    lister = _Lister(mechanism, (stand,), "")
+    (found,) = lister._modes("triad", None, outer, lister._supports("triad", outer))
     assert len(found) == len(listed)
     for mode in listed:
         x, y, angle = mode.links["plate"]

@@ -102,6 +102,17 @@ def test_a_mechanism_lists_its_numbers_with_units():
     assert json.dumps([p.address for p in known.values()])
 
 
+RATIOS = {"coefficient", "direction", "dir"}  # of forces, and of components
+CHOICES = {"branch", "sign", "slider", "turns"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_every_number_but_a_ratio_has_its_unit(path):
+    known = parameters_of(document(path).sections()).values()
+    assert {p.address for p in known if not p.unit and not {*p.path} & (RATIOS | CHOICES)} == set()
+    assert {p.address for p in known if p.unit and isinstance(p.value, int)} == set()
+
+
 @pytest.mark.parametrize("document", [bm.Graph, bm.Linkage])
 def test_forces_stiffnesses_and_sizes_of_laws_have_their_units(document):
     def units(name):
@@ -114,15 +125,53 @@ def test_forces_stiffnesses_and_sizes_of_laws_have_their_units(document):
         *("N/m", "m", "N s/m", "N m")
     ]
     assert [units("pump")[x] for x in ("stall_moment", "no_load_speed")] == ["N m", "rad/s"]
-    assert units("engine")["values[3]"] == "N"
+    engine = units("engine")
+    assert [engine[x] for x in ("values[3]", "arguments[3]", "from")] == ["N", "rad", "rad"]
     assert [units("excavator")[x] for x in ("radius", "coefficient")] == ["m", ""]
+    assert [units("elliptic_trammel")[x] for x in ("rate", "to")] == ["m/s", "m"]
+    assert units("fivebar_falling")["rate"] == "rad/s"
+
+
+def units_of(load, **beside):
+    known = parameters_of({"blocks": {"load": load, **beside}})
+    return {a.removeprefix("load."): p.unit for a, p in known.items() if a.startswith("load.")}
+
+
+@pytest.mark.parametrize(
+    ("element", "driver", "of", "units"),
+    [
+        (bm.Motor, None, "coordinate", ["N m", "N m/rad", "N m/rad2"]),
+        (bm.Motor, None, "rate", ["N m", "N m s/rad", "N m s2/rad2"]),
+        (bm.Motor, "slide", "coordinate", ["N m", "N m/m", "N m/m2"]),
+        (bm.Thrust, None, "coordinate", ["N", "N/m", "N/m2"]),
+        (bm.Thrust, "crank", "rate", ["N", "N s/rad", "N s2/rad2"]),
+        (bm.Thrust, None, "time", ["N", "N/s", "N/s2"]),
+    ],
+)
+def test_a_coefficient_has_the_unit_of_its_power(element, driver, of, units):
+    drives = {"crank": bm.Crank(), "slide": bm.SlideDrive()}
+    law = {"kind": "polynomial", "of": of, "coefficients": [1.0, 2.0, 3.0]}
+    found = units_of(element(law=law, driver=driver), **drives)
+    assert list(found.values())[:3] == units
 
 
 def test_a_law_has_the_unit_of_what_its_element_gives():
-    for element, unit in ((bm.Motor, "N m"), (bm.Thrust, "N")):
+    for element, unit, own in ((bm.Motor, "N m", "rad"), (bm.Thrust, "N", "m")):
         law = {"kind": "fourier", "mean": 2.0, "sines": [1.0], "period": 3.0}
-        known = parameters_of({"blocks": {"load": element(law=law)}})
-        said = {address: p.unit for address, p in known.items()}
-        assert said == {"load.law.mean": unit, "load.law.sines[0]": unit, "load.law.period": ""}
-    push = parameters_of({"blocks": {"push": bm.Force(force=(3.0, 4.0))}})
-    assert [p.unit for p in push.values()] == ["N", "N"]
+        known = units_of(element(law=law))
+        assert known == {"law.mean": unit, "law.sines[0]": unit, "law.period": own}
+    assert units_of(bm.Force(force=(3.0, 4.0))) == {"force.x": "N", "force.y": "N"}
+
+
+def test_a_torsional_load_along_a_guide_is_a_force_over_a_way():
+    linkage = bm.Linkage.load(JOINTS / "slider_crank.json")
+    guide = next(name for name, joint in linkage.joints.items() if joint.type == "P")
+    linkage.add_load("damped", "torsion_spring", joint=guide, stiffness=2.0, damping=3.0)
+    law = {"kind": "dc", "stall_moment": 4.0, "no_load_speed": 5.0}
+    linkage.add_load("dc", "motor", joint=guide, law=law)
+    known = linkage.compile().parameters()
+    units = {a.split(".", 1)[1]: p.unit for a, p in known.items() if a.startswith("loads.d")}
+    assert units["damped.stiffness"] == "N/m"
+    assert units["damped.damping"] == "N s/m"
+    assert units["dc.law.stall_moment"] == "N"
+    assert units["dc.law.no_load_speed"] == "m/s"

@@ -25,7 +25,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,7 +42,7 @@ from blockmech.analysis.reference_errors import (
 from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import COMPILED_FROM, Compiled
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import listed, refused
 from blockmech.result import Result
 from blockmech.samples import Samples
 
@@ -95,15 +95,8 @@ class Accuracy:
 
     def to_dict(self) -> dict[str, Any]:
         """The choice as JSON data."""
-        return {
-            "target": self.target,
-            "estimate": self.estimate if math.isfinite(self.estimate) else None,
-            "reached": self.reached,
-            "friction": self.friction,
-            "iterations": self.iterations,
-            "precision": self.precision,
-            "why": self.why,
-        }
+        estimate = self.estimate if math.isfinite(self.estimate) else None
+        return asdict(self) | {"estimate": estimate, "reached": self.reached}
 
 
 class Probe(NamedTuple):
@@ -151,11 +144,10 @@ def run_to(
     """
     if said := [name for name, value in given.items() if value is not None]:
         chosen, remedy = f"accuracy={accuracy:g} chooses it", "give the accuracy or the setting"
-        raise RequestError(Problem("useless-setting", listed(said), chosen, "", remedy))
+        raise refused(listed(said), chosen, remedy, code="useless-setting")
     if not 0 < accuracy < math.inf:
-        raise RequestError(
-            Problem("bad-value", "accuracy", f"must be > 0, got {accuracy}", "", "try 1e-6")
-        )
+        wrong = f"must be > 0, got {accuracy}"
+        raise refused("accuracy", wrong, "try 1e-6", code="bad-value")
     request = _Request(mechanism, want if isinstance(want, str) else tuple(want), static)
     kept = mechanism.once(_decisions)
     asked, samples = (request.want, static, accuracy, engine), _fingerprint(taken)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from blockmech.analysis.scan import NODES, bisect, runs
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import RequestError, refused
 from blockmech.result import Result
 from blockmech.series import Floats
 
@@ -95,4 +95,4 @@ class Cycle:
 
 def no_range(where: str, remedy: str) -> RequestError:
     """The error of a request over nothing."""
-    return RequestError(Problem("no-range", where, "there is no range to follow", "", remedy))
+    return refused(where, "there is no range to follow", remedy, code="no-range")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import listed, refused
 from blockmech.told import DEGREES, Told
 from blockmech.typing import FrictionMethod
 
@@ -175,13 +175,11 @@ def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
     if output not in fits:
         found = f"it is a pattern, which {len(fits)} outputs fit"
         valid = f"outputs: {listed(fits)}"
-        raise RequestError(Problem("bad-request", name, found, valid, "name one of them"))
+        raise refused(name, found, "name one of them", valid)
     kind = mechanism.outputs[output].kind
     if kind not in ("real", "vector") or (part and kind == "real"):
         what = {"real": "it is a real number without parts"}.get(kind, f"it is a {kind}")
-        raise RequestError(
-            Problem("bad-request", name, what, "", "name a real output, or a vector or its part")
-        )
+        raise refused(name, what, "name a real output, or a vector or its part")
     return output, (part,) if part or kind == "real" else PARTS
 
 

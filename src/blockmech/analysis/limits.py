@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 from blockmech.analysis.arcs import Bound, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.analysis.scan import TINY, TURN
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.model.structure import Structure
 from blockmech.reach import shortfall
 from blockmech.series import DOUBLE_ROOT, SCANNED
@@ -219,7 +219,7 @@ def limits(
     RequestError for an unknown driver, others without a place, or too few samples
     """
     if samples < FEWEST:
-        raise RequestError(_wrong("samples", f"got {samples}", "", f"give at least {FEWEST}"))
+        raise refused("samples", f"got {samples}", f"give at least {FEWEST}")
     moved = _moved(mechanism, driver)
     held = _held(mechanism, moved, at or {})
     joint = mechanism.driver_joint(moved)
@@ -302,11 +302,10 @@ def _moved(mechanism: Compiled, driver: str | None) -> str:
     if driver is None:
         found = f"the mechanism has {len(drivers)} drivers" if drivers else "it has no driver"
         remedy = f"name one of: {listed(drivers)}" if drivers else ""
-        raise RequestError(_wrong("limits", found, "", remedy))
+        raise refused("limits", found, remedy)
     if driver not in drivers:
         valid = f"drivers: {listed(drivers)}" if drivers else ""
-        near = close_match(driver, drivers)
-        raise RequestError(_wrong(driver, "there is no such driver", valid, near))
+        raise refused(driver, "there is no such driver", close_match(driver, drivers), valid)
     return driver
 
 

@@ -24,7 +24,7 @@ from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turns import ALIKE, Signal, Turn, Turns, signal_of, turns_of
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import refused
 from blockmech.series import EPS, Floats, fit, panels
 from blockmech.typing import FrictionMethod
 
@@ -133,11 +133,11 @@ def stroke(
     if len(parts) == 1:
         ends = turns_of(cycle, signal_of(cycle, output, parts[0]))
         if not math.isfinite(ends.high.value - ends.low.value):
-            raise _error(name, "it grows without bound", "")
+            raise refused(name, "it grows without bound")
     elif output.endswith(".p"):
         ends, path, chord = _of_marker(cycle, output)
     else:
-        raise _error(name, "it is no place of a marker", "name a place, a real output or a part")
+        raise refused(name, "it is no place of a marker", "name a place, a real output or a part")
     low, high = ends.low, ends.high
     out = back = None
     if ends.closed and low.s != high.s:
@@ -161,7 +161,7 @@ def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:
     middle = complex(z[np.argmax(np.abs(z - z[0]))] + z[0]) / 2
     spread = float(np.abs(z - middle).max())
     if spread <= EPS * float(np.abs(z).max()):
-        raise _error(output, "the marker does not move", "")
+        raise refused(output, "the marker does not move")
     # The principal axis of the samples: the square forgets which way along it they lie.
     u = complex(np.sqrt(((z - middle) ** 2).sum()))
     u /= abs(u)
@@ -180,7 +180,7 @@ def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:
 def _curve(cycle: Cycle, output: str) -> Turns:
     """The reversals of a marker on a curve, with the length of the path between them."""
     if cycle.by == "share":
-        raise _error(output, "a curved path needs one driver, or laws of motion by time", ASK)
+        raise refused(output, "a curved path needs one driver, or laws of motion by time", ASK)
 
     def velocity(s: Floats) -> NDArray[np.complex128]:
         """Derivative of the place with respect to s: the velocity at unit rate."""
@@ -192,11 +192,11 @@ def _curve(cycle: Cycle, output: str) -> Turns:
     rate = output.removesuffix("p") + "v"
     ends, *more = cycle.stretches(velocity)
     if more:
-        raise _error(output, "its path is not in one piece", ASK)
+        raise refused(output, "its path is not in one piece", ASK)
     closed = cycle.turns and ends == (cycle.low, cycle.high)
     marks = _reversals(cycle, velocity, ends, closed)
     if closed and len(marks) < 2:
-        raise _error(output, "the marker runs round a closed path and never reverses", ASK)
+        raise refused(output, "the marker runs round a closed path and never reverses", ASK)
     marks = [*marks, marks[0] + cycle.high - cycle.low] if closed else [ends[0], *marks, ends[1]]
     place = [0.0]
     for i, (a, b) in enumerate(pairwise(marks)):
@@ -204,7 +204,7 @@ def _curve(cycle: Cycle, output: str) -> Turns:
     if closed:
         way = sum(abs(b - a) for a, b in pairwise(place))
         if abs(place[-1] - place[0]) > ALIKE * way:
-            raise _error(output, "the marker does not return on the path it came on", ASK)
+            raise refused(output, "the marker does not return on the path it came on", ASK)
         marks, place = [cycle.wrapped(s) for s in marks[:-1]], place[:-1]
     low, high = int(np.argmin(place)), int(np.argmax(place))
     last = Turn(marks[high], place[high] - place[low], 1)
@@ -236,7 +236,3 @@ def _length(velocity: Velocity, span: Span) -> float:
         return np.asarray(np.abs(velocity(span.place(u))) * span.slope(u))
 
     return float(fit(speed, panels(0.0, 1.0, 1), n=NODES).integral()(np.array([1.0]))[0])
-
-
-def _error(where: str, found: str, remedy: str) -> RequestError:
-    return RequestError(Problem("bad-request", where, found, "", remedy))

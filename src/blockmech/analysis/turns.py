@@ -14,7 +14,7 @@ import numpy as np
 
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.scan import ASIDE, Span, minimize, runs, scan
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import refused
 from blockmech.failures import without_gaps
 from blockmech.series import EPS, Floats, panels
 
@@ -100,9 +100,7 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
     if not good.any():
         # The run's own error says which block fails, and where.
         without_gaps(cycle.run(places, signal.name), "raise")
-        raise RequestError(
-            Problem("bad-request", signal.name, "it has no value anywhere in the cycle")
-        )
+        raise refused(signal.name, "it has no value anywhere in the cycle")
     largest = float(np.abs(values[good]).max())
     repeats = abs(values[-1] - values[0]) <= ALIKE * largest
     closed = bool(cycle.turns and good.all() and repeats)

@@ -50,13 +50,9 @@ class Registry:
 
     def unknown(self, name: str, where: str) -> Problem:
         """The problem that names an unknown type and its nearest relatives."""
-        return Problem(
-            "unknown-block",
-            where,
-            f'no block type "{name}"',
-            f"known types: {listed(self, 30)}",
-            close_match(name, self) or "install the package that defines it",
-        )
+        found, known = f'no block type "{name}"', f"known types: {listed(self, 30)}"
+        remedy = close_match(name, self) or "install the package that defines it"
+        return Problem("unknown-block", where, found, known, remedy)
 
     def _load_outside(self) -> None:
         if self._outside_loaded:
@@ -68,15 +64,9 @@ class Registry:
             try:
                 point.load()
             except Exception as error:
-                raise GraphError(
-                    Problem(
-                        "broken-plugin",
-                        point.name,
-                        f"the block package {point.value} failed to load: {error}",
-                        "",
-                        "repair or uninstall it",
-                    )
-                ) from error
+                found = f"the block package {point.value} failed to load: {error}"
+                wrong = Problem("broken-plugin", point.name, found, "", "repair or uninstall it")
+                raise GraphError(wrong) from error
 
 
 REGISTRY = Registry()

@@ -16,12 +16,19 @@ from blockmech.cli.options import (
     DegreesOfText,
     GraphFile,
     option,
-    refused,
     si_only,
     switch,
 )
 from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar, reading
-from blockmech.errors import BlockmechError, FormatError, GraphError, Problem, RequestError, in_file
+from blockmech.errors import (
+    BlockmechError,
+    FormatError,
+    GraphError,
+    Problem,
+    RequestError,
+    in_file,
+    refused,
+)
 from blockmech.mechanism import Mechanism
 from blockmech.testing.expectations import check_closing
 from blockmech.told import DEGREES

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from blockmech.builders import Graph, opened
-from blockmech.cli.options import AsJson, refused
+from blockmech.cli.options import AsJson
 from blockmech.cli.terminal import answer, reading
+from blockmech.errors import refused
 from blockmech.export import aligned
 from blockmech.model.naming import JointName
 from blockmech.model.structure import Structure

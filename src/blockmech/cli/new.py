@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from blockmech.cli.options import refused
 from blockmech.cli.terminal import say
-from blockmech.errors import close_match, listed
+from blockmech.errors import close_match, listed, refused
 from blockmech.files import writing
 from blockmech.testing.files import gallery
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from blockmech.cli.numbers import MOST
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import refused
 
 
 def option(help: str, metavar: str | None = None, **more: Any) -> Any:
@@ -62,8 +62,3 @@ def one_of(**given: bool) -> None:
     asked = [f"--{name}" for name, on in given.items() if on]
     if len(asked) > 1:
         raise refused(" ".join(asked), "only one of them at a time", "--out writes all files")
-
-
-def refused(where: str, found: str, remedy: str, valid: str = "") -> RequestError:
-    """The error of a call that makes no sense."""
-    return RequestError(Problem("bad-request", where, found, valid, remedy))

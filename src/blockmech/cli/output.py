@@ -32,6 +32,26 @@ PICTURES = (
 """What `run` and `simulate` draw into a folder: those of an earlier run do not stay."""
 
 
+def check_places(table: str | None, plot: str | None) -> None:
+    """Raise `RequestError`, before anything is computed, where files cannot be written."""
+    from blockmech.draw.paper import suffix_of
+
+    refuse_spared(*filter(None, (table, plot)))
+    if plot is not None:
+        suffix_of(plot)
+
+
+def write_found(found: Any, table: str | None, plot: str | None) -> None:
+    """Write what a study or sensitivity found: its table (csv, parquet) and its picture."""
+    if table is not None:
+        is_parquet = Path(table).suffix.lower() == ".parquet"
+        (getattr(found, "to_parquet", found.to_csv) if is_parquet else found.to_csv)(table)
+        say(f"wrote {table}")
+    if plot is not None:
+        with progress_bar("drawing"):
+            say(f"wrote {found.plot(plot)}")
+
+
 @dataclass(frozen=True)
 class Output:
     """The way of output that was asked for; without one a table, and nothing is written.

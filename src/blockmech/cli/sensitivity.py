@@ -18,8 +18,8 @@ from blockmech.cli.options import (
     one_of,
     option,
 )
-from blockmech.cli.terminal import answer, progress_bar, reading, say
-from blockmech.files import refuse_spared
+from blockmech.cli.output import check_places, write_found
+from blockmech.cli.terminal import answer, progress_bar, reading
 
 Wants = Annotated[list[str], option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")]
 To = Annotated[
@@ -44,14 +44,10 @@ def sensitivity(
     json: AsJson = False,
 ) -> None:
     """Rank the numbers of a mechanism by what they do to its outputs: exact derivatives."""
-    from blockmech.draw.paper import suffix_of
-
     with reading(file):
         mechanism = compiled(file)
     one_of(json=json, csv=csv is not None, plot=plot is not None)
-    refuse_spared(*filter(None, (csv, plot)))
-    if plot is not None:
-        suffix_of(plot)
+    check_places(csv, plot)
     request: dict[str, Any] = {
         "to": names_of(to) or None,
         "at": coordinates(mechanism, at or []),
@@ -64,9 +60,4 @@ def sensitivity(
     with progress_bar("differentiating"):
         found = mechanism.sensitivity(names_of(want), **given)
     answer(file, json, found.to_dict(), found.text())
-    if csv is not None:
-        found.to_csv(csv)
-        say(f"wrote {csv}")
-    if plot is not None:
-        with progress_bar("drawing"):
-            say(f"wrote {found.plot(plot)}")
+    write_found(found, csv, plot)

@@ -48,6 +48,7 @@ Method = Annotated[
 ]
 Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]
 Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
+Engine = Annotated[str, option("Of the integrators: auto, scalar or llvm (compiled).", "ENGINE")]
 
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 
@@ -64,6 +65,7 @@ def simulate(
     method: Method = "auto",
     accuracy: Accuracy = None,
     step: Step = None,
+    engine: Engine = "auto",
     json: Json = False,
     out: Out = None,
     csv: Csv = None,
@@ -95,7 +97,7 @@ def simulate(
         say(mechanism.explain(names, **settings), "\n\n", evaluation_cost(mechanism, **settings))
         return
     given, begun = times(at_times), starts(mechanism, start or [])
-    settings["method"] = method
+    settings |= {"method": method, "engine": engine}
     with progress_bar("simulating") as told:
         result = mechanism.simulate(
             until,

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from blockmech.cli.terminal import say
-from blockmech.studio import needed
+from blockmech.studio import page
 
 
 def studio(
@@ -25,13 +25,12 @@ def studio(
 
     Only this machine is answered, and no file outside of the current folder is touched.
     """
-    page = needed()
 
     def told(address: str) -> None:
         say(address)
         if not no_browser:
             webbrowser.open(address)
 
-    server = page.started(Path.cwd(), file, port, told)
+    server = page().started(Path.cwd(), file, port, told)
     say("Ctrl-C ends it")
     server.io_loop.start()

@@ -20,12 +20,11 @@ from blockmech.cli.options import (
     Times,
     Tolerance,
     option,
-    refused,
 )
+from blockmech.cli.output import check_places, write_found
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
-from blockmech.files import refuse_spared
+from blockmech.errors import needed, refused
 from blockmech.model.parameters import named
-from blockmech.studies.parts import needed
 from blockmech.studies.sampling import Distribution, normal, uniform
 
 Vary = Annotated[
@@ -69,13 +68,9 @@ def sweep(
     dask: Dask = None,
 ) -> None:
     """Run many designs: turn numbers of the file, and keep extremes or means of outputs."""
-    from blockmech.draw.paper import suffix_of
-
     with reading(file):
         mechanism = compiled(file)
-    refuse_spared(*filter(None, (out, plot)))
-    if plot is not None:
-        suffix_of(plot)
+    check_places(out, plot)
     if out is not None and Path(out).suffix.lower() not in (*TABLES, ""):
         remedy = "give the name such a suffix, or none: that of a folder"
         raise refused(out, "a table is csv or parquet", remedy)
@@ -97,13 +92,9 @@ def sweep(
         who = {"workers": workers, "client": client}
         found = mechanism.study(numbers, want=list(want), progress=told, **how, **asked, **who)
     say(repr(found))
-    if out is not None:
-        if not in_parts:
-            (found.to_csv if Path(out).suffix.lower() == ".csv" else found.to_parquet)(out)
+    if in_parts:
         say(f"wrote {out}")
-    if plot is not None and not found.interrupted:
-        with progress_bar("drawing"):
-            say(f"wrote {found.plot(plot)}")
+    write_found(found, None if in_parts else out, None if found.interrupted else plot)
     if found.interrupted:
         raise Interrupted("what was run is kept")
 

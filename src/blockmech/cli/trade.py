@@ -18,10 +18,10 @@ from blockmech.cli.options import (
     names_of,
     one_of,
     option,
-    refused,
     switch,
 )
 from blockmech.cli.terminal import UNDRAWN, Interrupted, progress_bar, reading, saving, say
+from blockmech.errors import refused
 from blockmech.files import folder, refuse_spared, writing
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.panels import draw_panels
 from blockmech.draw.paper import STILL, rendered, suffix_of, write_figure
 from blockmech.draw.schedule import draw_schedule
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.model.graph import Graph
@@ -83,7 +83,7 @@ def draw(
     if kind not in KINDS:
         found, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
         near = close_match(str(kind), KINDS)
-        raise RequestError(Problem("unknown-kind", "kind", found, valid, near))
+        raise refused("kind", found, near, valid, "unknown-kind")
     if kind == "animation":
         animate(subject, path, at, trace=trace, degrees=degrees)
         return Path(path)
@@ -94,7 +94,7 @@ def draw(
     if useless:
         found = f"a {'block diagram' if kind == 'diagram' else kind} has no poses"
         remedy = 'use it with kind="mechanism"'
-        raise RequestError(Problem("useless-setting", useless, found, "", remedy))
+        raise refused(useless, found, remedy, code="useless-setting")
     if kind == "diagram":
         return write_figure(_diagram_figure(subject), path, suffix)
     return write_figure(draw_schedule(_mechanism(subject).plan(want)), path, suffix)

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 from blockmech.analysis.limits import Limits
 from blockmech.analysis.limits import limits as found_limits
 from blockmech.draw import palette as ink
-from blockmech.draw.paper import new_figure, shown_name, styled, wrapped
+from blockmech.draw.paper import captioned, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.draw.sensitivity import THICK
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import refused
 from blockmech.modes.found import Arc, GroupModes, Modes
 from blockmech.modes.listing import modes as found_modes
 from blockmech.runnable import giving
@@ -94,16 +94,13 @@ def _on(q: float, arc: Arc, rotary: bool) -> float:
 def _figure(bars: Sequence[Bar], name: str, unit: str, said: str, degrees: bool) -> Any:
     """Bars over a coordinate, a column wide, each with what ends it."""
     if not bars:
-        found = "there is no arc to draw"
-        raise RequestError(Problem("nothing-to-draw", shown_name(name), found, "", ""))
+        raise refused(shown_name(name), "there is no arc to draw", code="nothing-to-draw")
     turned = degrees and unit == "rad"
     scale, unit = (180 / math.pi, "°") if turned else (1.0, unit)
     more = len(bars) - ink.MOST
     said += f" {more} more are not drawn." if more > 0 else ""
-    with styled():
-        lines = wrapped(said, ink.SMALL, ink.COLUMN - ink.TEXT)
-        rows = 3 * len(bars[: ink.MOST]) + len(lines) + 4  # words, bar and air; axis, words below
-        figure = new_figure(ink.COLUMN, rows * ink.ROW, layout="constrained")
+    rows = 3 * len(bars[: ink.MOST]) + 4  # words, bar and air; axis
+    with captioned(said, rows * ink.ROW) as figure:
         axes = figure.subplots()
         axes.use_sticky_edges = False
         low, high = _range(bars)
@@ -113,7 +110,6 @@ def _figure(bars: Sequence[Bar], name: str, unit: str, said: str, degrees: bool)
         axes.set_yticks([])
         axes.set_xlabel(f"{shown_name(name)} [{unit}]", labelpad=1)
         axes.grid(True, axis="x")
-        figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=ink.SMALL)
     return figure
 
 

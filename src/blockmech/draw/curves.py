@@ -15,7 +15,7 @@ import numpy as np
 from blockmech.draw.palette import MOST
 from blockmech.draw.panels import Abscissa, Array, Panel
 from blockmech.draw.paper import shown_name
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import refused
 from blockmech.result import Result
 from blockmech.told import DEGREES
 
@@ -119,15 +119,10 @@ def chosen_panels(result: Result, names: Iterable[str]) -> Panels:
             groups.setdefault((what, unit), {}).update(drawn)
     count = sum(map(len, groups.values()))
     if not 0 < count <= MOST:
-        raise RequestError(
-            Problem(
-                "too-many-curves" if count else "nothing-to-draw",
-                "want",
-                f"{count} outputs can be drawn over the samples",
-                f"a picture holds 1 to {MOST} curves",
-                "name the outputs with want=",
-            )
-        )
+        found = f"{count} outputs can be drawn over the samples"
+        valid = f"a picture holds 1 to {MOST} curves"
+        code = "too-many-curves" if count else "nothing-to-draw"
+        raise refused("want", found, "name the outputs with want=", valid, code)
     return tuple(Panel(what, unit, curves) for (what, unit), curves in groups.items())
 
 
@@ -190,16 +185,14 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = DEGREES) -> Ab
     drivers, laws = result.mechanism.drivers, result.mechanism.scene.drive
     time = result.time if result.time is not None and np.isfinite(result.time).all() else None
     if over not in ("auto", "coordinate", "time"):
-        raise RequestError(
-            Problem("bad-value", "over", f"got {over!r}", "valid: auto, coordinate, time", "")
-        )
+        valid = "valid: auto, coordinate, time"
+        raise refused("over", f"got {over!r}", valid=valid, code="bad-value")
     by_time = result.motion is not None or len(drivers) != 1
     by_time |= any(d in laws and not laws[d].by_coordinate for d in drivers)
     if over == "time" or (over == "auto" and by_time and time is not None):
         if time is None:
-            raise RequestError(
-                Problem("no-time", "over", "the run does not say times", "", "use times= in run")
-            )
+            found = "the run does not say times"
+            raise refused("over", found, "use times= in run", code="no-time")
         return Abscissa("time [s]", time)
     if len(drivers) != 1:
         return Abscissa("sample", np.arange(result.n, dtype=float))

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.draw.palette import DPI, SMALL, STYLE, TEXT
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.draw.palette import COLUMN, DPI, ROW, SMALL, STYLE, TEXT
+from blockmech.errors import listed, refused
 from blockmech.files import AnyPath, writing
 
 STILL = (".png", ".svg", ".pdf")
@@ -66,6 +66,16 @@ def new_page(width: float, height: float, left: float, top: float) -> tuple[Any,
     axes.set_ylim(top + height, top)
     axes.set_axis_off()
     return figure, axes
+
+
+@contextlib.contextmanager
+def captioned(said: str, height: float, width: float = COLUMN) -> Iterator[Any]:
+    """A figure to be drawn in, with words below it; they come on top of the height [pt]."""
+    with styled():
+        lines = wrapped(said, SMALL, width - 10)
+        figure = new_figure(width, height + ROW * len(lines), layout="constrained")
+        figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=SMALL)
+        yield figure
 
 
 @lru_cache(maxsize=4096)
@@ -159,5 +169,5 @@ def suffix_of(path: AnyPath, what: str = "a plot", valid: Sequence[str] = STILL)
     if suffix not in valid:
         found = f'{what} cannot be written as "{suffix}"' if suffix else "the name has no suffix"
         known = f"suffixes for {what}: {listed(valid)}"
-        raise RequestError(Problem("unknown-suffix", str(path), found, known, "choose one of them"))
+        raise refused(str(path), found, "choose one of them", known, "unknown-suffix")
     return suffix

@@ -5,13 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from blockmech.draw import palette as ink
-from blockmech.draw.paper import (
-    new_figure,
-    scaled_unit,
-    shown_name,
-    styled,
-    wrapped,
-)
+from blockmech.draw.paper import captioned, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.runnable import giving
 from blockmech.studies.differentiate import sensitivity as derived
@@ -25,34 +19,25 @@ class PlottedSensitivity(Pictured, Sensitivity):
     """Sensitivities with their picture."""
 
     def figure(self) -> Any:
-        """The ranked bars of the first outputs."""
-        return sensitivity_figure(self)
+        """The ranked bars of the first outputs, a column wide."""
+        ranked = {name: _moving(self, name) for name in list(self)[:PANELS]}
+        heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
+        n = self.result.n
+        over = "one sample" if n == 1 else f"{n} samples"
+        said = (
+            f"{shown_name(self.result.mechanism.name, 40)}: largest change of an output over "
+            f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
+            "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
+        )
+        with captioned(said, sum(heights) + ink.ROW / 2) as figure:
+            panels = figure.subplots(len(ranked), height_ratios=heights, squeeze=False)[:, 0]
+            for axes, (name, effects) in zip(panels, ranked.items(), strict=True):
+                _bars(axes, name, self.result.unit(name), effects)
+        return figure
 
 
 sensitivity = giving(PlottedSensitivity, derived)
 """`blockmech.studies.differentiate.sensitivity`, which can be drawn."""
-
-
-def sensitivity_figure(found: Sensitivity) -> Any:
-    """The picture of sensitivities, a column wide."""
-    ranked = {name: _moving(found, name) for name in list(found)[:PANELS]}
-    heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
-    n = found.result.n
-    over = "one sample" if n == 1 else f"{n} samples"
-    said = (
-        f"{shown_name(found.result.mechanism.name, 40)}: largest change of an output over "
-        f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
-        "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
-    )
-    with styled():
-        lines = wrapped(said, ink.SMALL, ink.COLUMN - 10)
-        height = sum(heights) + ink.ROW * (len(lines) + 0.5)
-        figure = new_figure(ink.COLUMN, height, layout="constrained")
-        panels = figure.subplots(len(ranked), height_ratios=heights, squeeze=False)[:, 0]
-        for axes, (name, effects) in zip(panels, ranked.items(), strict=True):
-            _bars(axes, name, found.result.unit(name), effects)
-        figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=ink.SMALL)
-    return figure
 
 
 def _moving(found: Sensitivity, name: str) -> list[Effect]:

@@ -12,16 +12,9 @@ from typing import Any
 import numpy as np
 
 from blockmech.draw import palette as ink
-from blockmech.draw.paper import (
-    new_figure,
-    scaled_unit,
-    shown_name,
-    styled,
-    text_width,
-    wrapped,
-)
+from blockmech.draw.paper import captioned, scaled_unit, shown_name, text_width
 from blockmech.draw.pictured import Pictured
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import refused
 from blockmech.export import Column
 from blockmech.runnable import giving
 from blockmech.studies.study import study as studied
@@ -41,37 +34,35 @@ class PlottedStudy(Pictured, Study):
     def figure(self) -> Any:
         """The study: curves, maps, or a matrix of scatter.
 
-        Raises `RequestError` where there is nothing to draw.
+        Raises `RequestError` where no number was kept.
         """
-        return study_figure(self)
+        results = self.table()[len(self.vary) :][:PANELS]
+        if not results:
+            found = "poses are arrays, and no other number was kept"
+            raise refused("plot", found, "keep e.g. a max_abs as well")
+        numbers = self.table()[: len(self.vary)][:CELLS]
+        grid = len(self.vary) if self.sampling == "grid" else 0
+        mapped = grid == 2 and min(self.shape) > 1
+        if mapped:
+            columns = min(len(results), 2)
+            size = -(-len(results) // columns) * 1.25 * PANEL, columns * ink.COLUMN
+        elif grid == 1:
+            size = len(results) * PANEL, ink.COLUMN
+        else:
+            wide = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
+            size = len(results) * CELL + 3 * ink.TEXT, wide
+        missing = self.n - self.status.count("ok")
+        said = f"{shown_name(self.name, 40)}: {self.n} designs"
+        said += f", {missing} without an answer" if missing else ""
+        with captioned(f"{said}.", size[0] + ink.ROW / 2, size[1]) as figure:
+            if mapped:
+                _maps(figure, self, results, numbers)
+            else:
+                _matrix(figure, self, results, numbers, curves=grid == 1)
+        return figure
 
 
 study = giving(PlottedStudy, studied)
-
-
-def study_figure(study: Study) -> Any:
-    """The picture of a study. Raises `RequestError` where no number was kept."""
-    results = study.table()[len(study.vary) :][:PANELS]
-    if not results:
-        found = "poses are arrays, and no other number was kept"
-        raise RequestError(Problem("bad-request", "plot", found, "", "keep e.g. a max_abs as well"))
-    with styled():
-        if study.sampling == "grid" and len(study.vary) == 1:
-            return _curves(study, results)
-        if study.sampling == "grid" and len(study.vary) == 2 and min(study.shape) > 1:
-            return _maps(study, results)
-        return _matrix(study, results)
-
-
-def _figure(study: Study, rows: int, width: float, height: float) -> tuple[Any, Any]:
-    """An empty picture with its caption below, and what its panels are made in."""
-    missing = study.n - study.status.count("ok")
-    said = f"{shown_name(study.name, 40)}: {study.n} designs"
-    said += f", {missing} without an answer" if missing else ""
-    lines = wrapped(f"{said}.", ink.SMALL, width - 10)
-    figure = new_figure(width, height + ink.ROW * (len(lines) + 0.5), layout="constrained")
-    figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=ink.SMALL)
-    return figure, rows
 
 
 def _scaled(column: Column) -> tuple[Any, str]:
@@ -91,21 +82,6 @@ def _label(name: str, unit: str, room: float) -> str:
     return f"{whole[:at]}\n{whole[at:].lstrip()}"
 
 
-def _curves(study: Study, results: Sequence[Column]) -> Any:
-    figure, rows = _figure(study, len(results), ink.COLUMN, len(results) * PANEL)
-    x = study.table()[0]
-    bad = np.array([word != "ok" for word in study.status])
-    panels = np.atleast_1d(figure.subplots(rows, sharex=True))
-    for axes, column in zip(panels, results, strict=True):
-        y, unit = _scaled(column)
-        axes.plot(x.values, y, color=ink.FORWARD, marker="." if study.n <= 1 else "")
-        _marked(axes, x.values[bad])
-        axes.set_ylabel(_label(column.name, unit, PANEL * 0.8), labelpad=2)
-        axes.grid(True)
-    panels[-1].set_xlabel(_label(x.name, x.unit, ink.COLUMN), labelpad=1)
-    return figure
-
-
 def _marked(axes: Any, x: Any) -> None:
     """Designs without an answer, at the foot of a panel."""
     if len(x):
@@ -114,14 +90,12 @@ def _marked(axes: Any, x: Any) -> None:
         axes.scatter(x, foot, marker="x", s=8, lw=0.6, color=ink.ALARM, transform=place, zorder=3)
 
 
-def _maps(study: Study, results: Sequence[Column]) -> Any:
-    columns = 1 if len(results) == 1 else 2
-    rows = -(-len(results) // columns)
-    width = columns * ink.COLUMN
-    figure, _ = _figure(study, rows, width, rows * 1.25 * PANEL)
-    first, second = study.table()[:2]
-    x, y = (study.grid(c.name) for c in (first, second))
-    panels = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+def _maps(figure: Any, study: Study, results: Sequence[Column], numbers: Sequence[Column]) -> None:
+    """Every result by colours over two numbers."""
+    first, second = numbers
+    x, y = (study.grid(c.name) for c in numbers)
+    columns = min(len(results), 2)
+    panels = figure.subplots(-(-len(results) // columns), columns, squeeze=False).ravel()
     for axes in panels[len(results) :]:
         axes.remove()
     for axes, column in zip(panels, results, strict=False):
@@ -138,7 +112,6 @@ def _maps(study: Study, results: Sequence[Column]) -> Any:
         bar.set_label(_label(column.name, unit, PANEL), labelpad=2)
         axes.set_xlabel(_label(first.name, first.unit, ink.COLUMN * 0.7), labelpad=1)
         axes.set_ylabel(_label(second.name, second.unit, PANEL), labelpad=2)
-    return figure
 
 
 def missing(column: Column) -> int:
@@ -146,21 +119,23 @@ def missing(column: Column) -> int:
     return int(np.count_nonzero(~np.isfinite(column.values)))
 
 
-def _matrix(study: Study, results: Sequence[Column]) -> Any:
-    """Every result over every number that varies, and the share of each value above."""
-    numbers = study.table()[: len(study.vary)][:CELLS]
-    width = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
-    figure, _ = _figure(study, len(results), width, len(results) * CELL + 3 * ink.TEXT)
+def _matrix(
+    figure: Any, study: Study, results: Sequence[Column], numbers: Sequence[Column], curves: bool
+) -> None:
+    """Every result over every number that varies; ``curves`` over the only one of a grid."""
     bad = np.array([word != "ok" for word in study.status])
     panels = figure.subplots(len(results), len(numbers), sharex="col", sharey="row", squeeze=False)
+    over, beside = (ink.COLUMN, PANEL * 0.8) if curves else (CELL * 0.9, CELL * 0.9)
     for row, column in zip(panels, results, strict=True):
         y, unit = _scaled(column)
         for axes, number in zip(row, numbers, strict=True):
-            axes.scatter(number.values, y, s=DOT, lw=0, color=ink.FORWARD, rasterized=True)
+            if curves:
+                axes.plot(number.values, y, color=ink.FORWARD, marker="." if study.n <= 1 else "")
+            else:
+                axes.scatter(number.values, y, s=DOT, lw=0, color=ink.FORWARD, rasterized=True)
+                axes.locator_params(nbins=4)
             _marked(axes, number.values[bad])
             axes.grid(True)
-            axes.locator_params(nbins=4)
-        row[0].set_ylabel(_label(column.name, unit, CELL * 0.9), labelpad=2)
+        row[0].set_ylabel(_label(column.name, unit, beside), labelpad=2)
     for axes, number in zip(panels[-1], numbers, strict=True):
-        axes.set_xlabel(_label(number.name, number.unit, CELL * 0.9), labelpad=1)
-    return figure
+        axes.set_xlabel(_label(number.name, number.unit, over), labelpad=1)

@@ -8,14 +8,7 @@ import numpy as np
 
 from blockmech.draw import palette as ink
 from blockmech.draw.curves import abscissa, values
-from blockmech.draw.paper import (
-    legend_above,
-    new_figure,
-    scaled_unit,
-    shown_name,
-    styled,
-    wrapped,
-)
+from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.runnable import giving
 from blockmech.studies.tolerance import Tolerance
@@ -30,37 +23,28 @@ class PlottedTolerance(Pictured, Tolerance):
     """A tolerance with its picture."""
 
     def figure(self) -> Any:
-        """The first outputs with their bands and deviations."""
-        return tolerance_figure(self)
+        """The first outputs with their bands and deviations, a column wide."""
+        result, names = self.sensitivity.result, list(self)[:OUTPUTS]
+        across = abscissa(result)
+        total = sum(np.nan_to_num(self.shares(name)).sum(axis=1) for name in names)
+        order = np.argsort(-np.asarray(total), kind="stable")[:NUMBERS]  # a colour in all panels
+        said = (
+            f"{shown_name(result.mechanism.name, 40)}: outputs with bands of {BAND:g} standard "
+            "deviations, a vector by its length; below the deviation, filled by the shares of the "
+            "numbers in the variance"
+        ) + (", dots by Monte Carlo." if self.sampled else ".")
+        with captioned(said, 2 * len(names) * PANEL + 2.5 * ink.ROW) as figure:
+            panels = figure.subplots(2 * len(names), sharex=True, squeeze=False)[:, 0]
+            for k, name in enumerate(names):
+                _band(panels[2 * k], self, name, across.values)
+                _shares(panels[2 * k + 1], self, name, across.values, order)
+            legend_above(panels[1], ink.COLUMN)
+            panels[-1].set_xlabel(across.words, labelpad=1)
+        return figure
 
 
 tolerance = giving(PlottedTolerance, found_of)
 """`blockmech.studies.tolerance.tolerance`, which can be drawn."""
-
-
-def tolerance_figure(found: Tolerance) -> Any:
-    """The picture of a tolerance, a column wide."""
-    result, names = found.sensitivity.result, list(found)[:OUTPUTS]
-    across = abscissa(result)
-    total = sum(np.nan_to_num(found.shares(name)).sum(axis=1) for name in names)
-    order = np.argsort(-np.asarray(total), kind="stable")[:NUMBERS]  # one colour in all panels
-    said = (
-        f"{shown_name(result.mechanism.name, 40)}: outputs with bands of {BAND:g} standard "
-        "deviations, a vector by its length; below the deviation, filled by the shares of the "
-        "numbers in the variance"
-    ) + (", dots by Monte Carlo." if found.sampled else ".")
-    with styled():
-        lines = wrapped(said, ink.SMALL, ink.COLUMN - 10)
-        height = 2 * len(names) * PANEL + ink.ROW * (len(lines) + 2.5)
-        figure = new_figure(ink.COLUMN, height, layout="constrained")
-        panels = figure.subplots(2 * len(names), sharex=True, squeeze=False)[:, 0]
-        for k, name in enumerate(names):
-            _band(panels[2 * k], found, name, across.values)
-            _shares(panels[2 * k + 1], found, name, across.values, order)
-        legend_above(panels[1], ink.COLUMN)
-        panels[-1].set_xlabel(across.words, labelpad=1)
-        figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=ink.SMALL)
-    return figure
 
 
 def _band(axes: Any, found: Tolerance, name: str, x: Any) -> None:

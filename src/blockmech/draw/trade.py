@@ -7,23 +7,15 @@ reference hatched. Above the cost in seconds, below in kernel evaluations.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from blockmech.analysis.trade import Trade
+from blockmech.analysis.trade import Point, Trade
+from blockmech.analysis.trade import front as front_of
 from blockmech.analysis.trade import trade as measured
 from blockmech.draw import palette as ink
-from blockmech.draw.paper import (
-    legend_above,
-    new_figure,
-    shown_name,
-    styled,
-    wrapped,
-)
+from blockmech.draw.paper import captioned, legend_above, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.runnable import giving
-
-if TYPE_CHECKING:
-    from blockmech.analysis.trade.measure import Point
 
 PANEL = 22.5 * ink.TEXT  # [pt] height of a panel with what is below it
 MARKS = "osD^vPX*<>hp"
@@ -38,35 +30,25 @@ class PlottedTrade(Pictured, Trade):
     """A trade with its picture."""
 
     def figure(self) -> Any:
-        """The work-precision diagram."""
-        return trade_figure(self)
+        """The work-precision diagram, a column wide."""
+        series = self.series()
+        with captioned(_caption(self), len(COSTS) * PANEL + ink.ROW * len(series) / 2) as figure:
+            panels = figure.subplots(len(COSTS))
+            for axes, (cost, words) in zip(panels, COSTS.items(), strict=True):
+                axes.set_xlabel(words, labelpad=1)
+                axes.set_ylabel("error [–]", labelpad=2)
+                if series:
+                    _panel(axes, self, cost)
+                else:
+                    axes.set(xticks=[], yticks=[])
+            legend_above(panels[0], ink.COLUMN)
+            figure.draw_without_rendering()  # labels need to know how large the panels are
+            for axes, cost in zip(panels, COSTS, strict=True):
+                _label(axes, self, cost)
+        return figure
 
 
 trade = giving(PlottedTrade, measured)
-
-
-def trade_figure(trade: Trade) -> Any:
-    """The picture of a trade, a column wide."""
-    series = trade.series()
-    with styled():
-        lines = wrapped(_caption(trade), ink.SMALL, ink.COLUMN - 10)
-        height = len(COSTS) * PANEL + ink.ROW * (len(lines) + len(series) / 2)
-        figure = new_figure(ink.COLUMN, height, layout="constrained")
-        panels = figure.subplots(len(COSTS))
-        for axes, (cost, words) in zip(panels, COSTS.items(), strict=True):
-            axes.set_xlabel(words, labelpad=1)
-            axes.set_ylabel("error [–]", labelpad=2)
-            if series:
-                _panel(axes, trade, cost)
-            else:
-                axes.set_xticks([])
-                axes.set_yticks([])
-        legend_above(panels[0], ink.COLUMN)
-        figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=ink.SMALL)
-        figure.draw_without_rendering()  # labels need to know how large the panels are
-        for axes, cost in zip(panels, COSTS, strict=True):
-            _label(axes, trade, cost)
-    return figure
 
 
 def _caption(trade: Trade) -> str:
@@ -90,7 +72,7 @@ def _panel(axes: Any, trade: Trade, cost: str) -> None:
     floor = trade.reference.floor
     axes.set_xscale("log")
     axes.set_yscale("log")
-    front = _front(trade, cost)
+    front = front_of(trade.points, cost)
     axes.step(
         [getattr(p, cost) for p in front], [p.error for p in front],
         where="post", color=ink.PALE, lw=5, zorder=1, solid_capstyle="round",
@@ -119,10 +101,6 @@ def _panel(axes: Any, trade: Trade, cost: str) -> None:
     axes.set_axisbelow(True)
 
 
-def _front(trade: Trade, cost: str) -> tuple[Point, ...]:
-    return trade.pareto if cost == "seconds" else trade.pareto_by_evaluations
-
-
 def power_of_ten(x: float) -> str:
     """A number as a digit and a power of ten.
 
@@ -139,7 +117,7 @@ def _label(axes: Any, trade: Trade, cost: str) -> None:
     """Write settings beside their points, the front's first, where there is room."""
     from matplotlib.transforms import Bbox
 
-    front = _front(trade, cost)
+    front = front_of(trade.points, cost)
     points = [p for p in trade.points if math.isfinite(p.error)]
     places = axes.transData.transform([(getattr(p, cost), p.error) for p in points] or [(1, 1)])
     half = MARK / 2 * axes.figure.dpi / 72

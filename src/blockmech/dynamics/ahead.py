@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.events import STANDSTILL
-from blockmech.dynamics.motion import DEAD_CENTRE, SELF_LOCKED, TOO_MANY
+from blockmech.dynamics.ends import DEAD_CENTRE, SELF_LOCKED, STANDSTILL, TOO_MANY
 from blockmech.dynamics.panels import (
     FROM_REST,
     PLAIN,

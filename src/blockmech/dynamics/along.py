@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
-from blockmech.dynamics.motion import DEAD_CENTRE, Floats, Motion
+from blockmech.dynamics.motion import Floats, Motion
 from blockmech.dynamics.system import System
 from blockmech.plan import Friction
 from blockmech.result import Result
@@ -110,7 +111,7 @@ def result_along(
     plan = mechanism.plan(want, **settings)  # type: ignore[arg-type]
     how = friction_asked(friction, tolerance, iterations)
     unknown = t == motion.t_end
-    if motion.end != DEAD_CENTRE or _margin_at_end(mechanism, motion) > SINGULAR:
+    if motion.end != ends.DEAD_CENTRE or _margin_at_end(mechanism, motion) > SINGULAR:
         unknown = np.zeros(len(t), bool)
     given = Along(mechanism, how, motion, t, unknown)
     values, engine = mechanism.evaluate(plan, Samples(len(t), given, t))

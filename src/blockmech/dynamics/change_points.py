@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.system import TURN, One, Sample, Source, System
+from blockmech.dynamics.system import One, Sample, Source, System
 from blockmech.series import coefficients, nodes
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series; even, so that none is at the change point
@@ -79,8 +79,8 @@ def series_through(compiled: Source) -> tuple[Series, ...]:
     plain = System(compiled)
     points = sorted({p for f in followed.values() for p in f.points})
     if plain.rotary[0]:
-        turns = round((period_through(compiled, plain.period) or TURN) / TURN)
-        points = [p + TURN * k for k in range(turns) for p in points]
+        turns = round((period_through(compiled, plain.period) or math.tau) / math.tau)
+        points = [p + math.tau * k for k in range(turns) for p in points]
     found = (_longest(plain, p, points) for p in points)
     return tuple(s for s in found if s is not None)
 
@@ -90,17 +90,17 @@ def period_through(compiled: Source, period: float | None) -> float | None:
     odd = any(len(f.points) % 2 for f in compiled.structure.followed.values())
     if period is None or not odd:
         return period
-    return TURN * math.lcm(2, round(period / TURN))
+    return math.tau * math.lcm(2, round(period / math.tau))
 
 
 def _longest(plain: System, place: float, points: Sequence[float]) -> Series | None:
     """The longest series that is smooth."""
     rotary = plain.rotary[0]
-    scale = 1.0 if rotary else plain.span / TURN
+    scale = 1.0 if rotary else plain.span / math.tau
     reach = REACH * scale
     for other in [*points, *plain.knots]:
         d = other - place
-        d = math.remainder(d, plain.period or TURN) if rotary else d
+        d = math.remainder(d, plain.period or math.tau) if rotary else d
         reach = min(reach, APART * abs(d)) if d else reach
     while reach >= SHORTEST * scale:
         for n in SIZES:
@@ -147,7 +147,7 @@ class FollowingSystem(System):
     def _offset(self, q: Any, series: Series) -> Any:
         """Distance from a change point, or from the nearest of its images."""
         d = q - series.place
-        whole = self.period or TURN
+        whole = self.period or math.tau
         return d - whole * np.round(d / whole) if self.rotary[0] else d
 
     def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:

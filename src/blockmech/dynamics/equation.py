@@ -21,7 +21,6 @@ import numpy as np
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.rates import rates_of
 from blockmech.dynamics.system import System, solved
-from blockmech.engines.llvm import WORTH
 from blockmech.engines.stages import Rates, Stages
 
 if TYPE_CHECKING:
@@ -38,12 +37,11 @@ class Equation:
 
     system: System
     q0: Any
-    most: float = math.inf  # evaluations
+    most: float = math.inf  # states
     spent: int = 0
     sides: tuple[int, ...] = ()
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
-    _reckoned: int = 0  # evaluations that the mechanism's count has
     _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
 
     @cached_property
@@ -70,9 +68,10 @@ class Equation:
             return qd, found.qdd, tau * qd, found.power
         return qd, (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan, tau * qd
 
-    def spend(self, evaluations: int) -> None:
-        """Count evaluations; `TooMany` where they are more than allowed."""
-        self.spent += evaluations
+    def spend(self, states: int) -> None:
+        """Count states; `TooMany` where they are more than allowed."""
+        self.spent += states
+        self.system.states += states
         if self.spent > self.most:
             self.most = math.inf  # once: what is kept of the run is still looked at
             raise TooMany
@@ -82,11 +81,13 @@ class Equation:
     def stages(self, A: Floats, C: Floats) -> Stages | None:
         """The stages of a scheme in machine code, for the directions of slip as they are.
 
-        None where there can be none, and before so much was evaluated that compiling pays.
+        None where there can be none, and where they are to be interpreted.
         """
         friction, k = self.system.friction, tuple[float, ...]()
         of_program = type(self.system).one is System.one  # not of series near change points
-        if self.drivers > 1 or not of_program or (friction is not None and not self.sides):
+        if not self.system.compiled_states or self.drivers > 1 or not of_program:
+            return None
+        if friction is not None and not self.sides:
             return None
         code = self._code()
         if code is None:
@@ -99,10 +100,6 @@ class Equation:
         """Made once for a mechanism and a way to solve friction."""
         kept, key = self.system.kept, ("rates", self.system.method)
         if key not in kept:
-            count = kept["evaluations"] = kept.get("evaluations", 0) + self.spent - self._reckoned
-            self._reckoned = self.spent
-            if count < WORTH * (1 + len(self.sides)):  # each pair makes the text longer
-                return None
             kept[key] = rates_of(self.system.equation_program, self.system.friction)
         found: Rates | None = kept[key]
         return found
@@ -112,7 +109,7 @@ class Equation:
         n = 4 if self.sides else 3
         self._last = float(y[0]), float(row[n]), float(row[n + 1])
         each = 3 + len(self.sides) if self.sides else 1  # with those of the force pass
-        self.spend(states * each)
+        self.spend(states)
         self.system._count(states * each, False)
 
     def row(self, t: float, y: Any) -> list[float] | None:
@@ -143,7 +140,6 @@ class Equation:
     def resisted(self, q: float, qd: float, t: float) -> Resisted:
         """Acceleration and friction of the pairs at a state."""
         assert self.system.friction is not None
-        self.spend(2 + len(self.sides))  # of the force pass
         return self.system.friction.at(q, qd, t, self.sides)
 
     def pair_loads(self, t: float, y: Floats) -> Any:

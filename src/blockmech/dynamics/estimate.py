@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from blockmech.dynamics import ends
 from blockmech.dynamics.equation import typical_inertia
-from blockmech.dynamics.motion import INTERRUPTED, TOO_MANY, UNDECIDED, Floats, Motion
+from blockmech.dynamics.motion import Floats, Motion
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def with_rounding(system: System, motion: Motion, target: float | None) -> Motio
 
 def missed(motion: Motion, target: float) -> Motion:
     """The motion, with a note if its error is above the target."""
-    if motion.error <= target or motion.status == "failed" or motion.end == INTERRUPTED:
+    if motion.error <= target or motion.status == "failed" or motion.end == ends.INTERRUPTED:
         return motion
     note = f"accuracy not reached: {motion.error:.1e} instead of {target:.1e}"
     return replace(motion, notes=(*motion.notes, note))
@@ -118,18 +119,18 @@ def refined(
     coarse, setting, best = run(first), first, None
     smallest = math.inf
     while True:
-        if coarse.end in (INTERRUPTED, TOO_MANY):
+        if coarse.end in (ends.INTERRUPTED, ends.TOO_MANY):
             return stopped(coarse, best)
         following = finer(setting, smallest)
         if following is None:
             break
         fine = run(following)
-        if fine.end in (INTERRUPTED, TOO_MANY) and fine.t_end < coarse.t_end:
+        if fine.end in (ends.INTERRUPTED, ends.TOO_MANY) and fine.t_end < coarse.t_end:
             return stopped(fine, best or coarse)
         apart = difference(coarse, fine, rotary, wanted)
         if best is not None and apart.agree and not apart.q < smallest:
             break  # rounding is all that is left
-        if apart.agree or best is None or best.end == UNDECIDED:
+        if apart.agree or best is None or best.end == ends.UNDECIDED:
             best, smallest = judged(coarse, fine, apart, wanted), apart.q
         if apart.agree and best.error <= target:
             break
@@ -156,7 +157,7 @@ def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[flo
     return replace(
         fine,
         status="failed",
-        end=UNDECIDED,
+        end=ends.UNDECIDED,
         t_end=t,
         q_end=float(state.q) if one else state.q,
         qd_end=float(state.qd) if one else state.qd,
@@ -174,9 +175,9 @@ def stopped(motion: Motion, best: Motion | None) -> Motion:
         return replace(motion, error=math.inf, time_error=math.inf, notes=(*motion.notes, note))
     judged = math.isfinite(best.error)
     error = best.error if judged else math.inf
-    if motion.end == TOO_MANY:
+    if motion.end == ends.TOO_MANY:
         return replace(best, error=error)
     words = "by coarser runs" if judged else "not judged by another run"
     note = f"interrupted: the error is {words}"
     notes = (*best.notes, note)
-    return replace(best, status="ended", end=INTERRUPTED, error=error, notes=notes)
+    return replace(best, status="ended", end=ends.INTERRUPTED, error=error, notes=notes)

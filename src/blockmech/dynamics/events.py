@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from blockmech.dynamics import ends
 from blockmech.dynamics.loads import SAME
-from blockmech.dynamics.motion import DEAD_CENTRE, END_STOP, NO_INERTIA, Event, Floats, Motion
+from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
@@ -24,11 +25,7 @@ from blockmech.quality import NEAR as LEAST_MARGIN
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-TURN = 2 * math.pi
 Value: TypeAlias = Callable[[Any, Any], Any]
-
-STANDSTILL, KINK, GOAL = "standstill", "kink", "goal"
-REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
 
 PARTS = 8  # of a step, at whose ends an event is looked at: steps take up to a swing
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
@@ -86,28 +83,22 @@ def general_rules(
     """The rules that hold all along a run; ``closeness``: y -> (margin, relative inertia)."""
     k = len(system.drivers)
     found = [user_rule(w, k) for w in request.watch]
-    limits = ((DEAD_CENTRE, LEAST_MARGIN), (NO_INERTIA, LEAST_INERTIA))
+    limits = ((ends.DEAD_CENTRE, LEAST_MARGIN), (ends.NO_INERTIA, LEAST_INERTIA))
     for i, (kind, least) in enumerate(limits[:1] if k > 1 else limits):
 
         def above(t: float, y: Any, i: int = i, least: float = least) -> float:
             return float(closeness(y)[i]) - least
 
         found.append(EventRule(kind, above, -1, parts=1, dips=True))
-    for i, (driver, ends) in enumerate(zip(system.drivers, system.stops, strict=True)):
-        kind = END_STOP if k == 1 else f"{END_STOP} of {driver}"
-        pairs = zip(ends, (-1, 1), strict=True)
+    for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
+        kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {driver}"
+        pairs = zip(between, (-1, 1), strict=True)
         found += [driver_at(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
     if k > 1:
         return found
-    found += [driver_at(GOAL, q) for q in goal_places(request)]
-    ends_run = request.until.goal in ("standstill", "swings") or system.friction is not None
-    return [*found, EventRule(STANDSTILL, lambda t, y: y[1], terminal=ends_run, many=True)]
-
-
-def goal_places(request: SimulationRequest) -> list[float]:
-    """Coordinates [rad or m] of the only driver at which the goal is met."""
-    goal, value, q = request.until.goal, request.until.value, float(request.start.q)
-    return {"angle": [value], "turns": [q + value * TURN, q - value * TURN]}.get(goal, [])
+    found += [driver_at(ends.GOAL, q) for q in request.places]
+    ends_run = request.standstills < math.inf or system.friction is not None
+    return [*found, EventRule(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run, many=True)]
 
 
 def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventRule]:
@@ -120,7 +111,7 @@ def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[E
     below = [knot for knot in knots if knot < q - near]
     here = [knot for knot in knots if abs(knot - q) <= near]
     chosen = [*sorted(above)[:1], *sorted(below)[-1:], *here[:1]]
-    return [driver_at(KINK, knot) for knot in chosen]
+    return [driver_at(ends.KINK, knot) for knot in chosen]
 
 
 def friction_rules(
@@ -136,10 +127,10 @@ def friction_rules(
         return lambda t, y: part(complex(loads(t, y)[j]))
 
     for j, guide in enumerate(guides):
-        found.append(EventRule(REVERSAL, slip(j), parts=PARTS // 2, index=j))
+        found.append(EventRule(ends.REVERSAL, slip(j), parts=PARTS // 2, index=j))
         if guide:  # of its load N + 2i C/L the larger part counts: kinks where either changes
-            rules = (EventRule(GUIDE_SIDE, load(j, p), parts=1, index=j) for p in (_side, _larger))
-            found += rules
+            kind, parts = ends.GUIDE_SIDE, (_side, _larger)
+            found += [EventRule(kind, load(j, part), parts=1, index=j) for part in parts]
     return found
 
 
@@ -197,7 +188,7 @@ class Lookout:
         near = SAME * max(1.0, float(np.abs(y[0])))
         for i, r in enumerate(rules):
             if (r.kind, r.index) in happened:
-                values[i] = 0.0 if r.kind != KINK or abs(values[i]) <= near else values[i]
+                values[i] = 0.0 if r.kind != ends.KINK or abs(values[i]) <= near else values[i]
         simple = len(spans) == 1 and all(r.many or r.parts == 1 for r in rules)
         return cls(rules, parts, spans, y, values, simple)
 
@@ -206,7 +197,7 @@ class Lookout:
         values, before, self.y = self.values, self.y, y1
         self.values = [rule.value(t1, y1) for rule in self.rules]
         ways = [abs(a - b) / s for a, b, s in zip(y1, before, self.spans, strict=False)]
-        near = min(NEAR, PARTS * TURN * max(ways))  # no margin falls by more on so short a way
+        near = min(NEAR, PARTS * math.tau * max(ways))  # no margin falls by more on so short a way
         quiet = (
             not _turned(a, b, rule.direction) and not (rule.dips and min(a, b) < near)
             for rule, a, b in zip(self.rules, values, self.values, strict=True)

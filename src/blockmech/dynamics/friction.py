@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.binding import bind_functions
-from blockmech.engines.llvm import WarmEngine
+from blockmech.engines.llvm import OneByOne
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
@@ -93,9 +93,9 @@ class MotionProgram:
         return NumpyEngine(self.program)
 
     @cached_property
-    def single(self) -> WarmEngine:
-        """The program on Python numbers."""
-        return WarmEngine(self.program)
+    def single(self) -> OneByOne:
+        """The program at one state."""
+        return OneByOne(self.program)
 
 
 class State(NamedTuple):
@@ -241,11 +241,12 @@ class Rest(NamedTuple):
 class JointFriction:
     """Friction of all pairs of a mechanism with one driver.
 
-    ``count`` is told of evaluations: (samples, whether they are a batch).
+    ``count`` is told of evaluations (samples, whether they are a batch), and says whether single
+    states are machine code's.
     """
 
     def __init__(
-        self, program: MotionProgram, method: Friction, count: Callable[[int, bool], None]
+        self, program: MotionProgram, method: Friction, count: Callable[[int, bool], bool]
     ) -> None:
         self.program, self._count = program, count
         self.names = program.names
@@ -354,8 +355,8 @@ class JointFriction:
         m = len(self.names)
         states = [State(qd=qd, share=1.0, t=t), State(qdd=1.0)]
         states += [State(pair=k) for k in range(m)]
-        self._count(m + 2, False)
-        rows = [self._one(q, state) for state in states]
+        engine = self.program.single.engine(self._count(m + 2, False))
+        rows = [engine.one(self._inputs(q, state)) for state in states]
         margin = min([1.0, *rows[0][1 + 2 * m :]], key=lambda x: (x == x, x))
         try:
             k = self.factors(sides)
@@ -380,12 +381,12 @@ class JointFriction:
         """Signed Coulomb factors (m,) of pairs that slip in some directions."""
         return tuple(-side * float(c) for side, c in zip(sides, self.program.factors, strict=True))
 
-    def _one(self, q: float, state: State) -> tuple[Any, ...]:
+    def _inputs(self, q: float, state: State) -> list[float]:
         given = {"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd, "t": state.t}
         given["load_share"] = state.share
         inputs = self.program.program.inputs
         pair = f"friction_{state.pair}"
-        return self.program.single.one([given.get(x, float(x == pair)) for x in inputs])
+        return [given.get(x, float(x == pair)) for x in inputs]
 
     def rest(self, q: float, t: float = 0.0, size: float = 0.0) -> Rest:
         """What a standstill at q leads to; ``size`` [N m or N] is that of the loads' efforts."""

@@ -16,13 +16,12 @@ from scipy.optimize import brentq
 
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
+from blockmech.loads.actuators import Motor
+from blockmech.loads.constant import Force
 from blockmech.loads.contract import VELOCITY_READS, Element, Following, read_by
-from blockmech.loads.force import Force
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Table
-from blockmech.loads.motor import Motor
-from blockmech.loads.spring import Spring
-from blockmech.loads.torsion_spring import TorsionSpring, twist
+from blockmech.loads.springs import Spring, TorsionSpring, twist
 from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
@@ -32,7 +31,6 @@ from blockmech.plan import NOUGHT, ZERO, Friction
 from blockmech.plane import EPS
 from blockmech.series import SCANNED
 
-TURN = 2 * math.pi
 FREE = Friction("none")
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
 SAME = 1e-12  # relative distance of two places or periods that are one: files have 12 digits
@@ -117,12 +115,12 @@ def period_of(structure: Structure, driver: str) -> float | None:
         if not more:
             return None
         turns = math.lcm(turns, more)
-    return TURN * turns
+    return math.tau * turns
 
 
 def _turns(period: float) -> int:
     """Whole turns [-] after which a period fits; 0 if it never does."""
-    ratio = period / TURN
+    ratio = period / math.tau
     if ratio >= 0.5:
         return round(ratio) if abs(ratio - round(ratio)) <= SAME * ratio else 0
     return 1 if abs(1 / ratio - round(1 / ratio)) <= SAME / ratio else 0
@@ -140,7 +138,7 @@ def time_periods(structure: Structure) -> list[float]:
 def knots_of(structure: Structure, scene: Any, driver: str) -> tuple[float, ...]:
     """Driver coordinates [rad or m] of kinks: of one period from 0, or within reach."""
     period = period_of(structure, driver)
-    span = TURN if structure.driver_joint(driver).rotary else largest_length(structure)
+    span = math.tau if structure.driver_joint(driver).rotary else largest_length(structure)
     low, high = (0.0, period) if period else (-REACH * span, REACH * span)
     found: list[float] = []
     for name, element in structure.elements.items():
@@ -217,12 +215,12 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
 
         def above(x: float, level: float = level) -> float:
             d = float(single.one([x])[0]) - level
-            return math.remainder(d, TURN) if turning else d
+            return math.remainder(d, math.tau) if turning else d
 
         with np.errstate(all="ignore"):
             d = values - level
             if turning:
-                d = np.remainder(d + math.pi, TURN) - math.pi
+                d = np.remainder(d + math.pi, math.tau) - math.pi
             passed = (d[:-1] * d[1:] < 0) & ((np.abs(np.diff(d)) < math.pi) | (not turning))
         found += [float(x) for x in q[d == 0]]
         for i in np.flatnonzero(passed).tolist():

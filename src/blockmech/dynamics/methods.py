@@ -18,36 +18,25 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.loads import SAME
-from blockmech.dynamics.motion import (
-    END_STOP,
-    INTERRUPTED,
-    TOO_MANY,
-    UNDECIDED,
-    Cost,
-    Event,
-    Motion,
-    Status,
-    Still,
-)
+from blockmech.dynamics.motion import Event, Motion, Status
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.rest import equilibrium, start_failure
+from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.steady import steady_motion
 from blockmech.dynamics.time import SOLVERS, in_fixed_steps, in_time
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-BALANCED = 8 * EPS  # of the loads' size: what rounding of a sum of some ten efforts leaves
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
 
@@ -88,7 +77,7 @@ def move(system: System, request: SimulationRequest) -> Motion:
     motion = unmoved(system, request)
     if motion is None:
         motion = _moved(system, request)
-    status: Status = "failed" if motion.end == TOO_MANY else motion.status
+    status: Status = "failed" if motion.end == ends.TOO_MANY else motion.status
     return replace(motion, cost=system.cost, status=status)
 
 
@@ -146,33 +135,6 @@ def refused(where: str, what: str, why: str, valid: Iterable[str]) -> RequestErr
 # -- starts from which nothing moves -------------------------------------------------------
 
 
-def standing(
-    request: SimulationRequest, method: str, status: Status, end: str, **more: Any
-) -> Motion:
-    """A motion that stays at its start."""
-    q, qd, t = request.start
-    fields: dict[str, Any] = {
-        "why": request.why,
-        "regime": "none",
-        "t_end": t,
-        "events": (),
-        "error": 0.0,
-        "time_error": 0.0,
-    }
-    return Motion(
-        method=method,
-        status=status,
-        end=end,
-        t_start=t,
-        q_end=q,
-        qd_end=qd,
-        track=Still(q, qd),
-        accuracy=request.accuracy,
-        cost=Cost(),
-        **(fields | more),
-    )
-
-
 def unmoved(system: System, request: SimulationRequest) -> Motion | None:
     """The motion of a start that stays: no time, a stop, an equilibrium, no pose; else None."""
     if request.until.goal == "steady":
@@ -182,31 +144,33 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
     held = _held_by_stop(system, request)
     if held is not None:
         return held
-    failure = start_failure(system, *request.start) if alone else ""
-    if failure:
-        unknown = {"error": math.inf, "time_error": math.inf}
-        notes = (f"{failure} at the start",)
-        return standing(request, method, "failed", failure, notes=notes, **unknown)
-    if request.until.goal == "time" and request.until.value == 0:
+    failed = failed_start(system, request) if alone else None
+    if failed is not None:
+        return replace(failed, method=method)
+    if request.span == 0:
         why = request.why or "no time is asked for"
-        return standing(request, method, "reached", "time", why=why)
-    along = method in ("none", "energy", "spectral")  # which see to equilibria themselves
-    return _at_equilibrium(system, request, method) if alone and not along else None
+        return replace(request.standing, method=method, why=why)
+    if method in ("none", "energy", "spectral") or not alone or system.friction is not None:
+        return None  # but the path method sees to equilibria itself
+    q, rate, _ = request.start
+    still = not rate and "time" not in system.depends_on and balanced(system, q)
+    return replace(along_path(system, request), method=method) if still else None
 
 
 def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
     """A start that is pressed against an end stop."""
-    at, rates = (np.atleast_1d(x) for x in request.start[:2])
-    for i, (ends, q, rate) in enumerate(zip(system.stops, at, rates, strict=True)):
-        for stop, way in zip(ends, (-1.0, 1.0), strict=True):
+    start = request.start
+    at, rates = (np.atleast_1d(x) for x in start[:2])
+    for i, (between, q, rate) in enumerate(zip(system.stops, at, rates, strict=True)):
+        for stop, way in zip(between, (-1.0, 1.0), strict=True):
             if not (math.isfinite(stop) and abs(q - stop) <= SAME * max(1.0, abs(stop))):
                 continue
             if way * (rate or _push(system, request, i)) > 0:
                 driver = system.drivers[i]
-                end = END_STOP if at.size == 1 else f"{END_STOP} of {driver}"
-                event = Event(end, request.start.t, request.start.q, request.start.rate)
-                more = {"why": "it starts at an end stop that holds it", "regime": END_STOP}
-                return standing(request, "none", "ended", end, events=(event,), **more)
+                end = ends.END_STOP if at.size == 1 else f"{ends.END_STOP} of {driver}"
+                told = (Event(end, start.t, start.q, start.rate),)
+                still = replace(request.standing, why="it starts at an end stop that holds it")
+                return replace(still, regime=ends.END_STOP, status="ended", end=end, events=told)
     return None
 
 
@@ -217,28 +181,6 @@ def _push(system: System, request: SimulationRequest, i: int) -> float:
         return system.friction.rest(q, request.start.t, system.load_size(q)).moves
     qdd, _ = system.acceleration(*request.start)
     return float(np.atleast_1d(qdd)[i])
-
-
-def _at_equilibrium(system: System, request: SimulationRequest, method: str) -> Motion | None:
-    """A start at rest at which the loads do not push."""
-    q, rate, t = request.start
-    if rate or "time" in system.depends_on or system.friction is not None:
-        return None
-    if abs(system.one(q, 0.0, t).tau) > BALANCED * system.load_size(q):
-        return None
-    kind, facts, notes = equilibrium(system, q)
-    timed = request.until.goal == "time"
-    return standing(
-        request,
-        method,
-        "reached" if timed else "rest",
-        "time" if timed else kind,
-        regime="rest",
-        t_end=t + (request.until.value if timed else 0.0),
-        events=(Event("rest", t, q, 0.0),),
-        notes=(kind, *notes),
-        facts=facts,
-    )
 
 
 # -- running -------------------------------------------------------------------------------
@@ -266,7 +208,7 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     }
     for why in (why for why, so in in_steps.items() if so):
         motion = in_time(system, replace(request, why=why), "dop853")
-        if motion.end == TOO_MANY and request.until.goal == "time":
+        if motion.end == ends.TOO_MANY and request.until.goal == "time":
             return in_time(system, replace(request, why=f"{why}; it is stiff"), "radau")
         return motion
     why = "all loads depend on the driver's coordinate alone"
@@ -275,10 +217,12 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     elif "rate" in depends:
         why = "the loads depend on the rate"
     motion = along_path(system, replace(request, why=why))
-    unsure = motion.end in (TOO_MANY, UNDECIDED) or not motion.error < math.inf
+    unsure = motion.end in (ends.TOO_MANY, ends.UNDECIDED) or not motion.error < math.inf
     unsure |= not motion.reached and motion.error > TARGET
-    swings_on = motion.end == TOO_MANY and motion.status == "failed"  # no other method is quicker
-    if unsure and not swings_on and motion.end != INTERRUPTED:
+    swings_on = (
+        motion.end == ends.TOO_MANY and motion.status == "failed"
+    )  # no other method is quicker
+    if unsure and not swings_on and motion.end != ends.INTERRUPTED:
         why = f"along the path: {motion.end}, error {motion.error:.1e}"
         other = in_time(system, replace(request, why=why), "dop853")
         if other.error < motion.error or motion.status == "failed":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,20 +17,7 @@ from blockmech.told import DEGREES, Told
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
 
-# What ends a motion before its goal: names that all methods share.
-END_STOP: Final = "end stop"
-DEAD_CENTRE: Final = "dead centre"
-IMPOSSIBLE: Final = "impossible pose"
-NO_INERTIA: Final = "no inertia"
-UNDEFINED_LOAD: Final = "undefined load"
-INTERRUPTED: Final = "interrupted"  # by the user; what was done is kept
-TOO_MANY: Final = "more evaluations than allowed"
-REST: Final = "rest"
-SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulomb's law
-AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
-UNDECIDED: Final = "not decided"  # two runs that should agree end differently
-
-EVALUATIONS = 500_000  # of kernels, or steps, at most in a run of an integrator; some seconds
+EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 FACT_UNITS: Mapping[str, str] = {
     "swing_time": "s",
     "period": "s",
@@ -116,25 +103,27 @@ class Motion(Told):
     accuracy : the target of ``error``, None if none was given
     reached : whether ``error`` is within the target
     cost : kernel evaluations
+    engine : of single states, "scalar" or "llvm" in the end; "numpy" along the path
     notes : what a reader must know: doubts, targets missed, limits
     facts : further numbers by name (period, work of a period, multiplier ...), see `fact_unit`
     """
 
     method: str
     why: str
-    regime: str
-    status: Status
-    end: str
     t_start: float
     t_end: float
     q_end: Any
     qd_end: Any
-    track: Track = field(repr=False)
-    events: tuple[Event, ...] = field(repr=False)  # there may be thousands
-    error: float
-    time_error: float
+    track: Track
     accuracy: float | None
-    cost: Cost
+    regime: str = "none"
+    status: Status = "reached"
+    end: str = "time"
+    events: tuple[Event, ...] = ()
+    error: float = 0.0
+    time_error: float = 0.0
+    cost: Cost = field(default_factory=Cost)
+    engine: str = "numpy"
     notes: tuple[str, ...] = ()
     facts: Mapping[str, float] = field(default_factory=dict)
 
@@ -151,7 +140,9 @@ class Motion(Told):
         """Lines about its end, method, error and figures; ``unit`` is the coordinates'."""
         lines = [f"{self.status}: {self.end}, after {self.t_end:.12g} s"]
         why = f" ({self.why})" if self.why else ""
-        lines.append(f"method {self.method}{why}, {self.cost.evaluations} kernel evaluations")
+        by = " by machine code" if self.engine == "llvm" else ""
+        cost = f"{self.cost.evaluations} kernel evaluations{by}"
+        lines.append(f"method {self.method}{why}, {cost}")
         if math.isfinite(self.error):
             clock = f", {self.time_error:.1e} s at the end" if self.time_error > 0 else ""
             lines.append(f"estimated error {self.error:.1e} {unit}{clock}")

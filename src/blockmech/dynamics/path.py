@@ -22,26 +22,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.dynamics import ends
 from blockmech.dynamics.ahead import Ahead, At, Obstacle
 from blockmech.dynamics.estimate import ROUNDING, TARGET, difference, judged, stopped, with_rounding
-from blockmech.dynamics.events import STANDSTILL
-from blockmech.dynamics.motion import (
-    AMBIGUOUS,
-    DEAD_CENTRE,
-    END_STOP,
-    INTERRUPTED,
-    REST,
-    SELF_LOCKED,
-    TOO_MANY,
-    UNDECIDED,
-    Event,
-    Motion,
-    Status,
-    Still,
-)
+from blockmech.dynamics.motion import Event, Motion, Status, Still
 from blockmech.dynamics.panels import Panels, joined
-from blockmech.dynamics.repetition import Goals, Repetition, swings, turns
-from blockmech.dynamics.rest import equilibrium, failure_at
+from blockmech.dynamics.repetition import Repetition, swings, turns
+from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.road import CLOSE, Piece, Road
 from blockmech.dynamics.swing import Swing
 from blockmech.dynamics.track import Leg, PathTrack, Pattern
@@ -94,7 +81,7 @@ class PathRun:
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
         self.road = Road(self.system, self.q, self.n, tolerance, 4 * self.off)
         self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
-        self.place_only, self.goals = self.next.place_only, Goals.of(self.request)
+        self.place_only = self.next.place_only
 
     # -- the run ------------------------------------------------------------
 
@@ -111,9 +98,9 @@ class PathRun:
             while not self.end:
                 self.advance()
                 if self.count > MOST:
-                    self.stop(TOO_MANY, "ended")
+                    self.stop(ends.TOO_MANY, "ended")
         except KeyboardInterrupt:
-            self.stop(INTERRUPTED, "ended")
+            self.stop(ends.INTERRUPTED, "ended")
 
     @property
     def at(self) -> At:
@@ -127,7 +114,8 @@ class PathRun:
     def told(self, t: float) -> None:
         """Tell those who follow the progress how far it is [s]."""
         if self.system.progress is not None:
-            self.system.progress("moving", t, self.goals.t if self.goals.t < math.inf else None)
+            span = self.request.span
+            self.system.progress("moving", t, span if span < math.inf else None)
 
     def leave(self) -> None:
         """From a standstill: the direction in which the motion starts, or rest."""
@@ -136,14 +124,14 @@ class PathRun:
         if system.friction is not None:
             found = system.friction.rest(q, 0.0, system.load_size(q))
             if found.ambiguous:
-                self.stop(AMBIGUOUS, "ended")
+                self.stop(ends.AMBIGUOUS, "ended")
             elif found.rests:
                 self.facts.update(holding_low=found.holding[0], holding_high=found.holding[1])
-                self.rest(REST)
+                self.rest(ends.REST)
             self.sign = found.moves
         else:
             tau = float((system.sample(np.array([q])) if self.count else self.start).tau[0])
-            if abs(tau) <= 8 * EPS * system.load_size(q):  # a sum of some ten terms
+            if balanced(system, q, tau):
                 kind, facts, notes = equilibrium(system, q)
                 self.facts.update(facts)
                 self.notes += [kind, *notes]
@@ -153,10 +141,10 @@ class PathRun:
 
     def rest(self, kind: str) -> None:
         """Stay at this place from now on."""
-        self.events.append(Event(REST, self.t, self.q, 0.0))
+        self.events.append(Event(ends.REST, self.t, self.q, 0.0))
         self.regime = "rest"
-        if self.goals.t < math.inf:
-            self.t = self.goals.t
+        if self.request.span < math.inf:
+            self.t = self.request.span
             self.stop("time", "reached")
         else:
             self.stop(kind, "rest")
@@ -164,7 +152,11 @@ class PathRun:
     def advance(self) -> None:
         """One panel further."""
         stop = self.system.stops[0][self.sign > 0]
-        piece = END_STOP if self.sign * (self.q - stop) >= 0 else self.road.ahead(self.q, self.sign)
+        piece = (
+            ends.END_STOP
+            if self.sign * (self.q - stop) >= 0
+            else self.road.ahead(self.q, self.sign)
+        )
         if isinstance(piece, str):
             self.arrive(piece)
             return
@@ -176,7 +168,7 @@ class PathRun:
             elif piece.what_ends(self.sign):
                 self.arrive(piece.what_ends(self.sign))
             return
-        goals = [stop, *self.goals.places]
+        goals = [stop, *self.request.places]
         if self.mark is not None and self.system.period is not None:
             goals.append(self.turned(self.system.period))
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
@@ -188,13 +180,13 @@ class PathRun:
                 self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
             )
         if isinstance(panel, Panels):
-            if panel.t1 > self.goals.t or float(panel.spans.end[-1]) == goal:
-                way = abs(float(panel.state(np.array([self.goals.t]))[0][0]) - self.q)
+            if panel.t1 > self.request.span or float(panel.spans.end[-1]) == goal:
+                way = abs(float(panel.state(np.array([self.request.span]))[0][0]) - self.q)
                 if self.next.kept_clear(self.at, piece, way):
                     return
             self.take(panel)
             self.passed(piece)
-        elif panel.end == STANDSTILL:
+        elif panel.end == ends.STANDSTILL:
             self.K = 0.0
             self.stand()
         elif panel.end:
@@ -224,7 +216,7 @@ class PathRun:
             self.facts["friction_limit"] = by.friction_limit
         self.notes += [by.note] if by.note else []
         self.arrive(by.end)
-        if by.end == SELF_LOCKED and not (self.panels or self.legs):
+        if by.end == ends.SELF_LOCKED and not (self.panels or self.legs):
             self.status = "failed"
 
     def here(self, x: float) -> bool:
@@ -247,12 +239,12 @@ class PathRun:
 
     def passed(self, piece: Piece) -> None:
         """What happens at the end of a panel."""
-        if self.t >= self.goals.t:
-            self.t = self.goals.t
+        if self.t >= self.request.span:
+            self.t = self.request.span
             self.stop("time", "reached")
         elif self.K == 0:
             self.stand()
-        elif any(map(self.here, self.goals.places)):
+        elif any(map(self.here, self.request.places)):
             self.stop(self.request.until.goal, "reached")
         elif self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
             self.arrive(piece.what_ends(self.sign))
@@ -270,36 +262,36 @@ class PathRun:
 
     def stand(self) -> None:
         """A standstill: the goal, or on from there."""
-        self.events.append(Event(STANDSTILL, self.t, self.q, 0.0))
+        self.events.append(Event(ends.STANDSTILL, self.t, self.q, 0.0))
         self.standstills += 1
-        if self.standstills >= self.goals.standstills:
+        if self.standstills >= self.request.standstills:
             if self.regime == "one way":
                 self.regime = "to a standstill"
             self.stop(self.request.until.goal, "reached")
         elif self.place_only and self.mark is not None and self.mark[1].K == 0:
-            self.repeat(swings(self.since_mark(mirrored=True), self.goals, self.standstills))
+            self.repeat(swings(self.since_mark(mirrored=True), self.request, self.standstills))
         elif self.is_too_slow():
             self.notes.append(
                 f"{self.count} panels reach {self.t:.3g} s, at most {MOST} are made: ask for a "
                 'shorter time, or for what it settles to, "steady"'
             )
-            self.stop(TOO_MANY, "failed")
+            self.stop(ends.TOO_MANY, "failed")
         else:
             self.leave()
 
     def is_too_slow(self) -> bool:
         """Whether the time asked for is out of reach of swings that take work each, as these."""
         some, swings_on = self.count > MOST / 8, self.system.friction is None
-        return some and swings_on and math.inf > self.goals.t > self.t * MOST / self.count
+        return some and swings_on and math.inf > self.request.span > self.t * MOST / self.count
 
     def arrive(self, what: str) -> None:
         """The end of the road."""
-        if what == DEAD_CENTRE:
+        if what == ends.DEAD_CENTRE:
             self.facts["dead_centre_time"] = self.request.start.t + self.t
         self.regime = what
-        rate = 0.0 if what == DEAD_CENTRE else self.rate()
+        rate = 0.0 if what == ends.DEAD_CENTRE else self.rate()
         self.events.append(Event(what, self.t, self.q, rate))
-        self.stop(what, "failed" if what == UNDECIDED else "ended")
+        self.stop(what, "failed" if what == ends.UNDECIDED else "ended")
 
     # -- patterns ------------------------------------------------------------
 
@@ -318,7 +310,7 @@ class PathRun:
         self.panels, self.mark, self.regime, self.t = [], None, by.regime, by.t
         self.facts.update(by.facts)
         self.notes += [by.note] if by.note else []
-        self.events += [Event(STANDSTILL, t, q, 0.0) for t, q in by.stands]
+        self.events += [Event(ends.STANDSTILL, t, q, 0.0) for t, q in by.stands]
         if by.many:
             self.q = start.q + by.many * by.pattern.step
             self.K = start.K + by.many * by.pattern.gain
@@ -336,13 +328,13 @@ class PathRun:
         turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
         some = abs(turn.gain) <= 16 * self.rounding * turn.panels.size  # of some panels
         last, self.gained = self.gained, abs(turn.gain)
-        counted = self.goals.t < math.inf or self.goals.places  # the turns to come are
+        counted = self.request.span < math.inf or self.request.places  # the turns to come are
         falling = counted and not self.place_only and 0 < self.gained < last
         if self.system.lossless or (some and not falling):
             turn = replace(turn, gain=0.0)
         found = None
         if start.K > 0 and (self.place_only or not turn.gain):
-            found = turns(turn, self.goals, self.road.tolerance, self.told)
+            found = turns(turn, self.request, self.road.tolerance, self.told)
         if found is None:  # the next turn tells
             self.mark = (len(self.panels), self.at)
         else:
@@ -359,26 +351,21 @@ class PathRun:
             q, qd = self.events[-1].q, self.events[-1].qd
         else:
             q, qd = (float(x[0]) for x in track.state(np.array([t0 + self.t])))
-        if self.end == request.until.goal and any(map(self.here, self.goals.places)):
+        if self.end == request.until.goal and any(map(self.here, self.request.places)):
             q = self.q
         if system.friction is not None:
             self.facts["friction_work"] = math.fsum(leg.taken(self.t) for leg in legs)
-        return Motion(
+        return replace(
+            request.standing,
             method="energy" if self.place_only else "spectral",
-            why=request.why,
             regime=self.regime if self.status != "failed" else "none",
             status=self.status,
             end=self.end,
-            t_start=t0,
             t_end=t0 + self.t,
             q_end=q,
             qd_end=qd,
             track=track,
             events=tuple(e._replace(t=t0 + e.t) for e in self.events),
-            error=math.nan,
-            time_error=0.0,
-            accuracy=request.accuracy,
-            cost=system.cost,
             notes=tuple(self.notes),
             facts=dict(self.facts),
         )
@@ -391,21 +378,17 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     and the work of each panel: where that matters, the data do not tell more.
     """
     start = system.sample(np.array([float(request.start.q)]), float(request.start.rate))
-    failure = failure_at(start)
     run = PathRun(system, request, start, FINE)
-    if failure:
-        run.stop(failure, "failed")
-        return replace(run.motion(), error=math.inf, time_error=math.inf)
     run.run()
     fine = run.motion()
-    if fine.end in (INTERRUPTED, TOO_MANY):
+    if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
         return stopped(fine, None)
     if not run.panels and not run.legs:
-        return replace(fine, error=0.0)
+        return fine
     run = PathRun(system, request, start, COARSE, True)
     run.run()
     coarse = run.motion()
-    if coarse.end in (INTERRUPTED, TOO_MANY) and coarse.t_end < fine.t_end:
+    if coarse.end in (ends.INTERRUPTED, ends.TOO_MANY) and coarse.t_end < fine.t_end:
         return stopped(coarse, fine)
     apart = difference(coarse, fine, system.rotary, request.times)
     found = judged(coarse, fine, apart, request.times)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,6 @@ from scipy.optimize import root
 
 from blockmech.dynamics.estimate import ROUNDING, missed
 from blockmech.dynamics.motion import (
-    Cost,
     Event,
     Floats,
     Motion,
@@ -267,13 +266,11 @@ def _steady(
     t_end = max([t_end, *request.times])
     q, qd = (x[0] for x in track.state(np.array([t_end])))
     one = np.ndim(q) == 0
-    motion = Motion(
+    motion = replace(
+        request.standing,
         method=method,
-        why=request.why,
         regime=regime,
-        status="reached",
         end="steady",
-        t_start=request.start.t,
         t_end=t_end,
         q_end=float(q) if one else q,
         qd_end=float(qd) if one else qd,
@@ -281,8 +278,6 @@ def _steady(
         events=events,
         error=errors[0] + ROUNDING * float(np.max(np.abs(q))),
         time_error=errors[1],
-        accuracy=request.accuracy,
-        cost=Cost(),
         facts=facts,
         notes=notes,
     )

@@ -8,41 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.events import goal_places
-from blockmech.dynamics.motion import TOO_MANY, Status
+from blockmech.dynamics import ends
+from blockmech.dynamics.motion import Status
 from blockmech.dynamics.panels import Floats
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.track import AT_ONCE, Pattern
 from blockmech.series import tail
 
 MOST_TURNS = 2**21  # that gain energy, in a run; some seconds of work
-
-
-@dataclass(frozen=True)
-class Goals:
-    """What ends a run along the path, counted from its start.
-
-    t : [s]; standstills : how many; both infinite where they are not asked for
-    places : [rad or m] driver coordinates
-    """
-
-    kind: str
-    t: float
-    standstills: float
-    places: list[float]
-
-    @classmethod
-    def of(cls, request: SimulationRequest) -> Goals:
-        """Those of a request."""
-        until = request.until
-        wanted = {"standstill": 1.0, "swings": until.value}.get(until.goal, math.inf)
-        t = until.value if until.goal == "time" else math.inf
-        return cls(until.goal, t, wanted, goal_places(request))
 
 
 class Repetition(NamedTuple):
@@ -65,14 +43,14 @@ class Repetition(NamedTuple):
     note: str = ""
 
 
-def swings(swing: Pattern, goals: Goals, done: int) -> Repetition:
+def swings(swing: Pattern, request: SimulationRequest, done: int) -> Repetition:
     """From rest to rest: the motion goes to and fro for ever, as nothing takes energy.
 
     done : standstills until the end of the first swing
     """
     regime, span = "libration", swing.duration
     facts = {"swing_time": span, "period": 2 * span}
-    more = min(goals.standstills - done, (goals.t - swing.t0) / span - 1)
+    more = min(request.standstills - done, (request.span - swing.t0) / span - 1)
     if more == math.inf:
         return Repetition(
             swing, regime, facts, swing.begins(2), f"never reached: {regime}", "ended"
@@ -82,14 +60,14 @@ def swings(swing: Pattern, goals: Goals, done: int) -> Repetition:
     places = float(spans.end[-1]), float(spans.begin[0])
     listed = [*range(1, min(last, AT_ONCE)), last] if last else []
     stands = tuple((swing.begins(n + 1), places[n % 2]) for n in listed)
-    t = goals.t if goals.t < math.inf else swing.begins(last + 1)
+    t = request.span if request.span < math.inf else swing.begins(last + 1)
     note = f"of {last} further standstills {AT_ONCE} are listed" if last > AT_ONCE else ""
-    return Repetition(swing, regime, facts, t, goals.kind, stands=stands, note=note)
+    return Repetition(swing, regime, facts, t, request.until.goal, stands=stands, note=note)
 
 
 def turns(
     turn: Pattern,
-    goals: Goals,
+    request: SimulationRequest,
     tolerance: float,
     told: Callable[[float], None],
 ) -> Repetition | None:
@@ -99,7 +77,7 @@ def turns(
     """
     begin, period, count = float(turn.panels.spans.begin[0]), abs(turn.step), math.inf
     if turn.gain:
-        starts = _starts(turn, goals, tolerance, told)
+        starts = _starts(turn, request, tolerance, told)
         count = starts.size - 1
         if count < 2:
             return None
@@ -109,36 +87,36 @@ def turns(
     else:
         regime = "rotation"
         facts = {"period": turn.duration, "mean_speed": period / turn.duration}
-    ways = [x - begin for x in goals.places if turn.step * (x - begin) > 0]
-    ends = [(turn.at_way(x), goals.kind) for x in ways if x / turn.step <= count]
-    t, goal = min([*ends, (goals.t, "time")])
+    ways = [x - begin for x in request.places if turn.step * (x - begin) > 0]
+    met = [(turn.at_way(x), request.until.goal) for x in ways if x / turn.step <= count]
+    t, goal = min([*met, (request.span, "time")])
     last = turn.begins(int(count)) if count < math.inf else math.inf
     if t <= last and t < math.inf:
         return Repetition(turn, regime, facts, t, goal)
-    if turn.gain >= 0 and goals.t == math.inf and not ways:
+    if turn.gain >= 0 and request.span == math.inf and not ways:
         return Repetition(turn, regime, facts, turn.begins(1), f"never reached: {regime}", "ended")
-    end = TOO_MANY if turn.gain > 0 else ""
+    end = ends.TOO_MANY if turn.gain > 0 else ""
     note = f"{count} turns reach no further" if end else ""
     return Repetition(turn, regime, facts, last, end, "failed", many=int(count), note=note)
 
 
-def _starts(turn: Pattern, goals: Goals, tolerance: float, told: Callable[[float], None]) -> Floats:
+def _starts(turn: Pattern, request: SimulationRequest, tolerance: float, told: Any) -> Floats:
     """When [s] turns like this one begin: while there is energy, or until the goal."""
     begin = float(turn.panels.spans.begin[0])
-    ways = [abs(x - begin) for x in goals.places]
+    ways = [abs(x - begin) for x in request.places]
     if turn.gain < 0:
         most = _resolved(turn, tolerance)
     elif ways:
         most = min(math.ceil(max(ways) / abs(turn.step)) + 1, MOST_TURNS)
     else:
-        most = MOST_TURNS if goals.t < math.inf else 2
+        most = MOST_TURNS if request.span < math.inf else 2
     starts, reached = [np.zeros(1)], turn.t0
     for first in range(0, most, AT_ONCE):
         energies = np.arange(first, min(first + AT_ONCE, most), dtype=np.float64) * turn.gain
         starts.append(starts[-1][-1] + np.cumsum(turn.durations(energies)))
         reached = turn.t0 + float(starts[-1][-1])
         told(reached)
-        if reached >= goals.t:
+        if reached >= request.span:
             break
     return np.concatenate(starts)
 

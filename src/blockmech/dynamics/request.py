@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.motion import Floats
+from blockmech.dynamics.motion import Floats, Motion, Still
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.model.scene import Scene
 
@@ -157,9 +157,28 @@ class SimulationRequest:
     why: str = ""
 
     @property
-    def t_last(self) -> float:
-        """Time [s] at which the run ends at the latest; infinite without a goal in time."""
-        return self.start.t + self.until.value if self.until.goal == "time" else math.inf
+    def standing(self) -> Motion:
+        """The motion that stays at the start; others are this one but for what they know."""
+        q, qd, t = self.start
+        return Motion("none", self.why, t, t, q, qd, Still(q, qd), self.accuracy)
+
+    @property
+    def span(self) -> float:
+        """Time [s] after the start at which the run ends; infinite without a goal in time."""
+        return self.until.value if self.until.goal == "time" else math.inf
+
+    @property
+    def standstills(self) -> float:
+        """How many end the run; infinite where they are not asked for."""
+        counts = {"standstill": 1.0, "swings": self.until.value}
+        return counts.get(self.until.goal, math.inf)
+
+    @property
+    def places(self) -> list[float]:
+        """Coordinates [rad or m] of the only driver at which the goal is met."""
+        value, q = self.until.value, self.start.q
+        turned = [q + value * math.tau, q - value * math.tau]
+        return {"angle": [value], "turns": turned}.get(self.until.goal, [])
 
 
 # -- reading what a user gave --------------------------------------------------------------

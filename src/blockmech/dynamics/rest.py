@@ -1,35 +1,46 @@
-"""Rest: equilibria of one driver, and starts from which there is no motion."""
+"""Rest of one driver: equilibria, starts without a motion, and how long joint friction holds."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import brentq
 
-from blockmech.dynamics.motion import IMPOSSIBLE, NO_INERTIA, UNDEFINED_LOAD
+from blockmech.dynamics import ends, loads
+from blockmech.dynamics.estimate import COMPARED
+from blockmech.dynamics.motion import Motion
+from blockmech.dynamics.request import SimulationRequest
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.system import Sample, System
+    from blockmech.dynamics.system import System
 
 # [rad] or share of the span, of a fourth-order difference: its error is as large as its rounding.
 STEP = EPS ** (1 / 5)
 
 
-def start_failure(system: System, q: float, rate: float, t: float = 0.0) -> str:
-    """Why nothing can start at a place; empty where it can."""
-    return failure_at(system.sample(np.array([q]), rate, t))
-
-
-def failure_at(start: Sample) -> str:
-    """Why nothing can start at a place with that sample; empty where it can."""
-    J, tau, margin = (float(x[0]) for x in start)
+def failed_start(system: System, request: SimulationRequest) -> Motion | None:
+    """The motion of one driver that cannot start, with the reason; None where it can."""
+    q, rate, t = request.start
+    J, tau, margin = (float(x[0]) for x in system.sample(np.array([q]), rate, t))
     if not (margin > 0 and math.isfinite(J)):
-        return IMPOSSIBLE
-    if not J > 0:
-        return NO_INERTIA
-    return "" if math.isfinite(tau) else UNDEFINED_LOAD
+        end = ends.IMPOSSIBLE
+    elif J > 0 and math.isfinite(tau):
+        return None
+    else:
+        end = ends.UNDEFINED_LOAD if J > 0 else ends.NO_INERTIA
+    notes, unknown = (f"{end} at the start",), math.inf
+    still = replace(request.standing, error=unknown, time_error=unknown, notes=notes)
+    return replace(still, status="failed", end=end)
+
+
+def balanced(system: System, q: float, tau: float | None = None) -> bool:
+    """Whether the loads do not push a driver that stands at q; ``tau`` if it is known there."""
+    effort = float(system.sample(np.array([q])).tau[0]) if tau is None else tau
+    return abs(effort) <= 8 * EPS * system.load_size(q)  # rounding of a sum of some ten efforts
 
 
 def equilibrium(system: System, q: float) -> tuple[str, dict[str, float], tuple[str, ...]]:
@@ -51,3 +62,40 @@ def equilibrium(system: System, q: float) -> tuple[str, dict[str, float], tuple[
         note = f"it stays there only in theory: any disturbance grows as exp({rate:.6g} t)"
         return "unstable equilibrium", {"rate": rate}, (note,)
     return "equilibrium", {}, ()
+
+
+def released(
+    system: System, q: float, t: float, t_last: float
+) -> tuple[float | None, tuple[float, float]]:
+    """First time [s] after t at which the loads push beyond what friction holds, and that then.
+
+    None where they do not until ``t_last``, or, if that is infinite, in a period of the loads.
+    Holding: (lowest, highest) driving effort [N m or N]; it moves forward where the highest is
+    negative, backward where the lowest is positive.
+    """
+    friction, size = system.friction, system.load_size(q)
+    assert friction is not None
+
+    def holding(s: float) -> tuple[float, float]:
+        return friction.rest(q, s, size).holding
+
+    def beyond(s: float) -> float:
+        low, high = holding(s)
+        return max(low, -high)
+
+    structure = system.compiled.structure
+    periods = loads.time_periods(structure)
+    if "time" not in system.depends_on:
+        return None, holding(t)
+    latest = t_last if math.isfinite(t_last) else t + max(periods, default=1.0)
+    part = min(periods, default=latest - t) / COMPARED
+    a, kink = t, loads.next_time_kink(structure, t)
+    while a < latest:
+        b = min(a + part, kink, latest)
+        if b == kink:
+            kink = loads.next_time_kink(structure, kink)
+        if beyond(b) > 0:
+            until = b if beyond(a) >= 0 else float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
+            return until, holding(math.nextafter(until, math.inf))
+        a = b
+    return None, holding(latest)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.dynamics.motion import DEAD_CENTRE, IMPOSSIBLE, NO_INERTIA, UNDECIDED, UNDEFINED_LOAD
+from blockmech.dynamics import ends
 from blockmech.dynamics.panels import HALVINGS, Floats, rule
 from blockmech.dynamics.place import (
     MARGIN,
@@ -180,14 +180,14 @@ class Road:
         """What ends the road where no piece is short enough: no pose, or series without an end."""
         sample = self.system.sample(np.array([q]))
         good = bool(sample.possible[0]) and sample.margin[0] > math.sqrt(EPS)
-        return UNDECIDED if good else IMPOSSIBLE
+        return ends.UNDECIDED if good else ends.IMPOSSIBLE
 
     def _limit(self, sign: int, what: str) -> int:
         """Direction in which a piece runs into a dead centre in its own variable.
 
         With friction it does not: before a dead centre the friction has no solution.
         """
-        return sign if what == DEAD_CENTRE and self.system.friction is None else 0
+        return sign if what == ends.DEAD_CENTRE and self.system.friction is None else 0
 
     @cached_property
     def _edges(self) -> list[float]:
@@ -209,13 +209,13 @@ class Road:
 
     def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:
         """The farthest place that a new piece may reach, and what ends the road there."""
-        ends = [p.end(-sign) for p in self.pieces] + self._edges
+        known_ends = [p.end(-sign) for p in self.pieces] + self._edges
         usual = (self.system.period or self.system.span) / PIECES
         known = [x for p in self.pieces for x in (p.data.low, p.data.high)]
         if self.system.period is None and known:  # along a guide they double
             usual = max(usual, max(known) - min(known))
         found = [(x, what) for x, way, what in self.limits if way == sign]
-        found += [(x, "") for x in ends]
+        found += [(x, "") for x in known_ends]
         if self.system.period is None or length < usual:
             found.append((q + sign * min(length, usual), ""))
         near = CLOSE * max(abs(q), abs(self.start))
@@ -261,21 +261,21 @@ class Road:
         """What ends the road between a possible place and the next that is not."""
         sample = self.system.sample(np.array([good, bad]))
         if sample.margin[1] > 0 and np.isfinite(sample.J[1]):
-            return NO_INERTIA if np.isfinite(sample.tau[1]) else UNDEFINED_LOAD
-        return DEAD_CENTRE if sample.margin[0] <= math.sqrt(EPS) else IMPOSSIBLE
+            return ends.NO_INERTIA if np.isfinite(sample.tau[1]) else ends.UNDEFINED_LOAD
+        return ends.DEAD_CENTRE if sample.margin[0] <= math.sqrt(EPS) else ends.IMPOSSIBLE
 
     def _touched(self, data: PlaceData, sign: int) -> tuple[float, str] | None:
         """Where a margin or the inertia touches zero inside a piece; None if neither does."""
         if data.limit:
             return None
         found = []
-        for row, what in ((MARGIN, DEAD_CENTRE), (J, NO_INERTIA)):
+        for row, what in ((MARGIN, ends.DEAD_CENTRE), (J, ends.NO_INERTIA)):
             if data.tails[row] <= self.tolerance:
                 nothing = NOTHING * float(np.abs(data.rows[row]).max())
                 found += [(q, what) for q in data.touches(row, nothing)]
         return min(found, key=lambda x: sign * x[0]) if found else None
 
-    def _piece(self, data: PlaceData, ends: tuple[str, str] = ("", "")) -> Piece:
+    def _piece(self, data: PlaceData, what: tuple[str, str] = ("", "")) -> Piece:
         slips = () if self.system.friction is None else self.system.friction.names
         cuts = [x for k in range(len(slips)) for x in data.zeros(SLIPS + k)]
-        return Piece(data, ends, tuple(x for x in cuts if data.low < x < data.high))
+        return Piece(data, what, tuple(x for x in cuts if data.low < x < data.high))

@@ -15,18 +15,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from blockmech.compiled import compiled_program
+from blockmech.dynamics import ends
 from blockmech.dynamics.along import frictionless, result_along
 from blockmech.dynamics.change_points import system_of
-from blockmech.dynamics.methods import move, standing
-from blockmech.dynamics.motion import (
-    IMPOSSIBLE,
-    INTERRUPTED,
-    TOO_MANY,
-    UNDEFINED_LOAD,
-    Event,
-    Floats,
-    Motion,
-)
+from blockmech.dynamics.methods import move
+from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import (
     Progress,
     SimulationRequest,
@@ -46,12 +40,13 @@ from blockmech.errors import Problem, RequestError, listed
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
-from blockmech.typing import FrictionMethod, MotionMethod, Numbers
+from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
+ENGINES = ("auto", "scalar", "llvm")
 OUTPUTS = 201  # output times where none are named
 ACTIONS = (".couple", ".force")  # outputs of a load
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
@@ -73,6 +68,7 @@ def simulate(
     friction: FrictionMethod | None = None,
     tolerance: float | None = None,
     iterations: int | None = None,
+    engine: EngineName = "auto",
     progress: Progress | None = None,
 ) -> Result:
     """Move a mechanism from its start until something ends the run.
@@ -92,20 +88,25 @@ def simulate(
     want : outputs at the output times
     friction : of the joints: "none", "single", "successive" or "newton" (default)
     tolerance, iterations : of ``successive``, as in a run
+    engine : of the integrators: "scalar", "llvm" (machine code), or "auto": machine code from
+        where this request alone was worth compiling. Path methods work on NumPy's arrays
     progress : told now and then (what is at work, how far it is, the whole or None)
 
     Returns
     -------
-    Result at the output times, with ``motion``: method and why, error estimate,
+    Result at the output times, with ``motion``: method, engine and why, error estimate,
     events, cost, and what ended the run. Output times after the end are left out. An
     interrupted run (Ctrl-C) is returned as far as it came; its end is "interrupted".
 
     Raises
     ------
     RequestError where the scene has no start or one beyond an end stop, no inertia, the
-    method does not apply, or a number cannot be
+    method does not apply, a number or engine cannot be; MissingEngineError without llvmlite
     """
     how = friction_asked(friction, tolerance, iterations)
+    if engine not in ENGINES:
+        found, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
+        raise RequestError(Problem("unknown-engine", "engine", found, valid, ""))
     settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
     told = progress_of(progress)
     wanted = times_of(times)
@@ -121,7 +122,9 @@ def simulate(
     request = SimulationRequest(
         _start(starts), goal, target, method, size, tuple(shown.tolist()), events
     )
-    system = system_of(mechanism, stops=bounds, method=how, progress=told)
+    system = system_of(mechanism, stops=bounds, method=how, progress=told, engine=engine)
+    if engine == "llvm":  # who asks for it by name is told where it cannot be
+        compiled_program(system.equation_program)
     motion = with_undefined_loads(mechanism, _moved(system, request))
     motion = replace(motion, notes=(*motion.notes, *_remarks(system, motion, goal)))
     return _at_times(mechanism, motion, wanted, want, settings)
@@ -138,13 +141,13 @@ def _moved(system: System, request: SimulationRequest) -> Motion:
     except KeyboardInterrupt:  # before there was anything but the start
         steady = request.until.goal == "steady"
         notes = ("interrupted before a steady state was found",) if steady else ()
-        return standing(request, "none", "ended", INTERRUPTED, notes=notes)
+        return replace(request.standing, status="ended", end=ends.INTERRUPTED, notes=notes)
 
 
 def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
     """What else a reader must know of how a run ended."""
     found = []
-    if motion.end == TOO_MANY and goal.goal not in ("time", "steady"):
+    if motion.end == ends.TOO_MANY and goal.goal not in ("time", "steady"):
         met = f"{goal.goal} was not reached in {motion.t_end - motion.t_start:.6g} s"
         found.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
     if goal.forcing and "time" not in system.depends_on:
@@ -209,16 +212,18 @@ def with_undefined_loads(mechanism: Compiled, motion: Motion) -> Motion:
     A method only sees that the equation of motion says nothing further on, as it does where
     links do not reach: tables that end, functions that give NaN, springs of no length.
     """
-    if motion.end not in (IMPOSSIBLE, UNDEFINED_LOAD) and motion.status != "failed":
+    if motion.end not in (ends.IMPOSSIBLE, ends.UNDEFINED_LOAD) and motion.status != "failed":
         return motion
     silent = undefined_loads(mechanism, motion)
     if not silent:
         return motion
     events = [event for event in motion.events if event.kind != motion.end]
     if motion.status != "failed":
-        events.append(Event(UNDEFINED_LOAD, motion.t_end, motion.q_end, motion.qd_end))
+        events.append(Event(ends.UNDEFINED_LOAD, motion.t_end, motion.q_end, motion.qd_end))
     note = f"{listed(silent)} gives no value beyond t = {motion.t_end:.9g} s"
-    return replace(motion, end=UNDEFINED_LOAD, events=tuple(events), notes=(*motion.notes, note))
+    return replace(
+        motion, end=ends.UNDEFINED_LOAD, events=tuple(events), notes=(*motion.notes, note)
+    )
 
 
 def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.motion import DEAD_CENTRE, IMPOSSIBLE, NO_INERTIA, SELF_LOCKED, Floats
+from blockmech.dynamics.motion import Floats
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
 
@@ -36,7 +37,7 @@ def time_left(system: System, kind: str, q: float, qd: float) -> float:
     if len(system.drivers) > 1 or not qd:
         return math.inf
     here = system.one(q)
-    if kind == NO_INERTIA:
+    if kind == ends.NO_INERTIA:
         return abs(here.J / here.dJ / qd) if here.dJ else math.inf
     h = math.copysign(LEAST_MARGIN * NEAR_DEAD_CENTRE, qd)
     fall = (system.one(q - h).margin - here.margin) / abs(h) * abs(qd)
@@ -49,15 +50,17 @@ def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
     margin = equation.closeness(y)[0]
     if not margin > NEAR_DEAD_CENTRE:
         known = margin > 0
-        left = time_left(equation.system, DEAD_CENTRE, float(y[0]), float(y[k])) if known else 0.0
-        return End(DEAD_CENTRE, left)
+        left = (
+            time_left(equation.system, ends.DEAD_CENTRE, float(y[0]), float(y[k])) if known else 0.0
+        )
+        return End(ends.DEAD_CENTRE, left)
     way = np.sign(np.asarray(equation(t, y), dtype=float))
     ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
     later = t + AHEAD * max(abs(t), 1.0)
     if equation.sides and equation.resisted(float(ahead[0]), float(ahead[1]), later).locked:
-        return End(SELF_LOCKED)
+        return End(ends.SELF_LOCKED)
     if np.isfinite(np.asarray(equation(later, ahead), dtype=float)).all():
         return End("the solver's step became too small")
     rate, places = float(np.abs(y[k])), PAST * max(1.0, float(np.abs(y[0])))
     left = PAST * max(abs(t), EPS)  # it comes so near, and steps so short
-    return End(IMPOSSIBLE, left + (places / rate if rate else 0.0))
+    return End(ends.IMPOSSIBLE, left + (places / rate if rate else 0.0))

@@ -27,11 +27,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from blockmech.dynamics import loads
+from blockmech.dynamics import ends, loads
 from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.estimate import TARGET
-from blockmech.dynamics.events import STANDSTILL, watched
-from blockmech.dynamics.motion import IMPOSSIBLE, INTERRUPTED, REST, Floats, Motion
+from blockmech.dynamics.events import watched
+from blockmech.dynamics.motion import Floats, Motion
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.periodic import (
     FLOWS,
@@ -45,6 +45,7 @@ from blockmech.dynamics.periodic import (
     resting,
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
+from blockmech.dynamics.rest import failed_start
 from blockmech.dynamics.time import SOLVERS, Run, in_time
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.loads.contract import Following
@@ -106,7 +107,8 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
         if request.method not in ("auto", "energy"):
             raise no_steady(OWN, 'use method "auto" or "energy"')
         why = "all loads depend on the driver's coordinate alone"
-        motion = along_path(system, replace(request, why=why))
+        asked = replace(request, why=why)
+        motion = failed_start(system, asked) or along_path(system, asked)
         return watched(_conserved(motion, request), request.watch)
     follow = sorted(depends - {"q"}) or ["joint friction"]
     request = replace(request, why=request.why or f"the loads depend on {listed(follow)}")
@@ -120,7 +122,7 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
 
 def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
     """The motion by ``energy`` from the start, if it repeats: its first period."""
-    if motion.status == "failed" or motion.end == INTERRUPTED:
+    if motion.status == "failed" or motion.end == ends.INTERRUPTED:
         return motion
     if motion.regime == "rest":
         return replace(motion, status="reached", end="steady")
@@ -155,7 +157,7 @@ def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
 class Passage(NamedTuple):
     """A way to the next standstill, through a whole turn, or to rest under joint friction."""
 
-    kind: str  # STANDSTILL, TURN or REST
+    kind: str  # ends.STANDSTILL, TURN or ends.REST
     x: Floats
     time: float
 
@@ -179,7 +181,7 @@ class Flow:
         self.speed = scales(self.equation, start.t, np.append(self.x, 0.0))[0]
         self.size = np.repeat([min(span, 1.0), self.speed], self.k)  # of the parts of a state
         if not np.isfinite(self.acceleration(self.x)).all():
-            raise no_steady(f"{IMPOSSIBLE} at the start", "start elsewhere")
+            raise no_steady(f"{ends.IMPOSSIBLE} at the start", "start elsewhere")
 
     def acceleration(self, x: Floats, later: float = 0.0) -> Floats:
         """q'' (k,) at a state, some time [s] after the start."""
@@ -197,7 +199,7 @@ class Flow:
         own = asked.method in SOLVERS and tolerance > FLOWS
         method, rest = asked.method if own else "dop853", SMALL * self.system.span
         motion = Run(self.system, asked, method, tolerance, self.name, rest).motion()
-        if motion.end == INTERRUPTED:
+        if motion.end == ends.INTERRUPTED:
             raise KeyboardInterrupt
         return motion
 
@@ -223,7 +225,7 @@ class Flow:
         time = motion.t_end - motion.t_start
         if motion.end == TURN and far != period:
             raise Lost("a way without end")
-        if motion.end not in (STANDSTILL, TURN, REST):
+        if motion.end not in (ends.STANDSTILL, TURN, ends.REST):
             raise Lost(motion.end, time)
         return Passage(motion.end, np.append(motion.q_end, motion.qd_end), time)
 
@@ -235,7 +237,7 @@ class Flow:
         own = asked.method if asked.method in SOLVERS else "dop853"
         finer = (asked.accuracy or TARGET) / 10  # the gain of the map enlarges it
         motion = in_time(self.system, replace(asked, accuracy=finer), own)
-        if motion.end == INTERRUPTED:
+        if motion.end == ends.INTERRUPTED:
             raise KeyboardInterrupt
         return motion
 
@@ -298,8 +300,8 @@ class Stroboscope:
         self.flow, self.T = flow, T
         k, system = flow.k, flow.system
         self.turns = np.zeros(2 * k)
-        for i, (driver, ends) in enumerate(zip(system.drivers, system.stops, strict=True)):
-            if not any(map(math.isfinite, ends)):
+        for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
+            if not any(map(math.isfinite, between)):
                 self.turns[i] = loads.period_of(system.compiled.structure, driver) or 0.0
         self._check_period()
         self.cyclic = [i for i in range(k) if self._is_cyclic(i)]
@@ -317,7 +319,7 @@ class Stroboscope:
     def _is_cyclic(self, i: int) -> bool:
         flow = self.flow
         x = flow.x + flow.size * (np.arange(2 * flow.k) >= flow.k)
-        radian = flow.system.span / loads.TURN * np.eye(2 * flow.k)[i]  # or as much of a slide
+        radian = flow.system.span / math.tau * np.eye(2 * flow.k)[i]  # or as much of a slide
         here = flow.acceleration(x)
         there = [flow.acceleration(x + j * radian) for j in (1, 2, 3)]
         return bool(np.abs(np.array(there) - here).max() <= NONE * (np.abs(here).max() + EPS))
@@ -419,7 +421,7 @@ def _settled(flow: Flow) -> Motion:
             if rest is not None:
                 return rest
             if several:
-                time = flow.system.span / flow.speed * loads.TURN
+                time = flow.system.span / flow.speed * math.tau
                 x, clock = flow.after(x, time), clock + time
                 continue
             way = flow.passage(x)
@@ -487,11 +489,11 @@ def _stopping(flow: Flow, x: Floats, found: Equilibrium) -> Equilibrium:
 def _friction_rest(flow: Flow, way: Passage) -> Motion | None:
     """Where joint friction holds the driver, by the motion from the start itself."""
     swings_out = flow.system.friction is not None and flow.system.depends_on <= {"q"}
-    if way.kind != REST and not (swings_out and way.kind == STANDSTILL):
+    if way.kind != ends.REST and not (swings_out and way.kind == ends.STANDSTILL):
         return None
     asked = replace(flow.request, until=Until("swings", float(COMMON)), watch=())
     motion = along_path(flow.system, asked)
-    if motion.end != REST:
+    if motion.end != ends.REST:
         return None
     facts = {name: x for name, x in motion.facts.items() if name.startswith("holding")}
     note = "at rest where joint friction holds it"
@@ -504,7 +506,7 @@ def _cycle_from(flow: Flow, x: Floats, way: Passage) -> Motion | None:
     Between standstills the map takes the place of one to the next on the same side, between
     turns the rate at the begin of one to that of the next.
     """
-    swings = way.kind == STANDSTILL
+    swings = way.kind == ends.STANDSTILL
     if swings != (x[1] == 0):
         return None
     begin, free, centre = x.copy(), 0 if swings else 1, None
@@ -540,7 +542,7 @@ def _cycle_from(flow: Flow, x: Floats, way: Passage) -> Motion | None:
     if point is None:
         return None
     period = flow.system.period or 0.0
-    until = Until("swings", 2.0) if swings else Until("turns", period / loads.TURN)
+    until = Until("swings", 2.0) if swings else Until("turns", period / math.tau)
     shift = np.array([0.0 if swings else math.copysign(period, near)])
     told = () if swings else (f"found from the speed {near:.6g} at the start of a turn",)
     return repeated(point, flow.once(point.x, until), shift, flow.request, flow.name, told)

@@ -28,8 +28,9 @@ from blockmech.dynamics import loads
 from blockmech.dynamics.friction import JointFriction, MotionProgram
 from blockmech.dynamics.motion import Cost
 from blockmech.dynamics.table import PlaceTable
-from blockmech.engines.llvm import WarmEngine
+from blockmech.engines.llvm import WORTH, LlvmEngine, OneByOne
 from blockmech.engines.numpy import NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes import forward, reduction
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
 
 Floats: TypeAlias = NDArray[np.float64]
 T = TypeVar("T")
-TURN = 2 * math.pi
 FREE = Friction("none")
 REPORTED = 64  # evaluations between two words of progress: some milliseconds of work
 
@@ -112,7 +112,7 @@ class Programs:
         return program, NumpyEngine(program)
 
     @cached_property
-    def equation(self) -> tuple[Program, WarmEngine]:
+    def equation(self) -> OneByOne:
         """M, Q, c (one driver: dJ/dq), then the margins, at one state."""
         s = self._schedule()
         drivers = self.drivers
@@ -120,8 +120,7 @@ class Programs:
         Q = [s.ask(reduction.reduced_load, k) for k in drivers]
         rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
         c = [s.ask(rule, k) for k in drivers]
-        program = s.program([*M, *Q, *c, *margins(s)])
-        return program, WarmEngine(program)
+        return OneByOne(s.program([*M, *Q, *c, *margins(s)]))
 
     @cached_property
     def friction(self) -> MotionProgram | None:
@@ -164,15 +163,19 @@ class System:
     ----------
     stops : (low, high) end stops of each driver, infinite where there is none
     method : how joint friction is solved; None where it is left out or there is none
+    engine : of single states: "scalar", "llvm" (machine code), or "auto": machine code once
+        this system was asked for so many that compiling pays
     """
 
     compiled: Source
     stops: tuple[tuple[float, float], ...] = ()
     method: Friction | None = None
     progress: Progress | None = None
+    engine: str = "auto"
     samples: int = 0
     calls: int = 0
     singles: int = 0
+    states: int = 0  # of integrations, from whatever they are
     _programs: Programs = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -210,7 +213,7 @@ class System:
     @cached_property
     def span(self) -> float:
         """A length [rad or m] over which things change."""
-        return TURN if self.rotary[0] else loads.largest_length(self.compiled.structure)
+        return math.tau if self.rotary[0] else loads.largest_length(self.compiled.structure)
 
     @cached_property
     def table(self) -> PlaceTable | None:
@@ -234,7 +237,7 @@ class System:
     @property
     def equation_program(self) -> Program:
         """The program of the equation of motion at one state."""
-        return self._programs.equation[0]
+        return self._programs.equation.program
 
     @property
     def kept(self) -> dict[Any, Any]:
@@ -275,9 +278,7 @@ class System:
 
     def one(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
         """One state of one driver."""
-        program, engine = self._programs.equation
-        self._count(1, False)
-        J, tau, dJ, *rest = engine.one(inputs(program, {"q_0": q, "qd_0": qd, "t": t}))
+        J, tau, dJ, *rest = self._single({"q_0": q, "qd_0": qd, "t": t})
         return One(J, tau, dJ, least(rest))
 
     def with_slopes(self, q: Floats) -> Floats:
@@ -292,13 +293,11 @@ class System:
 
     def terms(self, q: Floats, qd: Floats, t: float = 0.0) -> Terms:
         """The equation of motion of several drivers at one state."""
-        program, engine = self._programs.equation
-        self._count(1, False)
         k = len(self.drivers)
         given: dict[str, float] = {"t": t}
         for i in range(k):
             given[f"q_{i}"], given[f"qd_{i}"] = float(q[i]), float(qd[i])
-        values = engine.one(inputs(program, given))
+        values = self._single(given)
         M = np.array(values[: k * k]).reshape(k, k)
         Q, c = np.array(values[k * k : k * k + k]), np.array(values[k * k + k : k * k + 2 * k])
         return Terms(M, c, Q, least(values[k * k + 2 * k :]))
@@ -320,7 +319,23 @@ class System:
         M, c, Q, margin = self.terms(q, qd, t)
         return solved(M, Q - c), margin
 
-    def _count(self, samples: int, batch: bool) -> None:
+    def _single(self, given: Mapping[str, float]) -> tuple[Any, ...]:
+        """Values of the program of the equation of motion at one state."""
+        self._count(1, False)
+        return self.engine_of_states.one(inputs(self.equation_program, given))
+
+    @property
+    def engine_of_states(self) -> ScalarEngine | LlvmEngine:
+        """What says the equation of motion at single states."""
+        return self._programs.equation.engine(self.compiled_states)
+
+    @property
+    def compiled_states(self) -> bool:
+        """Whether machine code is asked for single states, where there can be some."""
+        worth = self.engine == "auto" and self.singles + self.states > WORTH
+        return worth or self.engine == "llvm"
+
+    def _count(self, samples: int, batch: bool) -> bool:
         before = self.samples + self.singles
         if batch:
             self.samples += samples
@@ -330,6 +345,7 @@ class System:
         after = self.samples + self.singles
         if self.progress is not None and before // REPORTED != after // REPORTED:
             self.progress("computing", float(after), None)
+        return self.compiled_states
 
 
 def solved(M: Floats, Q: Floats) -> Floats:

@@ -45,8 +45,10 @@ class PlaceTable:
         self._rates = "rate" in system.depends_on
         self._kinks = np.array([x % period for x in system.knots])
         self._largest = 0.0  # effort
-        cells = self._made(np.zeros(1), period, CUTS)
-        self._cells = [*cells, cells[0]]  # rounding may put a place on the end
+        if "cells" not in system.kept:
+            cells = self._made(np.zeros(1), period, CUTS)
+            system.kept["cells"] = [*cells, cells[0]]  # rounding may put a place on the end
+        self._cells = system.kept["cells"]
 
     def _made(self, begin: Floats, width: float, cuts: tuple[int, ...]) -> list[Any]:
         """Cells of what begins at some places; of a poor one a list of its parts, or None.

@@ -14,24 +14,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.integrate import LSODA, OdeSolution, Radau
 
-from blockmech.dynamics import loads
+from blockmech.dynamics import ends, loads
 from blockmech.dynamics.dop853 import Dop853, Step, interpolated
 from blockmech.dynamics.equation import Equation, TooMany, scales
 from blockmech.dynamics.estimate import COMPARED, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
-    GOAL,
-    GUIDE_SIDE,
-    KINK,
     PARTS,
-    REVERSAL,
-    STANDSTILL,
-    TURN,
     EventRule,
     Hit,
     Lookout,
     friction_rules,
     general_rules,
-    goal_places,
     kink_rules,
 )
 from blockmech.dynamics.fixed_steps import (
@@ -41,25 +34,9 @@ from blockmech.dynamics.fixed_steps import (
     checked_step,
     judged_by_half,
 )
-from blockmech.dynamics.holding import released
-from blockmech.dynamics.motion import (
-    AMBIGUOUS,
-    DEAD_CENTRE,
-    EVALUATIONS,
-    IMPOSSIBLE,
-    INTERRUPTED,
-    NO_INERTIA,
-    REST,
-    SELF_LOCKED,
-    TOO_MANY,
-    Event,
-    Floats,
-    Motion,
-    State,
-    Status,
-    Still,
-)
+from blockmech.dynamics.motion import EVALUATIONS, Event, Floats, Motion, State, Status, Still
 from blockmech.dynamics.request import SimulationRequest
+from blockmech.dynamics.rest import released
 from blockmech.dynamics.singular import AHEAD, PAST, End, time_left, what_is_ahead
 from blockmech.plane import EPS
 
@@ -135,7 +112,7 @@ class Run:
         self.equation = Equation(self.system, q, EVALUATIONS)
         if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
-        self.t_max = min(self.request.t_last, self.request.start.t + FOREVER)
+        self.t_max = self.request.start.t + min(self.request.span, FOREVER)
         self.swing_from = float(self.y[0])
         self.asked = self.method
 
@@ -150,9 +127,9 @@ class Run:
             while verdict is None:
                 verdict = self._segment()
         except KeyboardInterrupt:  # what is done so far is kept
-            verdict = Verdict("ended", INTERRUPTED)
+            verdict = Verdict("ended", ends.INTERRUPTED)
         except TooMany:
-            verdict = Verdict("failed", TOO_MANY)
+            verdict = Verdict("failed", ends.TOO_MANY)
         return self._told(start, verdict)
 
     def _told(self, start: Floats, verdict: Verdict) -> Motion:
@@ -161,19 +138,18 @@ class Run:
         self._balance(start)
         if self.asked == "euler_q" and self.method != self.asked:  # so near it comes itself
             self.left += self.longest
-        if verdict.end in (SELF_LOCKED, AMBIGUOUS):
+        if verdict.end in (ends.SELF_LOCKED, ends.AMBIGUOUS):
             self.notes.append(f"{verdict.end}: t = {self.t:.9g} s, q = {q:.9g}, rate = {qd:.9g}")
         if self.method != self.asked and verdict.status == "reached":
             self.notes.append(f"{self.asked} gave up on the way, {self.method} went on")
         solution = OdeSolution(self.times, self.pieces) if self.pieces else None
         fixed = self.asked in STEPPERS
-        return Motion(
+        return replace(
+            self.request.standing,
             method=self.asked,
-            why=self.request.why,
-            regime="fixed steps" if fixed else "rest" if verdict.end == REST else "integrated",
+            regime="fixed steps" if fixed else "rest" if verdict.end == ends.REST else "integrated",
             status=verdict.status,
             end=verdict.end,
-            t_start=self.request.start.t,
             t_end=self.t,
             q_end=q,
             qd_end=qd,
@@ -181,8 +157,8 @@ class Run:
             events=tuple(self.events),
             error=math.inf,
             time_error=2 * self.left,
-            accuracy=self.request.accuracy,
             cost=self.system.cost,
+            engine=self.system.engine_of_states.name,
             notes=tuple(self.notes),
             facts=self.facts | ({} if fixed else {"tolerance": self.tolerance}),
         )
@@ -235,7 +211,7 @@ class Run:
         spans = [self.system.span]
         if self.equation.drivers > 1:
             length = loads.largest_length
-            spans = [TURN if turns else length(structure) for turns in self.system.rotary]
+            spans = [math.tau if turns else length(structure) for turns in self.system.rotary]
         lookout = Lookout.at(self._rules(), parts, spans, self.t, self.y, self._happened())
         self.fired = None
         hit = self._integrated(lookout, bound)
@@ -248,7 +224,7 @@ class Run:
         friction, fired = self.system.friction, self.fired
         found = set() if fired is None else {(fired.kind, fired.index)}
         if friction is not None:
-            found |= {(REVERSAL, j) for j in friction.reversing(float(self.y[0]))}
+            found |= {(ends.REVERSAL, j) for j in friction.reversing(float(self.y[0]))}
         return found
 
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
@@ -260,9 +236,14 @@ class Run:
         if self.method != "radau":  # SciPy's takes one number only
             rtol = np.array([FLOOR] * k + [rtol] * (y.size - k))
         atol = np.array([tol] * k + [tol * speed] * k + [tol * work] * (y.size - 2 * k))
-        return SOLVERS[self.method](
+        solver = SOLVERS[self.method](
             self.equation, t, y, bound, rtol=rtol, atol=atol, max_step=longest
         )
+        if self.method == "radau":
+            # SciPy's iterates to 10 EPS, every step to the same side: no finer run would show it.
+            # This falls with the tolerance, to 10 EPS at the finest.
+            solver.newton_tol = max(solver.newton_tol, math.sqrt(EPS / rtol))
+        return solver
 
     def _stepped(self, solver: Any) -> Any:
         """Dense output of one more step; None where there is no step."""
@@ -332,7 +313,7 @@ class Run:
         goal, value = self.request.until.goal, self.request.until.value
         q0 = float(np.atleast_1d(self.request.start.q)[0])
         if goal == "turns":
-            return abs(float(self.y[0]) - q0) / TURN, value
+            return abs(float(self.y[0]) - q0) / math.tau, value
         if goal == "angle":
             return abs(float(self.y[0]) - q0), abs(value - q0)
         return self.t - self.request.start.t, value if goal == "time" else None
@@ -340,10 +321,10 @@ class Run:
     def _note(self, hits: list[Hit], dense: Any) -> None:
         k = self.equation.drivers
         for hit in hits:
-            if hit.rule.kind in (KINK, GOAL, GUIDE_SIDE):
+            if hit.rule.kind in (ends.KINK, ends.GOAL, ends.GUIDE_SIDE):
                 continue
             y = np.array(dense(hit.t))
-            if hit.rule.kind == STANDSTILL:
+            if hit.rule.kind == ends.STANDSTILL:
                 y[1] = 0.0
             q, qd = (float(y[0]), float(y[1])) if k == 1 else (y[:k], y[k : 2 * k])
             self.events.append(Event(hit.rule.kind, float(hit.t), q, qd))
@@ -353,37 +334,36 @@ class Run:
     def _met(self, hit: Hit) -> Verdict | None:
         """Why the run is over by the event that ended a segment, or None."""
         rule = self.fired = hit.rule
-        if rule.kind == KINK:
+        if rule.kind == ends.KINK:
             self._past_kink()
-        elif rule.kind == REVERSAL:  # and whatever pairs reverse at the same place
+        elif rule.kind == ends.REVERSAL:  # and whatever pairs reverse at the same place
             old, beyond = self.equation.sides[rule.index], self._sides()
             self.equation.sides = tuple(
                 -old if i == rule.index else s for i, s in enumerate(beyond)
             )
-        elif rule.kind == STANDSTILL:
+        elif rule.kind == ends.STANDSTILL:
             return self._stood()
-        elif rule.kind in (DEAD_CENTRE, NO_INERTIA):
+        elif rule.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
             q, qd = float(self.y[0]), float(self.y[1])
             left = time_left(self.system, rule.kind, q, qd)
             return Verdict("ended", self._met_end(End(rule.kind, left)))
-        elif rule.kind == GOAL:
+        elif rule.kind == ends.GOAL:
             return Verdict("reached", self.request.until.goal)
-        elif rule.kind != GUIDE_SIDE:
+        elif rule.kind != ends.GUIDE_SIDE:
             own = any(rule.kind == w.name and w.terminal for w in self.request.watch)
             return Verdict("reached" if own else "ended", rule.kind)
         return None
 
     def _stood(self) -> Verdict | None:
-        goal, value = self.request.until.goal, self.request.until.value
         self.y[1] = 0.0
         self.standstills += 1
         swing, self.swing_from = abs(float(self.y[0]) - self.swing_from), float(self.y[0])
-        wanted = {"standstill": 1, "swings": int(value)}.get(goal, 0)
-        if self.standstills == wanted:
-            return Verdict("reached", goal)
+        if self.standstills >= self.request.standstills:
+            return Verdict("reached", self.request.until.goal)
         if self.system.friction is not None:
             return self._from_rest()
-        return Verdict("ended", REST) if wanted and swing <= self.rest else None
+        counted = self.request.standstills < math.inf
+        return Verdict("ended", ends.REST) if counted and swing <= self.rest else None
 
     def _past_kink(self) -> None:
         """Go on to the far side of a kink, if there is one: else the load ends there.
@@ -406,14 +386,14 @@ class Run:
         found = friction.rest(q, self.t, self.system.load_size(q))
         low, high = found.holding
         if found.ambiguous:
-            return Verdict("failed", AMBIGUOUS)
+            return Verdict("failed", ends.AMBIGUOUS)
         if found.rests:
-            self.events.append(Event(REST, self.t, q, 0.0))
+            self.events.append(Event(ends.REST, self.t, q, 0.0))
             self.facts |= {"holding_low": low, "holding_high": high}
-            until, (low, high) = released(self.system, q, self.t, self.request.t_last)
-            timed = self.request.until.goal == "time"
-            if until is None and not timed:
-                return Verdict("ended" if self.pieces else "rest", REST)
+            span = self.request.span
+            until, (low, high) = released(self.system, q, self.t, self.request.start.t + span)
+            if until is None and span == math.inf:
+                return Verdict("ended" if self.pieces else "rest", ends.REST)
             until = self.t_max if until is None else until
             still = self.y.copy()
             self._took(until, still, lambda t: np.multiply.outer(still, np.ones_like(t)))
@@ -426,13 +406,15 @@ class Run:
             self.method = "dop853"  # which comes as near as one can to where there is no pose
             return None
         end = self._met_end(what_is_ahead(self.equation, self.t, self.y))
-        known = end in (DEAD_CENTRE, IMPOSSIBLE) or (end == SELF_LOCKED and self.pieces)
+        known = end in (ends.DEAD_CENTRE, ends.IMPOSSIBLE) or (
+            end == ends.SELF_LOCKED and self.pieces
+        )
         return Verdict("ended" if known else "failed", end)
 
     def _met_end(self, end: End) -> str:
         """Keep what is known of an end that the run stops short of."""
         self.left = end.left
-        if end.kind in (DEAD_CENTRE, NO_INERTIA) and math.isfinite(end.left):
+        if end.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA) and math.isfinite(end.left):
             self.facts[f"{end.kind.replace(' ', '_')}_time"] = self.t + end.left
         return end.kind
 
@@ -467,13 +449,12 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
 
 def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> Motion:
     """The motion by a scheme of the textbooks, its error told by a second run of half the step."""
-    t, q = request.start.t, np.atleast_1d(request.start.q)
     if method == "rk4":
-        whole = request.t_last - t
+        whole = request.span
         step = request.step or 5 * STEP * (whole if math.isfinite(whole) else 1.0)
         unit = "time_step"
     else:
-        whole = max((abs(place - q[0]) for place in goal_places(request)), default=math.inf)
+        whole = max((abs(q - request.start.q) for q in request.places), default=math.inf)
         step = request.step or STEP * (1.0 if system.rotary[0] else system.span)
         unit = "coordinate_step"
     checked_step(step, whole)

@@ -18,6 +18,7 @@ import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import CHUNK, Planar, leaves
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.trace import Trace, filled, numbers
-from blockmech.errors import MissingEngineError, Problem
+from blockmech.errors import MissingEngineError, needed
 from blockmech.plan import Program
 
 Array = NDArray[np.float64]
@@ -231,35 +232,24 @@ def _mapped(value: Any, read: Any) -> Any:
     return Planar(read(value.real), read(value.imag)) if isinstance(value, Planar) else read(value)
 
 
-class WarmEngine:
-    """A program that is asked for one sample after the other, as an integrator asks.
-
-    By the scalar engine until compiling pays, by machine code after: nobody sees the change
-    but the clock.
-    """
-
-    one: Callable[[Sequence[float]], tuple[Any, ...]]
-    """Values of one sample; see `ScalarEngine.one`."""
+class OneByOne:
+    """A program that is asked for one sample after the other, as an integrator asks."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
         self._scalar = ScalarEngine(program)
-        self._left = WORTH
-        self.one = self._counted
 
-    def _counted(self, inputs: Sequence[float]) -> tuple[Any, ...]:
-        self._left -= 1
-        if self._left <= 0:
-            self.one = self._scalar.one
-            self.one = self._compiled()
-        return self._scalar.one(inputs)
-
-    def _compiled(self) -> Callable[[Sequence[float]], tuple[Any, ...]]:
+    @cached_property
+    def _compiled(self) -> ScalarEngine | LlvmEngine:
         """Machine code where there can be some."""
         try:
-            return LlvmEngine(self.program).one
+            return LlvmEngine(self.program)
         except (Untraceable, MissingEngineError):
-            return self._scalar.one
+            return self._scalar
+
+    def engine(self, compiled: bool) -> ScalarEngine | LlvmEngine:
+        """The interpreted one, or machine code."""
+        return self._compiled if compiled else self._scalar
 
 
 # -- machine code ------------------------------------------------------------------
@@ -299,18 +289,7 @@ def machine_code(text: str, name: str, kind: Any) -> Code:
 @functools.cache
 def _package() -> Any:
     """llvmlite's binding, ready for this processor."""
-    try:
-        import llvmlite.binding as llvm
-    except ImportError:
-        raise MissingEngineError(
-            Problem(
-                "missing-engine",
-                "engine",
-                'engine="llvm" needs llvmlite',
-                "",
-                'install "blockmech[fast]"',
-            )
-        ) from None
+    llvm = needed("llvmlite.binding", 'engine="llvm"', "fast")
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)  # the one of Python's math

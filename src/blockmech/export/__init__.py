@@ -11,7 +11,7 @@ from typing import Any
 from blockmech.export.columns import AnyPath, Column, Labelled, columns
 from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz
 from blockmech.export.schema import result_schema
-from blockmech.export.spreadsheet import csv_chunks, to_csv, write_csv
+from blockmech.export.spreadsheet import csv_chunks, csv_of, to_csv, write_csv
 from blockmech.export.tables import aligned, gap_lines, html_table, leading, table
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "aligned",
     "columns",
     "csv_chunks",
+    "csv_of",
     "gap_lines",
     "html_table",
     "json_chunks",

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic_core import to_json
 
-from blockmech.errors import MissingEngineError, Problem
-from blockmech.export.columns import Labelled, columns
+from blockmech.errors import needed
+from blockmech.export.columns import Column, Labelled, columns
 from blockmech.files import AnyPath, writing
 
 FORMAT, VERSION = "blockmech/result", 1
@@ -73,22 +73,15 @@ def to_dataframe(result: Labelled) -> Any:
 
     Raises `MissingEngineError` without pandas.
     """
-    try:
-        import pandas as pd
-    except ImportError as error:
-        raise MissingEngineError(
-            Problem(
-                "missing-package",
-                "to_dataframe",
-                "pandas is not installed",
-                "",
-                "pip install pandas, or use to_csv or to_npz",
-            )
-        ) from error
-    found = columns(result)
-    frame = pd.DataFrame({column.name: column.values for column in found})
-    frame["status"] = list(result.quality.status)
-    frame.attrs["units"] = {column.name: column.unit for column in found}
+    return dataframe(columns(result), result.quality.status)
+
+
+def dataframe(table: Sequence[Column], status: Sequence[str]) -> Any:
+    """Columns and a last one of words as a pandas DataFrame; see `to_dataframe`."""
+    pandas = needed("pandas", "to_dataframe", "study", "to_csv needs nothing")
+    frame = pandas.DataFrame({column.name: column.values for column in table})
+    frame["status"] = list(status)
+    frame.attrs["units"] = {column.name: column.unit for column in table}
     return frame
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from pydantic_core import to_json
@@ -59,6 +60,20 @@ def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
             if i == 0 and not chunk.isascii():
                 stream.write(BYTE_ORDER_MARK)
             stream.write(chunk.encode())
+
+
+def csv_of(head: Sequence[str], rows: Iterable[Iterable[Any]], path: AnyPath | None = None) -> str:
+    """CSV text of a table, written if a path is given; a cell without a number is empty.
+
+    Numbers read back to the last bit. Raises `RequestError` where the place cannot be written.
+    """
+    stream = io.StringIO()
+    write = csv.writer(stream, lineterminator="\n")
+    write.writerow(head)
+    write.writerows(["" if x != x else x for x in row] for row in rows)
+    if path is not None:
+        write_csv([stream.getvalue()], path)
+    return stream.getvalue()
 
 
 def _chunks(result: Labelled, separator: str, decimal: str, degrees: bool) -> Iterator[str]:

@@ -1,13 +1,10 @@
 """Loads that a machine has, as elements wired to markers; importing registers them."""
 
 from blockmech.loads import laws
+from blockmech.loads.actuators import Motor, Thrust
+from blockmech.loads.constant import Couple, Force
 from blockmech.loads.contract import Element, Following, Terminal
-from blockmech.loads.couple import Couple
-from blockmech.loads.force import Force
-from blockmech.loads.motor import Motor
-from blockmech.loads.spring import Spring
-from blockmech.loads.thrust import Thrust
-from blockmech.loads.torsion_spring import TorsionSpring
+from blockmech.loads.springs import Spring, TorsionSpring
 
 __all__ = [
     "Couple",

@@ -35,7 +35,7 @@ from blockmech.blocks.block import Block, Mistake, refuse
 from blockmech.errors import listed
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
-from blockmech.values import mistake
+from blockmech.values import Axis, mistake
 
 Reads: TypeAlias = Mapping[str, tuple[str, ...]]
 """What is read at each terminal, or under the keys "driver" and "time"."""
@@ -104,17 +104,16 @@ class Following(Element):
     ``own_symbol`` in a picture.
     """
 
-    sized: ClassVar[tuple[str, ...]] = ("law",)
     own_coordinate: ClassVar[str] = ""
     own_symbol: ClassVar[str] = ""
 
     law: LawGiven
     driver: str | None = None
 
-    @property
-    def unit(self) -> str:
-        """Unit of the law's sizes."""
-        return next(iter(self.terminals.values())).unit
+    def axis(self, outside: Axis) -> Axis:
+        """What the law gives, along the driver's coordinate or the element's own."""
+        own = Axis.of("P" if next(iter(self.terminals.values())).kind == "point" else "R")
+        return own._replace(coordinate=outside.known.get(self.driver or "", own).coordinate)
 
     @field_validator("law", mode="wrap")
     @classmethod

@@ -79,12 +79,7 @@ class Function:
     def _refused(self, found: str, given: Iterable[float]) -> RequestError:
         name = getattr(self.call, "__name__", "function")
         at = ", ".join(f"{what} = {x:.9g}" for what, x in zip(self.of, given, strict=True))
-        remedy = (
-            f"give a number, or {math.nan} where there is no answer: "
-            "a load is also asked where the motion may never come"
-        )
-        return RequestError(
-            Problem(
-                "user-function", f"{name}({', '.join(self.of)})", f"{found}, at {at}", "", remedy
-            )
-        )
+        remedy = f"give a number, or {math.nan} where there is no answer: "
+        remedy += "a load is also asked where the motion may never come"
+        where = f"{name}({', '.join(self.of)})"
+        return RequestError(Problem("user-function", where, f"{found}, at {at}", "", remedy))

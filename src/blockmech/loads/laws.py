@@ -21,10 +21,12 @@ from pydantic import Field, field_validator, model_validator
 from blockmech.plane import angle, apply, expi, imul, modulo, mul, piecewise, where
 from blockmech.typing import Argument, Real
 from blockmech.values import (
+    Axis,
     Number,
     NumbersGiven,
     Positive,
     Strictly,
+    Units,
     check_table,
     default,
     in_unit,
@@ -135,9 +137,12 @@ class Constant(Law):
     ()
     """
 
-    sized: ClassVar[tuple[str, ...]] = ("value",)
     kind: Literal["constant"] = "constant"
     value: Number
+
+    def units(self, axis: Axis) -> Units:
+        """The effort's."""
+        return {"value": axis.effort}
 
     def numbers(self) -> PolynomialNumbers:
         """The value."""
@@ -160,6 +165,11 @@ class Polynomial(Law):
     of: Argument = "coordinate"
     coefficients: Annotated[NumbersGiven, Field(min_length=1)]
 
+    def units(self, axis: Axis) -> Units:
+        """The effort's over powers of the argument's."""
+        powers = range(len(self.coefficients))
+        return {"coefficients": [axis.coefficient(self.of, k) for k in powers]}
+
     def numbers(self) -> PolynomialNumbers:
         """The coefficients, highest power first."""
         return PolynomialNumbers(tuple(reversed(self.coefficients)))
@@ -169,6 +179,11 @@ class _Repeating(Law):
     of: Argument = "coordinate"
     period: Positive | None = None
     turns: Turns | None = None
+
+    def units(self, axis: Axis) -> Units:
+        """Values in the effort's, places in the argument's."""
+        values = dict.fromkeys(("values", "mean", "cosines", "sines"), axis.effort)
+        return values | dict.fromkeys(("arguments", "period"), axis.argument(self.of))
 
     @model_validator(mode="after")
     def _one_period(self) -> _Repeating:
@@ -205,7 +220,6 @@ class Table(_Repeating):
     1.0
     """
 
-    sized: ClassVar[tuple[str, ...]] = ("values",)
     kind: Literal["table"] = "table"
     arguments: Annotated[NumbersGiven, Field(min_length=2)]
     values: Annotated[NumbersGiven, Field(min_length=2)]
@@ -271,7 +285,6 @@ class Fourier(_Repeating):
     3.0
     """
 
-    sized: ClassVar[tuple[str, ...]] = ("mean", "cosines", "sines")
     kind: Literal["fourier"] = "fourier"
     mean: Number = 0.0
     cosines: NumbersGiven = default([])
@@ -315,6 +328,10 @@ class DC(Law):
         if speed == 0:
             raise mistake("wrong-value", "must not be 0")
         return speed
+
+    def units(self, axis: Axis) -> Units:
+        """Those along the axis: of a thrust a force and a speed."""
+        return {"stall_moment": axis.effort, "no_load_speed": axis.argument("rate")}
 
     def numbers(self) -> PolynomialNumbers:
         """The straight line from the stall moment to zero at the no-load speed."""

@@ -148,10 +148,8 @@ def _target_problems(
         remedy = f"remove one of: {fed}; {wire}"
         yield Problem("double-wire", wire.target, found, "a joint has one source", remedy)
     if wire.source.split(".")[0] == wire.target.split(".")[0]:
-        found, valid = (
-            f"fed by {wire.source} of the same block",
-            "a joint is fed by an earlier block",
-        )
+        found = f"fed by {wire.source} of the same block"
+        valid = "a joint is fed by an earlier block"
         yield Problem("self-wire", wire.target, found, valid, "wire it to another block")
     pointlike = isinstance(marker, Marker) and marker.angle is None and marker.dir is None
     if pointlike and isinstance(block, Moving) and block.joints[name].kind == "P":

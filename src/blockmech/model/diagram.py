@@ -12,8 +12,7 @@ from blockmech.blocks.contract import Block
 from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import Problem, path_text, unknown_key
 from blockmech.model.expect import Expectation
-from blockmech.model.form import Form, Section
-from blockmech.model.migrations import VERSION
+from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.scene import Scene
 from blockmech.validation_errors import field_order
 from blockmech.values import Strictly

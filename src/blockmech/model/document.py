@@ -13,7 +13,7 @@ from blockmech.errors import FormatError, GraphError, Problem, close_match, in_f
 from blockmech.model.form import Draft, Form
 from blockmech.model.parameters import named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
-from blockmech.model.writing import canonical_text, plain
+from blockmech.model.writing import canonical_text
 
 EXTRAS = ("view", "expect", "source", "notes")
 """Sections that travel with a document and are not computed with."""
@@ -89,8 +89,11 @@ class Document:
 
     def to_data(self) -> dict[str, Any]:
         """What stands in the file."""
-        extras = {key: plain(self.extras.get(key)) for key in EXTRAS}
-        return self.form.written(self.name, self.title, self._sections() | extras)
+        return self._written(self.sections())
+
+    def _written(self, sections: Mapping[str, Any]) -> dict[str, Any]:
+        head = {"name": self.name, "title": self.title}
+        return self.form.written({**head, **sections, **self.extras})
 
     # -- designs ----------------------------------------------------------
 
@@ -107,11 +110,8 @@ class Document:
         """
         sections = self.sections()
         given = named(parameters_of(sections), values)
-        other = copy.copy(self)
         numbers = {p.path: x.item() if hasattr(x, "item") else x for p, x in given.items()}
-        for section, content in replaced(sections, numbers).items():
-            setattr(other, section, content)
-        data = other.to_data()
+        data = self._written(replaced(sections, numbers))
         data.pop("expect", None)
         return self.from_data(data, (), self.file)
 
@@ -124,15 +124,11 @@ class Document:
 
     @abstractmethod
     def sections(self) -> dict[str, Any]:
-        """Its models by section: a named one each, or one for all."""
+        """What stands in the file between head and extras, as models."""
 
     @abstractmethod
     def _fill(self, draft: Draft) -> None:
         """Take what a file says; what is wrong is noted in the draft."""
-
-    @abstractmethod
-    def _sections(self) -> dict[str, Any]:
-        """What stands in the file between head and extras."""
 
     # -- attributes -------------------------------------------------------
 

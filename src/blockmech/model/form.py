@@ -23,10 +23,12 @@ from blockmech.errors import (
     said_already,
     shown,
 )
-from blockmech.model.migrations import VERSION, migrate, version_problem
 from blockmech.model.writing import plain
 from blockmech.validation_errors import validated
 from blockmech.values import NAME_RULE, Strictly, is_name
+
+VERSION = 1
+"""The version of files that this blockmech reads and writes."""
 
 FORMATS = {
     "blockmech/graph": ("the file holds blocks, not links and joints", "open it as a Graph"),
@@ -77,6 +79,8 @@ class Section(NamedTuple):
 
     def data(self, item: Any) -> dict[str, Any]:
         """An item as its file says it."""
+        if self.other and not isinstance(item, Strictly | Mapping):
+            return {self.key: item.type, **item.raw}  # of an unknown kind: word for word
         said: dict[str, Any] = plain(item)
         if self.key and self.key not in said and hasattr(item, "type_name"):
             said = {self.key: item.type_name.removeprefix(self.prefix)} | said
@@ -103,11 +107,16 @@ class Form:
     always: tuple[str, ...]
     items: Callable[[], Mapping[str, Section]]
 
-    def written(self, name: str, title: str, sections: Mapping[str, Any]) -> dict[str, Any]:
-        """What stands in a file: head and sections, but for those that say nothing."""
-        data = {"format": self.format, "version": VERSION, "name": name, "title": title}
-        data |= sections
-        return {key: said for key, said in data.items() if said or key in ("name", *self.always)}
+    def written(self, sections: Mapping[str, Any]) -> dict[str, Any]:
+        """What stands in a file: all sections but for those that say nothing."""
+        named, data = self.items(), {"format": self.format, "version": VERSION}
+        for key, declared in self.model.model_fields.items():
+            if (content := sections.get(key)) is not None:
+                items = named.get(key)
+                said = {n: items.data(x) for n, x in content.items()} if items else plain(content)
+                if key in ("name", *self.always) or (said and said != plain(declared.default)):
+                    data[key] = said
+        return data
 
 
 def bad_name(what: str, name: Any, where: str = "") -> Problem:
@@ -128,11 +137,27 @@ def _identified(form: Form, raw: Mapping[str, Any]) -> Iterator[Problem]:
         known = FORMATS.get(said) if isinstance(said, str) else None
         found, remedy = known or (f"the format is {shown(said)}", "")
         raise FormatError(Problem("wrong-format", "format", found, valid, remedy))
-    of_version = version_problem(raw)
+    of_version = _version_problem(raw)
     if of_version is not None:
         if of_version.code == "newer-version":
             raise FormatError(of_version)
         yield of_version
+
+
+def _version_problem(data: Mapping[str, Any]) -> Problem | None:
+    """What is wrong with the version of a document, if anything."""
+    valid = f"this blockmech reads version {VERSION}"
+    if "version" not in data:
+        found, remedy = "the file does not say its version", f'add "version": {VERSION}'
+        return Problem("missing-version", "version", found, valid, remedy)
+    version = data["version"]
+    if isinstance(version, bool) or not isinstance(version, int) or version < 1:
+        found = f"version must be a whole number from 1, got {shown(version)}"
+        return Problem("bad-version", "version", found, valid, f'write "version": {VERSION}')
+    if version > VERSION:
+        found = f"the file has version {version}, made by a newer blockmech"
+        return Problem("newer-version", "version", found, valid, "update blockmech")
+    return None
 
 
 @dataclass
@@ -151,7 +176,7 @@ class Draft:
         self.content += [*self.odd, *_identified(self.form, self.raw)]
         if any(problem.code.endswith("-version") for problem in self.content):
             self.raw = {**self.raw, "version": VERSION}
-        self.raw = raw = {**migrate(self.raw), "format": self.form.format}
+        self.raw = raw = {**self.raw, "format": self.form.format}
         model = self.form.model
         self.said, problems = validated(model, raw, self.form.said)
         self.note(problems)

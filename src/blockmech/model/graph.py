@@ -17,7 +17,6 @@ from blockmech.model.form import Draft
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.structure import JointRef, MarkerRef, Structure
-from blockmech.model.writing import plain
 from blockmech.values import Vector
 
 if TYPE_CHECKING:
@@ -99,22 +98,10 @@ class Graph(Document):
             if not follows.get(problem.code, False):
                 yield problem
 
-    def _sections(self) -> dict[str, Any]:
-        blocks = self.form.items()["blocks"]
-        return {
-            "blocks": {
-                name: {"type": block.type, **block.raw}
-                if isinstance(block, UnknownBlock)
-                else blocks.data(block)
-                for name, block in self.blocks.items()
-            },
-            "wires": [{"from": wire.source, "to": wire.target} for wire in self.wires],
-            "scene": plain(self.scene),
-        }
-
     def sections(self) -> dict[str, Any]:
-        """Blocks and scene."""
-        return {"blocks": self.blocks, "scene": self.scene}
+        """Blocks, wires and scene."""
+        wires = [{"from": wire.source, "to": wire.target} for wire in self.wires]
+        return {"blocks": self.blocks, "wires": wires, "scene": self.scene}
 
     # -- the scene --------------------------------------------------------
 

@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
-from blockmech.values import Angle, Number, NumbersGiven, Positive, Strictly, check_table
+from blockmech.values import (
+    Angle,
+    Axis,
+    Number,
+    NumbersGiven,
+    Positive,
+    Strictly,
+    Units,
+    check_table,
+)
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
@@ -26,6 +35,13 @@ class LawOfMotion(Strictly):
     model_config = ConfigDict(populate_by_name=True)
     kind_key: ClassVar[str] = "law"
     by_coordinate: ClassVar[bool] = False
+
+    def units(self, axis: Axis) -> Units:
+        """Coordinates, rates and accelerations of the driver, and times."""
+        q = axis.coordinate
+        coordinates = dict.fromkeys(("start", "end", "mean", "amplitude", "values"), q)
+        rates = {"rate": f"{q}/s", "acceleration": f"{q}/s2"}
+        return {**coordinates, **rates, "times": "s", "frequency": "Hz"}
 
     @abstractmethod
     def at_times(self, t: Array) -> Motion:

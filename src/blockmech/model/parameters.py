@@ -14,9 +14,10 @@ from typing import Any, NamedTuple, TypeVar
 from pydantic.fields import FieldInfo
 
 from blockmech.errors import Problem, RequestError, close_match, listed, path_text
+from blockmech.model.scene import Scene
 from blockmech.plane import apply
 from blockmech.validation_errors import field_order
-from blockmech.values import Marker, Pair, Strictly
+from blockmech.values import Axis, Marker, Pair, Strictly
 
 Path = tuple[str | int, ...]
 BLOCKS = "blocks"  # the section whose items an address names without it
@@ -31,7 +32,7 @@ class Parameter(NamedTuple):
     ----------
     address : how it is called
     value : what it is
-    unit : SI, ``""`` where dimensionless or not known
+    unit : SI, ``""`` of a pure ratio, a direction or a choice
     path : keys of the file that lead to it, with "x" and "y" for the parts of a vector
     """
 
@@ -47,20 +48,40 @@ def parameters_of(sections: Mapping[str, Any]) -> dict[str, Parameter]:
     ``sections`` are those of the document: named items, or models.
     """
     found: dict[str, Parameter] = {}
+    known = dict(_axes(sections))
     for section, content in sections.items():
         named = isinstance(content, Mapping)
         for key, item in content.items() if named else [("", content)]:
             path: Path = (section, key) if named else (section,)
             head = path_text(path[1:] if section == BLOCKS else path)
-            for parameter in _numbers(item, path, head, head, ""):
+            unit = _unit(Scene.model_fields.get(section))
+            axis = known.get(key, Axis())._replace(known=known)
+            for parameter in _numbers(item, path, head, head, unit, axis):
                 found.setdefault(parameter.address, parameter)
     return found
 
 
-def _numbers(x: Any, path: Path, text: str, item: str, unit: str) -> Iterator[Parameter]:
-    """The numbers in a value at a path, called ``text``, of an item of the document."""
+def _axes(sections: Mapping[str, Any]) -> Iterator[tuple[str, Axis]]:
+    """Drivers by name, and joints of a document, each with the units along its coordinate."""
+    for name, block in sections.get(BLOCKS, {}).items():
+        for joint in getattr(block, "driven", ()):
+            yield block.driver_name(name, joint.name), Axis.of(joint.kind)
+    joints = {name: Axis.of(joint.type) for name, joint in sections.get("joints", {}).items()}
+    for name, driver in sections.get("drivers", {}).items():
+        yield name, joints.get(driver.joint, Axis())
+    yield from ((f"joint.{name}", axis) for name, axis in joints.items())
+
+
+def _numbers(
+    x: Any, path: Path, text: str, item: str, unit: Any, outside: Axis
+) -> Iterator[Parameter]:
+    """The numbers in a value at a path, called ``text``, of an item of the document.
+
+    ``unit`` is one for all of them, or one for each place or name in the value.
+    """
     if isinstance(x, Strictly):
-        whole = unit or getattr(x, "unit", "")
+        axis = x.axis(outside)
+        units = x.units(axis)
         for name in field_order(type(x)):
             field = type(x).model_fields[name]
             key = field.alias or name
@@ -69,14 +90,17 @@ def _numbers(x: Any, path: Path, text: str, item: str, unit: str) -> Iterator[Pa
                 inner = item
             elif isinstance(x, Marker) and name == "at":
                 inner = text
-            own = _unit(field) or (whole if name in x.sized else "")
-            yield from _numbers(getattr(x, name), (*path, key), inner, item, own)
+            own = units.get(name) or _unit(field)
+            yield from _numbers(getattr(x, name), (*path, key), inner, item, own, axis)
     elif isinstance(x, Mapping):
         for key, value in x.items():
-            yield from _numbers(value, (*path, key), f"{text}.{key}", item, unit)
+            own = unit.get(key, "") if isinstance(unit, Mapping) else unit
+            axis = outside.known.get(key, outside)._replace(known=outside.known)
+            yield from _numbers(value, (*path, key), f"{text}.{key}", item, own, axis)
     elif isinstance(x, list | tuple):
         for k, value in enumerate(x):
-            yield from _numbers(value, (*path, k), f"{text}[{k}]", item, unit)
+            own = unit if isinstance(unit, str) else unit[k]
+            yield from _numbers(value, (*path, k), f"{text}[{k}]", item, own, outside)
     elif isinstance(x, Pair):
         for part, value in zip(PARTS, (x.z.real, x.z.imag), strict=True):
             yield Parameter(f"{text}.{part}", value, unit or x.unit, (*path, part))

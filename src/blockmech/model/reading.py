@@ -14,7 +14,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 from blockmech.errors import MOST, FormatError, Problem, in_file, path_text
@@ -25,54 +24,37 @@ DEEPEST = 64  # nested objects and lists; a graph needs nine
 
 
 def text_of(path: str | os.PathLike[str]) -> str:
-    """The text of a file. Raises `FormatError` with file and, of bad text, line and column.
-
-    UTF-8 with the mark that some editors put in front is read as well.
-    """
+    """The text of a file. Raises `FormatError` with file and, of bad text, line and column."""
     shown = os.fspath(path)
     try:
-        return _decoded(_bytes_of(Path(path)))
-    except FormatError as error:
-        raise FormatError(in_file(error.problems, shown)) from error.__cause__
+        if os.path.isdir(path):
+            remedy = "name a graph file in it"
+            raise _refused(shown, "not-a-file", "", "it is a directory", "", remedy)
+        with open(path, "rb") as stream:
+            raw = stream.read(LARGEST + 1)
     except (OSError, ValueError) as error:
-        raise FormatError(in_file([_not_opened(error)], shown)) from error
+        raise _refused(shown, *_not_opened(error)) from error
+    return decoded(raw, shown)
+
+
+def _not_opened(error: OSError | ValueError) -> tuple[str, ...]:
+    """Code, place, what was found, what is valid, and what to do."""
+    if isinstance(error, FileNotFoundError | NotADirectoryError | ValueError):  # null in the name
+        return "no-file", "", "no such file", "", "check the name and the folder"
+    if isinstance(error, PermissionError):
+        return "no-permission", "", "you may not read it", "", "ask its owner"
+    return "unreadable", "", f"it cannot be read: {(error.strerror or str(error)).lower()}"
 
 
 def decoded(raw: bytes, shown: str) -> str:
-    """The text in the bytes of a file. Raises `FormatError` with file, line and column."""
-    try:
-        return _decoded(_of_size(raw))
-    except FormatError as error:
-        raise FormatError(in_file(error.problems, shown)) from error.__cause__
+    """The text in the bytes of a file. Raises `FormatError` with file, line and column.
 
-
-def _bytes_of(path: Path) -> bytes:
-    if path.is_dir():
-        found, remedy = "it is a directory", "name a graph file in it"
-        raise FormatError(Problem("not-a-file", "", found, "", remedy))
-    with path.open("rb") as stream:
-        return _of_size(stream.read(LARGEST + 1))
-
-
-def _of_size(raw: bytes) -> bytes:
-    """Bytes that a graph file may have."""
+    UTF-8 with the mark that some editors put in front is read as well.
+    """
     if len(raw) > LARGEST:
         found = f"too large: more than {LARGEST / 1e6:.0f} MB"
         valid, remedy = "a graph file is shorter", "check that it is a graph file"
-        raise FormatError(Problem("too-large", "", found, valid, remedy))
-    return raw
-
-
-def _not_opened(error: OSError | ValueError) -> Problem:
-    if isinstance(error, FileNotFoundError | NotADirectoryError | ValueError):  # null in the name
-        return Problem("no-file", "", "no such file", "", "check the name and the folder")
-    if isinstance(error, PermissionError):
-        return Problem("no-permission", "", "you may not read it", "", "ask its owner")
-    reason = error.strerror or str(error)
-    return Problem("unreadable", "", f"it cannot be read: {reason.lower()}")
-
-
-def _decoded(raw: bytes) -> str:
+        raise _refused(shown, "too-large", "", found, valid, remedy)
     encoding = json.detect_encoding(raw)
     found, where = f"the text is {encoding[:6].upper()}", "line 1, column 1"
     try:
@@ -83,7 +65,11 @@ def _decoded(raw: bytes) -> str:
         found = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
         where = place(before, len(before))
     valid, remedy = "a graph file is UTF-8", "save it as UTF-8"
-    raise FormatError(Problem("wrong-encoding", where, found, valid, remedy))
+    raise _refused(shown, "wrong-encoding", where, found, valid, remedy)
+
+
+def _refused(shown: str, *problem: str) -> FormatError:
+    return FormatError(in_file([Problem(*problem)], shown))
 
 
 def place(text: str, offset: int) -> str:

@@ -8,7 +8,17 @@ from typing import Annotated, ClassVar
 from pydantic import Field, model_validator
 
 from blockmech.model.laws_of_motion import AnyLaw, OverRange
-from blockmech.values import Number, Strictly, Vector, VectorGiven, default, in_unit, mistake
+from blockmech.values import (
+    Axis,
+    Number,
+    Strictly,
+    Units,
+    Vector,
+    VectorGiven,
+    default,
+    in_unit,
+    mistake,
+)
 
 
 class Initial(Strictly):
@@ -16,6 +26,10 @@ class Initial(Strictly):
 
     q: Number = 0.0
     rate: Number = 0.0
+
+    def units(self, axis: Axis) -> Units:
+        """The driver's."""
+        return {"q": axis.coordinate, "rate": axis.argument("rate")}
 
 
 class Stops(Strictly):
@@ -26,6 +40,10 @@ class Stops(Strictly):
 
     low: Annotated[Number | None, Field(alias="from")] = None
     high: Annotated[Number | None, Field(alias="to")] = None
+
+    def units(self, axis: Axis) -> Units:
+        """The driver's."""
+        return dict.fromkeys(("low", "high"), axis.coordinate)
 
     @model_validator(mode="after")
     def _in_order(self) -> Stops:

@@ -85,10 +85,8 @@ def _text(value: Any, column: int, depth: int, last: bool = True) -> str:
         if not inside or len(flat) <= WIDTH - column - (not last):
             return flat
     if isinstance(value, Mapping):
-        ends, items = (
-            "{}",
-            [(f"{json.dumps(key, ensure_ascii=False)}: ", value[key]) for key in value],
-        )
+        ends = "{}"
+        items = [(f"{json.dumps(key, ensure_ascii=False)}: ", value[key]) for key in value]
     else:
         ends, items = "[]", [("", item) for item in value]
     indent = " " * (2 * depth + 2)

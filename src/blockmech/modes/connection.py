@@ -27,6 +27,7 @@ from typing import NamedTuple, TypeAlias
 import networkx as nx
 import numpy as np
 
+from blockmech.analysis.scan import Span
 from blockmech.errors import Problem, RequestError
 from blockmech.modes.closing import (
     DELTA,
@@ -41,7 +42,7 @@ from blockmech.modes.closing import (
     poses,
     solved,
 )
-from blockmech.modes.found import DEAD, EARLIER, LOST, RANGE, TURN, WHOLE, Arc, ArcEnd
+from blockmech.modes.found import DEAD, LOST, RANGE, TURN, WHOLE, Arc, ArcEnd
 from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
 from blockmech.plane import EPS
 from blockmech.series import GOLDEN, NOISE, fit
@@ -123,23 +124,21 @@ def connect(
         wrong = f"a range of the driver is needed, got {low} to {high}"
         raise RequestError(Problem("bad-request", "connect", wrong))
     made: TriadAt = (lambda _: triad) if isinstance(triad, Triad) else triad
-    middle, half = (low + high) / 2, (high - low) / 2
+    span = Span(low, high, turn=ends == WHOLE)  # in which supports are smooth again at its ends
 
     def to_q(p: Floats) -> Floats:
-        if ends == EARLIER:  # as functions of p supports are smooth again
-            q = np.clip(middle - half * np.cos(np.clip(p, 0.0, TURN) / 2), low, high)
-        else:
-            q = low + 2 * half * (p / TURN)
-        return np.where(p == 0, low, np.where(p == TURN, high, q))
+        share = p / TURN if span.turn else np.clip(p / TURN, 0.0, 1.0)
+        return np.where(p == 0, low, np.where(p == TURN, high, span.place(share)))
 
     def to_p(q: float) -> float:
-        x = (q - middle) / half
-        return 2 * math.acos(-x) if ends == EARLIER else math.pi * (1 + x)
+        share = (q - low) / (high - low)
+        return TURN * (share if span.turn else 2 / math.pi * math.asin(math.sqrt(share)))
 
-    like = placed(made(np.array([middle])), outer(np.array([middle])))
+    middle = np.array([(low + high) / 2])
+    like = placed(made(middle), outer(middle))
 
     def held(p: Floats) -> Placed:
-        q = to_q(p if ends == WHOLE else np.clip(p, 0.0, TURN))
+        q = to_q(p)
         return placed(made(q), outer(q), like, len(q))
 
     line = _Line(held, ends == WHOLE)

@@ -17,8 +17,8 @@ import numpy as np
 
 from blockmech.analysis.limits import Limits, limits
 from blockmech.blocks.general import GeneralGroup
+from blockmech.blocks.modes import Mode, branches, dyad_modes
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.model.dyad_modes import Mode, branches, dyad_modes
 from blockmech.model.joints.layout import Pose
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.closing import NEAR, triad_modes
@@ -84,10 +84,8 @@ def modes(
     drivers, still = mechanism.drivers, dict.fromkeys(mechanism.drivers, 0.0)
     if at is None:
         begun = {d: mechanism.scene.begin(d) for d in drivers}
-        told, remedy = (
-            "nothing says where this driver stands",
-            "give its coordinate, or a law of motion by coordinate",
-        )
+        told = "nothing says where this driver stands"
+        remedy = "give its coordinate, or a law of motion by coordinate"
         lost = [Problem("bad-request", d, told, "", remedy) for d, q in begun.items() if q is None]
         if lost:
             raise RequestError(lost)
@@ -124,20 +122,18 @@ class _Lister:
         note = ""
         try:
             triad = outline(block) if isinstance(block, GeneralGroup) else None
+            outer = [joint.name for joint in block.joints.values() if joint.outer]
+            joints = triad.joints if triad else outer
+            supports = self._supports(name, joints)
+            every = self._modes(name, triad, joints, supports)
             if isinstance(block, GeneralGroup) and triad is None:
-                every, note = [self._searched(name, block, s) for s in self.samples], NOTE
-            else:
-                joints = (
-                    triad.joints if triad else [j.name for j in block.joints.values() if j.outer]
+                note = NOTE
+            elif self.driver in self.mechanism.structure.upstream[name]:
+                arcs, on, note = (
+                    self._triad(name, triad, supports, every)
+                    if triad
+                    else self._dyad(name, block, every)
                 )
-                supports = self._supports(name, joints)
-                every = self._modes(name, triad, supports)
-                if self.driver in self.mechanism.structure.upstream[name]:
-                    arcs, on, note = (
-                        self._triad(name, triad, supports, every)
-                        if triad
-                        else self._dyad(name, block, every)
-                    )
         except RequestError as error:  # of one group; the others are told all the same
             note = "; ".join(problem.found for problem in error.problems)
         on = on or [[None] * len(modes) for modes in every]
@@ -148,20 +144,10 @@ class _Lister:
         kind = f"{block.group_class} {block.kind}"
         return GroupModes(self.mechanism.said(name), kind, samples, tuple(arcs), note)
 
-    def _searched(self, name: str, group: GeneralGroup, stand: Standing) -> Sequence[Mode]:
-        """Modes that a search finds at a sample; none where an earlier group does not close."""
-        outer = [joint.name for joint in group.joints.values() if joint.outer]
-        at = zip(outer, self._supports(name, outer)(stand.drivers), strict=True)
-        held = {joint: Guide(s.p[0], s.u[0]) if isinstance(s, Guide) else s[0] for joint, s in at}
-        if not all(np.isfinite(support).all() for support in held.values()):
-            return ()
-        links = {link: stand.links[LinkRef(name, link)] for link in group.link_names}
-        own = {link: Pose(complex(o), cmath.phase(complex(e))) for link, (o, e) in links.items()}
-        return searched(group, held, self._driven(name, stand.drivers), own)
-
-    def _modes(self, name: str, triad: Outline | None, supports: Supports) -> list[Sequence[Mode]]:
-        """The modes of a dyad or triad at each sample."""
-        block: Any = self.mechanism.structure.blocks[name]
+    def _modes(
+        self, name: str, triad: Outline | None, joints: Sequence[str], supports: Supports
+    ) -> list[Sequence[Mode]]:
+        """The modes of a group at each sample; none where an earlier group does not close."""
         at = supports({d: [s.drivers[d] for s in self.samples] for d in self.mechanism.drivers})
         every: list[Sequence[Mode]] = []
         for n, stand in enumerate(self.samples):
@@ -169,22 +155,30 @@ class _Lister:
                 Guide(complex(s.p[n]), complex(s.u[n])) if isinstance(s, Guide) else complex(s[n])
                 for s in at
             ]
-            driven = self._driven(name, stand.drivers)
-            if triad is None:
-                every.append(dyad_modes(block, [*held, *driven]))
-            elif all(np.isfinite(support).all() for support in held):
-                formed = triad.at(driven)
-                found = triad_modes(formed.triad, held)
-                places = [formed.places(held, m.o, m.e) for m in found]
-                every.append(
-                    [
-                        Mode(place, m.margin, m.sign, m.double, None, m.residual)
-                        for m, place in zip(found, places, strict=True)
-                    ]
-                )
-            else:
-                every.append(())
+            closes = all(np.isfinite(support).all() for support in held)
+            given = dict(zip(joints, held, strict=True))
+            every.append(self._at(name, triad, given, stand) if closes else ())
         return every
+
+    def _at(
+        self, name: str, triad: Outline | None, held: Mapping[str, Support], stand: Standing
+    ) -> Sequence[Mode]:
+        """The modes at one sample: in closed form, of a triad, or those that a search finds."""
+        block: Any = self.mechanism.structure.blocks[name]
+        driven, supports = self._driven(name, stand.drivers), [*held.values()]
+        if triad:
+            formed = triad.at(driven)
+            return [
+                Mode(
+                    formed.places(supports, m.o, m.e), m.margin, m.sign, m.double, None, m.residual
+                )
+                for m in triad_modes(formed.triad, supports)
+            ]
+        if not isinstance(block, GeneralGroup):
+            return dyad_modes(block, [*supports, *driven])
+        links = {link: stand.links[LinkRef(name, link)] for link in block.link_names}
+        own = {link: Pose(complex(o), cmath.phase(complex(e))) for link, (o, e) in links.items()}
+        return searched(block, held, driven, own)
 
     # -- arcs ------------------------------------------------------------------------------
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.block import InnerPair
-from blockmech.model.dyad_modes import Mode
+from blockmech.blocks.modes import Mode
 from blockmech.model.joints.closing import Closing
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Pose, Poses

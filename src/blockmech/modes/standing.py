@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from blockmech.blocks.general import GeneralGroup
-from blockmech.model.dyad_modes import Mode
+from blockmech.blocks.modes import Mode
 from blockmech.model.structure import LinkRef
 from blockmech.modes.found import TURN
 from blockmech.plane import angle

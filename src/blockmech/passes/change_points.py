@@ -1,13 +1,10 @@
 """Change points of the dyads whose branch follows the motion, found once per mechanism.
 
-Through a change point the determinant of a dyad goes like a smooth function that changes
-sign; its size, which is all that a pose tells, has a corner there. So a local minimum of
-the size is a change point if the size, taken negative on one side, is smooth: its
-Chebyshev series through the point ends. The root of the series is the change point, to
-about 1e-14 rad, though no pose nearer than 1e-2 is looked at: close to the point the
-size has lost its digits.
-
-Two change points between the same three samples of the scan are taken for none.
+At a change point the determinant of a dyad goes through zero. A pose tells its size only,
+which has a corner there, but the square is smooth: change points are minima of its Chebyshev
+series. At a minimum the size, taken negative on one side, is smooth as well if it is a change
+point, and that is where this series is zero, to about 1e-14 rad. A determinant that only
+comes near zero, or touches it, has no such series.
 
 Source: the search is blockmech's own.
 """
@@ -20,7 +17,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import NumpyEngine
@@ -30,10 +26,9 @@ from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
-from blockmech.series import DOUBLE_ROOT, GOLDEN, SCANNED, Floats, coefficients, nodes
+from blockmech.series import DOUBLE_ROOT, GOLDEN, NODES, SCANNED, Floats, fit, panels
 
 SEAM = -math.pi / 2  # where the scan of a turn begins
-NODES = 16  # even, so that none is at the change point
 REACHES = (12.0, 6.0, 2.5, 1.2)  # spacings on either side that a series covers
 ENDED = 1e-10  # end of a series that is smooth
 AT_HOME = 1e-3  # of the largest determinant: below it home is at a change point
@@ -44,9 +39,14 @@ class _Search(NamedTuple):
     """The size of a dyad's determinant along its driver, and where to look for zeros."""
 
     size: Callable[[Floats], Floats]
-    nodes: Floats
+    low: float
+    high: float
     rotary: bool
-    reach: float = 1.0  # [m] of a slide, on either side of home
+
+    @property
+    def spacing(self) -> float:
+        """Distance [rad or m] of the samples of a scan."""
+        return (self.high - self.low) / SCANNED
 
 
 def with_followed(structure: Structure, scene: Scene) -> Structure:
@@ -66,17 +66,18 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
         known = {p for other in found.followed.values() for p in other.points}
         plain = {**found.followed, name: FollowedBranch(driver)}
         search = _search(replace(found, followed=plain), scene, name, driver, q_home)
-        sizes = search.size(search.nodes)
-        largest = float(np.nanmax(sizes, initial=0.0))
+        edges = panels(search.low, search.high, SCANNED)
+        sizes = search.size(edges)
         at_home = float(search.size(np.array([q_home]))[0])
-        if not at_home > AT_HOME * largest:
+        if not at_home > AT_HOME * np.nanmax(sizes, initial=0.0):
             problems.append(_no_home(name, driver, q_home, at_home))
             wrong.add(name)
             continue
-        points = tuple(sorted(_points(search, sizes / largest, largest, known)))
+        points = tuple(sorted(_points(search, edges, np.isnan(sizes), known)))
         sides = (_side(q_home, p, search.rotary) for p in points)
         first = home.branch * math.prod(sides)
-        here = FollowedBranch(driver, points, first, 1.0 if search.rotary else search.reach)
+        scale = 1.0 if search.rotary else (search.high - search.low) / 2
+        here = FollowedBranch(driver, points, first, scale)
         found = replace(found, followed={**found.followed, name: here})
     if problems:
         raise GraphError(problems)
@@ -92,12 +93,11 @@ def _search(structure: Structure, scene: Scene, block: str, driver: str, q_home:
         found = engine.run(dict.fromkeys(program.inputs, q), q.size)[0]
         return np.asarray(np.abs(np.asarray(found, dtype=float)))
 
-    steps: Floats = np.asarray(np.arange(SCANNED) + GOLDEN)
     if structure.driver_joint(driver).rotary:
-        return _Search(size, np.asarray(SEAM + math.tau / SCANNED * steps), True)
+        low = SEAM + GOLDEN * math.tau / SCANNED
+        return _Search(size, low, low + math.tau, True)
     reach = TRAVEL * sum(b.largest_length() for b in structure.blocks.values())
-    nodes: Floats = np.asarray(q_home + reach * (2 / SCANNED * steps - 1))
-    return _Search(size, nodes, False, reach)
+    return _Search(size, q_home - reach, q_home + reach, False)
 
 
 def _side(q: float, point: float, rotary: bool) -> float:
@@ -106,61 +106,36 @@ def _side(q: float, point: float, rotary: bool) -> float:
 
 def _no_home(block: str, driver: str, q: float, size: float) -> Problem:
     what = "stands at a change point" if math.isfinite(size) else "does not close"
-    return Problem(
-        "bad-home",
-        f"{block}.home",
-        f"the dyad {what} at {driver} = {q:.9g}, so its branch there means nothing",
-        "",
-        "name a pose in which both its modes exist and differ",
-    )
+    found = f"the dyad {what} at {driver} = {q:.9g}, so its branch there means nothing"
+    remedy = "name a pose in which both its modes exist and differ"
+    return Problem("bad-home", f"{block}.home", found, "", remedy)
 
 
-def _points(search: _Search, y: Floats, largest: float, known: set[float]) -> Iterator[float]:
-    """Change points among the local minima of the samples y (n,) of the relative size."""
-    spacing = float(search.nodes[1] - search.nodes[0])
-    low, high = np.roll(y, 1), np.roll(y, -1)
-    with np.errstate(invalid="ignore"):
-        minima = (y <= low) & (y < high)
-    count = 0
-    for i in np.flatnonzero(minima).tolist():
-        if not search.rotary and not 2 <= i < y.size - 2:
-            continue
-        around = np.take(y, range(i - 2, i + 3), mode="wrap")
-        guess = float(search.nodes[i]) + spacing * _corner(around)
-        point = _root(search.size, guess, spacing, largest)
-        if point is not None:
-            count += 1
-            if search.rotary:
-                point = SEAM + (point - SEAM) % math.tau
-            yield next((k for k in known if abs(k - point) <= DOUBLE_ROOT * spacing), point)
-    gap = ~np.isfinite(y)
-    if search.rotary and count % 2 and gap.any():
+def _points(search: _Search, edges: Floats, gap: Any, known: set[float]) -> Iterator[float]:
+    """Change points among the extrema of the determinant's square."""
+    whole = panels(search.low, search.high, SCANNED // NODES)
+    found = fit(lambda q: search.size(q) ** 2, whole).extrema()
+    points = [x for guess in found.tolist() if (x := _root(search, guess)) is not None]
+    for point in points:
+        x = SEAM + (point - SEAM) % math.tau if search.rotary else point
+        yield next((k for k in known if abs(k - x) <= DOUBLE_ROOT * search.spacing), x)
+    if search.rotary and len(points) % 2 and gap.any():
         # the driver does not turn fully: a turn further on the same pose is the same mode
-        yield float(search.nodes[_middle(gap)])
+        yield float(edges[_middle(gap[:-1])])
 
 
-def _corner(y: Floats) -> float:
-    """Where lines through the two samples on either side meet, in spacings from the middle."""
-    left, right = y[1] - y[0], y[4] - y[3]
-    if not left < 0 < right:
-        return 0.0
-    return float(np.clip((y[1] - y[3] + left + right) / (right - left), -1.0, 1.0))
+def _root(search: _Search, guess: float) -> float | None:
+    """The zero that the determinant goes through near a guess, or None if it is not smooth."""
 
+    def signed(q: Floats) -> Floats:
+        return np.asarray(np.copysign(search.size(q), q - guess))
 
-def _root(
-    size: Callable[[Floats], Floats], guess: float, spacing: float, largest: float
-) -> float | None:
-    """The zero that the size goes through near a guess, or None if it is not smooth there."""
-    x = nodes(NODES)
     for reach in REACHES:
-        half = reach * spacing
-        series = coefficients(np.sign(x) * size(guess + half * x) / largest)
-        if not np.isfinite(series).all():
-            continue
-        if np.abs(series[-4:]).max() <= ENDED * np.abs(series).max():
-            roots = chebyshev.chebroots(series)
-            real = roots[np.abs(roots.imag) < DOUBLE_ROOT].real
-            return guess + half * float(real[np.argmin(np.abs(real))]) if real.size else None
+        ends = guess + reach * search.spacing * np.array([-1.0, 1.0])
+        series = fit(signed, ends, n=NODES // 2, tolerance=ENDED, levels=0)
+        if series.resolved[0]:
+            roots = series.roots()
+            return float(roots[np.argmin(np.abs(roots - guess))]) if roots.size else None
     return None
 
 

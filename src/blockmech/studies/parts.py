@@ -6,7 +6,7 @@ Their names begin with a fingerprint of the question: parts of another one are r
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import MissingEngineError, Problem
-from blockmech.files import cannot_write, folder, writing
+from blockmech.errors import needed
+from blockmech.files import AnyPath, cannot_write, folder, writing
 from blockmech.quality import WORDS
 from blockmech.studies.block import Block
 from blockmech.studies.reductions import POSES, Wanted, components
@@ -24,6 +24,7 @@ from blockmech.studies.reductions import POSES, Wanted, components
 Array = NDArray[Any]
 Span = tuple[int, int]  # the first design of a part, and the first one behind it
 SUFFIX = ".parquet"
+WITHOUT = "to_csv needs nothing"
 
 
 @dataclass(frozen=True)
@@ -68,25 +69,16 @@ class Parts:
 
         Raises `RequestError` where the place cannot be written.
         """
-        arrow, parquet = needed("pyarrow", "out"), needed("pyarrow.parquet", "out")
-        columns: list[tuple[str, Any, str]] = [(a, x, "") for a, x in vary.items()]
+        arrow = needed("pyarrow", "out", "study", WITHOUT)
+        columns: list[tuple[str, Any, str | None]] = [(a, x, None) for a, x in vary.items()]
         for w in self.want:
-            columns += [(name, x, w.unit) for name, x in components(w, found.values[w.label])]
-        arrays = [_array(arrow, x) for _, x, _ in columns]
-        fields = [
-            arrow.field(name, array.type, metadata={"unit": unit} if unit else None)
-            for (name, _, unit), array in zip(columns, arrays, strict=True)
-        ]
-        failures = {
-            "status": arrow.DictionaryArray.from_arrays(arrow.array(found.word), list(WORDS)),
-            "block": arrow.array(found.place.tolist(), arrow.string()).dictionary_encode(),
-            "pose": arrow.array(found.pose),
-            "poses": arrow.array(found.poses),
-        }
-        fields += [arrow.field(name, array.type) for name, array in failures.items()]
-        table = arrow.Table.from_arrays([*arrays, *failures.values()], schema=arrow.schema(fields))
-        with writing(self.path(span)) as stream:
-            parquet.write_table(table, stream)
+            parts = components(w, found.values[w.label])
+            columns += [(name, x, w.unit or None) for name, x in parts]
+        status = arrow.DictionaryArray.from_arrays(arrow.array(found.word), list(WORDS))
+        block = arrow.array(found.place.tolist(), arrow.string()).dictionary_encode()
+        columns += [("status", status, None), ("block", block, None)]
+        columns += [("pose", found.pose, None), ("poses", found.poses, None)]
+        write_parquet(self.path(span), columns, "out")
 
     @cached_property
     def vary(self) -> Mapping[str, Array]:
@@ -119,14 +111,34 @@ class Parts:
 
     def _read(self, *names: str) -> Any:
         """Some columns of all parts, one part after the other."""
-        dataset = needed("pyarrow.dataset", "out")
+        dataset = needed("pyarrow.dataset", "out", "study", WITHOUT)
         paths = [str(self.path(span)) for span in self.spans]
         return dataset.dataset(paths, format="parquet").to_table(columns=list(names))
 
 
-def _array(arrow: Any, x: Array) -> Any:
-    """A column of numbers, or of rows of poses."""
-    if x.ndim == 1:
+def write_parquet(
+    path: AnyPath, columns: Sequence[tuple[str, Any, str | None]], where: str
+) -> None:
+    """Write columns as a Parquet file: names, values, and units in the fields' metadata.
+
+    Raises `MissingEngineError` without pyarrow, `RequestError` where the place cannot be
+    written.
+    """
+    arrow = needed("pyarrow", where, "study", WITHOUT)
+    parquet = needed("pyarrow.parquet", where, "study", WITHOUT)
+    arrays = [_array(arrow, x) for _, x, _ in columns]
+    fields = [
+        arrow.field(name, array.type, metadata=None if unit is None else {"unit": unit})
+        for (name, _, unit), array in zip(columns, arrays, strict=True)
+    ]
+    table = arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
+    with writing(path) as stream:
+        parquet.write_table(table, stream)
+
+
+def _array(arrow: Any, x: Any) -> Any:
+    """A column of numbers or words, or of rows of poses."""
+    if np.ndim(x) == 1:
         return arrow.array(x)
     return arrow.FixedSizeListArray.from_arrays(arrow.array(x.ravel()), x.shape[1])
 
@@ -135,16 +147,3 @@ def _rows(column: Any) -> Array:
     """Rows of poses (m, n) of a column."""
     parts = [np.stack(chunk.to_numpy(zero_copy_only=False)) for chunk in column.chunks]
     return np.concatenate(parts)
-
-
-def needed(module: str, where: str, extra: str = "study") -> Any:
-    """An optional package. Raises `MissingEngineError` that names the extra."""
-    import importlib
-
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        package = module.partition(".")[0]
-        found, remedy = f"{package} is not installed", f'pip install "blockmech[{extra}]"'
-        valid = "to_csv needs nothing" if extra == "study" else ""
-        raise MissingEngineError(Problem("missing-package", where, found, valid, remedy)) from error

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.errors import NotComputedError, Problem, close_match, listed
-from blockmech.export import Column, aligned, write_csv
+from blockmech.export import Column, aligned, csv_of
 from blockmech.export.columns import AnyPath, driver_columns
 from blockmech.model.parameters import Parameter
 from blockmech.plane import EPS
@@ -163,22 +163,15 @@ class Sensitivity(Mapping[str, Array]):
 
         Written if a path is given. Raises `RequestError` where the place cannot be written.
         """
-        import csv
-        import io
-
-        stream = io.StringIO()
-        write = csv.writer(stream, lineterminator="\n")
         drivers = driver_columns(self.result, False)
         heads = [Column(a, p.unit, np.empty(0), a).head for a, p in self.parameters.items()]
-        write.writerow(["output", "unit", *(c.head for c in drivers), *(f"per {h}" for h in heads)])
-        for name, whole in self._real():
-            unit = self.result.unit(name)
-            for k, row in enumerate(whole.T.tolist()):
-                cells = ["" if x != x else x for x in row]
-                write.writerow([name, unit, *(c.values[k] for c in drivers), *cells])
-        if path is not None:
-            write_csv([stream.getvalue()], path)
-        return stream.getvalue()
+        rows = (
+            [name, self.result.unit(name), *(c.values[k] for c in drivers), *row]
+            for name, whole in self._real()
+            for k, row in enumerate(whole.T.tolist())
+        )
+        head = ["output", "unit", *(c.head for c in drivers), *(f"per {h}" for h in heads)]
+        return csv_of(head, rows, path)
 
     def _real(self) -> Iterator[tuple[str, Array]]:
         for name, whole in self.ahead.items():

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from blockmech.compiled import Compiled
-from blockmech.errors import FormatError, GraphError, Problem
+from blockmech.errors import FormatError, GraphError, Problem, needed
 from blockmech.files import AnyPath
 from blockmech.settings import check_switch, friction_asked
 from blockmech.studies.block import Block, Rows
 from blockmech.studies.family import Family, as_said
-from blockmech.studies.parts import Parts, needed
+from blockmech.studies.parts import WITHOUT, Parts
 from blockmech.studies.reductions import wanted
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
@@ -166,7 +166,7 @@ def _in_parts(
     spans = tuple((start, min(start + size, chosen.count)) for start in starts)
     parts, left = None, list(spans)
     if place is not None:
-        needed("pyarrow", "out")
+        needed("pyarrow", "out", "study", WITHOUT)
         question = fingerprint(runner, chosen)
         parts = Parts(place, question, tuple(chosen.vary), runner.want, spans)
         left = parts.missing()

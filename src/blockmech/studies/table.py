@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -14,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import NotComputedError, Problem, close_match, listed
-from blockmech.export import Column, aligned, write_csv
-from blockmech.files import AnyPath, writing
+from blockmech.errors import NotComputedError, Problem, close_match, listed, needed
+from blockmech.export import Column, aligned, csv_of
+from blockmech.export.data import dataframe
+from blockmech.files import AnyPath
 from blockmech.model.parameters import Parameter
 from blockmech.quality import WORDS
 from blockmech.studies.block import Block, Rows
-from blockmech.studies.parts import Parts, needed
+from blockmech.studies.parts import WITHOUT, Parts, write_parquet
 from blockmech.studies.reductions import POSES, Wanted, components
 
 Array = NDArray[Any]
@@ -141,14 +140,10 @@ class Study(Mapping[str, Array]):
         Numbers read back to the last bit; a cell without one is empty. Written if a path is
         given. Raises `RequestError` where the place cannot be written.
         """
-        stream, rows = io.StringIO(), self.table()
-        write = csv.writer(stream, lineterminator="\n")
-        write.writerow([*(column.head for column in rows), "status"])
-        cells = [["" if x != x else x for x in column.values.tolist()] for column in rows]
-        write.writerows(zip(*cells, (self.reason(i) or "ok" for i in range(self.n)), strict=True))
-        if path is not None:
-            write_csv([stream.getvalue()], path)
-        return stream.getvalue()
+        rows = self.table()
+        reasons = (self.reason(i) or "ok" for i in range(self.n))
+        cells = zip(*(column.values.tolist() for column in rows), reasons, strict=True)
+        return csv_of([*(column.head for column in rows), "status"], cells, path)
 
     def to_parquet(self, path: AnyPath) -> None:
         """Write the table as a Parquet file, units in the fields' metadata.
@@ -156,23 +151,14 @@ class Study(Mapping[str, Array]):
         Raises `MissingEngineError` without pyarrow (extra ``study``), `RequestError` where
         the place cannot be written.
         """
-        arrow = needed("pyarrow", "to_parquet")
-        parquet = needed("pyarrow.parquet", "to_parquet")
-        rows = self.table()
-        fields = [arrow.field(c.name, arrow.float64(), metadata={"unit": c.unit}) for c in rows]
-        fields.append(arrow.field("status", arrow.string()))
-        arrays = [arrow.array(c.values) for c in rows]
-        arrays.append(arrow.array([self.reason(i) or "ok" for i in range(self.n)]))
-        table = arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
-        with writing(path) as stream:
-            parquet.write_table(table, stream)
+        columns: list[tuple[str, Any, str | None]]
+        columns = [(c.name, c.values, c.unit) for c in self.table()]
+        reasons = [self.reason(i) or "ok" for i in range(self.n)]
+        write_parquet(path, [*columns, ("status", reasons, None)], "to_parquet")
 
     def to_dataframe(self) -> Any:
         """The table as a pandas DataFrame; raises `MissingEngineError` without pandas."""
-        frame = needed("pandas", "to_dataframe").DataFrame({c.name: c.values for c in self.table()})
-        frame["status"] = list(self.status)
-        frame.attrs["units"] = {c.name: c.unit for c in self.table()}
-        return frame
+        return dataframe(self.table(), self.status)
 
     def to_xarray(self) -> Any:
         """The study as an `xarray.Dataset` with units.
@@ -180,7 +166,7 @@ class Study(Mapping[str, Array]):
         Dimensions are what varies over a grid, else "design"; poses have "pose" behind them.
         Raises `MissingEngineError` without xarray (extra ``study``).
         """
-        xarray = needed("xarray", "to_xarray")
+        xarray = needed("xarray", "to_xarray", "study", WITHOUT)
         on_grid = self.sampling == "grid"
         dims: tuple[str, ...] = tuple(self.vary) if on_grid else (DESIGN,)
         data: dict[str, Any] = {}

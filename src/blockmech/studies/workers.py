@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import Problem, RequestError, needed
 from blockmech.model.document import EXTRAS
 from blockmech.studies.block import Block
-from blockmech.studies.parts import Parts, Span, needed
+from blockmech.studies.parts import Parts, Span
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs
 from blockmech.values import is_count

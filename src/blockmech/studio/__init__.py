@@ -9,20 +9,16 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
 
-from blockmech.errors import MissingEngineError, Problem
+from blockmech.errors import needed
 
 
-def needed() -> Any:
+def page() -> Any:
     """The page's module. Raises `MissingEngineError` where the extra is not installed."""
     for package in ("panel", "panel_reactflow", "bokeh"):
-        if find_spec(package) is None:
-            found = f"the package {package} is not installed"
-            remedy = "pip install 'blockmech[studio]'"
-            raise MissingEngineError(Problem("missing-package", "studio", found, "", remedy))
+        needed(package, "studio", "studio")
     return import_module("blockmech.studio.app")
 
 
@@ -31,7 +27,7 @@ class _Studio(ModuleType):
 
     def __call__(self, document: Any = None, dark: bool = False) -> Any:
         """The studio of a copy of a graph or linkage, as a panel object."""
-        shown: Any = needed().in_notebook(document, dark)
+        shown: Any = page().in_notebook(document, dark)
         return shown
 
 

@@ -27,7 +27,7 @@ from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.work import Told, Work
 from blockmech.typing import FrictionMethod
-from blockmech.wires import on_all_wires
+from blockmech.wires import on_wires
 
 TOOLS = "pan,xwheel_zoom,box_zoom,reset,save"
 FORWARD = {"p": "m", "v": "m/s", "a": "m/s²", "om": "rad/s", "al": "rad/s²"}
@@ -41,7 +41,7 @@ def wire_values(result: Result, pose: int) -> dict[str, str]:
     the power, and the shares of the joint's block in reduced inertia and effort.
     """
     one, structure = result.at(np.array([pose])), result.mechanism.structure
-    found = on_all_wires(structure, one.inside, one.n)
+    found = on_wires(structure, one.inside, one.n)
     rotary = [structure.joint(ref).rotary for ref in structure.driven.values()]
     shares = {"J_red": "kg m²" if rotary[0] else "kg", "tau_red": "N m" if rotary[0] else "N"}
     lines = {"→": FORWARD, "←": BACK, "reduced": shares}

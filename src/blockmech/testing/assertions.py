@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from blockmech.builders import Opened, opened, problems_in
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import Problem, RequestError, refused
 from blockmech.testing.expectations import as_numbers, compared, failure_table, misfits
 
 if TYPE_CHECKING:
@@ -179,12 +179,12 @@ class GraphAssertion:
         """
         __tracebackhide__ = True
         if not {"at", "times", "samples"} & set(request):
-            raise _wrong("no samples are named", "give at=, times= or samples=")
+            raise refused("has_output", "no samples are named", "give at=, times= or samples=")
         if rtol is None and atol is None:
-            raise _wrong("no tolerance is given", "give rtol=, atol= or both")
+            raise refused("has_output", "no tolerance is given", "give rtol=, atol= or both")
         result = self._mechanism.run(want=[name], **{**request, "on_gap": "mark"})
         if name not in result:
-            raise _wrong(f"{name} is a pattern", "name one output")
+            raise refused("has_output", f"{name} is a pattern", "name one output")
         values = _listed(value, self._mechanism.outputs[name].kind)
         problems = [
             Problem(code, "has_output", *told)
@@ -212,7 +212,8 @@ def _listed(value: Any, kind: str) -> list[Any]:
         numbers = numbers[None]
     known = numbers.dtype.kind in "iuf" and bool(np.isfinite(numbers).all())
     if not known or numbers.shape[1:] not in ((), (2,)):
-        raise _wrong(f"value is {value!r}", "give finite numbers, of a vector complex or [x, y]")
+        remedy = "give finite numbers, of a vector complex or [x, y]"
+        raise refused("has_output", f"value is {value!r}", remedy)
     found: list[Any] = numbers.tolist()
     return found
 
@@ -244,7 +245,3 @@ def _arrows(blocks: Iterable[str]) -> str:
 
 def _calls(calls: Iterable[tuple[str, ...]]) -> str:
     return ", ".join(" ".join(call) for call in calls) or "none"
-
-
-def _wrong(found: str, remedy: str) -> RequestError:
-    return RequestError(Problem("bad-request", "has_output", found, "", remedy))

@@ -23,6 +23,7 @@ from blockmech.errors import (
     RequestError,
     in_file,
     path_text,
+    refused,
     shown,
 )
 from blockmech.export import aligned
@@ -201,7 +202,7 @@ def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
     found = []
     for name in result:
         if result.output(name).kind not in ("real", "vector", "number"):
-            raise _refusal(name, f"it is a {result.output(name).kind}", "record real outputs")
+            raise refused(name, f"it is a {result.output(name).kind}", "record real outputs")
         values = np.atleast_1d(result[name])
         pairs = np.iscomplexobj(values)
         listed_ = [[z.real, z.imag] for z in values.tolist()] if pairs else values.tolist()
@@ -210,10 +211,6 @@ def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
         wanted, near = {name: listed_}, KEPT * size
         found.append(Expectation(source=source, at=rows, want=wanted, rtol=KEPT, atol=near))
     return found
-
-
-def _refusal(where: str, found: str, remedy: str) -> RequestError:
-    return RequestError(Problem("bad-request", where, found, "", remedy))
 
 
 def check_closing(mechanism: Mechanism) -> None:

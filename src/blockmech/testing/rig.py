@@ -20,8 +20,7 @@ from blockmech.blocks.slide_drive import SlideDrive
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction.laws import Coulomb
-from blockmech.loads.couple import Couple
-from blockmech.loads.force import Force
+from blockmech.loads.constant import Couple, Force
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.testing.rules import Array, planar, vectors

@@ -19,7 +19,7 @@ from blockmech.analysis.trade.measure import (
 from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.sweep import Sweep
 from blockmech.dynamics.request import Until
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "trade"]
@@ -117,7 +117,7 @@ def _refuse_mistakes(
     if question not in REQUESTS:
         found, valid = f'no question "{question}"', "questions: run, simulate"
         hint = close_match(question, REQUESTS)
-        raise RequestError(Problem("unknown-question", "question", found, valid, hint))
+        raise refused("question", found, hint, valid, "unknown-question")
     problems = [
         Problem("bad-value", name, f"must be > 0, got {value}", "", "")
         for name, value in limits.items()

@@ -16,8 +16,9 @@ import numpy as np
 
 from blockmech.analysis.reference_errors import DOUBLE, ReferenceErrors, reference_errors
 from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
-from blockmech.dynamics.motion import INTERRUPTED, Motion
-from blockmech.errors import Problem, RequestError
+from blockmech.dynamics.ends import INTERRUPTED
+from blockmech.dynamics.motion import Motion
+from blockmech.errors import RequestError, refused
 from blockmech.result import Result
 
 FINEST = (  # references and checks, best first; coarser ones where those do not end in time
@@ -81,7 +82,7 @@ class FreeMotion(Question):
         if motion.status == "failed":
             remedy = 'say until when, e.g. until="time=2"'
             why = "; ".join(motion.notes)
-            raise RequestError(Problem("no-motion", "trade", motion.end, why, remedy))
+            raise refused("trade", motion.end, remedy, why, "no-motion")
         if request.get("times") is None:
             self.request["times"] = motion.times(TIMES if motion.t_end > motion.t_start else 1)
         found = self._finest(motion.method, clock)

@@ -25,7 +25,7 @@ from blockmech.analysis.reference_errors import (
 from blockmech.analysis.trade.measure import USELESS, Question, Reference, Setting
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import Compiled
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import listed, refused
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 
@@ -116,9 +116,8 @@ class Sweep(Question):
         """
         good = comparable(best, self.rubs)
         if not good.any():
-            raise RequestError(
-                Problem("nothing-to-compare", "trade", "no sample has an answer", "", "see limits")
-            )
+            found, code = "no sample has an answer", "nothing-to-compare"
+            raise refused("trade", found, "see limits", code=code)
         how: dict[str, Any] = {"static": self.request.get("static", False)}
         solver = ", Newton's method" if self.rubs else ""
         bounds = [float(np.max(c[good])) for c in best.quality.contraction.values()]

@@ -36,7 +36,9 @@ from blockmech.blocks.general.kernels import kernels_of
 from blockmech.friction.laws import Coulomb
 from blockmech.plane import largest
 from blockmech.values import (
+    POSE,
     Angle,
+    Axis,
     Link,
     Marker,
     Number,
@@ -44,6 +46,7 @@ from blockmech.values import (
     PlaceGiven,
     Sign,
     Strictly,
+    Units,
     Vector,
     VectorOrNoneGiven,
     default,
@@ -70,6 +73,10 @@ class MayBeDriven(Strictly):
     driver: str = ""
     sign: Sign = 1
     offset: Number = 0.0
+
+    def units(self, axis: Axis) -> Units:
+        """The offset has that of the pair's coordinate."""
+        return {"offset": Axis.of(getattr(self, "type", "")).coordinate}
 
     @property
     @abstractmethod
@@ -146,6 +153,10 @@ class Home(Strictly):
 
     drivers: dict[str, Number] = {}
     poses: dict[str, tuple[Number, Number, Number]]
+
+    def units(self, axis: Axis) -> Units:
+        """The drivers' coordinates, and places and angles."""
+        return {"poses": POSE, "drivers": axis.coordinates}
 
 
 class GeneralGroup(AssurGroup, type="group.general"):

@@ -17,17 +17,19 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.contract import Element
 from blockmech.model.expect import Expectation
-from blockmech.model.form import Form, Section
+from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.laws_of_motion import AnyLaw
-from blockmech.model.migrations import VERSION
 from blockmech.model.scene import Initial, Stops
 from blockmech.values import (
+    POSE,
     Angle,
+    Axis,
     Link,
     Marker,
     Number,
     Place,
     Strictly,
+    Units,
     Vector,
     default,
     mistake,
@@ -52,6 +54,10 @@ class LinkGiven(Link):
     """
 
     pose: tuple[Number, Number, Number] | None = None
+
+    def units(self, axis: Axis) -> Units:
+        """Of the pose."""
+        return {"pose": POSE}
 
     @property
     def at(self) -> tuple[complex, float]:
@@ -174,7 +180,7 @@ def _load_model(cls: type[Element]) -> type[Strictly]:
         both = Field(min_length=number, max_length=number)
         fields["links"] = (Annotated[list[str], both], ... if points else None)
         fields |= {"at": (Annotated[list[Place], both], ...)} if points else {"joint": (str, None)}
-    base: Any = (cls, _OnLinks if kinds == ["link", "link"] else _Made)
+    base: Any = (_OnLinks if kinds == ["link", "link"] else _Made, cls)
     name = f"{cls.__name__}Load"
     found: Any = create_model(name, __base__=base, __doc__=cls.__doc__, **fields)
     found.made_by = (_load_model, cls)
@@ -183,6 +189,13 @@ def _load_model(cls: type[Element]) -> type[Strictly]:
 
 class _OnLinks(_Made):
     """A couple between two links: named by themselves, or by their joint."""
+
+    def axis(self, outside: Axis) -> Axis:
+        """That of its joint, along whose guide it becomes a force."""
+        known, inner = outside.known, super().axis(outside)
+        own = known.get(f"joint.{getattr(self, 'joint', None)}", inner)
+        driven = getattr(self, "driver", None) in known
+        return own._replace(coordinate=(inner if driven else own).coordinate)
 
     @model_validator(mode="after")
     def _links_or_joint(self) -> Any:

@@ -14,6 +14,7 @@ Names: the block of a driver or a cylinder is named like the driver, a group's a
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -22,7 +23,6 @@ from blockmech.assur.groups import Unit, classify
 from blockmech.errors import GraphError, Problem, in_file
 from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME
-from blockmech.model.joints.decomposition import Decomposition, General
 from blockmech.model.joints.diagnosis import (
     dead_centre,
     does_not_close,
@@ -36,9 +36,14 @@ from blockmech.model.joints.layout import Connections, Layout, Poses, seated
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.making import closed_form, driving_link, general_group
 from blockmech.model.joints.references import reference_problems
+from blockmech.model.naming import Names
+
+General: TypeAlias = Literal["", "groups", "one"]
+Parts: TypeAlias = tuple[dict[str, Any], Names, Formation, Linkage | None]
+"""The fields of a `blockmech.builders.Decomposition`."""
 
 
-def decompose(linkage: Linkage, general: General = "") -> Decomposition:
+def decompose(linkage: Linkage, general: General = "") -> Parts:
     """Drivers and Assur groups of a document as a graph of blocks.
 
     Parameters
@@ -97,7 +102,7 @@ def _closed(layout: Layout, found: Formation, pairs: Connections) -> Poses:
     return poses
 
 
-def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposition:
+def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Parts:
     plain = links_read_as_they_are(linkage.loads, found.layout.pairs)
     diagram = Diagram(linkage, found)
     problems = []
@@ -117,7 +122,8 @@ def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Decomposi
         raise GraphError(problems)
     diagram.add_loads()
     shown = Formation(tuple(units), (), ())
-    return Decomposition(diagram.data(), diagram.names(), shown, None if general else linkage)
+    names = diagram.names()  # it puts markers on links that have none
+    return diagram.data(), names, shown, None if general else linkage
 
 
 def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:

@@ -262,10 +262,7 @@ def far_off(layout: Layout, closed: Poses) -> Iterator[Problem]:
 def dead_centre(links: Iterable[str], why: str) -> Problem:
     """The problem of a pose that does not tell which way a group is put together."""
     names = list(links)
-    return Problem(
-        "dead-centre",
-        path_text(("links", names[0])),
-        f"{listed(names)} stand at a dead centre in the given pose: {why}",
-        "the pose tells the assembly mode",
-        "give the poses at another driver value, in which the group is bent",
-    )
+    found = f"{listed(names)} stand at a dead centre in the given pose: {why}"
+    valid = "the pose tells the assembly mode"
+    remedy = "give the poses at another driver value, in which the group is bent"
+    return Problem("dead-centre", path_text(("links", names[0])), found, valid, remedy)

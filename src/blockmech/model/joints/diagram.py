@@ -212,12 +212,14 @@ class Diagram:
     def data(self) -> dict[str, Any]:
         """The graph as it would stand in a file."""
         sections = {
+            "name": self.linkage.name,
+            "title": self.linkage.title,
             "blocks": self._blocks,
             "wires": [{"from": str(source), "to": str(end)} for source, end in self._wires],
             "scene": self._scene(),
-            **{key: plain(self.linkage.extras.get(key)) for key in ("source", "notes")},
+            **{key: self.linkage.extras.get(key) for key in ("source", "notes")},
         }
-        return GRAPH_FILE.written(self.linkage.name, self.linkage.title, sections)
+        return GRAPH_FILE.written(sections)
 
     def names(self) -> Names:
         """Where everything went; markers that are still needed for that are made."""

@@ -79,15 +79,6 @@ class Linkage(Document):
         if not draft.doubled:
             draft.note(reference_problems(self, vars(said)))
 
-    def _sections(self) -> dict[str, Any]:
-        parts = {
-            name: {item: section.data(part) for item, part in getattr(self, name).items()}
-            for name, section in self.form.items().items()
-        }
-        gravity = self.gravity.written if self.gravity.z else None
-        more = {"initial": plain(self.initial), "stops": plain(self.stops)}
-        return {"gravity": gravity, **parts, **more}
-
     def sections(self) -> dict[str, Any]:
         """Links, joints, drivers and loads, gravity, starts and stops."""
         named = (*self.form.items(), "initial", "stops")

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple, get_origin
 
 from blockmech.assur.groups import DYADS, Unit
 from blockmech.blocks.contract import AssurGroup, Joint
+from blockmech.blocks.modes import dyad_modes
 from blockmech.blocks.registry import REGISTRY
-from blockmech.model.dyad_modes import dyad_modes
 from blockmech.model.joints.closing import CLOSED
 from blockmech.model.joints.layout import Connection, Connections, Poses
 from blockmech.plane import EPS, dot

@@ -63,10 +63,8 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
         by_joint[driver.joint].append(name)
     for joint, drivers in by_joint.items():
         if len(drivers) > 1:
-            found, where = (
-                f"{listed(drivers)} all drive {joint}",
-                path_text(("drivers", drivers[1])),
-            )
+            found = f"{listed(drivers)} all drive {joint}"
+            where = path_text(("drivers", drivers[1]))
             remedy = f"remove {drivers[1]}"
             yield Problem("conflicting-drivers", where, found, "a joint has one driver", remedy)
 

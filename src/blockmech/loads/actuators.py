@@ -1,10 +1,12 @@
-"""A thrust between two markers: a force that follows a law of stroke, rate or time.
+"""Actuators, whose force or moment follows a law of their coordinate, its rate or time.
 
-The force on b points from a to b, or along a direction that turns with the link of a;
-the opposite acts at a. A positive value pushes the markers apart.
+A thrust acts between two markers: its force on b points from a to b, or along a direction
+that turns with the link of a; the opposite acts at a. A positive value pushes the markers
+apart. A motor acts between two links: its moment is on b, the opposite on a,
+counter-clockwise positive.
 
-Sources: [D14] Durango et al. 2014, section 2 (loads as functions of position and
-velocity).
+Sources: [D14] Durango et al. 2014, section 2 (loads and driving moment as functions of
+position and velocity).
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from typing import Any
 from pydantic import field_validator
 
 from blockmech.loads.contract import Following, Terminal
-from blockmech.plane import dot, hyp, imul, mul
+from blockmech.plane import angle, dot, hyp, imul, mul
 from blockmech.typing import Complex, Real
 from blockmech.values import Vector, VectorOrNoneGiven, default, mistake
 
@@ -94,3 +96,42 @@ class Thrust(Following, type="load.thrust"):
     def kernel(self) -> Callable[..., Any]:
         """The forces."""
         return push if self.direction is None else push_along
+
+
+def moments(M: Real, p: Motor) -> tuple[Real, Real]:
+    """Moments [N m] on a and on b."""
+    return -M, M
+
+
+def relative_angle(e_a: Complex, e_b: Complex, p: Motor) -> Real:
+    """Angle [rad] of b relative to a, in (-pi, pi]."""
+    return angle(e_a, e_b)
+
+
+def relative_rate(om_a: Real, om_b: Real, p: Motor) -> Real:
+    """Rate [rad/s] of b relative to a."""
+    return om_b - om_a
+
+
+class Motor(Following, type="load.motor"):
+    """A moment [N m] on link b, the opposite on link a, by a law.
+
+    The law's coordinate is the angle [rad] of link b from link a, counter-clockwise, in
+    (-pi, pi], and its rate [rad/s] that of b less that of a. With ``driver`` they are that
+    driver's, which count turns.
+
+    >>> Motor(law={"kind": "dc", "stall_moment": 2.0, "no_load_speed": 100.0}).reads()
+    {'a': ('om',), 'b': ('om',)}
+    """
+
+    own_coordinate = "angle of b from a, counter-clockwise, in (-pi, pi] [rad]"
+    own_symbol = "∠ab"
+    terminals = {"a": Terminal("link"), "b": Terminal("link")}
+
+    def own_measure(self, rate: bool) -> Callable[..., Any]:
+        """The angle of b relative to a, or its rate."""
+        return relative_rate if rate else relative_angle
+
+    def kernel(self) -> Callable[..., Any]:
+        """The moments."""
+        return moments

@@ -1,6 +1,6 @@
-"""A constant force at a marker.
+"""Constant loads: a force at a marker, a couple on a link.
 
-Sources: [R10] Ruiz, Durango & Calle 2010, Fig. 5 (external forces F_i, F_j).
+Sources: [R10] Ruiz, Durango & Calle 2010, Fig. 5 (external forces F_i, F_j, moments M_i, M_j).
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from blockmech.loads.contract import Element, Terminal
-from blockmech.typing import Complex
-from blockmech.values import VectorGiven, in_unit
+from blockmech.typing import Complex, Real
+from blockmech.values import Number, VectorGiven, in_unit
 
 
 def ground_force(p: Force) -> tuple[Complex]:
@@ -38,3 +38,24 @@ class Force(Element, type="load.force"):
     def kernel(self) -> Callable[..., Any]:
         """The force in the axes that the user chose."""
         return link_force if self.axes == "link" else ground_force
+
+
+def couple(p: Couple) -> tuple[Real]:
+    """The moment [N m] as given."""
+    return (p.moment,)
+
+
+class Couple(Element, type="load.couple"):
+    """A constant moment [N m] on the link ``on``, counter-clockwise positive.
+
+    >>> Couple(moment=-250.0).moment
+    -250.0
+    """
+
+    terminals = {"on": Terminal("link")}
+
+    moment: Annotated[Number, in_unit("N m")]
+
+    def kernel(self) -> Callable[..., Any]:
+        """The constant moment."""
+        return couple

@@ -1,0 +1,20 @@
+"""What ends or interrupts a motion: names that all methods share."""
+
+from typing import Final
+
+STANDSTILL: Final = "standstill"
+REST: Final = "rest"
+END_STOP: Final = "end stop"
+DEAD_CENTRE: Final = "dead centre"
+IMPOSSIBLE: Final = "impossible pose"
+NO_INERTIA: Final = "no inertia"
+UNDEFINED_LOAD: Final = "undefined load"
+INTERRUPTED: Final = "interrupted"  # by the user; what was done is kept
+TOO_MANY: Final = "more evaluations than allowed"
+SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulomb's law
+AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
+UNDECIDED: Final = "not decided"  # two runs that should agree end differently
+
+# What an integration stops at, to go on with another equation or because its goal is met.
+KINK, GOAL = "kink", "goal"
+REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
