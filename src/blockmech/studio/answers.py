@@ -210,13 +210,13 @@ class Answers:
     @together
     def _show_pose(self) -> None:
         """Put the cursors and the values to the shown pose."""
-        k, lines = self.view.pose, []
-        for plot in self.drawn if self.result is not None else ():
-            plot.cursor.location = float(self.view.along.values[k])
-        for name in self.result or ():
-            output, value = self.result.output(name), self.result[name][k]
-            if output.kind in ("real", "vector"):
-                lines.append(_told(name, value, output.unit))
+        k, result, lines = self.view.pose, self.result, []
+        if result is not None:
+            for plot in self.drawn:
+                plot.cursor.location = float(self.view.along.values[k])
+            outputs = [(name, result.output(name)) for name in result]
+            shown = [(name, x.unit) for name, x in outputs if x.kind in ("real", "vector")]
+            lines = [_told(name, result[name][k], unit) for name, unit in shown]
         self.values.text = "<br>".join(map(html.escape, lines))
 
     def _csv(self) -> io.StringIO:

@@ -48,6 +48,8 @@ from blockmech.studio.turn import (
 )
 from blockmech.studio.window import Window
 
+SEEN = "requestAnimationFrame(() => { said.tags = [cb_obj.value] })"
+"""The browser tells which pose it has drawn: a slow one is not sent the next before."""
 PICTURES = (".svg", ".png", ".pdf", *MOVING)
 ALWAYS: dict[str, dict[str, Any]] = {
     "patches": {"line_join": "round"},
@@ -93,6 +95,9 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._unit = 0.0
         self._layers: list[tuple[Layer, Any]] = []
         self._margins: Plot | None = None
+        self._drivers: dict[str, Any] = {}
+        self._clock: Any = None
+        self._begun = 0.0
         self._make_figure()
         self._make_controls()
         follow(sheet, self.renew, "form", "mechanism")
@@ -100,6 +105,24 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.param.watch(heard(self._show_units), ["shown"])
         self.param.watch(lambda *_: self._show_pose(), ["pose"])
         self.renew()
+
+    def _make_controls(self) -> None:
+        self._said = Div(text="", sizing_mode="stretch_width", styles={"min-height": "2.6em"})
+        self.slider = pn.widgets.IntSlider.from_param(
+            self.param.pose, label="Pose", start=0, show_value=False, sizing_mode="stretch_width"
+        )
+        self.slider.jscallback(value=SEEN, args={"said": self._said})
+        self._play = pn.widgets.Toggle(label="▶ Play", width=90, align="end")
+        self._play.param.watch(lambda event: self._toggled(event.new), "value")
+        self._sliders = pn.Row(sizing_mode="stretch_width")
+        self._strip = pn.pane.Bokeh(sizing_mode="stretch_width")
+        self.kind = pn.widgets.Select(label="Picture as", options=list(PICTURES), width=80)
+        self.picture = pn.widgets.FileDownload(
+            callback=self._picture, filename="mechanism.svg", label="Picture", align="end"
+        )
+        self.kind.param.watch(
+            lambda event: self.picture.param.update(filename=f"mechanism{event.new}"), "value"
+        )
 
     # -- what is shown ---------------------------------------------------------------------
 
@@ -234,6 +257,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         if playing and self.motion is not None:
             n = len(self.motion.samples)
             self._begun = time.perf_counter() - self._seconds * self.pose / n
+            self._said.tags = []
             self._clock = pn.state.add_periodic_callback(self._tick, period=round(1e3 * FRAME))
         elif self._clock is not None:
             self._clock.stop()
@@ -242,7 +266,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     @together
     def _tick(self) -> None:
         """Show the pose of the moment: round, or to and fro where the motion does not return."""
-        if self.motion is not None:
+        if self.motion is not None and self._said.tags in ([], [self.pose]):
             n = len(self.motion.samples)
             k = int((time.perf_counter() - self._begun) / self._seconds * n)
             forward = self.motion.result.motion is not None or self.motion.returns
@@ -258,26 +282,6 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.figure.toolbar.active_drag = self._pencil
         zoomed = heard(self._zoomed)
         self.figure.on_event(RangesUpdate, lambda _: zoomed())
-
-    def _make_controls(self) -> None:
-        self._said = Div(text="", sizing_mode="stretch_width", styles={"min-height": "2.6em"})
-        self.slider = pn.widgets.IntSlider.from_param(
-            self.param.pose, label="Pose", start=0, show_value=False, sizing_mode="stretch_width"
-        )
-        self._play = pn.widgets.Toggle(label="▶ Play", width=90, align="end")
-        self._play.param.watch(lambda event: self._toggled(event.new), "value")
-        self._clock: Any = None
-        self._begun = 0.0
-        self._drivers: dict[str, Any] = {}
-        self._sliders = pn.Row(sizing_mode="stretch_width")
-        self._strip = pn.pane.Bokeh(sizing_mode="stretch_width")
-        self.kind = pn.widgets.Select(label="Picture as", options=list(PICTURES), width=80)
-        self.picture = pn.widgets.FileDownload(
-            callback=self._picture, filename="mechanism.svg", label="Picture", align="end"
-        )
-        self.kind.param.watch(
-            lambda event: self.picture.param.update(filename=f"mechanism{event.new}"), "value"
-        )
 
     def panel(self) -> Any:
         """The figure with its sliders, play button and choice of what is shown."""

@@ -87,7 +87,7 @@ def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
     mechanism, q = motion.mechanism, motion.q[moved]
     found = limits(mechanism, moved, {d: float(x[0]) for d, x in motion.q.items() if d != moved})
     ends = [end for arc in found.arcs for end in (arc.start, *arc.change_points, arc.end)]
-    events = {}
+    events: set[tuple[float, str]] = set()
     for end in (end for end in ends if end.block):
         apart = q - end.q
         if found.unit == "rad":
@@ -96,7 +96,7 @@ def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
         passed = np.flatnonzero((a * b < 0) & (np.abs(b - a) < np.pi))
         places = [*np.flatnonzero(apart == 0), *(passed + a[passed] / (a - b)[passed])]
         name = f"{mechanism.said(end.block)} {end.how}"
-        events |= {(float(place), name): None for place in places}
+        events |= {(float(place), name) for place in places}
     return tuple(sorted(events))
 
 
