@@ -32,11 +32,10 @@ def boom(friction=True):
     return wired("boom", blocks, ["frame.B lift.B", "frame.D lift.D", "lift.P load.at"])
 
 
-@ENGINES
-def test_length_is_that_of_a_link_of_an_rrr_dyad(engine):
+def test_length_is_that_of_a_link_of_an_rrr_dyad():
     q = 0.75
     mech = boom(friction=False).compile()
-    run = mech.run(at=q, rates=0.0, engine=engine)
+    run = mech.run(at=q, rates=0.0)
     dyad = bm.RRR(l_i=q, l_j=ARM, links={"j": boom().blocks["lift"].links["j"]})
     a, b = complex(0.1, -0.05), complex(0.1 + BASE, -0.05)
     pose = dyad.kernels.position(a, b, dyad.parameters())
@@ -45,15 +44,14 @@ def test_length_is_that_of_a_link_of_an_rrr_dyad(engine):
     assert run["lift.q"][0] == q
 
 
-@ENGINES
-def test_pressure_force_is_the_moment_over_the_lever(engine):
+def test_pressure_force_is_the_moment_over_the_lever():
     # Massless, without friction: the cylinder is a bar between its pins.
     links = {"j": bm.Link(markers={"P": (0.7, 0.1)})}
     graph = boom(friction=False)
     graph.blocks["lift"] = bm.Cylinder(l_j=ARM, links=links)
     mech = graph.compile()
     q = np.array([0.5, 0.8, 1.1])
-    run = mech.run(at=q, rates=0.1, accelerations=0.5, engine=engine)
+    run = mech.run(at=q, rates=0.1, accelerations=0.5)
     D, B = complex(0.1 + BASE, -0.05), complex(0.1, -0.05)
     C, P = run["lift.C.p"], run["lift.P.p"]
     u = (C - B) / abs(C - B)

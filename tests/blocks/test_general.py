@@ -153,28 +153,6 @@ def test_rough_home_is_refined():
         assert abs(a[name][0] - b[name][0]) <= ROUNDING * 10
 
 
-def test_group_that_is_held_twice_inside_is_refused():
-    # Two links in a triangle with the frame, one swinging freely: the count is right.
-    pairs = {
-        "A": {"type": "R", "link": "i"},
-        "B": {"type": "R", "links": ("i", "j"), "at": ((1.0, 0.0), (0.0, 0.0))},
-        "C": {"type": "R", "links": ("i", "j"), "at": ((0.0, 1.0), (0.5, 0.0))},
-        "D": {"type": "R", "link": "k"},
-        "E": {"type": "R", "links": ("k", "l"), "at": ((1.0, 0.0), (0.0, 0.0))},
-        "F": {"type": "R", "link": "j", "at": (0.0, 0.3)},
-    }
-    links = {n: bm.Link() for n in "ijkl"}
-    poses = dict.fromkeys("ijkl", (0.0, 0.0, 0.0))
-    graph = bm.Graph("twice")
-    graph.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
-    graph.add("group", bm.GeneralGroup(links=links, pairs=pairs, home={"poses": poses}))
-    for joint in "ADF":
-        graph.connect("frame.O", f"group.{joint}")
-    with pytest.raises(bm.GraphError) as caught:
-        graph.compile()
-    assert {p.where.split(".")[0] for p in caught.value.problems} == {"group"}
-
-
 def test_wrong_number_of_pairs_is_one_problem():
     with pytest.raises(bm.GraphError) as caught:
         bm.GeneralGroup(

@@ -30,9 +30,8 @@ def two_slots(**more):
     )
 
 
-@ENGINES
-def test_pin_in_two_slots_moves_as_the_cotangent(engine):
-    run = two_slots().compile().run(at=ABOVE, rates=RATE, engine=engine)
+def test_pin_in_two_slots_moves_as_the_cotangent():
+    run = two_slots().compile().run(at=ABOVE, rates=RATE)
     x = HEIGHT / np.tan(ABOVE)
     v = -HEIGHT * RATE / np.sin(ABOVE) ** 2
     a = 2 * HEIGHT * RATE**2 * np.cos(ABOVE) / np.sin(ABOVE) ** 3
@@ -45,10 +44,9 @@ def test_pin_in_two_slots_moves_as_the_cotangent(engine):
     assert np.abs(run["dyad.margin"] - np.sin(ABOVE) ** 2).max() <= ROUNDING
 
 
-@ENGINES
-def test_offsets_shift_the_slots(engine):
+def test_offsets_shift_the_slots():
     h1, h2 = 0.03, -0.05
-    run = two_slots(h1=h1, h2=h2).compile().run(at=ABOVE, rates=RATE, engine=engine)
+    run = two_slots(h1=h1, h2=h2).compile().run(at=ABOVE, rates=RATE)
     # The pin is h2 below the level slot and h1 to the right of the crank's.
     y = HEIGHT - h2
     x = (y * np.cos(ABOVE) + h1) / np.sin(ABOVE)

@@ -13,7 +13,6 @@ from tests.blocks.machines import guide, wired
 ROUNDING = 1e-13  # [-] a hundred roundings
 R, RATE, MASS = 0.1, 20.0, 2.0
 EVERYWHERE = np.linspace(0.0, 6.2, 25)
-ENGINES = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 
 
 def scotch_yoke(beta=math.pi / 2, **more):
@@ -30,11 +29,10 @@ def scotch_yoke(beta=math.pi / 2, **more):
     )
 
 
-@ENGINES
 @pytest.mark.parametrize("beta", [math.pi / 2, 1.1, -2.0])
-def test_yoke_moves_harmonically(engine, beta):
+def test_yoke_moves_harmonically(beta):
     """x = R cos q - R sin q / tan(beta)."""
-    run = scotch_yoke(beta).compile().run(at=EVERYWHERE, rates=RATE, engine=engine)
+    run = scotch_yoke(beta).compile().run(at=EVERYWHERE, rates=RATE)
     slope = 1 / math.tan(beta)
     x = R * (np.cos(EVERYWHERE) - slope * np.sin(EVERYWHERE))
     v = -R * RATE * (np.sin(EVERYWHERE) + slope * np.cos(EVERYWHERE))
@@ -74,10 +72,9 @@ def oldham(distance=0.03):
     )
 
 
-@ENGINES
-def test_oldham_coupling_turns_both_shafts_alike_and_its_cross_runs_round_twice(engine):
+def test_oldham_coupling_turns_both_shafts_alike_and_its_cross_runs_round_twice():
     d = 0.03
-    run = oldham(d).compile().run(at=EVERYWHERE, rates=RATE, engine=engine)
+    run = oldham(d).compile().run(at=EVERYWHERE, rates=RATE)
     assert np.abs(run["dyad.i.omega"] - RATE).max() == 0
     assert np.abs(run["dyad.i.alpha"]).max() == 0
     centre = d / 2 * (1 + np.exp(2j * EVERYWHERE))  # on the circle over the shafts' distance

@@ -29,10 +29,9 @@ def quick_return(distance=A, **more):
     )
 
 
-@ENGINES
-def test_slotted_lever_turns_as_the_closed_form_says(engine):
+def test_slotted_lever_turns_as_the_closed_form_says():
     """tan(angle) = (A + R sin q) / (R cos q), and its rate."""
-    run = quick_return().compile().run(at=EVERYWHERE, rates=RATE, engine=engine)
+    run = quick_return().compile().run(at=EVERYWHERE, rates=RATE)
     x, y = R * np.cos(EVERYWHERE), A + R * np.sin(EVERYWHERE)
     assert np.abs(run["dyad.j.angle"] - np.arctan2(y, x)).max() <= ROUNDING
     rate = RATE * (R**2 + A * R * np.sin(EVERYWHERE)) / (x**2 + y**2)
@@ -51,14 +50,9 @@ def test_lever_stops_where_the_crank_stands_across_it():
     )  # the quick return's time ratio
 
 
-@ENGINES
 @pytest.mark.parametrize("branch", [1, -1])
-def test_branch_says_on_which_side_of_B_the_pin_D_is(engine, branch):
-    run = (
-        quick_return(branch=branch, h_i=0.03, h_j=-0.02)
-        .compile()
-        .run(at=EVERYWHERE, rates=RATE, engine=engine)
-    )
+def test_branch_says_on_which_side_of_B_the_pin_D_is(branch):
+    run = quick_return(branch=branch, h_i=0.03, h_j=-0.02).compile().run(at=EVERYWHERE, rates=RATE)
     u = np.exp(1j * run["dyad.i.angle"])
     d = run["dyad.D.p"] - run["dyad.B.p"]
     ahead = (np.conj(u) * d).real

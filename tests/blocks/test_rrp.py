@@ -50,12 +50,11 @@ def closed_form(q, offset, side=1):
     return x, v, a
 
 
-@ENGINES
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("offset", [0.0, 0.07, -0.12])
-def test_piston_moves_as_the_closed_form_says(engine, side, offset):
+def test_piston_moves_as_the_closed_form_says(side, offset):
     mech = slider_crank(offset, branch=side).compile()
-    run = mech.run(at=EVERYWHERE, rates=RATE, engine=engine)
+    run = mech.run(at=EVERYWHERE, rates=RATE)
     x, v, a = closed_form(EVERYWHERE, offset, side)
     for name, wanted in (("p", x + 1j * offset), ("v", v), ("a", a)):
         found = run[f"dyad.Cj.{name}"]
@@ -64,10 +63,9 @@ def test_piston_moves_as_the_closed_form_says(engine, side, offset):
     assert np.abs(slip - v).max() <= ROUNDING * np.abs(v).max()
 
 
-@pytest.mark.parametrize("engine", ["scalar", "numpy"])
 @pytest.mark.parametrize("h", [0.05, -0.08])
-def test_offset_of_the_guide_on_the_slider_is_offset_of_the_guide_in_the_frame(engine, h):
-    one = slider_crank(offset=h, h=h).compile().run(at=EVERYWHERE, rates=RATE, engine=engine)
+def test_offset_of_the_guide_on_the_slider_is_offset_of_the_guide_in_the_frame(h):
+    one = slider_crank(offset=h, h=h).compile().run(at=EVERYWHERE, rates=RATE)
     x, v, _ = closed_form(EVERYWHERE, 0.0)
     assert np.abs(one["dyad.Cj.p"] - x).max() <= ROUNDING
     assert np.abs(one["dyad.Cj.v"] - v).max() <= ROUNDING * np.abs(v).max()
@@ -102,12 +100,11 @@ def test_rod_across_the_guide_is_a_dead_centre(engine):
     assert caught.value.failure.margin == 0
 
 
-@ENGINES
 @pytest.mark.parametrize("mu", [0.15, 0.6])
-def test_rough_guide_loads_the_crank_as_the_closed_form_says(engine, mu):
+def test_rough_guide_loads_the_crank_as_the_closed_form_says(mu):
     """The rod pushes with Q along itself, at beta below the guide; T = -mu |N| sgn(v)."""
     q = np.array([0.4, 1.3, 2.6, 3.6, 4.9, 5.9])
-    run = slider_crank(mu=mu).compile().run(at=q, rates=RATE, engine=engine)
+    run = slider_crank(mu=mu).compile().run(at=q, rates=RATE)
     _, v, a = closed_form(q, 0.0)
     beta = np.arcsin(R * np.sin(q) / L)
     needed = MASS * a - GAS

@@ -4,7 +4,6 @@ Source: tests/data/watt_sixbar.json (Durango et al. 2014, Table 1).
 """
 
 import numpy as np
-import pytest
 
 from tests.wiring import off, recorded, watt
 
@@ -21,21 +20,16 @@ PINS = {
 MARGIN = 0.08  # smallest margin over the fall: conditions below 1 / sqrt(MARGIN) = 4
 DIGITS = 1e-13  # [-] of its own size: some 100 roundings, times that condition
 
-EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 
-
-def falling(engine):
+def falling():
     rows = WATT["table"]
     columns = {k: np.array([row[k] for row in rows]) for k in rows[0] if k != "reactions"}
-    r = watt().run(
-        at=columns["theta"], rates=columns["omega"], accelerations=columns["alpha"], engine=engine
-    )
+    r = watt().run(at=columns["theta"], rates=columns["omega"], accelerations=columns["alpha"])
     return r, rows, columns
 
 
-@EACH_ENGINE
-def test_reactions_of_the_falling_sixbar(engine):
-    r, rows, _ = falling(engine)
+def test_reactions_of_the_falling_sixbar():
+    r, rows, _ = falling()
     assert min(r["first.margin"].min(), r["last.margin"].min()) > MARGIN
     for pin, name in PINS.items():
         for k, row in enumerate(rows):
@@ -43,18 +37,16 @@ def test_reactions_of_the_falling_sixbar(engine):
             assert abs(r[f"{name}.reaction"][k] - force) <= DIGITS * abs(force)
 
 
-@EACH_ENGINE
-def test_reduced_inertia_and_moment_of_the_sixbar(engine):
-    r, _, columns = falling(engine)
+def test_reduced_inertia_and_moment_of_the_sixbar():
+    r, _, columns = falling()
     for name, key in (("J_red", "J_red"), ("tau_red", "tau_red"), ("dJ_red", "dJ_red_dtheta")):
         assert np.max(np.abs(r[f"crank.{name}"] / columns[key] - 1)) <= DIGITS
     shares = sum(r[f"{block}.J_red"] for block in ("first", "last"))
     assert off(shares + (0.0833 + 1.0 * 0.5**2), columns["J_red"]) <= DIGITS
 
 
-@EACH_ENGINE
-def test_energies_of_the_falling_sixbar(engine):
-    r, _, columns = falling(engine)
+def test_energies_of_the_falling_sixbar():
+    r, _, columns = falling()
     kinetic, potential = r["mechanism.kinetic_energy"], r["mechanism.potential_energy"]
     assert off(kinetic, columns["T"]) <= DIGITS
     assert off(potential, columns["V"]) <= DIGITS

@@ -2,7 +2,7 @@
 
 Counting and generic rank (`assur.diagnosis`) tell what holds for almost all lengths. Whether
 the given lengths are special, as in a parallelogram with three equal cranks, is told by the
-rank of the velocity conditions in the pose of the document (`special`).
+rank of the velocity conditions in the pose of the document (`closing`).
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from blockmech.assur.groups import Unit
 from blockmech.assur.rank import TooTangledError
 from blockmech.assur.rigidity import Rigidity, rigidity
 from blockmech.errors import Problem, listed, path_text
-from blockmech.model.joints.closing import Closing, Gap, gaps
+from blockmech.model.joints.closing import MOST_LINKS, Closing, Gap, gaps, special_geometry
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Poses
-from blockmech.model.joints.special import MOST_LINKS, special_geometry
 from blockmech.values import MILLI
 
 EACH = "each freedom has one driver"
