@@ -29,6 +29,7 @@ from blockmech.studio.work import Told, Work
 from blockmech.typing import FrictionMethod
 from blockmech.wires import on_wires
 
+ACCURACIES = ("1e-3", "1e-6", "1e-9", "1e-12")
 TOOLS = "pan,xwheel_zoom,box_zoom,reset,save"
 FORWARD = {"p": "m", "v": "m/s", "a": "m/s²", "om": "rad/s", "al": "rad/s²"}
 BACK = {"F": "N", "M": "N m", "power": "W"}
@@ -116,10 +117,7 @@ class Answers:
         )
         self.accuracy = pn.widgets.Select(
             label="Accuracy",
-            options={
-                "as the method": 0.0,
-                **{f"{x:g}": x for x in 10.0 ** np.arange(-3, -13, -3)},
-            },
+            options={"as the method": 0.0} | {x: float(x) for x in ACCURACIES},
             width=100,
         )
         self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
@@ -130,17 +128,12 @@ class Answers:
         self.csv = pn.widgets.FileDownload(
             callback=self._csv, filename="result.csv", label="CSV", width=100
         )
-        self.work = Work()
-        buttons = {
-            "Simulate": self.simulate,
-            "Turn": view.turn,
-            "Cost": self.explain,
-            "Trade": self.trade,
-        }
-        self.buttons = [pn.widgets.Button(label=name, width=100) for name in buttons]
-        for button, act in zip(self.buttons, buttons.values(), strict=True):
-            button.on_click(lambda _, act=act: act())
-        self.work.param.watch(lambda event: self.said.param.update(object=event.new), "said")
+        self.work = Work(lambda said: self.said.param.update(object=said))
+        acts = (self.simulate, view.turn, self.explain, self.trade)
+        self.buttons = [
+            pn.widgets.Button(label=name, width=100, on_click=lambda _, act=act: act())
+            for name, act in zip(("Simulate", "Turn", "Cost", "Trade"), acts, strict=True)
+        ]
         for widget in (self.names, self.friction, self.accuracy):
             widget.param.watch(lambda _: self.renew(), "value")
         view.param.watch(lambda _: self._begin(), "motion")

@@ -17,14 +17,12 @@ from typing import Any
 import numpy as np
 import panel as pn
 import param
-from bokeh.events import RangesUpdate
-from bokeh.models import ColumnDataSource, Div, HoverTool, PointDrawTool
+from bokeh.models import Div, HoverTool
 
 from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.curves import abscissa
 from blockmech.draw.mechanism import caption, draw_mechanism
-from blockmech.draw.motion import Motion, Spot
-from blockmech.draw.palette import INK
+from blockmech.draw.motion import Motion
 from blockmech.draw.panels import Abscissa
 from blockmech.draw.paper import rendered
 from blockmech.draw.simulation import FRAME, screen_time
@@ -32,37 +30,17 @@ from blockmech.errors import BlockmechError, Problem, RequestError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.curves import CURVE, Plot, labels_of, margins_of
-from blockmech.studio.dragging import dragged, handles_of
+from blockmech.studio.dragging import dragged
 from blockmech.studio.fields import Shown
-from blockmech.studio.film import FONT, PIXELS, SHOWN, Layer, Scene, coloured, scene_of
+from blockmech.studio.figure import MechanismFigure
+from blockmech.studio.film import SHOWN
 from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.turn import (
-    blamed_blocks,
-    closing,
-    dead_centres,
-    gaps_of,
-    travel,
-    turn,
-    what_moves,
-)
-from blockmech.studio.window import Window
+from blockmech.studio.turn import closing, dead_centres, gaps_of, shown_motion, travel
 
 SEEN = "requestAnimationFrame(() => { said.tags = [cb_obj.value] })"
 """The browser tells which pose it has drawn: a slow one is not sent the next before."""
 PICTURES = (".svg", ".png", ".pdf", *MOVING)
-ALWAYS: dict[str, dict[str, Any]] = {
-    "patches": {"line_join": "round"},
-    "multi_line": {"line_join": "round"},
-    "scatter": {},
-    "text": {
-        "text_font": {"value": FONT}, "text_font_size": "12px", "text_align": "center",
-        "text_baseline": "middle",
-    },
-}  # fmt: skip
-"""Looks that all shapes of a glyph have."""
-RING = {"size": 16, "fill_color": "transparent", "line_width": 1.5, "line_dash": "dotted"}
-"""Looks of what can be taken hold of."""
 
 
 class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
@@ -90,15 +68,11 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.sheet, self.dark, self.seconds = sheet, dark, seconds
         self.along = Abscissa("sample", np.zeros(1))
         self._by_hand: tuple[str, dict[str, float]] = ("", {})
-        self._scene: Scene | None = None
-        self._handles: dict[str, Spot] = {}
-        self._unit = 0.0
-        self._layers: list[tuple[Layer, Any]] = []
         self._margins: Plot | None = None
         self._drivers: dict[str, Any] = {}
         self._clock: Any = None
         self._begun = 0.0
-        self._make_figure()
+        self.figure = MechanismFigure(dark, self.drag)
         self._make_controls()
         follow(sheet, self.renew, "form", "mechanism")
         self.param.watch(lambda *_: self._draw(), ["show"])
@@ -133,22 +107,10 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def renew(self) -> None:
         """Show the turn of the sheet's mechanism, or of the part of it that moves."""
-        sheet = self.sheet
-        said = " ".join(map(str, sheet.problems))
-        mechanism = sheet.mechanism
-        if mechanism is None and "blocks" in sheet.form:
-            mechanism = what_moves(sheet.form, blamed_blocks(sheet.form, sheet.problems))
         try:
-            motion = None if mechanism is None else turn(mechanism, *self._by_hand)
-            if motion is not None and not motion.feasible.any():
-                closed = closing(motion)
-                said = gaps_of(closed)[0][2]
-                blamed = set(closed.quality.blame.values())
-                part = what_moves(sheet.form, blamed) if "blocks" in sheet.form else None
-                motion = None if part is None else turn(part, *self._by_hand)
+            self.play(*shown_motion(self.sheet, *self._by_hand))
         except BlockmechError as error:
-            motion, said = None, str(error)
-        self.play(motion, said)
+            self.play(None, str(error))
 
     @property
     def degrees(self) -> bool:
@@ -157,7 +119,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def _show_units(self) -> None:
         """Write places and angles in the chosen units."""
-        self.window.measured(self.shown)
+        self.figure.measured(self.shown)
         self.play(self.motion, self.said)
 
     @together
@@ -181,6 +143,16 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._show_margins(closed)
         self._show_drivers()
         self._draw()
+
+    @together
+    def _draw(self) -> None:
+        """Compute what is drawn in all poses."""
+        whole = self.sheet.mechanism and self.sheet.mechanism.structure
+        try:
+            self.figure.draw(self.motion, self.show, whole)
+        except BlockmechError as error:
+            self.said = str(error)
+        self._show_pose()
 
     def _show_margins(self, closed: Result | None) -> None:
         """How far every group is from its dead centres, along the poses."""
@@ -274,21 +246,12 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     # -- the page --------------------------------------------------------------------------
 
-    def _make_figure(self) -> None:
-        self.window = Window(self.dark, self._fit)
-        self.figure = self.window.figure
-        self._pencil = PointDrawTool(add=False, description="Drag joints")
-        self.figure.add_tools(self._pencil)
-        self.figure.toolbar.active_drag = self._pencil
-        zoomed = heard(self._zoomed)
-        self.figure.on_event(RangesUpdate, lambda _: zoomed())
-
     def panel(self) -> Any:
         """The figure with its sliders, play button and choice of what is shown."""
         choice = pn.widgets.CheckButtonGroup.from_param(self.param.show, label="Show")
         return pn.Column(
             pn.FlexBox(choice, self.kind, self.picture, align_items="end"),
-            pn.pane.Bokeh(self.figure, sizing_mode="stretch_both", min_height=340),
+            pn.pane.Bokeh(self.figure.figure, sizing_mode="stretch_both", min_height=340),
             pn.Row(self._play, self.slider, sizing_mode="stretch_width"),
             self._sliders,
             self._said,
@@ -309,77 +272,10 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         film = Animation(motion, self._seconds, degrees=self.degrees, every=every)
         return io.BytesIO(film.gif if suffix == ".gif" else film.html.encode())
 
-    # -- drawing ---------------------------------------------------------------------------
-
     @together
-    def _draw(self) -> None:
-        """Compute what is drawn, and fit it into the window."""
-        self._scene, self._handles = None, {}
-        if self.motion is not None:
-            whole = self.sheet.mechanism and self.sheet.mechanism.structure
-            self._scene = scene_of(self.motion, self.show, whole)
-            if self.motion.result.motion is None:
-                self._handles = handles_of(self.motion, self._scene.sketch)
-        self._fit()
-
-    def _fit(self) -> None:
-        """Fit the window around all that moves, at equal scales."""
-        if self._scene is not None:
-            self.window.fit(*self._scene.bounds)
-        self._show_at(self.window.scale * PIXELS)
-
-    def _zoomed(self) -> None:
-        """Symbols keep their size on the screen."""
-        unit = self.window.scale * PIXELS
-        if not math.isclose(unit, self._unit, rel_tol=1 / self.window.size[0]):
-            self._show_at(unit)
-
-    def _show_at(self, unit: float) -> None:
-        """Compute the columns of all samples where a point of the screen is ``unit`` [m]."""
-        self._unit, layers = unit, []
-        if self._scene is not None:
-            try:
-                layers = self._scene.layers(unit, self.dark)
-            except BlockmechError as error:
-                self.said = str(error)
-            layers.append(self._rings())
-        known = [(old.glyph, len(old.looks["name"])) for old, _ in self._layers]
-        if known == [(layer.glyph, len(layer.looks["name"])) for layer in layers]:
-            sources = [source for _, source in self._layers]
-        else:
-            self.figure.renderers = []
-            sources = [self._renderer(layer) for layer in layers]
-            self._pencil.renderers = self.figure.renderers[-1:]
-            if sources:
-                sources[-1].on_change("data", self._dropped)
-        self._layers = list(zip(layers, sources, strict=True))
-        self._show_pose(fresh=True)
-
-    def _rings(self) -> Layer:
-        """Rings around what can be taken hold of."""
-        names, n = list(self._handles), len(self.motion.samples)
-        places = np.array([self.motion.at(*spot) for spot in self._handles.values()], complex)
-        looks = {**RING, "line_color": coloured(INK, self.dark)}
-        columns = {key: [value] * len(names) for key, value in looks.items()}
-        return Layer("scatter", places.reshape(-1, n).T, {**columns, "name": names})
-
-    def _renderer(self, layer: Layer) -> Any:
-        """A source of a layer's columns, which are drawn."""
-        columns = {**layer.at(0), **layer.looks}
-        own = {name: name for name in columns if name != "name"}
-        source = ColumnDataSource(columns)
-        getattr(self.figure, layer.glyph)(source=source, **own, **ALWAYS[layer.glyph])
-        return source
-
-    @together
-    def _show_pose(self, fresh: bool = False) -> None:
+    def _show_pose(self) -> None:
         """Put everything where it is in the shown pose."""
-        for layer, source in self._layers:
-            columns = layer.at(self.pose)
-            if fresh:
-                source.data = {**columns, **layer.looks}
-            elif len(layer.places) > 1:
-                source.patch({name: [(slice(None), column)] for name, column in columns.items()})
+        self.figure.put(self.pose)
         for driver, slider in self._drivers.items():
             slider.value = self._told(driver)
         self._said.text = self._caption()
@@ -403,21 +299,12 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         bold = [f"<b>{html.escape(words)}</b>" for words in said]
         return "<br>".join([html.escape("; ".join(told)), *bold])
 
-    # -- dragging --------------------------------------------------------------------------
-
-    def _dropped(self, attr: str, old: Any, new: Any) -> None:
-        """A joint was dragged in the browser: what follows from it goes to the sheet."""
-        for name, x, y in zip(new["name"], new["x"], new["y"], strict=True):
-            at = complex(self.motion.at(*self._handles[name])[self.pose])
-            if abs(complex(x, y) - at) > self._unit:  # a point of the page: a click moves nothing
-                self.drag(name, complex(x, y))
-                return
-
     @together
     def drag(self, name: str, new: complex) -> None:
         """Put a joint to another place [m] in the shown pose; lengths follow, as one step."""
-        old = complex(self.motion.at(*self._handles[name])[self.pose])
-        digits = -int(np.floor(np.log10(self._unit)))  # a point of the page is the finest step
+        spot, unit = self.figure.handles[name], self.figure.unit
+        old = complex(self.motion.at(*spot)[self.pose])
+        digits = -int(np.floor(np.log10(unit)))  # a point of the page is the finest step
         new = complex(round(new.real, digits), round(new.imag, digits))
         form = dragged(self.sheet.form, self.motion, self.pose, old, new)
         try:
@@ -428,13 +315,13 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
                 )
             self.sheet.change(form, f"move {name}")
         except BlockmechError as error:
-            self.said = str(error)
-            self._show_pose(fresh=True)
-            return
-        heard(lambda: self._find(name, new))()
+            self.play(self.motion, str(error))
+        else:
+            heard(lambda: self._find(name, new))()
 
     def _find(self, name: str, place: complex) -> None:
         """Show a pose in which a joint is at a place, where a crank was turned by the drag."""
-        apart = np.abs(self.motion.at(*self._handles[name]) - place)
-        if apart[self.pose] > self._unit:
-            self.pose = int(np.nanargmin(apart))
+        if name in self.figure.handles:
+            apart = np.abs(self.motion.at(*self.figure.handles[name]) - place)
+            if apart[self.pose] > self.figure.unit:
+                self.pose = int(np.nanargmin(apart))

@@ -20,6 +20,27 @@ from blockmech.model.laws_of_motion import OverRange
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.edits import without
+from blockmech.studio.sheet import Sheet
+
+
+def shown_motion(sheet: Sheet, moved: str, at: Mapping[str, float]) -> tuple[Motion | None, str]:
+    """The `turn` of a sheet's mechanism, or of the part of it that closes; and what is wrong.
+
+    Raises `RequestError` where a law cannot be followed.
+    """
+    said, mechanism = " ".join(map(str, sheet.problems)), sheet.mechanism
+    blamed = blamed_blocks(sheet.form, sheet.problems)
+    if mechanism is None:
+        mechanism = what_moves(sheet.form, blamed)
+    while mechanism is not None:
+        motion = turn(mechanism, moved, at)
+        if motion.feasible.any():
+            return motion, said
+        closed = closing(motion)
+        said = said or gaps_of(closed)[0][2]
+        blamed |= set(closed.quality.blame.values())
+        mechanism = what_moves(sheet.form, blamed)
+    return None, said
 
 
 def turn(mechanism: Compiled, moved: str = "", at: Mapping[str, float] | None = None) -> Motion:
@@ -34,10 +55,11 @@ def turn(mechanism: Compiled, moved: str = "", at: Mapping[str, float] | None = 
     Raises `RequestError` where a law cannot be followed.
     """
     free = [d for d in mechanism.drivers if d not in mechanism.scene.drive]
+    moved = moved if moved in mechanism.drivers else ""
     if not free and not moved:
         return moves(mechanism, samples=DEFAULT_SAMPLES)
     moved = moved or free[0]
-    held = {d: _begin(mechanism, d) for d in mechanism.drivers} | dict(at or {})
+    held = {d: (at or {}).get(d, _begin(mechanism, d)) for d in mechanism.drivers}
     q = np.linspace(*travel(mechanism, moved, held), DEFAULT_SAMPLES)
     how: dict[str, Any] = {"want": (), "on_gap": "mark", "friction": "none"}
     rows = {d: q if d == moved else np.full(q.shape, x) for d, x in held.items()}
@@ -140,13 +162,13 @@ def part_of(form: Mapping[str, Any], failing: Iterable[str]) -> dict[str, Any]:
 def blamed_blocks(form: Mapping[str, Any], problems: Iterable[Problem]) -> set[str]:
     """The blocks that problems are about."""
     words = {word for p in problems for word in re.split(r", |[.\[]", p.where)}
-    return words & set(form["blocks"])
+    return words & set(form.get("blocks", ()))
 
 
 def what_moves(form: Mapping[str, Any], failing: Iterable[str]) -> Mechanism | None:
     """The largest part of a graph without the failing blocks that is a mechanism, or None."""
     gone = set(failing)
-    while gone and form["blocks"]:
+    while gone and form.get("blocks"):
         form = part_of(form, gone)
         try:
             graph = Graph.from_data(form)
