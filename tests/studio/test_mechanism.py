@@ -11,8 +11,9 @@ from blockmech.builders import opened
 from blockmech.draw import palette
 from blockmech.draw.shapes import Stage
 from blockmech.studio.dragging import dragged, handles_of
-from blockmech.studio.film import SHOWN, coloured, names_of, scene_of
+from blockmech.studio.film import SHOWN, names_of, scene_of
 from blockmech.studio.mechanism import MechanismView
+from blockmech.studio.plots import coloured
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import (
     blamed_blocks,
@@ -319,6 +320,15 @@ def test_what_cannot_be_dragged_says_why():
     view.drag("C", 0.1 + 0.1j)
     assert "cannot be dragged" in view._said.text
     assert sheet.text() == before
+
+
+def test_forces_that_cannot_be_known_are_told_while_they_are_asked_for():
+    view = MechanismView(sheet_of("motions/shaken_slider"))
+    view.show = ["reactions"]
+    assert "a load follows the time" in view._said.text
+    view.pose = 20
+    view.show = ["paths"]
+    assert "a load follows the time" not in view._said.text
 
 
 # -- files and the browser -------------------------------------------------------------------

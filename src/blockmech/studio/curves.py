@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
@@ -16,7 +15,7 @@ from blockmech.draw.curves import chosen_panels, without_friction
 from blockmech.draw.panels import PANEL, WITHOUT, Abscissa, Panel
 from blockmech.draw.paper import scaled_unit, shown_name
 from blockmech.result import Result
-from blockmech.studio.film import FONT, PIXELS, coloured, dress
+from blockmech.studio.plots import FONT, PIXELS, coloured, dress
 from blockmech.studio.session import heard
 
 CURVE = round(PANEL * PIXELS)  # [px] height of a figure
@@ -93,12 +92,12 @@ class Plot:
         return BoxAnnotation(left=min(ends), right=max(ends), **look)
 
     def _mark(self, x: float, words: str) -> tuple[Span, Label]:
-        """A dead centre: a line, and its name along it."""
+        """A dead centre: a line, and its name beside it."""
         colour = coloured(ink.GREY, self.dark)
         line = Span(dimension="height", location=x, line_color=colour, line_dash="dotted")
         name = Label(
-            x=x, y=4, y_units="screen", text=words, angle=math.pi / 2, x_offset=-2,
-            text_color=colour, text_font=FONT, text_font_size="10px",
+            x=x, y=2, y_units="screen", text=words, x_offset=3, text_color=colour,
+            text_font=FONT, text_font_size="11px",
         )  # fmt: skip
         return line, name
 

@@ -12,9 +12,11 @@ from bokeh.models import ColumnDataSource, PointDrawTool
 
 from blockmech.draw.motion import Motion, Spot
 from blockmech.draw.palette import INK
+from blockmech.errors import BlockmechError
 from blockmech.model.structure import Structure
 from blockmech.studio.dragging import handles_of
-from blockmech.studio.film import FONT, PIXELS, Layer, Scene, coloured, scene_of
+from blockmech.studio.film import Layer, Scene, scene_of
+from blockmech.studio.plots import FONT, PIXELS, coloured
 from blockmech.studio.session import heard
 from blockmech.studio.window import Window
 
@@ -35,14 +37,14 @@ RING = {"size": 16, "fill_color": "transparent", "line_width": 1.5, "line_dash":
 class MechanismFigure(Window):
     """Axes with a mechanism in them; ``drag`` is called with what is dragged, and where to [m].
 
-    ``unit`` [m] is a point of the screen.
+    ``unit`` [m] is a point of the screen, ``said`` why nothing can be shown, or "".
     """
 
     def __init__(self, dark: bool, drag: Callable[[str, complex], None]) -> None:
         super().__init__(dark, self._fit)
         self.dark, self.drag = dark, drag
         self.handles: dict[str, Spot] = {}
-        self.unit = 0.0
+        self.unit, self.said = 0.0, ""
         self._scene: Scene | None = None
         self._pose = 0
         self._layers: list[tuple[Layer, Any]] = []
@@ -53,10 +55,7 @@ class MechanismFigure(Window):
         self.figure.on_event(RangesUpdate, lambda _: zoomed())
 
     def draw(self, motion: Motion | None, show: Iterable[str], whole: Structure | None) -> None:
-        """Fit the window around a motion that closes somewhere; arguments as of `scene_of`.
-
-        Raises `RequestError` for forces that cannot be known.
-        """
+        """Fit the window around a motion that closes somewhere; arguments as of `scene_of`."""
         self._scene, self.handles = None, {}
         if motion is not None:
             self._scene = scene_of(motion, show, whole)
@@ -86,9 +85,12 @@ class MechanismFigure(Window):
 
     def _show_at(self, unit: float) -> None:
         """Compute the columns of all poses for a point of the screen [m]."""
-        self.unit, layers = unit, []
+        self.unit, self.said, layers = unit, "", []
         if self._scene is not None:
-            layers = [*self._scene.layers(unit, self.dark), self._rings(self._scene.motion)]
+            try:
+                layers = [*self._scene.layers(unit, self.dark), self._rings(self._scene.motion)]
+            except BlockmechError as error:  # forces that follow a time nobody said
+                self.said = str(error)
         known = [(old.glyph, len(old.looks["name"])) for old, _ in self._layers]
         if known != [(layer.glyph, len(layer.looks["name"])) for layer in layers]:
             self.figure.renderers = []

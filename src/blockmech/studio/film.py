@@ -6,7 +6,6 @@ All samples are computed at once, so that a pose is a row of columns.
 
 from __future__ import annotations
 
-import colorsys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby, pairwise
@@ -26,10 +25,9 @@ from blockmech.draw.paper import shown_name, text_width
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import Outline, Sketch, pin_spot, sketch_of
 from blockmech.model.structure import JointRef, LinkRef, Structure
+from blockmech.studio.plots import PIXELS, coloured
 
 GLYPHS = {"area": "patches", "line": "multi_line", "disc": "scatter"}
-FONT = "DejaVu Sans, Verdana, sans-serif"
-PIXELS = 12 / SMALL  # of the screen in a point of the page: words 12 px high
 
 
 class Layer(NamedTuple):
@@ -80,8 +78,9 @@ class Scene:
         for name, shapes_for in ON_REQUEST.items():
             found += shapes_for(stage) if name in self.show else ()
         found += [
-            Shape(f"path:{name}", "line", path[:, None], 2, ink.curve_style(i)["color"])
+            Shape(f"path:{name}", "line", path[piece, None], 2, ink.curve_style(i)["color"])
             for i, (name, path) in enumerate(self.paths.items())
+            for piece in np.ma.clump_unmasked(np.ma.masked_invalid(path))  # type: ignore[no-untyped-call]
         ]
         found.sort(key=lambda shape: shape.order)
         layers = [
@@ -181,19 +180,6 @@ def _layer(glyph: str, found: list[Shape], dark: bool) -> Layer:
     return Layer(glyph, places, looks, () if glyph == "scatter" else tuple(starts.tolist()))
 
 
-def coloured(colour: str, dark: bool) -> str:
-    """A colour of the palette, or on a dark page the one in which ink and paper have swapped."""
-    if not dark:
-        return colour
-    hue, lightness, saturation = _hls(colour)
-    swapped = colorsys.hls_to_rgb(hue, 1 - lightness * (1 - _hls(ink.INK)[1]), saturation)
-    return "#" + "".join(f"{round(255 * x):02X}" for x in swapped)
-
-
-def _hls(colour: str) -> tuple[float, float, float]:
-    return colorsys.rgb_to_hls(*(x / 255 for x in bytes.fromhex(colour[1:])))
-
-
 # -- names ---------------------------------------------------------------------------------
 
 
@@ -244,24 +230,3 @@ def _drawn(motion: Motion, link: LinkRef, outline: Outline) -> Complex:
     t = np.linspace(0, 1, len(DIRECTIONS))
     along = corners[:-1, None] + np.diff(corners)[:, None] * t
     return motion.at(link, np.asarray(along.ravel(), complex))
-
-
-def dress(plot: Any, dark: bool) -> None:
-    """Give a figure the colours of the palette."""
-    line, paper, pale = (coloured(c, dark) for c in (ink.INK, ink.PAPER, ink.PALE))
-    plot.background_fill_color = plot.border_fill_color = paper
-    plot.outline_line_color = line
-    plot.grid.grid_line_color = pale
-    plot.axis.axis_line_color = plot.axis.major_tick_line_color = line
-    plot.axis.minor_tick_line_color = None
-    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = line
-    plot.axis.axis_label_text_font = plot.axis.major_label_text_font = FONT
-    plot.axis.axis_label_text_font_style = "normal"
-    plot.toolbar.logo, plot.toolbar.autohide = None, True
-    if plot.legend:
-        plot.legend.label_text_font = FONT
-        plot.legend.background_fill_color = paper
-        plot.legend.label_text_color = line
-        plot.legend.border_line_color = None
-        plot.legend.update(ncols=2, label_text_font_size="11px", padding=0, spacing=10, margin=2)
-        plot.add_layout(plot.legend[0], "above")

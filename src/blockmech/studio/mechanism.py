@@ -107,8 +107,10 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def renew(self) -> None:
         """Show the turn of the sheet's mechanism, or of the part of it that moves."""
+        sheet = self.sheet
         try:
-            self.play(*shown_motion(self.sheet, *self._by_hand))
+            motion = shown_motion(sheet.form, sheet.mechanism, sheet.problems, *self._by_hand)
+            self.play(*motion)
         except BlockmechError as error:
             self.play(None, str(error))
 
@@ -148,10 +150,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def _draw(self) -> None:
         """Compute what is drawn in all poses."""
         whole = self.sheet.mechanism and self.sheet.mechanism.structure
-        try:
-            self.figure.draw(self.motion, self.show, whole)
-        except BlockmechError as error:
-            self.said = str(error)
+        self.figure.draw(self.motion, self.show, whole)
         self._show_pose()
 
     def _show_margins(self, closed: Result | None) -> None:
@@ -172,7 +171,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         motion = self.motion
         drivers = motion.mechanism.drivers if motion is not None and len(motion.q) > 1 else ()
         if tuple(self._drivers) != drivers:
-            self._drivers = {d: pn.widgets.FloatSlider(min_width=120) for d in drivers}
+            look = {"sizing_mode": "stretch_width", "min_width": 90}
+            self._drivers = {d: pn.widgets.FloatSlider(**look) for d in drivers}
             for driver, slider in self._drivers.items():
                 slider.param.watch(partial(self._driven, driver), "value")
             self._sliders.objects = list(self._drivers.values())
@@ -284,7 +284,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def _caption(self) -> str:
         """Where the drivers are, the dead centre nearest to the pose, and why there is a gap."""
-        said, told = [self.said] if self.said else [], []
+        said, told = [words for words in (self.said, self.figure.said) if words], []
         motion, k = self.motion, self.pose
         if motion is not None:
             told = [caption(motion, [k], self.degrees)]

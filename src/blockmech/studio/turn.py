@@ -20,18 +20,22 @@ from blockmech.model.laws_of_motion import OverRange
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.edits import without
-from blockmech.studio.sheet import Sheet
 
 
-def shown_motion(sheet: Sheet, moved: str, at: Mapping[str, float]) -> tuple[Motion | None, str]:
+def shown_motion(
+    form: Mapping[str, Any],
+    mechanism: Compiled | None,
+    problems: Iterable[Problem],
+    moved: str,
+    at: Mapping[str, float],
+) -> tuple[Motion | None, str]:
     """The `turn` of a sheet's mechanism, or of the part of it that closes; and what is wrong.
 
     Raises `RequestError` where a law cannot be followed.
     """
-    said, mechanism = " ".join(map(str, sheet.problems)), sheet.mechanism
-    blamed = blamed_blocks(sheet.form, sheet.problems)
+    said, blamed = " ".join(map(str, problems)), blamed_blocks(form, problems)
     if mechanism is None:
-        mechanism = what_moves(sheet.form, blamed)
+        mechanism = what_moves(form, blamed)
     while mechanism is not None:
         motion = turn(mechanism, moved, at)
         if motion.feasible.any():
@@ -39,7 +43,7 @@ def shown_motion(sheet: Sheet, moved: str, at: Mapping[str, float]) -> tuple[Mot
         closed = closing(motion)
         said = said or gaps_of(closed)[0][2]
         blamed |= set(closed.quality.blame.values())
-        mechanism = what_moves(sheet.form, blamed)
+        mechanism = what_moves(form, blamed)
     return None, said
 
 
