@@ -16,32 +16,6 @@ from tests.gallery import GRAPHS
 RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
 
 
-@pytest.mark.parametrize(
-    ("request_", "code", "where"),
-    [
-        ({"friction": False}, "unknown-method", "friction"),
-        ({"friction": 0}, "unknown-method", "friction"),
-        ({"friction": ""}, "unknown-method", "friction"),
-        ({"friction": ["none"]}, "unknown-method", "friction"),
-        ({"static": "false"}, "bad-value", "static"),
-        ({"static": None}, "bad-value", "static"),
-        ({"friction": "successive", "iterations": float("nan")}, "bad-value", "iterations"),
-        ({"friction": "successive", "iterations": True}, "bad-value", "iterations"),
-        ({"friction": "successive", "tolerance": "1e-3"}, "bad-value", "tolerance"),
-        ({"at": np.ma.array([1.0, 2.0], mask=[False, True])}, "bad-request", "at[crank]"),
-        ({"samples": 2**63, "at": None}, "bad-request", "samples"),
-        ({"chunk": True}, "bad-value", "chunk"),
-    ],
-)
-def test_a_setting_of_another_type_is_refused_by_its_name(
-    request_: dict[str, Any], code: str, where: str
-) -> None:
-    with pytest.raises(bm.RequestError) as caught:
-        RUIZ.run(**{"at": 1.0, "want": "crank.drive"} | request_)
-    (problem,) = caught.value.problems
-    assert (problem.code, problem.where) == (code, where)
-
-
 def test_a_setting_is_refused_whatever_was_planned_before() -> None:
     mechanism = RUIZ.compile()
     mechanism.run(at=1.0, want="crank.drive", friction="successive", iterations=1)

@@ -6,7 +6,6 @@ block that carries a load; what nobody asks for costs nothing.
 """
 
 import random
-import time
 
 import networkx as nx
 import numpy as np
@@ -305,23 +304,6 @@ def test_any_name_of_a_block_gives_the_same_answer(names):
 
 
 # ---- long chains -------------------------------------------------------------------------
-
-
-def test_thousand_dyads_compile_and_run_without_deep_recursion(capsys):
-    start = time.perf_counter()
-    mech = chain(1000).compile()
-    compiled = time.perf_counter()
-    one = mech.run(at=1.0, want=["crank.drive", "mechanism.kinetic_energy"])
-    done = time.perf_counter()
-    many = mech.run(at=[1.0, 1.1], engine="numpy", want=["crank.drive", "dyad00999.C.reaction"])
-    with capsys.disabled():
-        print(
-            f"\n1,000 dyads: wired and compiled in {compiled - start:.2f} s, planned and "
-            f"solved at one pose in {done - compiled:.2f} s, {one.plan.calls} kernel calls"
-        )
-    assert one.plan.calls == 4 * 1001
-    assert one["crank.drive"][0] == many["crank.drive"][0]
-    assert mech.structure.formula.count("->") == 1000
 
 
 def test_everything_of_a_long_chain_with_friction_runs():

@@ -3,7 +3,6 @@
 import json
 import math
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +11,8 @@ import blockmech as bm
 from blockmech.analysis.reference_errors import WIDER
 from blockmech.errors import NotComputedError
 from blockmech.values import Marker
+from tests.gallery import GRAPHS
 from tests.wiring import EPS, off, ruiz, toggle, watt, wire
-
-GRAPHS = Path(__file__).resolve().parents[1] / "graphs"
 
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 

@@ -272,13 +272,25 @@ SETTINGS = [
     ({"on_gap": "x"}, "bad-value", "valid: raise, mark, stop"),
     ({"want": ["crank.drve"]}, "unknown-output", 'did you mean "crank.drive"?'),
     ({"want": ["nothing.*"]}, "unknown-output", "no output has that name"),
+    ({"friction": False}, "unknown-method", "friction: "),
+    ({"friction": 0}, "unknown-method", "friction: "),
+    ({"friction": ""}, "unknown-method", "friction: "),
+    ({"friction": ["none"]}, "unknown-method", "friction: "),
+    ({"static": "false"}, "bad-value", "static: "),
+    ({"static": None}, "bad-value", "static: "),
+    ({"friction": "successive", "iterations": math.nan}, "bad-value", "iterations: "),
+    ({"friction": "successive", "iterations": True}, "bad-value", "iterations: "),
+    ({"friction": "successive", "tolerance": "1e-3"}, "bad-value", "tolerance: "),
+    ({"at": np.ma.array([1.0, 2.0], mask=[False, True])}, "bad-request", "at[crank]: "),
+    ({"samples": 2**63, "at": None}, "bad-request", "samples: "),
+    ({"chunk": True}, "bad-value", "chunk: "),
 ]
 
 
 @pytest.mark.parametrize(("settings", "code", "said"), SETTINGS, ids=lambda x: str(x)[:40])
 def test_wrong_setting_gets_one_clear_sentence(settings, code, said):
     with pytest.raises(bm.RequestError) as caught:
-        ruiz().run(at=[1.0, 2.0], **settings)
+        ruiz().run(**{"at": [1.0, 2.0]} | settings)
     (problem,) = caught.value.problems
     assert problem.code == code
     assert said in str(problem)

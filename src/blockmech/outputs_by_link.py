@@ -158,6 +158,6 @@ def _rotated(angle: Output, turn: float) -> Output:
 
     def read(*values: Any) -> Any:
         theta = angle.read(*values) + turn
-        return theta - math.tau * np.round(theta / math.tau)
+        return theta - math.tau * np.rint(theta / math.tau)
 
     return angle._replace(read=read)

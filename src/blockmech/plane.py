@@ -133,16 +133,6 @@ def implicit(step: Any, state: Any, *data: Any) -> Any:
     return state
 
 
-def repair(condition: Real, one: Any, given: Any, *data: Any) -> Any:
-    """``one(given, *data)`` for each sample where the condition holds, ``given`` elsewhere.
-
-    ``given`` and ``data`` are (nested) tuples of batches; ``one`` gets those of one
-    sample as Python numbers and returns the like of ``given``. For the rare sample
-    that needs an algorithm of its own.
-    """
-    return one(given, *data) if condition else given
-
-
 def each(function: Any, *x: Real) -> Real:
     """``function(*x)`` for each sample, as Python numbers; for functions that are no kernels."""
     return function(*x)

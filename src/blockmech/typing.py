@@ -7,7 +7,7 @@ say what a value *means*; its batch shape (...) is written beside it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from numpy.typing import NDArray
@@ -26,6 +26,12 @@ Numbers: TypeAlias = float | Sequence[float] | NDArray[Any]
 
 Coordinates: TypeAlias = Numbers | Mapping[str, Numbers]
 """Numbers for the only driver, or for each driver by its name."""
+
+Progress: TypeAlias = Callable[[str, float, float | None], None]
+"""Told now and then in a run: what is at work, how far it is, and the whole where that is known.
+
+It may raise `KeyboardInterrupt` to stop the run, which keeps what was done.
+"""
 
 FrictionMethod: TypeAlias = Literal["none", "single", "successive", "newton"]
 EngineName: TypeAlias = Literal["auto", "scalar", "numpy", "llvm"]

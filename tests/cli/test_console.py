@@ -10,15 +10,14 @@ from __future__ import annotations
 import io
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
 from blockmech.cli import command, terminal
+from tests.gallery import GRAPHS
 
 PAGES = ("cp1252", "cp850")  # of windows and of consoles in Western countries
 COMMANDS = sorted(command().commands)
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 JOINTS = "joints/watt_sixbar"
 
 DONE = {

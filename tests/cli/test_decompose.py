@@ -112,13 +112,6 @@ def test_decompose_writes_nothing_where_the_links_are_no_mechanism(call, locked,
     assert not graph.exists()
 
 
-def test_decompose_refuses_a_graph_and_a_file_that_is_not_there(call, ruiz, tmp_path):
-    said = call("decompose", ruiz)
-    assert said.code == 2
-    assert "graph of blocks already" in said.err
-    assert call("decompose", tmp_path / "missing.json").code == 2
-
-
 # -- check --------------------------------------------------------------------------------
 
 

@@ -38,9 +38,6 @@ def test_blocks_of_some_types_and_what_their_laws_are_functions_of(call):
     types = [part.split()[0] for part in text.split("\n\n")]
     assert types == ["load.thrust", *(name for name in REGISTRY if name.startswith("dyad."))]
     assert "way from a to b along the direction" in text
-    said = call("blocks", "load.trust")
-    assert said.code == 2
-    assert "load.thrust" in said.err
 
 
 def test_a_printed_result_keeps_the_printed_schema(call, ruiz):
@@ -54,9 +51,3 @@ def test_schema_of_links_and_joints_accepts_them(call):
     Draft202012Validator.check_schema(schema)
     for make in DOCUMENTS.values():
         Draft202012Validator(schema).validate(make())
-
-
-def test_an_unknown_document_is_refused(call):
-    said = call("schema", "wires")
-    assert said.code == 2
-    assert "wires" in said.err

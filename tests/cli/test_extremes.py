@@ -28,9 +28,3 @@ def test_stroke_of_a_shaper_with_its_time_ratio(call):
     assert said.code == 0
     assert "stroke 0.48 m" in said.out
     assert f"time ratio {ratio:.6g}" in said.out
-
-
-def test_unknown_output_is_named(call):
-    said = call("extremes", SHAPER, "ram.C.q")
-    assert said.code == 2
-    assert "[unknown-output] ram.C.q" in said.err

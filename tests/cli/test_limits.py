@@ -27,21 +27,3 @@ def test_each_driver_is_moved_with_the_others_held(call, fivebar):
     assert told[1]["held"] == {"left.q": 0.0}
     one = call("limits", fivebar, "--driver", "right", "--at", "left=0", "--json")
     assert json.loads(one.out)["limits"] == told[1:]
-
-
-def test_wrong_calls_say_what_to_do(call, fivebar, short):
-    said = call("limits", fivebar)
-    assert said.code == 2
-    assert "nothing says where this driver is held" in said.err
-    said = call("limits", fivebar, "--at", "left=0,1")
-    assert said.code == 2
-    assert "it names 2 places. give one number" in said.err
-    said = call("limits", short, "--at", "1")
-    assert said.code == 2
-    assert "this driver is the one that moves" in said.err
-    said = call("limits", short, "--json", "--deg")
-    assert said.code == 2
-    assert "JSON results are in SI units" in said.err
-    said = call("limits", short, "--driver", "crnk")
-    assert said.code == 2
-    assert 'did you mean "crank"?' in said.err

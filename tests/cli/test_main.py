@@ -139,14 +139,6 @@ def test_old_consoles_get_a_question_mark_for_letters_they_lack(tmp_path):
     assert json.loads(answers[3][0]) == g.run(at=[1.0]).to_dict()
 
 
-def test_importing_blockmech_leaves_the_command_line_out():
-    code = (
-        "import sys, blockmech; print(sorted({'typer', 'rich', 'matplotlib'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
-    assert done.stdout.strip() == b"[]"
-
-
 def test_a_run_that_draws_nothing_leaves_matplotlib_out(ruiz):
     code = (
         "import sys; from blockmech.cli import main; code = main(['run', sys.argv[1]]);"

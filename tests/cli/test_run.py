@@ -188,44 +188,6 @@ def test_out_writes_a_folder_of_results_and_pictures(call, ruiz, tmp_path):
 
 # -- the call is wrong --------------------------------------------------------------------
 
-WRONG_CALLS = [
-    (["--at", "abc"], '--at abc: "abc" is not a number'),
-    (["--at", "nan"], '"nan" is not a number'),
-    (["--at", "60grad"], '"60grad" is not a number'),
-    (["--at", "0:1"], '"0:1" is not a range'),
-    (["--at", "0:1:0"], '"0" is not a count'),
-    (["--at", "arm=1"], 'no driver "arm"'),
-    (["--at", "1", "--at", "crank=2"], "crank is given twice"),
-    (["--at", "1", "--samples", "3"], "name the samples in one way only"),
-    (["--samples", "0"], "--samples"),
-    (["--friction", "Newton"], 'no friction method "Newton"'),
-    (["--iterations", "3"], "iterations"),
-    (["--friction", "successive", "--tolerance", "nan"], "tolerance"),
-    (["--want", "crank.drve"], 'did you mean "crank.drive"?'),
-    (["--engine", "quantum"], 'no engine "quantum"'),
-    (["--precision", "complex32"], "complex32"),
-    (["--on-gap", "skip"], "on_gap"),
-    (["--json", "--deg"], "JSON results are in SI units"),
-    (["--json", "--csv", "x.csv"], "only one of them"),
-    (["--csv", "-", "--separator", "x"], "separator"),
-    (["--frobnicate"], "--frobnicate"),
-    (["second.json"], "second.json"),
-]
-
-
-@pytest.mark.parametrize(("words", "part"), WRONG_CALLS, ids=lambda x: " ".join(x))
-def test_a_wrong_call_is_one_sentence_and_exit_code_2(
-    call, ruiz, tmp_path, monkeypatch, words, part
-):
-    monkeypatch.chdir(tmp_path)
-    said = call("run", ruiz, *words)
-    assert said.code == 2
-    assert said.out == ""
-    assert part in said.err
-    assert said.err.count("\n") == 1
-    assert "Traceback" not in said.err
-    assert os.listdir(tmp_path) == ["ruiz.json"]
-
 
 def test_a_driver_without_a_law_asks_for_samples(call, fivebar):
     said = call("run", fivebar)

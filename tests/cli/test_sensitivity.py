@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-
 from blockmech.cli import main
+from tests.gallery import GRAPHS
 
-GRAPHS = Path(__file__).parents[2] / "graphs"
 RUIZ = str(GRAPHS / "ruiz_fourbar.json")
 ASKED = ["sensitivity", RUIZ, "--want", "crank.drive,dyad.C.p", "--at", "0:360deg:13"]
 
@@ -36,16 +34,3 @@ def test_a_picture_and_a_table_are_written(tmp_path: Path, capsys) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert table.read_text("utf-8").startswith("output,unit,crank.q [rad],")
     assert "wrote" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        (["--to", "dyad.li"], 'did you mean "dyad.l_i"?'),
-        (["--to", "dyad.branch"], "a whole number chooses, it does not grow"),
-        (["--csv", "a.csv", "--json"], "only one of them at a time"),
-    ],
-)
-def test_mistakes_are_one_message(more, said, capsys) -> None:
-    assert main([*ASKED, *more]) == 2
-    assert said in capsys.readouterr().err

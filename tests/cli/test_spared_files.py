@@ -79,6 +79,7 @@ def test_a_users_own_picture_stays_where_no_run_was_written(call, ruiz, tmp_path
 
 def test_every_picture_of_a_folder_is_known(tmp_path, monkeypatch):
     monkeypatch.setattr("blockmech.draw.animation.Animation.save", lambda *_: None)
+    monkeypatch.setattr("blockmech.draw.paper.rendered", lambda *_: b"a picture")
     drawn = [
         *run_pictures(mechanism("ruiz_fourbar").run(samples=3), tmp_path),
         *run_pictures(mechanism("ruiz_fourbar").run(samples=3, want="*.p"), tmp_path),

@@ -3,8 +3,6 @@
 import csv
 import sys
 
-import pytest
-
 from tests.gallery import GRAPHS
 
 RUIZ = str(GRAPHS / "ruiz_fourbar.json")
@@ -38,26 +36,6 @@ def test_numbers_scatter_by_distributions(call):
     assert "12 of 32 designs shown" in said.out
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--vary", "dyad.l_i"), "it names no values"),
-        (("--vary", "dyad.l=6"), 'did you mean "dyad.l_j"?'),
-        (("--vary", "dyad.l_i=6", "--vary", "blocks.dyad.l_i=7"), "given twice"),
-        (("--vary", "dyad.l_i=normal(6)"), "normal has two"),
-        (("--vary", "dyad.l_i=6deg"), "is not a number"),
-        (("--vary", "dyad.l_i=6", "--out", "study.xls"), "a table is csv or parquet"),
-        (("--vary", "dyad.l_i=6", "--plot", "study.xls"), "cannot be written"),
-        (("--vary", "dyad.l_i=-6"), "must be > 0 m, got -6"),
-    ],
-)
-def test_slips_are_one_sentence(call, words, message):
-    said = call("sweep", RUIZ, *words, *WANT)
-    assert said.code == 2
-    assert message in said.err
-    assert not said.out
-
-
 def test_a_folder_takes_parts_and_workers_do_them(call, tmp_path):
     out, words = tmp_path / "parts", ("--vary", "dyad.l_i=5.9:6.1:5")
     one = call("sweep", RUIZ, *words, *WANT)
@@ -68,9 +46,6 @@ def test_a_folder_takes_parts_and_workers_do_them(call, tmp_path):
     refused = call("sweep", RUIZ, "--vary", "dyad.l_i=5", *WANT, "--out", out)
     assert refused.code == 2
     assert "parts of another question" in refused.err
-    nobody = call("sweep", RUIZ, *words, *WANT, "--dask", "nonsense")
-    assert nobody.code == 2
-    assert "--dask nonsense" in nobody.err
 
 
 def test_without_pyarrow_the_extra_is_named(call, tmp_path, monkeypatch):

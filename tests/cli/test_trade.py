@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from blockmech.cli import main
+from tests.gallery import GRAPHS
 
 pytestmark = pytest.mark.usefixtures("one_repeat")
-GRAPHS = Path(__file__).parents[2] / "graphs"
 RUIZ, CRANK = str(GRAPHS / "ruiz_fourbar.json"), str(GRAPHS / "slider_crank.json")
 QUICK = ("--samples", "51", "--budget", "5s")
 
@@ -52,26 +52,6 @@ def test_requests_are_compared(capsys) -> None:
     text = capsys.readouterr().out
     assert "requests compared" in text
     assert "run: crank.drive at 51 samples: " in text.split("requests compared")[1]
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--question", "speed"], "questions: run, simulate"),
-        (["--budget", "soon"], "is not a number"),
-        (["--budget", "0s"], "not one time above 0"),
-        (["--json", "--plot", "x.png"], "only one of them"),
-        (["--want", "*.p", "--want", "*.v", "--plot", "x.png"], "give --want once"),
-        (["--want", "crank.nothing"], "no output has that name"),
-        (["--want", "crank.q", "--want", "nosuch"], "no output has that name"),
-        (["--plot", "x.xyz"], "cannot be written"),
-        (["--until", "time=2"], "ask the question simulate"),
-        (["--question", "simulate", "--samples", "5"], "ask the question run"),
-    ],
-)
-def test_a_wrong_call_is_told_in_a_sentence(words: list[str], said: str, capsys) -> None:
-    assert main(["trade", RUIZ, *words]) == 2
-    assert said in capsys.readouterr().err
 
 
 def test_run_to_an_accuracy_says_what_was_chosen(capsys) -> None:

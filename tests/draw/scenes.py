@@ -7,7 +7,7 @@ import math
 import blockmech as bm
 from blockmech import Graph
 from blockmech.model.diagram import UnknownBlock
-from tests.wiring import wire
+from tests.wiring import chain, wire
 
 
 def unfinished() -> Graph:
@@ -78,3 +78,21 @@ def rocking_slide() -> Graph:
     wire(g, "dyad.E spring.b", "frame.S spring.a", "dyad.j couple.on")
     g.drive("ram", bm.Harmonic(mean=0.6, amplitude=0.5, frequency=1.0, phase=math.pi / 2))
     return g
+
+
+def twelve() -> Graph:
+    """Twelve blocks: a chain of six dyads with springs, a force and a couple."""
+    g = chain(6)
+    g.add("spring", bm.Spring(stiffness=100.0))
+    g.add("tie", bm.Spring(stiffness=100.0))
+    g.add("press", bm.Force(force=(0.0, -10.0)))
+    g.add("couple", bm.Couple(moment=-3.0))
+    return wire(
+        g,
+        "dyad00001.E spring.a",
+        "dyad00004.E spring.b",
+        "frame.D0 tie.a",
+        "dyad00003.E tie.b",
+        "dyad00005.E press.at",
+        "dyad00002.j couple.on",
+    )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,8 +10,8 @@ from blockmech.draw.mechanism import draw_mechanism
 from blockmech.draw.motion import Spot, moves
 from blockmech.draw.sketch import sketch_of
 from blockmech.model.structure import LinkRef
+from tests.gallery import GRAPHS
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 SAMPLES = 25
 ROUNDING = 1e-9  # [m] of machines of some metres
 

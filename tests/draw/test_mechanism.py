@@ -5,7 +5,6 @@ from __future__ import annotations
 import cmath
 import itertools
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,11 +21,11 @@ from blockmech.draw.sketch import hull, sketch_of
 from blockmech.export import table
 from blockmech.told import DEGREES
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
+from tests.gallery import GRAPHS
 from tests.wiring import chain, ruiz, toggle, watt
 
 ROUNDING = 1e-9  # of a mechanism's size: positions and angles through cosines and back
 PIXEL = 1.5  # [px] of a label's box that may be beside its ink
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 SCENES = {
     f.__name__: f for f in (ruiz, watt, toggle, fourbar, slider_crank, quick_return, rocking_slide)
 }

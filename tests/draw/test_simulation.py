@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,8 +17,8 @@ from blockmech.draw.simulation import (
     screen_time,
     simulation_pictures,
 )
+from tests.gallery import GRAPHS
 
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 WANT = ("*.q", "*.rate", "*.reaction", "mechanism.kinetic_energy", "mechanism.potential_energy")
 
 

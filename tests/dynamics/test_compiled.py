@@ -11,21 +11,10 @@ from blockmech.dynamics.change_points import FollowingSystem
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.system import System
 from blockmech.settings import friction_asked
-from tests.dynamics.test_friction import pendulum
+from tests.dynamics.test_friction import pendulum, rubbing
 from tests.gallery import changed, document, mechanism
 
 pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
-
-
-def rubbing():
-    """The paper's linkage with friction in all joints, without its loads but for gravity."""
-    data = document("ruiz_fourbar")
-    for block in ("crank", "dyad"):
-        for law in data["blocks"][block]["friction"].values():
-            law.update(coefficient=1.0, radius=0.05)
-    del data["blocks"]["weightlike"], data["blocks"]["couple"], data["wires"][3:]
-    data["scene"]["gravity"] = [0.0, -9.81]
-    return changed(data)
 
 
 def both(make, engine="llvm", **request):

@@ -48,17 +48,6 @@ def truth(system, q, rate, times):
 # -- the references of the two papers --------------------------------------------------------
 
 
-def test_a_thousand_swings_of_the_watt_sixbar():
-    motion = run(watt(), math.pi / 3, "swings=1000", accuracy=1e-9)
-    swing = WATT["from_60_degrees"]["time_until_standstill"]
-    assert abs(motion.t_end - 1000 * swing) <= 1e-10
-    state = motion.at(motion.times(2001))
-    inertia = watt().sample(state.q)
-    kinetic = inertia.J * state.qd**2 / 2
-    assert kinetic.min() >= 0
-    assert len(motion.events) == 1000
-
-
 # -- the pendulum, exactly -------------------------------------------------------------------
 
 PENDULA = [
@@ -83,15 +72,10 @@ def test_pendulum_is_exact_and_its_estimate_honest(q, rate, t):
     place, speed = exact.pendulum(q, rate, t)
     error = abs(float(place - mp.mpf(motion.q_end)))
     assert error <= motion.error
+    if (q, rate, t) in PENDULA[:7]:  # away from separatrices
+        assert error <= 1e-15 * max(20.0, t, abs(motion.q_end))
+        assert motion.error <= 1e-11
     assert abs(float(speed - mp.mpf(motion.qd_end))) <= 2 * motion.error + 1e-13
-
-
-@pytest.mark.parametrize(("q", "rate", "t"), PENDULA[:7])
-def test_away_from_separatrices_the_error_is_rounding(q, rate, t):
-    motion = run(pendulum(), q, f"time={t!r}", rate)
-    place, _ = exact.pendulum(q, rate, t)
-    assert abs(float(place - mp.mpf(motion.q_end))) <= 1e-15 * max(20.0, t, abs(motion.q_end))
-    assert motion.reached or motion.error <= 1e-11
 
 
 def test_period_of_a_swing():

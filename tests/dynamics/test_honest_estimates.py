@@ -141,8 +141,18 @@ def test_two_pairs_that_reverse_at_one_place_reverse_once():
     _, mech, start, _ = scene(950_000_007)
     path, time = (
         mech.simulate("time=0.187", method=method, accuracy=target, start=start).motion
-        for method, target in (("spectral", 1e-9), ("dop853", 1e-6))
+        for method, target in (("spectral", 1e-9), ("dop853", 1e-4))
     )
     assert [e.kind for e in time.events] == [e.kind for e in path.events]
     assert path.events[-1].kind == "rest"
     assert_honest(time, path)
+
+
+def test_what_an_inner_iteration_leaves_in_every_step_is_in_the_estimate():
+    """Near a dead centre 3,000 steps of Radau left 1e-10, each to the same side; 4e-12 was said."""
+    _, mech, start, span = scene(952_000_184)
+    found, exact = (
+        mech.simulate(f"time={span!r}", method=method, accuracy=target, start=start).motion
+        for method, target in (("radau", 1e-11), ("spectral", 1e-13))
+    )
+    assert_honest(found, exact)

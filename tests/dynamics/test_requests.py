@@ -125,28 +125,6 @@ def test_the_drivers_own_motion_up_to_a_dead_centre_has_no_gap():
     assert not r.quality.gaps
 
 
-@pytest.mark.parametrize("method", ["auto", "dop853", "lsoda", "radau"])
-def test_a_run_ends_where_a_table_of_its_load_ends(method):
-    end = 0.35  # [m] behind which the law says nothing
-    law = {"kind": "table", "arguments": [-1.0, 0.0, 0.2, end], "values": [9.0, 8.0, 12.0, 3.0]}
-    graph = bm.Graph("slide")
-    graph.add("frame", bm.Frame(markers={"A": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
-    body = bm.Link(mass=2.0, inertia=0.1, cm=(0.0, 0.0))
-    graph.add("slider", bm.SlideDrive(links={"slider": body}))
-    graph.add("push", bm.Thrust(law=law, direction=(1.0, 0.0)))
-    graph.add("damper", bm.Spring(stiffness=0.0, damping=1.5))
-    for a, b in (("frame.A", "slider.S"), ("frame.A", "push.a"), ("slider.S", "push.b"),
-                 ("frame.A", "damper.a"), ("slider.S", "damper.b")):  # fmt: skip
-        graph.connect(a, b)
-    motion = (
-        graph.compile()
-        .simulate("time=2", start={"slider": (0.1, 0.0)}, method=method, accuracy=1e-9)
-        .motion
-    )
-    assert motion.status == "ended"
-    assert motion.q_end == pytest.approx(end, abs=1e-6)
-
-
 @pytest.mark.parametrize("method", ["auto", "spectral", "dop853", "lsoda", "radau", "rk4"])
 def test_a_run_of_no_duration_is_its_start(method):
     """Spectral had no panel to march, and rk4 steps of no length."""

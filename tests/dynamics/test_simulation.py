@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics.request import Watch
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import RequestError
@@ -96,7 +95,7 @@ def from_the_top():
 def test_watt_from_the_top_follows_extended_precision(method, angle, rate):
     wanted = from_the_top()
     r = simulated("watt_sixbar", method=method, times=TOP_TIMES, start=from_angle(TOP))
-    assert off(r["crank.q"], wanted[:, 0]) < angle
+    assert off(r["crank.q"], wanted[:, 0]) < min(angle, r.motion.error + ANGLE)
     assert off(r["crank.rate"], wanted[:, 1]) < rate * np.abs(wanted[:, 1]).max()
 
 
@@ -193,19 +192,6 @@ def test_a_thousand_swings_of_the_watt_six_bar_take_a_thousand_times_one():
     assert off(q[1::2], WATT["from_0"]["theta_standstill"]) < INTEGRATED
 
 
-def test_a_hundred_thousand_turns_cost_what_one_costs():
-    fast = from_angle(0.0, 20.0)
-    one = simulated("watt_sixbar", "turns=1", start=fast).motion
-    many = simulated("watt_sixbar", "turns=100000", start=fast).motion
-    assert many.regime == "rotation"
-    assert many.cost.evaluations <= 3 * one.cost.evaluations
-    assert many.t_end == pytest.approx(1e5 * one.t_end, rel=1e-13)
-    # half an ulp of the time is this much of the angle
-    rounding = np.spacing(many.t_end) * abs(many.qd_end)
-    r = simulated("watt_sixbar", times=[many.t_end], start=fast)
-    assert abs(r["crank.q"][0] - 1e5 * TURN) < INTEGRATED + rounding
-
-
 # -- pruning -------------------------------------------------------------------------------
 
 
@@ -238,11 +224,6 @@ def test_a_scene_without_a_start_is_refused():
 def test_links_without_mass_are_refused():
     with pytest.raises(RequestError, match="no link has mass"):
         mechanism("slider_crank").simulate(start=from_angle(1.0))
-
-
-def test_methods_that_do_not_fit_the_loads_are_refused():
-    with pytest.raises(RequestError, match="rate"):
-        simulated("pump", "time=1", method="energy")
 
 
 def pendulum_four_bar():
@@ -297,34 +278,4 @@ def test_times_after_the_end_are_left_out_and_it_is_said():
     assert any("2 of 4 times" in note for note in r.motion.notes)
 
 
-@pytest.mark.parametrize(("reached", "whole"), [(2_000, False), (12_000, True)])
-def test_interrupting_an_integration_keeps_what_was_done(reached, whole):
-    """As far as it came; or a whole run where only a finer one was still at work."""
-    count = 0
-
-    def impatient(t, q, rate):
-        nonlocal count
-        count += 1
-        if count == reached:
-            raise KeyboardInterrupt
-        return 1.0
-
-    r = simulated("watt_sixbar", "time=50", method="dop853", watch=[Watch("never", impatient)])
-    assert r.motion.end == "interrupted"
-    assert (r.motion.t_end == 50) if whole else (0 < r.motion.t_end < 50)
-    assert np.isfinite(r["crank.q"]).all()
-    early = r.time < 1.0
-    wanted = simulated("watt_sixbar", times=r.time[early])["crank.q"]
-    assert off(r["crank.q"][early], wanted) < 1e-2  # of the first, loose tolerance
-    assert not r.motion.error < 1e-2  # which nothing finer has judged
-
-
 # -- honest errors ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("method", ["dop853", "lsoda"])
-@pytest.mark.parametrize("target", [1e-4, 1e-7, 1e-10])
-def test_integrators_estimate_their_error_honestly(method, target):
-    times = TOP_TIMES
-    r = simulated("watt_sixbar", method=method, accuracy=target, times=times, start=from_angle(TOP))
-    assert off(r["crank.q"], from_the_top()[:, 0]) <= r.motion.error

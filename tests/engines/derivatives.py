@@ -1,4 +1,4 @@
-"""Derivatives of a program by dual numbers, and by differences in 60 digits.
+"""Derivatives of a program by dual numbers, and by differences in 60 digits; of a document, too.
 
 Both in random directions that change all numbers of the program at once; one direction tells
 of every derivative in it.
@@ -13,6 +13,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
+import blockmech as bm
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual
 from blockmech.engines.numpy import Planar
@@ -120,3 +121,45 @@ def errors(mechanism: Mechanism, request: Mapping[str, Any], seed: int, m: int =
             moves = largest[unit] > EPS * top  # else the whole unit is zero, by structure
             found.append(float(off / (largest[unit] if moves else top or 1.0) * margin))
     return found
+
+
+EIGHTH = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}  # central differences, Fornberg 1988
+EDGES = ("mass", "inertia", "damping", "free_length", "coefficient")  # which may not be negative
+
+
+def of_document(linkage: bm.Linkage, request: Mapping[str, Any], step: float) -> float:
+    """The largest error of derivatives by all numbers of a document at once.
+
+    Against central differences of documents that are made, taken apart and run anew: of other
+    structures, where places coincide by chance. Relative as `errors`.
+    """
+    mechanism = linkage.compile()
+    want = outputs(mechanism)
+    found = mechanism.sensitivity(want, **request, on_gap="mark")
+    sizes: dict[str, float] = {}
+    for p in found.parameters.values():
+        sizes[p.unit] = max(abs(p.value), sizes.get(p.unit, 0.0))
+    dice, ways = random.Random(7), {}
+    for a, p in found.parameters.items():
+        stays = p.value == 0.0 and any(word in a for word in EDGES)
+        size = 0.0 if stays else abs(p.value) or 0.1 * sizes[p.unit] or 1.0
+        ways[a] = size * dice.uniform(-1.0, 1.0)
+    exact = dict.fromkeys(want, 0.0)
+    for k, weight in EIGHTH.items():
+        for h in (k * step, -k * step):
+            moved = {a: p.value + h * ways[a] for a, p in found.parameters.items()}
+            run = linkage.replace(moved).compile().run(**request, want=want, on_gap="mark")
+            exact = {x: d + weight * k / h * run[x] for x, d in exact.items()}
+    margin = min([1.0, *(x.min() for x in found.result.quality.margin.values())])
+    largest: dict[str, float] = {}
+    units = {x: mechanism.outputs[x].unit.removesuffix("/rad").removesuffix("/m") for x in want}
+    for x, unit in units.items():
+        size = max(np.abs(exact[x]).max(), np.abs(found.result[x]).max())
+        largest[unit] = max(size, largest.get(unit, 0.0))
+    noise = EPS / step * max(largest.values())  # of the differences: a unit below it is zero
+    off = (
+        np.abs(np.einsum("m,mn->n", list(ways.values()), found[x]) - exact[x]).max()
+        / (largest[unit] if largest[unit] > noise else max(largest.values()))
+        for x, unit in units.items()
+    )
+    return float(max(off) * margin)

@@ -58,7 +58,7 @@ def test_no_number_of_another_width_gets_in(name, precision, friction):
             assert part.dtype in (WIDTH[precision], np.bool_), where
 
 
-def test_no_double_gets_in_where_continuation_repairs_samples():
+def test_no_double_gets_in_where_continuation_decides():
     mech = ruiz(radius=2.0).compile()  # f' r = 0.8 m: beyond the certificate
     plan = mech.plan("*")
     q = {"q_0": np.linspace(0.05, 6.2, 9), "qd_0": np.full(9, 10.0), "qdd_0": np.zeros(9)}

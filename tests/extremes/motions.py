@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,9 @@ from mpmath import mp, mpf
 
 import blockmech as bm
 from blockmech import Graph
+from tests.gallery import GRAPHS
 
 DIGITS = 60
-GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 GRAVITY = 9.81  # [m/s2]
 
 

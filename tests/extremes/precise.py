@@ -43,22 +43,6 @@ def _implicit(step: Callable[..., Any], state: Any, *data: Any) -> Any:
     return state
 
 
-def _repair(condition: Any, one: Callable[..., Any], given: Any, *data: Any) -> Any:
-    """Repaired in double: a guess, which `_implicit` refines."""
-    if not condition:
-        return given
-    return moved(one(*(_in_double(x) for x in (given, *data))), mpmath.mpf)
-
-
-def _in_double(x: Any) -> Any:
-    if isinstance(x, tuple):
-        parts = [_in_double(part) for part in x]
-        return type(x)(*parts) if hasattr(x, "_fields") else tuple(parts)
-    if isinstance(x, bool):
-        return x
-    return complex(x) if isinstance(x, mpmath.mpc | complex) else float(x)
-
-
 def _solve(a: Any, right: Any) -> tuple[Any, ...]:
     return tuple(mpmath.lu_solve(a, mpmath.matrix(list(right))))
 
@@ -86,7 +70,6 @@ PRIMITIVES: dict[str, Callable[..., Any]] = {
     "solve_transposed": lambda a, right: _solve(a.T, right),
     "spread": _spread,
     "implicit": _implicit,
-    "repair": _repair,
 }
 
 

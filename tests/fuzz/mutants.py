@@ -12,10 +12,10 @@ import json
 import random
 from collections.abc import Callable, Iterator
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
-GRAPHS = Path(__file__).parents[2] / "graphs"
+from tests.gallery import GRAPHS
+
 FOLDERS = ("", "joints", "motions", "legacy")
 MOST_CHANGES = 3
 EXTREME = (

@@ -15,6 +15,7 @@ from blockmech.blocks.contract import Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.cli.terminal import say
 from blockmech.errors import RequestError
+from blockmech.export import result_schema
 from blockmech.loads.contract import Element, Following
 
 
@@ -44,19 +45,10 @@ def schema(
     document: Annotated[Document, typer.Argument(help="Which document.")] = Document.graph,
 ) -> None:
     """Print the JSON Schema of a document."""
-    if document is Document.joints:
-        from blockmech.model.schema import joints_schema
+    from blockmech.model.schema import graph_schema, joints_schema
 
-        found = joints_schema()
-    elif document is Document.graph:
-        from blockmech.model.schema import graph_schema
-
-        found = graph_schema()
-    else:
-        from blockmech.export import result_schema
-
-        found = result_schema()
-    say(json.dumps(found, indent=2))
+    made = {"graph": graph_schema, "joints": joints_schema, "result": result_schema}
+    say(json.dumps(made[document](), indent=2))
 
 
 def _described(name: str, block: type[Block]) -> Iterator[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,21 +30,9 @@ def motion_lines(result: Result, degrees: bool = False) -> list[str]:
 
 
 def _state(event: Event, names: list[str], units: list[str], degrees: bool) -> str:
-    values = np.atleast_1d(event.q)
-    parts = [f"{_number(event.t)} s"]
-    parts += list(_places(values.tolist(), names, units, degrees))
-    return ", ".join(parts)
-
-
-def _places(
-    values: list[float], names: list[str], units: list[str], degrees: bool
-) -> Iterator[str]:
-    for x, name, unit in zip(values, names, units, strict=True):
-        if degrees and unit == "rad":
-            yield f"{name} = {_number(math.degrees(x))} deg"
-        else:
-            yield f"{name} = {_number(x)} {unit}"
-
-
-def _number(x: float) -> str:
-    return f"{x:.{DIGITS}g}"
+    said = [f"{event.t:.{DIGITS}g} s"]
+    for x, name, unit in zip(np.atleast_1d(event.q).tolist(), names, units, strict=True):
+        turned = degrees and unit == "rad"
+        value = f"{math.degrees(x) if turned else x:.{DIGITS}g}"
+        said.append(f"{name} = {value} {'deg' if turned else unit}")
+    return ", ".join(said)

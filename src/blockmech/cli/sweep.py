@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -44,7 +44,7 @@ Dask = Annotated[str | None, option("A Dask cluster that does it: tcp://host:878
 Plot = Annotated[str | None, option("Draw it (png, svg, pdf).", "FILE")]
 
 TABLES = (".csv", ".parquet")
-LAWS = {"normal": normal, "uniform": uniform}
+LAWS: dict[str, Callable[..., Distribution]] = {"normal": normal, "uniform": uniform}
 LAW = re.compile(r"(normal|uniform)\((.*)\)")
 
 

@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from blockmech.compiled import Compiled
 from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.boxes import graph_of
 from blockmech.draw.curves import Axis, abscissa, chosen_panels, pictures_of
@@ -97,7 +96,7 @@ def draw(
         raise refused(useless, found, remedy, code="useless-setting")
     if kind == "diagram":
         return write_figure(_diagram_figure(subject), path, suffix)
-    return write_figure(draw_schedule(_mechanism(subject).plan(want)), path, suffix)
+    return write_figure(draw_schedule(subject.compile().plan(want)), path, suffix)
 
 
 def diagram_svg(subject: Subject) -> str:
@@ -149,7 +148,7 @@ def animate(
     if isinstance(subject, Result):
         motion = moves_of_result(subject)
     else:
-        motion = moves(_mechanism(subject), at, samples=frames + 1)
+        motion = moves(subject.compile(), at, samples=frames + 1)
     made = Animation(motion, seconds, trace, degrees)
     return made if path is None else made.save(path)
 
@@ -207,18 +206,13 @@ def plot(
     return write_figure(draw_panels(panels, along), path, suffix)
 
 
-def _mechanism(subject: Subject) -> Compiled:
-    made: Compiled = subject.compile()
-    return made
-
-
 def _diagram_figure(subject: Subject) -> Any:
     """A block diagram, with the names of links and joints that it is made of."""
     if isinstance(subject, Graph):
         return draw_diagram(subject).figure
-    mechanism = _mechanism(subject)
+    mechanism = subject.compile()
     return draw_diagram(graph_of(mechanism), mechanism.names).figure
 
 
 def _mechanism_figure(subject: Subject, at: Any, trace: Iterable[str] | None, degrees: bool) -> Any:
-    return draw_mechanism(_mechanism(subject), at, trace, degrees).figure
+    return draw_mechanism(subject.compile(), at, trace, degrees).figure

@@ -1,7 +1,6 @@
 """SciPy's DOP853, its stages in machine code once that pays.
 
-Coefficients, estimate and control of the step are SciPy's. Stages that machine code leaves to
-another algorithm (friction that no certificate covers) are worked out by the equation itself.
+Coefficients, estimate and control of the step are SciPy's.
 
 Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.5, II.10.
 """
@@ -84,14 +83,9 @@ class Dop853(DOP853):  # type: ignore[misc]
         assert self.stages is not None
         K, n = self.K_extended, self.n
         K[0] = self.f if first == 1 else K[0]
-        if self.stages.run(first, last, t, y, h):
-            self.equation.took(last - first, self.stages.state, self.stages.K[last - 1])
-            return self.stages.state[:n].copy()
-        A, C = scheme()
-        for s in range(first, last):
-            state = y + h * (A[s, :s] @ K[:s])
-            K[s] = self.fun(t + C[s] * h, state)
-        return state
+        self.stages.run(first, last, t, y, h)
+        self.equation.took(last - first, self.stages.state, self.stages.K[last - 1])
+        return self.stages.state[:n].copy()
 
     def _estimate_error_norm(self, K: Floats, h: float, scale: Floats) -> float:
         """SciPy's, in a third of the time: it is asked at every step, whatever works it out."""

@@ -29,21 +29,22 @@ from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import difference, stopped
 from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.motion import EVALUATIONS, Floats, Motion
-from blockmech.dynamics.request import SimulationRequest, bad
+from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.track import AT_ONCE
+from blockmech.errors import refused
 
 STEP = 1e-3  # [rad], or of the span, of euler_q; of 200 ms, of rk4, where the time is not known
-# Stated error over the difference of step and half step. Order 1 differs by half; from rest, under
-# an effort that grows with the time, by less: one step of euler_q is off by 1/6, and two, of which
-# the first takes s = 1 / sqrt(2) of the time, by s^3 / 6 + s^2 (1 - s) / 2 + (1 - s)^3 / 6.
-DOUBT = 5.5
+# Stated error over the difference of step and half step. Order 1 differs by half; from rest, where
+# steps of the coordinate are not of equal time, two differ from four by a third under an effort
+# that grows with the time or its square, by a quarter under one that grows with its root.
+DOUBT = 4.0
 
 
 def checked_step(step: float, whole: float) -> float:
     """The step; refused where it makes more of them than can be made. Both [rad or m, or s]."""
     if math.isfinite(whole) and whole / step > EVALUATIONS:
         found = f"{step:.3g} makes {whole / step:.3g} steps, at most {EVALUATIONS:,} can be made"
-        raise bad("step", found, "give a larger one")
+        raise refused("step", found, "give a larger one")
     return step
 
 
@@ -56,11 +57,11 @@ def judged_by_half(
 ) -> Motion:
     """The motion of the step that was asked for, else of one that meets the target.
 
-    Of a run whose whole ``way`` is shorter than its step, half of that is the finer one.
+    One step and two say little of each other: of the whole ``way`` the finer run makes four.
     """
     motion, target = run(step), request.accuracy
     while motion.end != ends.INTERRUPTED and motion.status != "failed":
-        step = min(step, way(motion) or step)
+        step = min(step, way(motion) / 2 or step)
         finer = run(step / 2)
         if finer.end == ends.INTERRUPTED:
             return stopped(finer, motion)

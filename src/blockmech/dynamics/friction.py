@@ -33,7 +33,7 @@ from blockmech.engines.llvm import OneByOne
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
-from blockmech.friction.solvers import loads as pair_loads
+from blockmech.friction.equations import loads as pair_loads
 from blockmech.model.structure import Structure
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
@@ -131,7 +131,6 @@ class Loads(NamedTuple):
 
     push: Any  # (n,) effort less J' q'^2 / 2
     F: Any  # (n, m)
-    margin: Any  # (n,)
 
 
 class Placed(NamedTuple):
@@ -144,19 +143,19 @@ class Placed(NamedTuple):
     @classmethod
     def of(cls, rows: Floats, m: int) -> Placed:
         """The rows read."""
-        J, tau, margin = rows[:3]
+        J, tau = rows[:2]
         s, square = rows[3 + m : 3 + 2 * m].T, rows[3 + 2 * m]
         vectors = rows[4 + 2 * m :]
         half = len(vectors) // 2
         F = (vectors[:half] + 1j * vectors[half:]).reshape(3 + m, m, -1)
         F = np.moveaxis(F, 2, 1)  # (states, n, m)
         responses = Responses(J, s, F[2], np.moveaxis(F[3:], 0, -1))
-        return cls(responses, Loads(tau, F[0], margin), Loads(square, F[1], margin))
+        return cls(responses, Loads(tau, F[0]), Loads(square, F[1]))
 
     def loads(self, qd2: Floats) -> Loads:
         """Loads of the place alone at squares (n,) of the rate."""
         push = self.rest.push + self.square.push * qd2
-        return Loads(push, self.rest.F + self.square.F * qd2[:, None], self.rest.margin)
+        return Loads(push, self.rest.F + self.square.F * qd2[:, None])
 
 
 class Found(NamedTuple):
@@ -171,7 +170,6 @@ class Resisted(NamedTuple):
     """One state: the acceleration, and what the pairs do."""
 
     qdd: float
-    couples: Floats  # (m,) friction on the later links [N m or N]
     power: float  # [W] that friction takes, never negative
     loads: Vectors  # (m,)
     margin: float
@@ -288,7 +286,7 @@ class JointFriction:
     def loads(self, q: Floats, qd: Any, t: float = 0.0) -> Loads:
         """What loads and rates do at states (n,)."""
         found = self._columns(q, [State(qd=qd, share=1.0, t=t)])
-        return Loads(-found.drive[0], found.F[0], found.margin[0])
+        return Loads(-found.drive[0], found.F[0])
 
     def rows(self, q: Floats) -> Floats:
         """All that depends on the place, as real rows (r, n): J, tau, margin, slips, the rest.
@@ -363,19 +361,11 @@ class JointFriction:
             found = resistance(rows, k, self.guides, self.solver, self.options)
         except (ArithmeticError, ValueError):
             nothing = np.full(m, math.nan)
-            return Resisted(
-                math.nan, nothing, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0
-            )
-        outcome = found.solution.outcome
-        return Resisted(
-            found.qdd,
-            np.array(found.solution.t, dtype=float),
-            found.taken * abs(qd),
-            np.array(found.loads),
-            margin,
-            Outcome(int(outcome)) if outcome == outcome else _UNKNOWN,
-            float(found.solution.limit),
-        )
+            return Resisted(math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0)
+        said, power = found.solution.outcome, found.taken * abs(qd)
+        outcome = Outcome(int(said)) if said == said else Outcome.NOT_CONVERGED
+        limit = float(found.solution.limit)
+        return Resisted(found.qdd, power, np.array(found.loads), margin, outcome, limit)
 
     def factors(self, sides: Sides) -> tuple[float, ...]:
         """Signed Coulomb factors (m,) of pairs that slip in some directions."""
@@ -405,9 +395,6 @@ class JointFriction:
         if forward and backward:
             return Rest((low, high), 0, True)
         return Rest((low, high), 1 if forward else -1 if backward else 0, False)
-
-
-_UNKNOWN = Outcome.NOT_CONVERGED
 
 
 def _complex(z: Any) -> Vectors:

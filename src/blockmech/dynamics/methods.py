@@ -1,15 +1,7 @@
 """Which method computes a motion, and why; what is refused.
 
-| method             | loads may depend on | joint friction | ends at an event | ``auto`` takes it |
-|--------------------|---------------------|----------------|------------------|-------------------|
-| ``energy``         | q                   | no             | no               | where it can      |
-| ``spectral``       | q and q'            | yes            | no               | else, if it can   |
-| ``dop853``         | q, q' and time      | yes            | yes              | else              |
-| ``radau``          | the same            | yes            | yes              | where it is stiff |
-| ``lsoda``, ``rk4`` | the same            | yes            | yes              | never             |
-| ``euler_q``        | q, q' and time      | no             | yes              | never             |
-
-Several drivers need an integrator or ``rk4``. The steady state is a search of its own.
+``auto`` goes along the path where it can (``energy``, ``spectral``), else in time by ``dop853``,
+by ``radau`` where that is stiff. The steady state is a search of its own.
 """
 
 from __future__ import annotations
@@ -28,11 +20,11 @@ from blockmech.dynamics.events import watched
 from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.motion import Event, Motion, Status
 from blockmech.dynamics.path import along_path
-from blockmech.dynamics.request import SimulationRequest
+from blockmech.dynamics.request import WATCH, SimulationRequest
 from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.steady import steady_motion
 from blockmech.dynamics.time import SOLVERS, in_fixed_steps, in_time
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import RequestError, close_match, listed, refused
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -88,24 +80,25 @@ def check(system: System, request: SimulationRequest) -> None:
     """Refuse a method that there is not, or that does not fit what moves."""
     name, goal, several = request.method, request.until.goal, len(system.drivers) > 1
     if several and goal not in ("time", "event", "steady"):
-        raise refused("until", goal, "it needs one driver", ("time", "event", "steady"))
+        raise _unfitting("until", goal, "it needs one driver", ("time", "event", "steady"))
     if goal == "event" and not any(w.terminal for w in request.watch):
-        raise refused("until", "event", "no event is given that ends the run", ())
+        remedy = f"give one in Python: watch=[{WATCH}]"
+        raise refused("until", '"event": no event is given that ends the run', remedy, code="until")
     if several and system.method is not None and system.method.method != "none":
         joints = system.compiled.frictional_joints
         found = "joint friction in motion needs a mechanism with one driver"
         if joints:
-            raise RequestError(Problem("friction-in-motion", listed(joints), found, "", WITHOUT))
+            raise refused(listed(joints), found, WITHOUT, code="friction-in-motion")
     if name == "auto":
         return
     if name not in METHODS:
         names = ("auto", *METHODS)
         hint, found = close_match(str(name), names), f'there is no method "{name}"'
-        raise RequestError(Problem("method", "method", found, f"valid: {listed(names)}", hint))
+        raise refused("method", found, hint, f"valid: {listed(names)}", "method")
     why = _unfit(METHODS[name], system, request)
     if why:
         fit = (n for n, m in METHODS.items() if not _unfit(m, system, request))
-        raise refused("method", name, why, ("auto", *fit))
+        raise _unfitting("method", name, why, ("auto", *fit))
 
 
 def _unfit(method: Method, system: System, request: SimulationRequest) -> str:
@@ -124,12 +117,9 @@ def _unfit(method: Method, system: System, request: SimulationRequest) -> str:
     return ""
 
 
-def refused(where: str, what: str, why: str, valid: Iterable[str]) -> RequestError:
+def _unfitting(where: str, what: str, why: str, valid: Iterable[str]) -> RequestError:
     """What does not fit, and what would."""
-    names = listed(tuple(valid))
-    return RequestError(
-        Problem(where, where, f'"{what}": {why}', f"valid: {names}" if names else "")
-    )
+    return refused(where, f'"{what}": {why}', valid=f"valid: {listed(tuple(valid))}", code=where)
 
 
 # -- starts from which nothing moves -------------------------------------------------------

@@ -10,17 +10,13 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.motion import Floats, Motion, Still
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.model.scene import Scene
+from blockmech.typing import Progress
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
 Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
-Progress: TypeAlias = Callable[[str, float, float | None], None]
-"""Told now and then in a run: what is at work, how far it is, and the whole where that is known.
-
-It may raise `KeyboardInterrupt` to stop the run, which keeps what was done.
-"""
 
 
 class GoalNumber(NamedTuple):
@@ -192,7 +188,9 @@ def goal_of(until: Any, times: Floats | None) -> Until:
         return until.checked()
     if isinstance(until, str):
         return Until.parse(until)
-    raise bad("until", f"{until!r} says nothing about when to stop", 'write for example "time=2"')
+    raise refused(
+        "until", f"{until!r} says nothing about when to stop", 'write for example "time=2"'
+    )
 
 
 def starts_of(scene: Scene, drivers: Sequence[str], start: Any) -> Pairs:
@@ -202,20 +200,17 @@ def starts_of(scene: Scene, drivers: Sequence[str], start: Any) -> Pairs:
     missing = [d for d in drivers if d not in given]
     unknown = [d for d in given if d not in drivers]
     if missing or unknown:
-        raise RequestError(
-            Problem(
-                "no-start",
-                scene.address("initial"),
-                f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}",
-                f"drivers: {listed(drivers)}",
-                'give it "initial": {"<driver>": {"q": ..., "rate": ...}}, or say where it '
-                "starts: start= in Python, --start on the command line",
-            )
+        found = f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}"
+        remedy = (
+            'give it "initial": {"<driver>": {"q": ..., "rate": ...}}, or say where it '
+            "starts: start= in Python, --start on the command line"
         )
+        valid = f"drivers: {listed(drivers)}"
+        raise refused(scene.address("initial"), found, remedy, valid, "no-start")
     for d, pair in asked.items():
         if not all(map(math.isfinite, pair)):
             found = f"({pair[0]:g}, {pair[1]:g}) are not two finite numbers"
-            raise bad(f"start.{d}", found, "give coordinate and rate")
+            raise refused(f"start.{d}", found, "give coordinate and rate")
     return {d: given[d] for d in drivers}
 
 
@@ -252,14 +247,16 @@ def pairs_of(where: str, given: Any, example: str) -> dict[str, tuple[float, flo
     if given is None:
         return None
     if not isinstance(given, Mapping):
-        raise bad(where, f"{given!r} names no driver", PAIRS.format(pairs=example))
+        raise refused(where, f"{given!r} names no driver", PAIRS.format(pairs=example))
     found = {}
     for driver, pair in given.items():
         try:
             first, second = (float(x) for x in pair)
         except (TypeError, ValueError):
             at = f"{where}.{driver}"
-            raise bad(at, f"{pair!r} are not two numbers", PAIRS.format(pairs=example)) from None
+            raise refused(
+                at, f"{pair!r} are not two numbers", PAIRS.format(pairs=example)
+            ) from None
         found[driver] = (first, second)
     return found
 
@@ -270,7 +267,7 @@ def size_of(where: str, given: Any) -> float | None:
         return None
     size = _number(given)
     if not (math.isfinite(size) and size > 0):
-        raise bad(where, f"{given!r} is not a number above zero", "leave it out, or give one")
+        raise refused(where, f"{given!r} is not a number above zero", "leave it out, or give one")
     return size
 
 
@@ -289,21 +286,18 @@ def times_of(times: Any) -> Floats | None:
     try:
         column = np.atleast_1d(np.asarray(times, dtype=np.float64))
     except (TypeError, ValueError):
-        raise bad("times", "not a row of numbers", "give times like 0:2:201") from None
+        raise refused("times", "not a row of numbers", "give times like 0:2:201") from None
     if column.ndim != 1 or not len(column) or not np.isfinite(column).all() or column.min() < 0:
         found = "not a row of finite times from 0 s on"
-        raise bad("times", found, "give times like 0:2:201")
+        raise refused("times", found, "give times like 0:2:201")
     return column
 
 
-def watches_of(given: Any, goal: Until) -> tuple[Watch, ...]:
-    """The user's events; one of them must be able to end a run that goes on until then."""
+def watches_of(given: Any) -> tuple[Watch, ...]:
+    """The user's events."""
     row = (given,) if isinstance(given, Watch) else given
     if not isinstance(row, Sequence) or not all(isinstance(x, Watch) for x in row):
-        raise bad("watch", f"{given!r} are not events", f"give {WATCH}")
-    if goal.goal == "event" and not any(x.terminal for x in row):
-        remedy = f"give one in Python: watch=[{WATCH}]"
-        raise bad("until", '"event": no event is given that ends the run', remedy)
+        raise refused("watch", f"{given!r} are not events", f"give {WATCH}")
     return tuple(map(_checked, row))
 
 
@@ -316,17 +310,16 @@ def _checked(watch: Watch) -> Watch:
         try:
             value = watch.surface(t, q, qd)
         except Exception as error:
-            raise refused(f"{type(error).__name__}: {error}", t, q, qd) from error
+            raise mistaken(f"{type(error).__name__}: {error}", t, q, qd) from error
         number = _number(value)
         if math.isnan(number):
-            raise refused(f"it gave {value!r}", t, q, qd)
+            raise mistaken(f"it gave {value!r}", t, q, qd)
         return number
 
-    def refused(found: str, t: float, q: Any, qd: Any) -> RequestError:
+    def mistaken(found: str, t: float, q: Any, qd: Any) -> RequestError:
         at = f"at t = {t:.9g} s, q = {q}, rate = {qd}"
         remedy = "give a number that changes its sign where the event is"
-        where = f"watch.{watch.name}"
-        return RequestError(Problem("user-function", where, f"{found}, {at}", "", remedy))
+        return refused(f"watch.{watch.name}", f"{found}, {at}", remedy, code="user-function")
 
     return replace(watch, surface=surface)
 
@@ -336,7 +329,9 @@ def progress_of(progress: Any) -> Progress | None:
     if progress is None:
         return None
     if not callable(progress):
-        raise bad("progress", f"{progress!r} cannot be called", "give a function, or leave it out")
+        raise refused(
+            "progress", f"{progress!r} cannot be called", "give a function, or leave it out"
+        )
     raised = False
 
     def told(what: str, done: float, whole: float | None) -> None:
@@ -351,15 +346,7 @@ def progress_of(progress: Any) -> Progress | None:
     return told
 
 
-def bad(where: str, found: str, remedy: str) -> RequestError:
-    """A request that cannot be."""
-    return RequestError(Problem("bad-request", where, found, "", remedy))
-
-
 def _no_end(text: str, remedy: str) -> RequestError:
     found = f'"{text}" says nothing about when to stop'
-    return RequestError(
-        Problem(
-            "until", "until", found, f"valid: {listed(g.spelled for g in GOALS.values())}", remedy
-        )
-    )
+    valid = f"valid: {listed(g.spelled for g in GOALS.values())}"
+    return refused("until", found, remedy, valid, "until")

@@ -22,7 +22,6 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import (
-    Progress,
     SimulationRequest,
     Start,
     Until,
@@ -36,11 +35,11 @@ from blockmech.dynamics.request import (
     watches_of,
 )
 from blockmech.dynamics.system import System
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import listed, refused
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
-from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers
+from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers, Progress
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -106,14 +105,14 @@ def simulate(
     how = friction_asked(friction, tolerance, iterations)
     if engine not in ENGINES:
         found, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
-        raise RequestError(Problem("unknown-engine", "engine", found, valid, ""))
+        raise refused("engine", found, valid=valid, code="unknown-engine")
     settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
     told = progress_of(progress)
     wanted = times_of(times)
     goal = goal_of(until, wanted)
     starts = starts_of(mechanism.scene, mechanism.drivers, start)
     target, size = size_of("accuracy", accuracy), size_of("step", step)
-    events = watches_of(watch, goal)
+    events = watches_of(watch)
     bounds = stops_of(mechanism.scene, starts, stops)
     refuse_no_inertia(mechanism)
     shown = wanted
@@ -161,7 +160,7 @@ def refuse_no_inertia(mechanism: Compiled) -> None:
     if not any(structure.properties(link).massive for link in structure.links):
         found = "no link has mass or inertia, so loads set no motion"
         remedy = 'give links "mass" and "inertia"'
-        raise RequestError(Problem("no-inertia", mechanism.name, found, "", remedy))
+        raise refused(mechanism.name, found, remedy, code="no-inertia")
 
 
 def evaluation_cost(

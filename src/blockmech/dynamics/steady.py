@@ -47,7 +47,7 @@ from blockmech.dynamics.periodic import (
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.rest import failed_start
 from blockmech.dynamics.time import SOLVERS, Run, in_time
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import RequestError, listed, refused
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
 from blockmech.model.structure import Structure
@@ -94,7 +94,7 @@ class Lost(Exception):
 
 def no_steady(why: str, remedy: str = TIMED) -> RequestError:
     """The error that says why there is no steady state, or why none was found."""
-    return RequestError(Problem("until", "until", f'"steady": {why}', "", remedy))
+    return refused("until", f'"steady": {why}', remedy, code="until")
 
 
 def steady_motion(system: System, request: SimulationRequest) -> Motion:

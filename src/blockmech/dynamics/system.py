@@ -38,7 +38,7 @@ from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program, Schedule
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.request import Progress
+    from blockmech.typing import Progress
 
 Floats: TypeAlias = NDArray[np.float64]
 T = TypeVar("T")

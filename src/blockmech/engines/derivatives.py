@@ -118,11 +118,6 @@ def implicit(step: Any, state: Any, *data: Any) -> Any:
     return step(values(state), *data)
 
 
-def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
-    """The repaired samples by value; see `implicit`."""
-    return plain.repair(condition, one, values(given), *values(data))
-
-
 def each(function: Any, *x: Any) -> Any:
     """Refused where an argument has tangents: nobody knows the derivative of a function."""
     if any(np.any(slope(v)) for v in x):
@@ -184,7 +179,7 @@ def spread(a: Any) -> Any:
     return Dual(y, (change[..., -1] - y * change[..., 0]) / s[..., 0])
 
 
-_OWN = (hyp, expi, where, sign, modulo, piecewise, repeat, implicit, repair, each, planar)
+_OWN = (hyp, expi, where, sign, modulo, piecewise, repeat, implicit, each, planar)
 _PLAIN = (cross, dot, plain.mul, plain.imul, plain.angle, np.sqrt, np.minimum, np.maximum)
 _SYSTEMS = (matrix, solve, solve_transposed, spread)
 PRIMITIVES = {f.__name__: f for f in (*_OWN, *_PLAIN, *_SYSTEMS)} | {"EPS": EPS}

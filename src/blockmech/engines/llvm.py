@@ -5,8 +5,7 @@ package llvmlite compiles that while the process runs, in a tenth of a second. A
 that of the scalar engine operation by operation, and sine, cosine and atan2 are the same
 library's, so the two say the same to the last bit.
 
-Samples that need an algorithm of their own are flagged by the loop and done again by the
-scalar engine. What is no kernel (a group followed from its home, a user's function) is asked
+What is no kernel (a group followed from its home, a user's function) is asked
 beforehand, if inputs alone say it: its answers are inputs. Programs that are more than flat
 arithmetic are declined: `Untraceable`.
 """
@@ -17,7 +16,6 @@ import ctypes
 import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -54,17 +52,15 @@ class LlvmEngine:
         `MissingEngineError` without llvmlite."""
         self.program = program
         trace = Trace(program)
-        self.values, flag = trace.values, trace.flag
+        self.values = trace.values
         wanted = [x for x in leaves(trace.values) if isinstance(x, Node) and x.op != "input"]
-        rows = list(dict.fromkeys([*wanted, *([] if flag is None else [flag])]))
+        rows = list(dict.fromkeys(wanted))
         self._row = {node: row for row, node in enumerate(rows)}
-        self._flag = flag
         self._asked, self._inputs = trace.asked, len(program.inputs) + trace.answers
         text = assembly.Text().fill(self._inputs, rows)
         self._fill = machine_code(text, "fill", FILL).function
         self._numbers = np.array([*numbers(program.parameters.values()), 0.0])  # never empty
         self._parameters = self._numbers.ctypes.data
-        self._scalar = ScalarEngine(program)
         self._room = ctypes.c_double * (LANES * (self._inputs + len(rows)))
         self._places = ctypes.c_void_p * (self._inputs + 1)  # never empty
         self._read_one = eval(f"lambda x, row: {self._text(trace.values)}")
@@ -82,16 +78,13 @@ class LlvmEngine:
     def one(self, inputs: Sequence[float]) -> tuple[Any, ...]:
         """Values of one sample: float or complex each, NaN or infinite where impossible."""
         room = self._room()  # inputs, then rows; the other lanes compute with zeros, for nobody
-        given, inputs = inputs, self._answered(inputs) if self._asked else inputs
+        inputs = self._answered(inputs) if self._asked else inputs
         k = LANES * len(inputs)
         room[0:k:LANES] = list(inputs)
         first = ctypes.addressof(room)
         places = self._places(*range(first, first + LINE * len(inputs), LINE))
         self._fill(places, self._parameters, first + LINE * len(inputs), LANES, LANES, 0, 1)
-        row = room[k::LANES]
-        if self._flag is not None and row[self._row[self._flag]]:
-            return self._scalar.one(given)
-        found: tuple[Any, ...] = self._read_one(inputs, row)
+        found: tuple[Any, ...] = self._read_one(inputs, room[k::LANES])
         return found
 
     def _columns(self, inputs: Sequence[Any], n: int) -> list[Array]:
@@ -120,8 +113,6 @@ class LlvmEngine:
             return self.one([float(inputs[x][0]) for x in self.program.inputs])
         columns = self._columns([inputs[x] for x in self.program.inputs], n)
         out = self._samples(columns, n)
-        if self._flag is not None:
-            self._again(self._scalar, columns, out, np.flatnonzero(out[self._row[self._flag], :n]))
 
         def read(x: Any) -> Array:
             if not isinstance(x, Node):
@@ -153,14 +144,6 @@ class LlvmEngine:
             self._call(columns, out[:, first], blocks * LANES, slots[first:last])
 
         self._threads(part, m, m * n >= PARALLEL)
-        if self._flag is not None:
-            flags = out[self._row[self._flag], :, :n]
-            for d in np.flatnonzero(flags.any(axis=1)).tolist():
-                number = iter(slots[d].tolist()).__next__
-                names = self.program.parameters.items()
-                design = {name: filled(x, number, complex) for name, x in names}
-                scalar = ScalarEngine(replace(self.program, parameters=design))
-                self._again(scalar, columns, out[:, d], np.flatnonzero(flags[d]))
 
         def read(x: Any) -> Array:
             if not isinstance(x, Node):
@@ -207,16 +190,6 @@ class LlvmEngine:
         designs = slots.shape[0] if slots.ndim > 1 else 1
         data = out.ctypes.data, stride, n, slots.shape[-1], designs
         self._fill(places, slots.ctypes.data, *data)
-
-    def _again(
-        self, scalar: ScalarEngine, columns: list[Array], out: Array, samples: NDArray[np.intp]
-    ) -> None:
-        """Flagged samples by the scalar engine."""
-        for i in samples.tolist():
-            found = scalar.one([float(c[i]) for c in columns[: len(self.program.inputs)]])
-            for node, x in zip(leaves(self.values), numbers(found), strict=True):
-                if isinstance(node, Node) and node.op != "input":
-                    out[self._row[node], i] = x
 
 
 def _whole_blocks(column: Array) -> Array:

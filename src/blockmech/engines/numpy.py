@@ -111,30 +111,38 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
 
 
 def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
-    """Step samples until each has stopped by itself; see `blockmech.plane.repeat`."""
-    for _ in range(cap):
+    """Step samples until each has stopped by itself; see `blockmech.plane.repeat`.
+
+    Those that go on do so apart from the others once they are few.
+    """
+    for done in range(cap):
         going = state[-1]
-        if not np.any(going):
+        left = np.count_nonzero(going)
+        if not left:
             break
+        if 4 * left <= np.size(going):  # gathering them costs some half a step of all
+            return _apart(np.nonzero(going), step, state, cap - done, data)
         ahead = step(state, *data)
-        if not np.all(going):
+        if left < np.size(going):
             ahead = each_part(lambda new, old, w=going: np.where(w, new, old), ahead, state)
         state = ahead
     return state
 
 
-def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
-    """Run ``one`` on each sample where the condition holds; see `blockmech.plane.repair`."""
-    if not np.any(condition):
-        return given
-    shape = np.broadcast_shapes((1,), *(np.shape(x) for x in leaves((condition, given, data))))
-    whole = each_part(lambda x: np.array(np.broadcast_to(x, shape)), given)
-    for index in zip(*np.nonzero(np.broadcast_to(condition, shape)), strict=True):
-        sample = each_part(lambda x, i=index: float(np.broadcast_to(x, shape)[i]), (given, *data))
-        answer = one(*sample)
-        for room, x in zip(leaves(whole), leaves(answer), strict=True):
-            room[index] = x
-    return whole
+def _apart(rows: Any, step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
+    """The state after the steps of some of its samples."""
+    shape = np.shape(state[-1])
+
+    def some(x: Any) -> Any:
+        return x if np.ndim(x) == 0 else np.broadcast_to(x, shape)[rows]
+
+    def whole(new: Any, old: Any) -> Any:
+        found = np.array(np.broadcast_to(old, shape), np.result_type(new, old))
+        found[rows] = new
+        return found
+
+    ahead = repeat(step, each_part(some, state), cap, *each_part(some, data))
+    return each_part(whole, ahead, state)
 
 
 def each(function: Any, *x: Any) -> Any:
@@ -183,7 +191,7 @@ def primitives(dtype: Any) -> dict[str, Any]:
     def matrix(rows: Any) -> NDArray[Any]:
         return linear.matrix(rows, dtype)
 
-    own = (mul, imul, hyp, angle, modulo, piecewise, repeat, repair, each, expi, planar, matrix)
+    own = (mul, imul, hyp, angle, modulo, piecewise, repeat, each, expi, planar, matrix)
     ufuncs = (np.sqrt, np.sign, np.where, np.minimum, np.maximum)
     systems = (linear.solve, linear.solve_transposed, linear.spread)
     found = {f.__name__: f for f in (cross, dot, implicit, *own, *ufuncs, *systems)}

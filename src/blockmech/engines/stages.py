@@ -101,8 +101,7 @@ class Rates:
         trace = Trace(program, body, self.inputs)
         if trace.asked:
             raise Untraceable(FOLLOWED)
-        self.rows: list[Any] = [*trace.values, *([] if trace.flag is None else [trace.flag])]
-        self.flagged = trace.flag is not None
+        self.rows: list[Any] = [*trace.values]
         text = Text(1).fill(self.inputs, self.rows)
         self.at = machine_code(text + STAGES, "fill", FILL)
         self.stages = machine_code(text + STAGES, "stages", KIND)
@@ -128,14 +127,13 @@ class Stages:
         self._tail = first, self._A.ctypes.data, self._C.ctypes.data
         self._sizes = n, self.K.shape[1], self._A.shape[1]
 
-    def run(self, first: int, last: int, t: float, y: Floats, h: float) -> bool:
-        """Work out some stages of a step from t, y (n,); False where one was flagged."""
+    def run(self, first: int, last: int, t: float, y: Floats, h: float) -> None:
+        """Work out some stages of a step from t, y (n,)."""
         data = y.ctypes.data
         self._rates.stages.function(*self._head, data, *self._tail, t, h, first, last, *self._sizes)
-        return not (self._rates.flagged and self.K[first:last, -1].any())
 
-    def at(self, t: float, y: Sequence[float]) -> list[float] | None:
-        """What the program says of a state; None where it needs an algorithm of its own."""
+    def at(self, t: float, y: Sequence[float]) -> list[float]:
+        """What the program says of a state."""
         n = self._rates.dimension
         self.state[:n], self.state[n] = y, t
         row = self.K[-1]
@@ -143,4 +141,4 @@ class Stages:
         place = K + row.itemsize * (self.K.size - row.size)
         self._rates.at.function(self._x, numbers, place, 1, 1, 0, 1)
         found: list[float] = row.tolist()
-        return None if self._rates.flagged and found[-1] else found
+        return found

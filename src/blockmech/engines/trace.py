@@ -10,7 +10,6 @@ Walther, Evaluating Derivatives, 2008, ch. 6.
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -56,7 +55,6 @@ class Trace:
     nodes : all operations, each after those that it is made of
     asked : functions of inputs alone, whose answers are more inputs, in order
     values : what the program returns, nodes in the place of batches
-    flags : conditions under which a sample needs an algorithm of its own
     """
 
     def __init__(self, program: Program, body: Body | None = None, inputs: int = 0) -> None:
@@ -67,7 +65,6 @@ class Trace:
         self.asked: list[Asked] = []
         self.nodes: list[Node] = []
         self.loops: list[Loop] = []
-        self.flags: list[Any] = []
         self._made: dict[tuple[Any, ...], Node] = {}
         self._open = False  # whether a loop is being traced
         given = range(len(program.inputs) if body is None else inputs)
@@ -89,11 +86,6 @@ class Trace:
             self.values: tuple[Any, ...] = run(*leafs) if body is None else body(run, *leafs)
         except (TypeError, AttributeError) as error:  # what a number can that a node cannot
             raise Untraceable(f"a kernel is more than the primitives ({error})") from error
-
-    @property
-    def flag(self) -> Node | None:
-        """Whether a sample needs an algorithm of its own; None where none ever does."""
-        return functools.reduce(lambda a, b: a | b, self.flags) if self.flags else None
 
     def node(self, op: str, *args: Any) -> Node:
         """The operation on these arguments, nodes or numbers."""
@@ -261,14 +253,6 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
     return trace.loop(step, state, cap, data)
 
 
-def repair(condition: Any, one: Any, given: Any, *data: Any) -> Any:
-    """``given``; where the condition holds the sample is flagged."""
-    if isinstance(condition, Node):
-        condition.trace.flags.append(condition)
-        return given
-    return one(given, *data) if condition else given
-
-
 def each(function: Any, *x: Any) -> Any:
     """A function of Python: of inputs alone it is asked beforehand."""
     trace = _trace_of(x)
@@ -306,7 +290,7 @@ def _system(name: str, entries: list[Any], n: int, places: Iterable[int]) -> tup
 
 PRIMITIVES: dict[str, Any] = {
     **{f.__name__: f for f in (cross, dot, mul, imul, hyp, expi, angle, where, sign, matrix)},
-    **{f.__name__: f for f in (minimum, maximum, modulo, piecewise, repeat, repair, each)},
+    **{f.__name__: f for f in (minimum, maximum, modulo, piecewise, repeat, each)},
     **{f.__name__: f for f in (solve, solve_transposed, spread)},
     "sqrt": sqrt,
     "planar": Planar,

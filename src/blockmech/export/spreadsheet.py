@@ -47,7 +47,7 @@ def csv_chunks(
     return _chunks(result, separator, decimal, degrees)
 
 
-def text_cell(text: str) -> str:
+def _word(text: str) -> str:
     """A text as a cell that no spreadsheet takes for a formula or for the end of a row."""
     line = printable(text)
     return f"'{line}" if line.startswith(FORMULA) else line
@@ -62,15 +62,21 @@ def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
             stream.write(chunk.encode())
 
 
-def csv_of(head: Sequence[str], rows: Iterable[Iterable[Any]], path: AnyPath | None = None) -> str:
+def csv_of(
+    head: Sequence[str],
+    rows: Iterable[Iterable[Any]],
+    path: AnyPath | None = None,
+    separator: str = ",",
+) -> str:
     """CSV text of a table, written if a path is given; a cell without a number is empty.
 
-    Numbers read back to the last bit. Raises `RequestError` where the place cannot be written.
+    Numbers read back to the last bit, words are no formulas. Raises `RequestError` where the
+    place cannot be written.
     """
-    stream = io.StringIO()
-    write = csv.writer(stream, lineterminator="\n")
-    write.writerow(head)
-    write.writerows(["" if x != x else x for x in row] for row in rows)
+    stream = io.StringIO(newline="")
+    write = csv.writer(stream, delimiter=separator, lineterminator="\n")
+    for row in (head, *rows):
+        write.writerow([_word(x) if isinstance(x, str) else "" if x != x else x for x in row])
     if path is not None:
         write_csv([stream.getvalue()], path)
     return stream.getvalue()
@@ -78,10 +84,7 @@ def csv_of(head: Sequence[str], rows: Iterable[Iterable[Any]], path: AnyPath | N
 
 def _chunks(result: Labelled, separator: str, decimal: str, degrees: bool) -> Iterator[str]:
     found = columns(result, degrees)
-    head = io.StringIO()
-    row = csv.writer(head, delimiter=separator, lineterminator="\n")
-    row.writerow([*(text_cell(column.head) for column in found), "status"])
-    yield head.getvalue()
+    yield csv_of([*(column.head for column in found), "status"], (), separator=separator)
     status = result.quality.status
     for start in range(0, result.n, ROWS):
         part = slice(start, start + ROWS)

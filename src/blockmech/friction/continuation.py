@@ -1,36 +1,63 @@
 """Continuation from zero friction: what decides where no certificate does.
 
 The physical solution is the one that starts at zero friction. Its path is followed in the
-scale lambda of all friction factors, from 0 to 1, by pseudo-arclength in the homogeneous
-unknowns of `friction.equations`. It ends at lambda = 1 (solved), at eta = 0 (asymptote:
-reactions grow without bound whatever the loads) or where lambda turns back (fold: no
-solution beyond). The last two are self-locking, and lambda there is the limit.
+scale lambda of all friction factors, from 0 to 1, in the unknowns v = (n, eta, lambda) with
+friction n / eta, so reactions that go to infinity are an ordinary point
+(`blockmech.friction.equations.homogeneous`). It ends at lambda = 1 (solved), at eta = 0
+(asymptote: reactions grow without bound whatever the loads) or where lambda turns back (fold:
+no solution beyond). The last two are self-locking, and lambda there is the limit.
 
-The path is followed to each kink of a guide's load with the contacts held, and goes on with
-the new one.
+A step goes along the tangent, and Newton comes back in the plane across it (pseudo-arclength);
+it was too long if that fails or the tangent turns much. The direction of travel is told by
+the sign of det [J; tangent], which is one along the whole path. Where a step passes an end,
+Newton lands on it: its plane is then the end's. The load of a guide, max(|N|, 2 |C| / L), has
+kinks where its contact changes: the path is followed to a kink with the contacts held, and
+goes on with the new one.
 
-Source: Allgower & Georg, Introduction to Numerical Continuation Methods, SIAM 2003
-(`blockmech.continuation`); the equations are blockmech's own.
+All is one kernel, a correction of Newton, repeated: so each engine follows many samples side
+by side, and none of them hangs on the others.
+
+Source: Allgower & Georg, Introduction to Numerical Continuation Methods, SIAM 2003; the
+homogeneous form and the ends are blockmech's own.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from blockmech.continuation import Curve, Point, advance, correct, crossing, point, side
-from blockmech.friction.equations import Array, Equations
-from blockmech.plane import EPS
+from blockmech.friction.equations import (
+    SETTLED,
+    along,
+    chosen,
+    eliminate,
+    homogeneous,
+    largest_of,
+    limits_of,
+    loads,
+    misfit,
+    norms,
+)
+from blockmech.plane import (
+    EPS,
+    NAN,
+    maximum,
+    minimum,
+    mul,
+    repeat,
+    sign,
+    sqrt,
+    where,
+)
+from blockmech.typing import Real
 
 # [-] of the arc: unknowns are on the unit sphere, lambda ends at 1. The first step from zero
-# friction and from a kink is short, as the path may bend there; below the smallest it has no more.
-STEP, LARGEST, SMALLEST = 0.05, 0.2, 1e-10
-MOST = 500  # steps, halvings included: a path takes some ten
-KINK = 64 * EPS  # of the largest load: what rounding may say about which edge presses
+# friction and from a kink is short, as the path may bend there.
+STEP, LARGEST = 0.05, 0.2
+SHARPEST = 0.95  # cosine of the largest turn of the tangent in one step: 18 degrees
+NEWTON = 6.0  # corrections of a step; it needs 3 or is too long
+MOST = 1500  # corrections of a path, halved steps included: it takes some fifty
+ROUNDING = 64.0  # [ulps] of the largest load, or of the arc: neither edge nor step is told by less
 
 
 class Outcome(enum.IntEnum):
@@ -48,24 +75,59 @@ class Outcome(enum.IntEnum):
         return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION)
 
 
+class Aim:
+    """What a step goes to: some way ahead, or a place that the path passes."""
+
+    FRESH = -1.0  # where it is: the tangent is unknown, at the start and behind a kink
+    AHEAD = 0.0
+    FOLD = 1.0
+    FULL = 2.0  # all friction, lambda = 1
+    POLE = 3.0  # eta = 0
+    KINK = 4.0  # of a guide, and counted on: two for each
+
+
+class Course(NamedTuple):
+    """A path as far as it is followed, and the step that is tried."""
+
+    v: tuple[Real, ...]  # last point: n, eta, lambda
+    tangent: tuple[Real, ...]  # of unit length, in the direction of travel
+    contacts: tuple[Any, ...]  # where guides are pressed, of +-N (x) and +-2 C / L (y)
+    way: Real  # sign of det [J; tangent]; 0 before it is known
+    bend: Real  # rate of the tangent's lambda along the arc before a fold; 0 where none is seen
+    step: Real  # of arc
+    aim: Real
+    x: tuple[Real, ...]  # what Newton corrects, in the plane row @ x = level
+    row: tuple[Real, ...]
+    level: Real
+    corrections: Real  # of this step
+    count: Real  # of corrections on the whole path
+    outcome: Real
+    going: Real
+
+
+class Corrected(NamedTuple):
+    """What a correction finds."""
+
+    x: tuple[Real, ...]
+    tangent: tuple[Real, ...]
+    way: Real
+    corrections: Real
+    settled: Real  # whether x is a point of the path
+    lost: Real  # whether it is none, and no more is tried
+
+
 class Path(NamedTuple):
     """End of a path."""
 
-    t: tuple[float, ...]  # friction; NaN without a solution
-    g: tuple[float, ...]  # [N] loads on the pairs; NaN without a solution
-    outcome: Outcome
-    limit: float  # scale of the friction factors up to which a solution exists
-    residual: float  # relative
-    steps: int
+    t: tuple[Real, ...]  # friction; NaN without a solution
+    g: tuple[Real, ...]  # [N] loads on the pairs; NaN without a solution
+    residual: Real  # relative
+    outcome: Real
+    limit: Real  # scale of the friction factors up to which a solution exists
+    corrections: Real
 
 
-@np.errstate(all="ignore")  # what is not finite has no solution
-def continue_from_zero(
-    k: Sequence[float],
-    edges: Sequence[bool],
-    base: Sequence[complex],
-    rows: Sequence[Sequence[complex]],
-) -> Path:
+def continue_from_zero(k: Any, edges: Any, base: Any, rows: Any) -> Path:
     """Follow the frictionless solution to full friction.
 
     Parameters
@@ -79,102 +141,175 @@ def continue_from_zero(
     -------
     Path with friction t [N m] or [N], or the reason why there is none
     """
-    eq = Equations(k, edges, base, rows)
-    v, contacts = eq.start()
-    curve = partial(eq.value, contacts=contacts)
-    at = point(curve, v)
-    way = side(curve, at)
-    step = STEP
-    for count in range(1, MOST + 1):
-        ahead = advance(curve, at, step)
-        if ahead is None:
-            step /= 2
-            if step < SMALLEST:
-                return _ended(eq, Outcome.NOT_CONVERGED, at.v[-1], count)
-            continue
-        spare = partial(_spare, eq, contacts)
-        kink = spare(ahead.v) < -KINK
-        if kink:  # only as far as the contact is the same
-            step = crossing(curve, at, step, spare)
-            ahead = advance(curve, at, step) or ahead
-        end = _end(eq, curve, at, ahead, step, count)
-        if end is not None:
-            return end
-        if kink:
-            contacts = eq.switched(ahead.v, contacts)
-            curve = partial(eq.value, contacts=contacts)
-            ahead = point(curve, ahead.v, way)
-            if ahead.tangent[-1] <= 0.0:  # lambda turns back at the kink itself
-                return _ended(eq, Outcome.FOLD, ahead.v[-1], count)
-            step = STEP
-        at, step = ahead, min(1.5 * step, LARGEST)
-    return _ended(eq, Outcome.NOT_CONVERGED, at.v[-1], MOST)
+    return end_of(course_from_zero(True, k, edges, base, rows), k, edges, base, rows)
 
 
-def _spare(eq: Equations, contacts: Array, v: Array) -> float:
-    """What the contact of some guide has left until it changes."""
-    return float(eq.spare(v, contacts).min())
+def course_from_zero(asked: Real, k: Any, edges: Any, base: Any, rows: Any) -> Course:
+    """The whole course, of the samples that it is asked for."""
+    zero = 0.0 * abs(k[0])
+    v = (*(zero for _ in k), zero + 1.0, zero)
+    row = (*(zero for _ in k), zero, zero + 1.0)
+    contacts = tuple((zero + 1.0, zero) if edge else () for edge in edges)
+    aim = zero + Aim.FRESH
+    start = Course(v, v, contacts, zero, zero, zero, aim, v, row, *(zero,) * 4, asked)
+    if any(edges):
+        start = repeat(pressed, start, 1, k, edges, base, rows)
+    found: Course = repeat(follow, start, MOST, k, edges, base, rows)
+    return found
 
 
-def _end(
-    eq: Equations, curve: Curve, at: Point, ahead: Point, step: float, count: int
-) -> Path | None:
-    """How the path ends between two points, or None if it goes on.
+def pressed(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
+    """The start with its contacts: where nothing presses yet, those that friction brings."""
+    t = [kj * g for kj, g in zip(k, norms(base, edges), strict=True)]
+    growth = loads(t, [mul(f, 0.0) for f in base], rows)
+    contacts = []
+    for edge, f, more in zip(edges, base, growth, strict=True):
+        empty = largest_of((f.real, f.imag)) == 0.0
+        x, y = where(empty, more.real, f.real), where(empty, more.imag, f.imag)
+        couple = abs(y) > abs(x)
+        x, y = where(x < 0.0, -1.0, 1.0), where(y < 0.0, -1.0, 1.0)
+        contacts.append((where(couple, 0.0, x), where(couple, y, 0.0)) if edge else ())
+    return at._replace(contacts=tuple(contacts))
 
-    The answer lies before the fold, if there is one between them: beyond it the path comes
-    back through lambda = 1 with another solution.
+
+def follow(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
+    """One correction of Newton's method, and behind the last one of a step the next step.
+
+    A corrected point is reached, and the path goes on from there; or a place is passed on the
+    way to it, and Newton lands there; or a fold is, and by the secant of the tangent's lambda
+    the step is shortened; or the point is bad, and the step is halved.
     """
+    factor, load = _scales(k, base)
+    k, rows = [kj / factor for kj in k], [[mul(R, factor) for R in row] for row in rows]
+    base = [mul(f, 1.0 / load) for f in base]
+    new = corrected(at, k, edges, base, rows)
+    limits = limits_of(at.contacts, edges, base, rows)
+    event, share, row, level = passed(at, new, limits)
+    fresh = at.aim == Aim.FRESH
+    gone = along(at.tangent, new.x) - along(at.tangent, at.v)
+    smooth = (along(new.tangent, at.tangent) >= SHARPEST) & (gone > ROUNDING * EPS)
+    good = new.settled & (fresh | smooth)
+    event = where(fresh, Aim.AHEAD, event)
+    landing, reached = good & (event > Aim.FOLD), good & (event == Aim.AHEAD)
+    correcting = where(new.settled | new.lost, False, True)
+    kinked = reached & (at.aim >= Aim.KINK)
 
-    def place(rest: Callable[[Array], float], step: float) -> tuple[Array, float]:
-        h = crossing(curve, at, step, rest)
-        found = correct(curve, at.v + h * at.tangent, at.tangent)
-        return (at.v if found is None else found), h
+    up = new.tangent[-1]
+    folds = (good & (event == Aim.FOLD)) | (reached & (at.bend < 0.0))
+    bent = (up - at.tangent[-1]) / where(gone > 0.0, gone, 1.0)
+    bend = where(folds, bent, where(good & fresh, 0.0, at.bend))
+    rate = where(bend < 0.0, -bend, 1.0)
+    top = folds & (up * up <= 8.0 * EPS * rate)  # what lambda grows by yet is up^2 / (2 rate)
+    v, tangent = chosen(reached | top, new.x, at.v), chosen(reached, new.tangent, at.tangent)
+    longer = where(folds, tangent[-1] / rate, where(fresh, STEP, 1.5 * at.step))
+    step = where(reached | folds, minimum(longer, LARGEST), 0.5 * at.step)
+    step = where(kinked, 0.0, where(correcting | landing, at.step, step))
 
-    top = ahead.v
-    folds = ahead.tangent[-1] <= 0.0
-    if folds:
-        way = side(curve, at)
-        top, step = place(lambda v: float(point(curve, v, way).tangent[-1]), step)
-    if top[-1] >= 1.0:
-        full, _ = place(lambda v: 1.0 - float(v[-1]), step)
-        if full[-2] > 0.0:
-            return _polish(eq, full, count)
-    if top[-2] <= 0.0:
-        pole, _ = place(lambda v: float(v[-2]), step)
-        return _ended(eq, Outcome.ASYMPTOTE, pole[-1], count)
-    return _ended(eq, Outcome.FOLD, top[-1], count) if folds else None
-
-
-def _polish(eq: Equations, x: Array, count: int) -> Path:
-    """The answer at lambda = 1: one or two steps of Newton on the friction itself."""
-    n = x[:-2] / x[-2]
-    for _ in range(20):
-        g, slope = eq.norm(n, 1.0, eq.contacts(eq.loads(n, 1.0)))
-        r = n - eq.k * g
-        try:
-            dn = np.linalg.solve(np.eye(eq.m) - eq.k[:, None] * slope[:, :-1], r)
-        except np.linalg.LinAlgError:
-            return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
-        n = n - dn
-        if np.abs(dn).max() <= 4e-16 * max(1.0, np.abs(n).max()):
-            break
-    moved = np.append(n, 1.0) / np.hypot(np.linalg.norm(n), 1.0) - x[:-1]
-    g, _ = eq.norm(n, 1.0, eq.contacts(eq.loads(n, 1.0)))
-    scale = float(np.abs(eq.k * g).max()) or 1.0
-    residual = float(np.abs(n - eq.k * g).max()) / scale
-    if residual > 1e-12 or np.abs(moved).max() > 1e-6:  # another solution
-        return _ended(eq, Outcome.NOT_CONVERGED, 1.0, count)
-    t = n * eq.factor * eq.load
-    return Path(
-        tuple(map(float, t)),
-        tuple(map(float, g * eq.load)),
-        Outcome.BY_CONTINUATION,
-        1.0,
-        residual,
+    count = at.count + 1.0
+    ended = where(good | correcting, count >= MOST, step < ROUNDING * EPS)
+    outcome = where(ended, float(Outcome.NOT_CONVERGED), at.outcome)
+    outcome = where(reached & (at.aim == Aim.POLE), float(Outcome.ASYMPTOTE), outcome)
+    outcome = where(reached & (at.aim == Aim.FULL), float(Outcome.BY_CONTINUATION), outcome)
+    outcome = where(top | (reached & fresh & (up <= 0.0)), float(Outcome.FOLD), outcome)
+    ahead = tuple(a + step * b for a, b in zip(v, tangent, strict=True))
+    there = tuple(a + share * (b - a) for a, b in zip(at.v, new.x, strict=True))
+    aim = where(kinked, Aim.FRESH, where(correcting, at.aim, Aim.AHEAD))
+    plane = where(correcting, at.level, along(tangent, v) + step)
+    return Course(
+        v,
+        tangent,
+        switched(at, new.x, kinked, limits),
+        new.way,
+        bend,
+        step,
+        where(landing, event, aim),
+        chosen(landing, there, chosen(correcting, new.x, ahead)),
+        chosen(landing, row, chosen(correcting, at.row, tangent)),
+        where(landing, level, plane),
+        where(correcting, new.corrections, 0.0),
         count,
+        outcome,
+        outcome == float(Outcome.CERTIFIED),
     )
 
 
-def _ended(eq: Equations, outcome: Outcome, limit: Any, count: int) -> Path:
-    nothing = (float("nan"),) * eq.m
-    return Path(nothing, nothing, outcome, float(limit), float("nan"), count)
+def corrected(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Corrected:
+    """A correction in the step's plane, and the tangent there in the direction of travel."""
+    border = [*at.row, along(at.row, at.x) - at.level, 1.0]
+    lines = homogeneous(at.x, at.contacts, k, edges, base, rows)
+    (change, null), det = eliminate([*lines, border], pivoting=True)
+    way = where(at.way == 0.0, sign(det), at.way)
+    scale = way * sign(det) / sqrt(along(null, null))
+    corrections = at.corrections + 1.0
+    last = corrections >= NEWTON
+    allowed = where(at.aim == Aim.FULL, where(last, sqrt(EPS), 0.0), SETTLED * EPS)
+    settled = largest_of(change) < allowed
+    x = tuple(a - d for a, d in zip(at.x, change, strict=True))
+    return Corrected(x, tuple(scale * y for y in null), way, corrections, settled, last)
+
+
+def passed(at: Course, new: Corrected, limits: Any) -> tuple[Real, Real, Any, Real]:
+    """What a step passes first, the share of it up to there, and the plane of that place.
+
+    `Aim.AHEAD` where it passes nothing.
+    """
+    nothing = [0.0] * (len(at.v) - 2)
+    full, pole = [*nothing, 0.0, 1.0], [*nothing, 1.0, 0.0]
+    ends = [
+        (Aim.FOLD, full, 0.0, at.tangent[-1], new.tangent[-1], 0.0),
+        (Aim.FULL, full, 1.0, 1.0 - at.v[-1], 1.0 - new.x[-1], 0.0),
+        (Aim.POLE, pole, 0.0, at.v[-2], new.x[-2], 0.0),
+    ]
+    for i, row in enumerate(limits):
+        spare = along(row, at.v), along(row, new.x)
+        ends.append((Aim.KINK + i, row, 0.0, *spare, -ROUNDING * EPS))
+    event, share, plane, level = 0.0 * at.step, 0.0 * at.step + 2.0, at.row, at.level
+    for aim, row, height, before, after, least in ends:
+        after = where(at.aim == aim, before, after)
+        part = before / where(before > after, before - after, 1.0)
+        first = (after <= least) & (part < share)
+        event, share = where(first, aim, event), where(first, part, share)
+        plane, level = chosen(first, row, plane), where(first, height, level)
+    return event, share, plane, level
+
+
+def switched(at: Course, x: Any, kinked: Real, limits: Any) -> tuple[Any, ...]:
+    """The contacts behind a kink: a quarter turn further, or opposite where both limits end."""
+    found, aims = [], iter([(Aim.KINK + i, row) for i, row in enumerate(limits)])
+    for contact in at.contacts:
+        if contact:
+            (left, one), (right, other) = next(aims), next(aims)
+            a, b = contact
+            to_left, to_right = kinked & (at.aim == left), kinked & (at.aim == right)
+            both = maximum(along(one, x), along(other, x)) <= ROUNDING * EPS
+            here = to_left | to_right
+            turned = chosen(both, (-a, -b), chosen(to_left, (-b, a), (b, -a)))
+            contact = chosen(here, turned, contact)
+        found.append(contact)
+    return tuple(found)
+
+
+def end_of(course: Course, k: Any, edges: Any, base: Any, rows: Any) -> Path:
+    """The friction at the end of a path, if that is a solution."""
+    *n, eta, limit = course.v
+    factor, load = _scales(k, base)
+    solved = course.outcome == float(Outcome.BY_CONTINUATION)
+    unit = where(solved, factor * load / where(solved, eta, 1.0), NAN)
+    t = tuple(unit * y for y in n)
+    g = norms(loads(t, base, rows), edges)
+    residual = misfit(t, k, g)
+    wrong = residual > SETTLED * EPS  # another solution, or none
+    return Path(
+        tuple(where(wrong, NAN, y) for y in t),
+        tuple(where(wrong, NAN, y) for y in g),
+        residual,
+        where(wrong, float(Outcome.NOT_CONVERGED), course.outcome),
+        where(solved, 1.0, limit),
+        course.count,
+    )
+
+
+def _scales(k: Any, base: Any) -> tuple[Real, Real]:
+    """The largest factor, and the largest component of a load [N]; one in the place of none."""
+    factor, load = largest_of(k), largest_of([x for f in base for x in (f.real, f.imag)])
+    return where(factor > 0.0, factor, 1.0), where(load > 0.0, load, 1.0)

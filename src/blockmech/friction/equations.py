@@ -1,115 +1,178 @@
-"""The friction equations of one sample, in homogeneous unknowns.
+"""The friction equations of a group, and what is solved for them: kernels over the primitives.
 
-Friction is n / eta in the unknowns v = (n, eta, lambda), lambda a scale of all friction
-factors, so reactions that go to infinity are an ordinary point:
+With signed Coulomb factors k_j of its pairs j, the loads F on them affine in the friction t:
 
-    G_j(v) = n_j - lambda k_j | eta f_j + sum_m R_jm n_m |,     |n|^2 + eta^2 = 1
+    t_j = k_j g_j(F_j),      F_j = f_j + sum_m R_jm t_m,
 
-The load of a guide, max(|N|, 2 |C| / L), has kinks where its contact changes; between them
-it is linear, and the contacts say along which of its sides.
+g the norm of the pair's load: the length of the reaction for a revolute pair, the larger of
+N and 2 C / L for a prismatic one (``edges``).
 
-Source: the homogeneous form is blockmech's own.
+Sources: [R10] Ruiz, Durango & Calle 2010, steps 1-5; the homogeneous form is blockmech's own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from blockmech.plane import NAN, dot, hyp, maximum, mul, planar, sqrt, where
+from blockmech.typing import Complex, Real
 
-Array = NDArray[np.float64]
+SETTLED = 4500.0  # [ulps] corrections and residuals of size one: Newton's next step is rounding
 
 
-class Equations:
-    """The equations of one sample, scaled to unit loads and unit factors."""
+def load_norm(F: Complex, edge: bool) -> Real:
+    """Load on a pair [N]: length of a reaction, or larger component at a guide."""
+    return maximum(abs(F.real), abs(F.imag)) if edge else hyp(F)
 
-    def __init__(
-        self,
-        k: Sequence[float],
-        edges: Sequence[bool],
-        base: Sequence[complex],
-        rows: Sequence[Sequence[complex]],
-    ) -> None:
-        self.edges = np.array(edges)
-        f = np.array([[z.real, z.imag] for z in base])
-        R = np.array([[[z.real, z.imag] for z in row] for row in rows])
-        self.load = float(np.abs(f).max()) or 1.0
-        self.factor = float(np.abs(k).max()) or 1.0
-        self.k = np.array(k) / self.factor
-        self.f = f / self.load  # (m, 2)
-        self.R = R * self.factor  # (m, m, 2)
-        self.m = len(self.k)
 
-    def loads(self, n: Array, eta: float) -> Array:
-        """Loads (m, 2) on the pairs."""
-        found: Array = eta * self.f + np.einsum("jmc,m->jc", self.R, n)
-        return found
+def loads(t: Any, base: Any, rows: Any) -> tuple[Complex, ...]:
+    """Loads on all pairs with friction t."""
+    found = []
+    for f, row in zip(base, rows, strict=True):
+        for x, influence in zip(t, row, strict=True):
+            f = f + mul(influence, x)
+        found.append(f)
+    return tuple(found)
 
-    def contacts(self, F: Array, growth: Array | None = None) -> Array:
-        """Directions (m, 2) along which the guides are pressed: of +-N or of +-2 C / L.
 
-        Where nothing presses yet, the direction in which the load grows. Rows of
-        revolute pairs mean nothing.
-        """
-        empty: NDArray[np.bool_] = np.abs(F).max(axis=1) == 0
-        if growth is not None:
-            F = np.where(empty[:, None], growth, F)
-        pick = np.abs(F).argmax(axis=1)
-        found = np.zeros_like(F)
-        found[np.arange(self.m), pick] = np.where(F[np.arange(self.m), pick] < 0, -1.0, 1.0)
-        return found
+def norms(F: Any, edges: Any) -> tuple[Real, ...]:
+    """Norms of several loads."""
+    return tuple(load_norm(f, e) for f, e in zip(F, edges, strict=True))
 
-    def spare(self, v: Array, contacts: Array) -> Array:
-        """By how much each guide (m,) is pressed more as its contact says than otherwise.
 
-        Negative where the contact has changed; infinite for revolute pairs.
-        """
-        along, across = self._pressed(v, contacts)
-        return np.where(self.edges, along - np.maximum(np.abs(across), -along), np.inf)
+def largest_of(values: Any) -> Real:
+    """The largest of some numbers without their signs."""
+    top = abs(values[0])
+    for x in values[1:]:
+        top = maximum(top, abs(x))
+    return top
 
-    def switched(self, v: Array, contacts: Array) -> Array:
-        """The contacts behind a kink: the guide with least to spare has changed its own."""
-        along, across = self._pressed(v, contacts)
-        j = int(np.argmin(self.spare(v, contacts)))
-        x, y = contacts[j]
-        found = contacts.copy()
-        opposite = across[j] == 0.0 or -along[j] > abs(across[j])  # N changes its sign
-        found[j] = (-x, -y) if opposite else np.sign(across[j]) * np.array((-y, x))
-        return found
 
-    def _pressed(self, v: Array, contacts: Array) -> tuple[Array, Array]:
-        F = self.loads(v[:-2], v[-2])
-        along: Array = np.einsum("jc,jc->j", contacts, F)
-        return along, contacts[:, 0] * F[:, 1] - contacts[:, 1] * F[:, 0]
+def coulomb(k: Any, g: Any) -> tuple[Real, ...]:
+    """Coulomb's law: the friction that loads on the pairs stand for."""
+    return tuple(kj * gj for kj, gj in zip(k, g, strict=True))
 
-    def norm(self, n: Array, eta: float, contacts: Array) -> tuple[Array, Array]:
-        """Load norms (m,) and their gradients (m, m + 1) in (n, eta), smooth in a contact."""
-        F = self.loads(n, eta)
-        size = np.hypot(F[:, 0], F[:, 1])
-        unit = np.where(self.edges[:, None], contacts, F / np.maximum(size, 1e-300)[:, None])
-        slope = np.empty((self.m, self.m + 1))
-        slope[:, :-1] = np.einsum("jc,jmc->jm", unit, self.R)
-        slope[:, -1] = np.einsum("jc,jc->j", unit, self.f)
-        return np.where(self.edges, np.einsum("jc,jc->j", contacts, F), size), slope
 
-    def value(self, v: Array, contacts: Array) -> tuple[Array, Array]:
-        """G (m + 1,) and its Jacobian (m + 1, m + 2)."""
-        m, n, eta, lam = self.m, v[:-2], v[-2], v[-1]
-        g, slope = self.norm(n, eta, contacts)
-        G = np.append(n - lam * self.k * g, n @ n + eta * eta - 1.0)
-        J = np.zeros((m + 1, m + 2))
-        J[:m, : m + 1] = -lam * self.k[:, None] * slope
-        J[:m, :m] += np.eye(m)
-        J[:m, -1] = -self.k * g
-        J[m, :m], J[m, m] = 2 * n, 2 * eta
-        return G, J
+def misfit(t: Any, k: Any, g: Any) -> Real:
+    """Residual [-] of t = k g, relative to the largest friction."""
+    friction = coulomb(k, g)
+    best = largest_of(friction)
+    worst = largest_of([a - b for a, b in zip(t, friction, strict=True)])
+    return worst / where(best > 0.0, best, 1.0)
 
-    def start(self) -> tuple[Array, Array]:
-        """The frictionless solution v (m + 2,) and its contacts (m, 2)."""
-        v = np.zeros(self.m + 2)
-        v[-2] = 1.0
-        contacts = self.contacts(self.f)
-        g, _ = self.norm(v[:-2], 1.0, contacts)
-        growth = np.einsum("jmc,m->jc", self.R, self.k * g)
-        return v, self.contacts(self.f, growth)
+
+def contraction_bound(k: Any, edges: Any, rows: Any) -> Real:
+    """Upper bound of P: the fourth root of the largest row sum of |R k|^4.
+
+    From loads to loads, so that couples and forces in one group have one unit.
+    """
+    A = [
+        [load_norm(x, e) * abs(km) for x, km in zip(row, k, strict=True)]
+        for e, row in zip(edges, rows, strict=True)
+    ]
+    if len(A) == 1:
+        return A[0][0]
+    for _ in range(2):
+        columns = list(zip(*A, strict=True))
+        A = [
+            [sum(a * b for a, b in zip(row, column, strict=True)) for column in columns]
+            for row in A
+        ]
+    return sqrt(sqrt(largest_of([sum(row) for row in A])))
+
+
+def slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:
+    """Derivative of a load's norm in the direction of an influence."""
+    if edge:
+        along_N = where(F.real < 0.0, -influence.real, influence.real)
+        along_C = where(F.imag < 0.0, -influence.imag, influence.imag)
+        return where(abs(F.real) >= abs(F.imag), along_N, along_C)
+    along = F.real * influence.real + F.imag * influence.imag
+    return along / where(g > 0.0, g, 1.0)
+
+
+def homogeneous(
+    v: Any, contacts: Any, k: Any, edges: Any, base: Any, rows: Any
+) -> list[list[Real]]:
+    """The equations in unknowns v = (n, eta, lambda), t = n / eta, and factors lambda k:
+
+        G_j(v) = n_j - lambda k_j g_j(eta f_j + sum_m R_jm n_m),     |n|^2 + eta^2 - 1
+
+    Lines of their Jacobian; behind it what they are at v, and zeros. Guides are pressed along
+    their contacts, of +-N (x) or +-2 C / L (y).
+    """
+    *n, eta, scale = v
+    nothing = 0.0 * eta  # of the engine's precision, as all that is exchanged with others
+    F = loads(n, [mul(f, eta) for f in base], rows)
+    lines = []
+    for j, (load, edge, contact) in enumerate(zip(F, edges, contacts, strict=True)):
+        size = hyp(load)
+        u = planar(*contact) if edge else mul(load, 1.0 / where(size > 0.0, size, 1.0))
+        g = dot(u, load) if edge else size
+        kj = scale * k[j]
+        line = [(1.0 if m == j else 0.0) - kj * dot(u, R) for m, R in enumerate(rows[j])]
+        lines.append([*line, -kj * dot(u, base[j]), -k[j] * g, n[j] - kj * g, nothing])
+    sphere = [2.0 * y for y in (*n, eta)]
+    return [*lines, [*sphere, nothing, along(v[:-1], v[:-1]) - 1.0, nothing]]
+
+
+def limits_of(contacts: Any, edges: Any, base: Any, rows: Any) -> list[list[Real]]:
+    """Rows whose products with v are not negative while contacts hold, two for each guide.
+
+    Pressed by F along c, a guide keeps that contact while F is between i c and -i c by 45
+    degrees: while F has no component against (1 - i) c, or (1 + i) c.
+    """
+    found = []
+    for j, (edge, contact) in enumerate(zip(edges, contacts, strict=True)):
+        if edge:
+            x, y = contact
+            for u in (planar(x + y, y - x), planar(x - y, x + y)):
+                found.append([*(dot(u, R) for R in rows[j]), dot(u, base[j]), 0.0 * x])
+    return found
+
+
+def chosen(condition: Real, a: Any, b: Any) -> tuple[Real, ...]:
+    """The numbers of one row where the condition holds, else those of the other."""
+    return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
+
+
+def along(a: Any, b: Any) -> Real:
+    """Scalar product of two rows."""
+    total = a[0] * b[0]
+    for x, y in zip(a[1:], b[1:], strict=True):
+        total = total + x * y
+    return total
+
+
+def eliminate(rows: Any, pivoting: bool = False) -> tuple[list[list[Real]], Real]:
+    """Solutions for the right sides behind a square matrix, and its determinant.
+
+    Without pivoting for an H-matrix, which that of Newton's method is wherever P < 1. With it,
+    NaN for a singular one.
+    """
+    rows, n, det = [list(row) for row in rows], len(rows), 1.0
+    for p in range(n):
+        for q in range(p + 1, n) if pivoting else ():
+            larger = abs(rows[q][p]) > abs(rows[p][p])
+            pairs = list(zip(rows[p][p:], rows[q][p:], strict=True))
+            rows[p][p:] = [where(larger, y, x) for x, y in pairs]
+            rows[q][p:] = [where(larger, -x, y) for x, y in pairs]  # the determinant is kept
+        if pivoting:
+            rows[p][p] = where(rows[p][p] == 0.0, NAN, rows[p][p])
+            det = det * rows[p][p]
+        pivot = 1 / rows[p][p]
+        for row in rows[p + 1 :]:
+            factor = row[p] * pivot
+            pairs = list(zip(row[p + 1 :], rows[p][p + 1 :], strict=True))
+            row[p + 1 :] = [x - factor * y for x, y in pairs]
+    return [_substituted(rows, k) for k in range(n, len(rows[0]))], det
+
+
+def _substituted(rows: list[list[Real]], k: int) -> list[Real]:
+    """Solution of a triangle of equations for the right side in column k."""
+    x = [row[k] for row in rows]
+    for p in reversed(range(len(x))):
+        for m in range(p + 1, len(x)):
+            x[p] = x[p] - rows[p][m] * x[m]
+        x[p] = x[p] / rows[p][p]
+    return x

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self, TypeVar
 
 from blockmech.errors import FormatError, GraphError, Problem, close_match, in_file, listed
 from blockmech.model.form import Draft, Form
-from blockmech.model.parameters import named, parameters_of, replaced
+from blockmech.model.parameters import Path, named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.writing import canonical_text
 
@@ -114,6 +114,13 @@ class Document:
         data = self._written(replaced(sections, numbers))
         data.pop("expect", None)
         return self.from_data(data, (), self.file)
+
+    def with_numbers(self, numbers: Mapping[Path, Any]) -> Self:
+        """A copy with other numbers at some paths, unchecked: of any type with arithmetic."""
+        other = copy.copy(self)
+        for section, content in replaced(self.sections(), numbers).items():
+            setattr(other, section, content)
+        return other
 
     def snapshot(self) -> Self:
         """A copy that does not change with this one; its models do not change anyway."""

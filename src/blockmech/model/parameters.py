@@ -164,6 +164,17 @@ def _unknown(address: object, known: Mapping[str, Parameter]) -> Problem:
     return Problem("unknown-parameter", str(address), found, valid, remedy)
 
 
+def number_at(data: Any, path: Path) -> Any:
+    """The number at a path of what a file holds; None where it says nothing there."""
+    for key in path:
+        place = PARTS.index(str(key)) if isinstance(data, list) and key in PARTS else key
+        try:
+            data = data[place]
+        except (KeyError, IndexError):
+            return None
+    return data
+
+
 def replaced(x: Any, values: Mapping[Path, Any]) -> Any:
     """A value with other numbers at paths inside it, unchecked: of any type with arithmetic."""
     if () in values:

@@ -10,6 +10,7 @@ Source: `blockmech.engines.derivatives`.
 from __future__ import annotations
 
 import fnmatch
+import itertools
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -21,11 +22,11 @@ from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual, slope
 from blockmech.errors import Problem, RequestError
 from blockmech.model.parameters import Parameter, named, parameters_of
-from blockmech.passes.homotopy import path_of
 from blockmech.plan import Output, Plan
 from blockmech.result import Result
-from blockmech.studies.family import BATCHED, Family, sections_of
+from blockmech.studies.family import sections_of
 from blockmech.studies.sensitivity import Sensitivity
+from blockmech.studies.variation import Variation, moves_drivers
 from blockmech.typing import Coordinates, FrictionMethod, Numbers, OnGap
 
 Array = NDArray[Any]
@@ -86,66 +87,74 @@ def sensitivity(
         on_gap=on_gap,
     )
     asked = _asked(mechanism, result, (to,) if isinstance(to, str) else tuple(to))
-    family, left_out = _separated(mechanism, asked, to)
+    left_out = {a: why for a, p in asked.items() if (why := _without(p))}
+    if wrong := [a for a in left_out if a in ((to,) if isinstance(to, str) else to)]:
+        raise RequestError([Problem("no-derivative", a, left_out[a]) for a in wrong])
     chosen = {a: p for a, p in asked.items() if a not in left_out}
-    general = family.planned_for(p for p in chosen.values() if p.path[0] != GIVEN)
-    for block in (b for b, x in mechanism.structure.blocks.items() if x.own_form):
-        general.structure.paths[block] = path_of(mechanism.structure, block)
-    plan = general.plan(names, **result.settings)
-    for address in [] if _varies(plan, family, chosen) else list(chosen):
-        if not _varies(plan, family, {address: chosen[address]}):
+    varied = [p for p in chosen.values() if p.path[0] != GIVEN]
+    near = Variation.of(mechanism, varied)
+    plan = near.general.plan(names, **result.settings)
+    seeds = {p.address: seed for p, seed in zip(varied, np.eye(len(varied)), strict=True)}
+    for address in [] if _varies(plan, near, seeds.values()) else list(seeds):
+        if not _varies(plan, near, [seeds[address]]):
             left_out[address] = "the pieces of its table follow it by no formula"
             del chosen[address]
     if not chosen:
         raise RequestError([Problem("no-derivative", a, why) for a, why in left_out.items()])
+    none = np.zeros(len(varied))
+    along = np.array([seeds.get(address, none) for address in chosen])
     ahead, behind = (
-        {name: side * d for name, d in _derived(plan, family, chosen, result, side).items()}
+        {name: side * d for name, d in _derived(plan, near, along, chosen, result, side).items()}
         for side in (1.0, -1.0)
     )
     return Sensitivity(result, chosen, ahead, behind, left_out)
 
 
-def _numbers(
-    plan: Plan, family: Family, chosen: Mapping[str, Parameter], side: float
-) -> tuple[Any, ...]:
-    """The parameters of a program, with tangents in the directions of the chosen numbers."""
-    seeds = side * np.eye(len(chosen))[..., None]
-    numbers = {
-        p: Dual(np.float64(p.value), seed)
-        for p, seed in zip(chosen.values(), seeds, strict=True)
-        if p.path[0] != GIVEN
-    }
+def _numbers(plan: Plan, near: Variation, seeds: Array) -> tuple[Any, ...]:
+    """The parameters of a program, with tangents in directions (k, m) of what varies."""
     with np.errstate(all="ignore"):
-        return plan.program.values(*family.design(numbers))
+        return plan.program.values(*near.design(seeds))
 
 
-def _varies(plan: Plan, family: Family, chosen: Mapping[str, Parameter]) -> bool:
-    """Whether all parameters of a program have derivatives by the chosen numbers."""
+def _varies(plan: Plan, near: Variation, seeds: Iterable[Array]) -> bool:
+    """Whether all parameters of a program have derivatives in some directions (m,)."""
     try:
-        _numbers(plan, family, chosen, 1.0)
+        _numbers(plan, near, np.array([*seeds]))
     except RequestError:
         return False
     return True
 
 
 def _derived(
-    plan: Plan, family: Family, chosen: Mapping[str, Parameter], result: Result, side: float
+    plan: Plan,
+    near: Variation,
+    along: Array,
+    chosen: Mapping[str, Parameter],
+    result: Result,
+    side: float,
 ) -> dict[str, Array]:
-    """Derivatives (m, n) of the outputs of a result in the directions of the chosen numbers."""
+    """Derivatives (k, n) of the outputs of a result by the chosen numbers, to one side.
+
+    ``along`` (k, m) says which of the numbers that vary each of them is; none of a driver.
+    """
     shape = len(chosen), result.n
-    inputs = dict(result.samples.given(plan.program.inputs))
+    given, own = result.samples.given(plan.program.inputs), result.mechanism.drivers
+    inputs = dict(given)
+    for (i, driver), x in itertools.product(enumerate(near.base.drivers), INPUTS.values()):
+        inputs[f"{x}_{i}"] = given[f"{x}_{own.index(driver)}"]
     for j, p in enumerate(chosen.values()):
-        if p.path[0] == GIVEN and (name := str(p.path[1])) in inputs:
-            seed = np.zeros(shape)
+        if p.path[0] == GIVEN:
+            _, x, driver = map(str, p.path)
+            name, seed = f"{x}_{near.base.drivers.index(driver)}", np.zeros(shape)
             seed[j] = side
             inputs[name] = Dual(np.asarray(inputs[name], float), seed)
-    engine, numbers = DualEngine(plan.program), _numbers(plan, family, chosen, side)
-    values = engine.run(inputs, numbers, result.n, len(chosen))
-    found = {}
+    numbers = _numbers(plan, near, side * along)
+    values = DualEngine(plan.program).run(inputs, numbers, result.n, len(chosen))
+    found, outputs = {}, near.outputs(side * along)
     for name in result:
         columns = [values[i] for i in plan.layout[name]]
         with np.errstate(all="ignore"):
-            d = _read(result.output(name), columns, shape)
+            d = _read(outputs[name], columns, shape)
         found[name] = np.where(np.isnan(result[name]), np.nan, d)
     return found
 
@@ -180,40 +189,24 @@ def _asked(mechanism: Compiled, result: Result, patterns: tuple[str, ...]) -> di
     return found
 
 
-def _separated(
-    mechanism: Compiled, asked: Mapping[str, Parameter], to: Iterable[str] | str
-) -> tuple[Family, dict[str, str]]:
-    """The family of the numbers, and why some have no derivative: of those named, an error."""
-    left_out = {a: why for a, p in asked.items() if (why := _chooses(p))}
-    numbers = [a for a, p in asked.items() if a not in left_out and p.path[0] != GIVEN]
-    family = Family(mechanism, numbers)
-    for p in family.parameters:
-        places = family.places[p]
-        if not places:
-            left_out[p.address] = "it goes through the geometry of the document"
-        elif any(path[0] == "scene" and path[1] not in BATCHED for path in places):
-            left_out[p.address] = "it says how the drivers move: name their coordinate or rate"
-    if wrong := [a for a in left_out if a in ((to,) if isinstance(to, str) else to)]:
-        raise RequestError([Problem("no-derivative", a, left_out[a]) for a in wrong])
-    return family, left_out
-
-
 def _of_drivers(mechanism: Compiled, result: Result) -> dict[str, Parameter]:
     """Coordinate, rate and acceleration of each driver as numbers; as large as they become."""
     found = {}
     for i, driver in enumerate(mechanism.drivers):
         for what, name in INPUTS.items():
-            address, key = mechanism.of_driver(driver, what), f"{name}_{i}"
-            size = float(np.abs(np.asarray(result.samples.inputs[key], float)).max(initial=0.0))
+            address, given = mechanism.of_driver(driver, what), result.samples.inputs[f"{name}_{i}"]
+            size = float(np.abs(np.asarray(given, float)).max(initial=0.0))
             unit = mechanism.outputs[address].unit
-            found[address] = Parameter(address, size, unit, (GIVEN, key))
+            found[address] = Parameter(address, size, unit, (GIVEN, name, driver))
     return found
 
 
-def _chooses(p: Parameter) -> str:
-    """Why a number only chooses between mechanisms; "" where it does not."""
+def _without(p: Parameter) -> str:
+    """Why a number has no derivative; "" where it may have one."""
     if isinstance(p.value, int):
         return "a whole number chooses, it does not grow"
     if {"home", "pose"} & set(p.path):
         return "a home only tells the assembly mode"
+    if p.path[0] != GIVEN and moves_drivers(p.path):
+        return "it says how the drivers move: name their coordinate or rate"
     return ""

@@ -9,41 +9,35 @@ a branch that follows. Then each design is made, checked and compiled by itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from blockmech.compiled import Compiled
-from blockmech.errors import BlockmechError
+from blockmech.errors import GraphError
 from blockmech.export import aligned
 from blockmech.model.graph import Graph
-from blockmech.model.parameters import BLOCKS, Parameter, Path, named, parameters_of, replaced
+from blockmech.model.joints.varied import Varied
+from blockmech.model.parameters import Parameter, Path, named, parameters_of
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
-from blockmech.series import GOLDEN
+from blockmech.studies.variation import (
+    Variation,
+    designed,
+    graph_sections,
+    moves_drivers,
+    of_links,
+    planned_aside,
+)
 
-ASIDE = 1e-6  # of a number, how far aside the design is planned that stands for all: not zero
-BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and stops
 
-
-class Parameters(Mapping[str, Parameter]):
+class Parameters(dict[str, Parameter]):
     """Every number of a mechanism by address, with value and unit."""
-
-    def __init__(self, found: Mapping[str, Parameter]) -> None:
-        self._found = found
-
-    def __getitem__(self, address: str) -> Parameter:
-        return self._found[address]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._found)
-
-    def __len__(self) -> int:
-        return len(self._found)
 
     def __repr__(self) -> str:
         rows = [(p.address, f"{p.value:.9g}", p.unit or "-") for p in self.values()]
@@ -54,8 +48,7 @@ def sections_of(mechanism: Compiled) -> dict[str, Any]:
     """The models that the user gave, of a graph or a linkage."""
     if mechanism.document is not None:
         return mechanism.document.sections()
-    s = mechanism.structure
-    return {BLOCKS: {s.frame: s.fixed, **s.blocks, **s.elements}, "scene": mechanism.scene}
+    return graph_sections(mechanism)
 
 
 def parameters(mechanism: Compiled) -> Parameters:
@@ -100,24 +93,19 @@ class Family:
         for p in self.parameters:
             if isinstance(p.value, int):
                 return f"{p.address} chooses between structures"
+            if moves_drivers(p.path):
+                return f"{p.address} says how the drivers move"
             if not self.places[p]:
                 return f"{p.address} goes through the geometry of the document"
-            if any(path[0] == "scene" and path[1] not in BATCHED for path in self.places[p]):
-                return f"{p.address} says how the drivers move"
-        self.general = self.planned_for(self.parameters)
+        own = {path: p.value for p in self.parameters for path in self.places[p]}
+        self.general = planned_aside(self.mechanism, own)
         return self._moved(self.general.structure)
-
-    def planned_for(self, parameters: Iterable[Parameter]) -> Compiled:
-        """A mechanism beside this one: its plans hold for any values of these numbers."""
-        aside = {p: beside(p.value, k) for k, p in enumerate(parameters)}
-        m = self.mechanism
-        return type(m)(*self.design(aside), m.name, m.names, m.document)
 
     def _moved(self, general: Structure) -> str:
         """Which path or branch that is found before planning depends on what varies."""
         own, made = self.mechanism.structure, None
         for name, block in own.blocks.items():
-            if not (block.own_form or name in own.followed or self._of_links):
+            if not (block.own_form or name in own.followed or of_links(self.mechanism)):
                 continue
             made = made or schedule(general, Scene(), Friction("none"))
             made.ask(position, name)
@@ -130,7 +118,7 @@ class Family:
                 for s in (own, general)
             ]
             if kept[0] != kept[1]:
-                if self._of_links:  # poses tell the assembly mode
+                if of_links(self.mechanism):  # poses tell the assembly mode
                     return f"what varies moves {name}, whose mode the document's poses tell"
                 what = "is followed from its home" if block.own_form else "has change points"
                 return f"{name} {what}, which what varies moves"
@@ -139,63 +127,36 @@ class Family:
     @cached_property
     def places(self) -> Mapping[Parameter, tuple[Path, ...]]:
         """Where each number of the document stands in the graph as it is; nowhere: ()."""
-        if self._of_links:
-            return {p: self._passed_on(p) for p in self.parameters}
+        if of_links(self.mechanism):
+            return _passed_on(self.mechanism, self.parameters)
         return {p: (p.path,) for p in self.parameters}
-
-    @property
-    def _of_links(self) -> bool:
-        """Whether the document is a linkage."""
-        document = self.mechanism.document
-        return document is not None and not isinstance(document, Graph)
-
-    def _passed_on(self, p: Parameter) -> tuple[Path, ...]:
-        """Where a number of a linkage goes in its graph, if it goes there unchanged."""
-        value = beside(p.value, 0)
-        own, other = (
-            Family._numbers(mechanism)
-            for mechanism in (self.mechanism, self._tried({p.address: value}))
-        )
-        if own.keys() != other.keys():
-            return ()
-        changed = [path for path, x in other.items() if own[path] != x]
-        through = all(own[path] == p.value and other[path] == value for path in changed)
-        return tuple(changed) if through else ()
-
-    def _tried(self, values: Mapping[str, float]) -> Compiled | None:
-        try:
-            return remade(self.mechanism, values)
-        except BlockmechError:  # what is wrong is said where the study asks for it
-            return None
-
-    @staticmethod
-    def _numbers(mechanism: Compiled | None) -> dict[Path, float]:
-        if mechanism is None:
-            return {}
-        s = mechanism.structure
-        blocks = {s.frame: s.fixed, **s.blocks, **s.elements}
-        found = parameters_of({BLOCKS: blocks, "scene": mechanism.scene})
-        return {p.path: p.value for p in found.values()}
 
     def design(self, values: Mapping[Parameter, Any]) -> tuple[Structure, Scene]:
         """Structure and scene with other numbers, unchecked: of any type with arithmetic."""
-        s, scene = self.mechanism.structure, self.mechanism.scene
-        blocks = {s.frame: s.fixed, **s.blocks, **s.elements}
-        numbers = {path: x for p, x in values.items() for path in self.places[p]}
-        found = replaced({BLOCKS: blocks, "scene": scene}, numbers) if numbers else {}
-        turned = found.get(BLOCKS, blocks)
-        structure = replace(
-            s,
-            fixed=turned[s.frame],
-            blocks={name: turned[name] for name in s.blocks},
-            elements={name: turned[name] for name in s.elements},
+        return designed(
+            self.mechanism, {path: x for p, x in values.items() for path in self.places[p]}
         )
-        return structure, found.get("scene", scene)
 
 
-def beside(value: float, k: int) -> float:
-    """A number near a value that is not zero, and other than those of other k."""
-    return value + (abs(value) or 1.0) * ASIDE * (1.0 + (k * GOLDEN) % 1.0)
+def _passed_on(
+    mechanism: Compiled, parameters: tuple[Parameter, ...]
+) -> dict[Parameter, tuple[Path, ...]]:
+    """Where numbers of a document go in its graph, if they go there unchanged."""
+    try:
+        near = Variation.of(mechanism, (p for p in parameters if "pose" not in p.path))
+    except GraphError:
+        near = Variation(mechanism, {})
+    own, there = (parameters_of(graph_sections(m)).keys() for m in (mechanism, near.base))
+    if own != there and len(parameters) > 1:  # some of them split what coincides by chance
+        return {
+            p: places for one in parameters for p, places in _passed_on(mechanism, (one,)).items()
+        }
+    found = {}
+    for p, seed in zip(parameters, np.eye(len(parameters)), strict=True):
+        follow = {path: x for path, x in near.numbers.items() if (x.d @ seed).any()}
+        same = all(x == Varied(p.value, seed) for x in follow.values())
+        found[p] = tuple(follow) if same and own == there else ()
+    return found
 
 
 def as_said(p: Parameter, x: float) -> float:

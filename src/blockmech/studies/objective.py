@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
-from blockmech.errors import BlockmechError, Problem, RequestError
-from blockmech.settings import check_switch, friction_asked
+from blockmech.errors import BlockmechError, Problem, RequestError, refused
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, remade
-from blockmech.studies.reductions import WHOLE, Wanted, wanted
+from blockmech.studies.reductions import WHOLE, Wanted
 from blockmech.studies.runner import Runner
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
@@ -110,19 +109,16 @@ def objective(
 
     Raises `RequestError` for unknown names, or settings that do not fit.
     """
-    check_switch("static", static)
-    friction_asked(friction, tolerance, iterations)
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     family = Family(mechanism, (to,) if isinstance(to, str) else to)
     if not family.parameters:
-        raise RequestError(Problem("bad-request", "to", "no numbers", "", "name some addresses"))
+        raise refused("to", "no numbers", "name some addresses")
     poses: dict[str, Any] = {"at": over, "samples": samples, "times": times}
-    taken = Runner(family, (), poses, how).samples(mechanism)
-    columns = wanted(want, family.general.outputs, taken, mechanism.drivers)
-    if whole := [w.label for w in columns if w.how == WHOLE]:
+    runner = Runner.of(family, want, poses, how)
+    if whole := [w.label for w in runner.want if w.how == WHOLE]:
         found = "it is one number a turn, and has no derivative"
         raise RequestError([Problem("no-derivative", label, found) for label in whole])
-    return Objective(mechanism, Runner(family, columns, poses, how), poses)
+    return Objective(mechanism, runner, poses)
 
 
 def _parts(row: Array) -> Array:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.outputs import Catalogue
 from blockmech.plan import Output
 from blockmech.samples import Samples
@@ -118,9 +118,7 @@ def wanted(
     if problems:
         raise RequestError(problems)
     if not found:
-        raise RequestError(
-            Problem("bad-request", "want", "nothing is wanted", "", 'e.g. "max_abs(crank.drive)"')
-        )
+        raise refused("want", "nothing is wanted", 'e.g. "max_abs(crank.drive)"')
     return tuple(found.values())
 
 
@@ -145,20 +143,20 @@ def _pairs(want: Any, problems: list[Problem]) -> Iterator[tuple[str, str]]:
 def _column(output: Output, how: str, samples: Samples, drivers: Sequence[str]) -> Wanted:
     called, vector = output.name, output.kind == "vector"
     if output.kind == "matrix":
-        raise _refused(called, "it is a matrix", "ask for the outputs of its drivers")
+        raise refused(called, "it is a matrix", "ask for the outputs of its drivers")
     if output.kind == "number":
         if how != WHOLE:
-            raise _refused(f"{how}({called})", "it is one number a design", f'ask for "{called}"')
+            raise refused(f"{how}({called})", "it is one number a design", f'ask for "{called}"')
         return Wanted(called, called, WHOLE, output.unit, "real", read=output.read)
     at = AT.fullmatch(how)
     word = "at" if at else how
     if word not in (*SIMPLE, "at", POSES) or (word == "at" and not at):
         found = f'no reduction "{how}"' if how != WHOLE else "how it is reduced is not said"
         remedy = close_match(how, [*SIMPLE, POSES]) or f'e.g. "max_abs({called})"'
-        raise RequestError(Problem("bad-value", called, found, f"reductions: {VALID}", remedy))
+        raise refused(called, found, remedy, f"reductions: {VALID}", "bad-value")
     if vector and word not in OF_VECTORS:
         remedy = f'ask for "{how}({called}.x)", or {listed(OF_VECTORS)}'
-        raise _refused(f"{how}({called})", "it is a vector", remedy)
+        raise refused(f"{how}({called})", "it is a vector", remedy)
     sample = _sample(at["at"], called, samples, drivers) if at else 0
     label = f"at({called}, {at['at']})" if at else f"{how}({called})"
     kind = "vector" if vector and word in ("mean", "at", POSES) else "real"
@@ -169,17 +167,13 @@ def _sample(text: str, name: str, samples: Samples, drivers: Sequence[str]) -> i
     """The number of the pose at a coordinate of the only driver."""
     where = f"at({name}, {text})"
     if len(drivers) != 1:
-        raise _refused(where, f"there are {len(drivers)} drivers", 'ask for its "poses"')
+        raise refused(where, f"there are {len(drivers)} drivers", 'ask for its "poses"')
     q = samples.coordinate(0)
     try:
         x = float(text)
     except ValueError:
-        raise _refused(where, f'"{text}" is not a coordinate', "give a number") from None
+        raise refused(where, f'"{text}" is not a coordinate', "give a number") from None
     k = int(np.argmin(np.abs(q - x)))
     if not (q[k] == x or math.isclose(q[k], x)):
-        raise _refused(where, "the study has no such pose", f"the nearest one is {q[k]:.9g}")
+        raise refused(where, "the study has no such pose", f"the nearest one is {q[k]:.9g}")
     return k
-
-
-def _refused(where: str, found: str, remedy: str) -> RequestError:
-    return RequestError(Problem("bad-request", where, found, "", remedy))

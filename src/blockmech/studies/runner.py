@@ -10,7 +10,7 @@ ones, and with them the last bit of each answer.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,10 @@ from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
 from blockmech.quality import NO_ASSEMBLY, WORDS, at_most_one, failures
 from blockmech.samples import Samples, make_samples
+from blockmech.settings import check_switch, friction_asked
 from blockmech.studies.block import Block
 from blockmech.studies.family import Family, as_said, remade
-from blockmech.studies.reductions import POSES, WHOLE, Wanted
+from blockmech.studies.reductions import POSES, WHOLE, Wanted, wanted
 from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
@@ -48,6 +49,16 @@ class Runner:
     want: tuple[Wanted, ...]
     over: Mapping[str, Any]
     settings: Mapping[str, Any]
+
+    @classmethod
+    def of(
+        cls, family: Family, want: Any, over: Mapping[str, Any], settings: Mapping[str, Any]
+    ) -> Runner:
+        """That of a request. Raises `RequestError` for what is unknown or does not fit."""
+        check_switch("static", settings["static"])
+        friction_asked(*(settings[key] for key in ("friction", "tolerance", "iterations")))
+        m, own = family.mechanism, cls(family, (), over, settings)
+        return replace(own, want=wanted(want, family.general.outputs, own.samples(m), m.drivers))
 
     def samples(self, mechanism: Compiled) -> Samples:
         """The poses. Raises `RequestError` where they are wrong."""

@@ -11,16 +11,15 @@ from __future__ import annotations
 
 import math
 import warnings
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import Problem, RequestError, listed, refused
 from blockmech.values import is_count, is_number
 
 Floats = NDArray[np.float64]
@@ -28,50 +27,22 @@ Sampling = Literal["grid", "paired", "latin", "sobol", "random"]
 OF_ARRAYS, OF_DISTRIBUTIONS = ("grid", "paired"), ("latin", "sobol", "random")
 
 
-class Distribution(ABC):
-    """How a number scatters."""
-
-    @abstractmethod
-    def quantile(self, share: Floats) -> Floats:
-        """The values below which these shares (n,) of all lie."""
-
-    @property
-    @abstractmethod
-    def mean(self) -> float:
-        """Expected value."""
-
-    @property
-    @abstractmethod
-    def deviation(self) -> float:
-        """Standard deviation."""
-
-
 @dataclass(frozen=True)
-class Normal(Distribution):
+class Normal:
     """Normal distribution by mean and standard deviation."""
 
-    centre: float
-    sigma: float
+    mean: float
+    deviation: float
 
     def quantile(self, share: Floats) -> Floats:
         """The values below which these shares (n,) of all lie."""
         from scipy.special import ndtri
 
-        return np.asarray(self.centre + self.sigma * ndtri(share))
-
-    @property
-    def mean(self) -> float:
-        """Expected value."""
-        return self.centre
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation."""
-        return self.sigma
+        return np.asarray(self.mean + self.deviation * ndtri(share))
 
 
 @dataclass(frozen=True)
-class Uniform(Distribution):
+class Uniform:
     """Uniform distribution between two values."""
 
     low: float
@@ -92,6 +63,10 @@ class Uniform(Distribution):
         return (self.high - self.low) / math.sqrt(12.0)
 
 
+Distribution: TypeAlias = Normal | Uniform
+"""How a number scatters."""
+
+
 def normal(mean: float, deviation: float) -> Normal:
     """Normal distribution of a number: mean and standard deviation, in its unit.
 
@@ -101,7 +76,7 @@ def normal(mean: float, deviation: float) -> Normal:
     0.0001
     """
     if not (is_number(mean) and is_number(deviation) and deviation > 0):
-        raise _wrong("normal", f"({mean!r}, {deviation!r})", "give the mean and a deviation > 0")
+        raise refused("normal", f"({mean!r}, {deviation!r})", "give the mean and a deviation > 0")
     return Normal(float(mean), float(deviation))
 
 
@@ -114,7 +89,7 @@ def uniform(low: float, high: float) -> Uniform:
     6.0
     """
     if not (is_number(low) and is_number(high) and low < high):
-        raise _wrong("uniform", f"({low!r}, {high!r})", "give the lowest and the highest value")
+        raise refused("uniform", f"({low!r}, {high!r})", "give the lowest and the highest value")
     return Uniform(float(low), float(high))
 
 
@@ -195,7 +170,7 @@ def designs(vary: Mapping[str, Any], sampling: str | None, count: int | None, se
     """The designs that a request names. Raises `RequestError` for what is wrong, all at once."""
     problems: list[Problem] = []
     if not isinstance(vary, Mapping) or not vary:
-        raise _wrong("vary", f"got {vary!r:.60}", 'give e.g. {"dyad.l_i": [5.9, 6.0, 6.1]}')
+        raise refused("vary", f"got {vary!r:.60}", 'give e.g. {"dyad.l_i": [5.9, 6.0, 6.1]}')
     drawn = [a for a, x in vary.items() if isinstance(x, Distribution)]
     valid = OF_DISTRIBUTIONS if drawn else OF_ARRAYS
     if drawn and len(drawn) < len(vary):
@@ -253,10 +228,6 @@ def _row(address: str, raw: Any, problems: list[Problem]) -> Floats:
 
 def _problem(where: str, found: str, remedy: str) -> Problem:
     return Problem("bad-request", where, found, "", remedy)
-
-
-def _wrong(where: str, found: str, remedy: str) -> RequestError:
-    return RequestError(_problem(where, found, remedy))
 
 
 def as_sequence(x: str | Sequence[str]) -> Sequence[str]:

@@ -5,7 +5,7 @@ By this process it is one loop over blocks; by others, or into a folder, it goes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
@@ -14,18 +14,14 @@ from typing import Any
 from blockmech.compiled import Compiled
 from blockmech.errors import FormatError, GraphError, Problem, needed
 from blockmech.files import AnyPath
-from blockmech.settings import check_switch, friction_asked
 from blockmech.studies.block import Block, Rows
 from blockmech.studies.family import Family, as_said
 from blockmech.studies.parts import WITHOUT, Parts
-from blockmech.studies.reductions import wanted
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
 from blockmech.studies.workers import Work, fingerprint, hands
-from blockmech.typing import Coordinates, FrictionMethod, Numbers
-
-Told = Callable[[str, float, float | None], None]
+from blockmech.typing import Coordinates, FrictionMethod, Numbers, Progress
 
 
 def study(
@@ -43,7 +39,7 @@ def study(
     tolerance: float | None = None,
     iterations: int | None = None,
     static: bool = False,
-    progress: Told | None = None,
+    progress: Progress | None = None,
     out: AnyPath | None = None,
     workers: int | None = None,
     client: Any = None,
@@ -84,16 +80,13 @@ def study(
     FormatError for values that the file would refuse
     MissingEngineError without pyarrow (extra ``study``) or distributed (extra ``cluster``)
     """
-    check_switch("static", static)
-    friction_asked(friction, tolerance, iterations)
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     chosen = designs(vary, sampling, count, seed)
     family = Family(mechanism, vary)
     _check_values(family, chosen)
     poses = {"at": over, "samples": samples, "times": times}
-    taken = Runner(family, (), poses, how).samples(mechanism)
-    columns = wanted(want, family.general.outputs, taken, mechanism.drivers)
-    runner = Runner(family, columns, poses, how)
+    runner = Runner.of(family, want, poses, how)
+    taken = runner.samples(mechanism)
     rows: Rows | Parts
     if out is None and workers is None and client is None:
         rows = _in_memory(runner, chosen, taken.n, progress)
@@ -103,7 +96,7 @@ def study(
     return Study(
         mechanism.name,
         dict(zip(vary, family.parameters, strict=True)),
-        columns,
+        runner.want,
         rows,
         chosen.shape,
         {mechanism.of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(mechanism.drivers)},
@@ -133,7 +126,7 @@ def _check_values(family: Family, chosen: Designs) -> None:
         raise FormatError(dict.fromkeys(problems))
 
 
-def _in_memory(runner: Runner, chosen: Designs, n: int, say: Told | None) -> Rows:
+def _in_memory(runner: Runner, chosen: Designs, n: int, say: Progress | None) -> Rows:
     """All designs, or those before Ctrl-C."""
     blocks: list[Block] = []
     done, size = 0, runner.part(n)
@@ -155,7 +148,7 @@ def _in_parts(
     runner: Runner,
     chosen: Designs,
     n: int,
-    say: Told | None,
+    say: Progress | None,
     place: Path | None,
     workers: int | None,
     client: Any,
@@ -190,6 +183,6 @@ def _in_parts(
     return Rows(chosen.columns(0, whole[-1][1]), Block.joined(blocks))
 
 
-def _tell(say: Told | None, done: int, whole: int) -> None:
+def _tell(say: Progress | None, done: int, whole: int) -> None:
     if say is not None:
         say(f"{done} of {whole} designs", done, whole)

@@ -114,8 +114,11 @@ class Study(Mapping[str, Array]):
 
     def grid(self, name: str) -> Array:
         """A column as an array over the grid; NaN where the study did not get."""
-        values = self[name]
-        whole = np.full((int(np.prod(self.shape)), *values.shape[1:]), np.nan, values.dtype)
+        return self._filled(self[name], np.nan)
+
+    def _filled(self, values: Array, fill: Any) -> Array:
+        """Values of the designs over the grid."""
+        whole = np.full((int(np.prod(self.shape)), *values.shape[1:]), fill, values.dtype)
         whole[: self.n] = values
         return whole.reshape(*self.shape, *values.shape[1:])
 
@@ -174,8 +177,9 @@ class Study(Mapping[str, Array]):
             values = self.grid(w.label) if on_grid else self[w.label]
             own = (*dims, "pose") if w.how == POSES else dims
             data[w.label] = (own, values, {"units": w.unit})
-        word = np.array(self.status, dtype=str)
-        data["status"] = (dims, self._over(word, on_grid))
+        words = np.array(self.status, dtype=object)
+        over = self._filled(words, "not run") if on_grid else words
+        data["status"] = (dims, over.astype(str))
         coords: dict[str, Any] = {}
         for k, (address, p) in enumerate(self.parameters.items()):
             values = self._axis(k, address) if on_grid else self.vary[address]
@@ -186,20 +190,9 @@ class Study(Mapping[str, Array]):
         }
         return xarray.Dataset(data, coords, attrs)
 
-    def _over(self, words: Array, on_grid: bool) -> Array:
-        if not on_grid:
-            return words
-        whole = np.full(int(np.prod(self.shape)), "not run", dtype=object)
-        whole[: self.n] = words
-        return whole.astype(str).reshape(self.shape)
-
     def _axis(self, k: int, address: str) -> Array:
         """The values along a dimension of the grid."""
-        whole = np.full(int(np.prod(self.shape)), np.nan)
-        whole[: self.n] = self.vary[address]
-        return np.asarray(
-            np.moveaxis(whole.reshape(self.shape), k, 0).reshape(self.shape[k], -1)[:, 0]
-        )
+        return np.moveaxis(self.grid(address), k, 0).reshape(self.shape[k], -1)[:, 0]
 
     # -- for people -----------------------------------------------------------------
 

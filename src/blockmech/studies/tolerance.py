@@ -30,8 +30,7 @@ from blockmech.studies.reductions import wanted
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, Distribution, designs
 from blockmech.studies.sensitivity import Sensitivity
-from blockmech.studies.study import Told
-from blockmech.typing import Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Coordinates, FrictionMethod, Numbers, Progress
 
 Array = NDArray[Any]
 
@@ -130,7 +129,7 @@ def tolerance(
     seed: int = 0,
     friction: FrictionMethod | None = None,
     static: bool = False,
-    progress: Told | None = None,
+    progress: Progress | None = None,
 ) -> Tolerance:
     """How outputs scatter: linear about the means, and by Monte Carlo if designs are asked for.
 
@@ -154,9 +153,8 @@ def tolerance(
     """
     wrong = [a for a, law in numbers.items() if not isinstance(law, Distribution)]
     if wrong or not numbers:
-        problems = (Problem("bad-request", a, "no distribution", "", "give e.g. normal(6.0, 1e-4)")
-                    for a in wrong or ["numbers"])  # fmt: skip
-        raise RequestError(problems)
+        remedy, places = "give e.g. normal(6.0, 1e-4)", wrong or ["numbers"]
+        raise RequestError(Problem("bad-request", a, "no distribution", "", remedy) for a in places)
     found = named(parameters_of(sections_of(mechanism)), numbers)
     laws = {p.address: law for p, law in found.items()}
     moved = {p.address: law.mean for p, law in found.items() if law.mean != p.value}
@@ -171,7 +169,7 @@ def tolerance(
 
 
 def _drawn(
-    runner: Runner, chosen: Designs, linear: Sensitivity, progress: Told | None
+    runner: Runner, chosen: Designs, linear: Sensitivity, progress: Progress | None
 ) -> dict[str, Scatter]:
     """Mean and deviation of outputs over random designs, block by block."""
     centre = runner.family.mechanism

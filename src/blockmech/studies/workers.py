@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.errors import Problem, RequestError, needed
+from blockmech.errors import needed, refused
 from blockmech.model.document import EXTRAS
 from blockmech.studies.block import Block
 from blockmech.studies.parts import Parts, Span
@@ -82,7 +82,10 @@ class Work:
                         done = True
             except BrokenProcessPool as error:
                 if not done:
-                    raise _died() from error
+                    found = "the processes ended before they had done anything"
+                    remedy = 'in a script, ask below "if __name__ == ...", '
+                    remedy += "and see what the processes wrote"
+                    raise refused("workers", found, remedy, code="workers-died") from error
                 left.extendleft(given.values())
             finally:
                 pool.shutdown(cancel_futures=True)
@@ -123,30 +126,23 @@ def hands(work: Work, workers: int | None, client: Any) -> Callable[[Sequence[Sp
     """Who does the parts. Raises `RequestError` for workers that are none."""
     if workers is not None and client is not None:
         remedy = "give workers of this machine, or the client of a cluster"
-        raise RequestError(Problem("useless-setting", "workers", "a client is given", "", remedy))
+        raise refused("workers", "a client is given", remedy, code="useless-setting")
     if client is not None:
         if not isinstance(client, needed("distributed", "client", "cluster").Client):
-            found = f"got {client!r:.60}"
-            remedy = "give a dask.distributed.Client"
-            raise RequestError(Problem("bad-request", "client", found, "", remedy))
+            raise refused("client", f"got {client!r:.60}", "give a dask.distributed.Client")
         return lambda spans: work.by_cluster(spans, client)
     if workers is None:
         return work.here
     if not is_count(workers):
-        found = f"must be a whole number from 1 on, got {workers!r}"
-        raise RequestError(Problem("bad-request", "workers", found, "", "give e.g. 2"))
+        raise refused(
+            "workers", f"must be a whole number from 1 on, got {workers!r}", "give e.g. 2"
+        )
     return lambda spans: work.by_processes(spans, workers)
 
 
 def _deaf() -> None:
     """Ctrl-C is for the process that asks: it ends its workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _died() -> RequestError:
-    found = "the processes ended before they had done anything"
-    remedy = 'in a script, ask below "if __name__ == ...", and see what the processes wrote'
-    return RequestError(Problem("workers-died", "workers", found, "", remedy))
 
 
 def fingerprint(runner: Runner, chosen: Designs) -> str:

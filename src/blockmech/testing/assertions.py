@@ -186,11 +186,7 @@ class GraphAssertion:
         if name not in result:
             raise refused("has_output", f"{name} is a pattern", "name one output")
         values = _listed(value, self._mechanism.outputs[name].kind)
-        problems = [
-            Problem(code, "has_output", *told)
-            for code, *told in misfits(self._mechanism, name, values, result.n)
-        ]
-        if problems:
+        if problems := list(misfits(self._mechanism, name, values, result.n)):
             raise RequestError(problems)
         outcomes = list(compared(result, name, as_numbers(values), rtol or 0.0, atol or 0.0))
         if not all(o.ok for o in outcomes):

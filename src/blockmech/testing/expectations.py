@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -149,9 +150,9 @@ def check_expectation(
     """
     where = path_text(("expect", entry))
     problems = [
-        Problem(code, path_text(("expect", entry, "want", name)), found, valid, remedy)
+        replace(problem, where=path_text(("expect", entry, "want", name)))
         for name, values in expectation.want.items()
-        for code, found, valid, remedy in misfits(mechanism, name, values, expectation.samples)
+        for problem in misfits(mechanism, name, values, expectation.samples)
     ]
     if problems:
         raise RequestError(problems)
@@ -237,28 +238,27 @@ def as_numbers(values: Sequence[Any]) -> NDArray[Any]:
 
 def misfits(
     mechanism: Mechanism, name: str, values: Sequence[Any], samples: int
-) -> Iterator[tuple[str, str, str, str]]:
-    """Why these values cannot be those of that output: code, found, valid, remedy."""
-    code = "bad-expectation"
+) -> Iterator[Problem]:
+    """Why these values cannot be those of that output."""
+    wrong = partial(Problem, "bad-expectation", "has_output")
     if name not in mechanism.outputs:
         try:
             matched = mechanism.outputs.match([name])
         except RequestError as error:
-            yield from ((p.code, p.found, p.valid, p.remedy) for p in error.problems)
+            yield from error.problems
         else:
-            remedy = f'write "{matched[0]}"'
-            yield code, "a pattern", "an expectation names one output", remedy
+            yield wrong("a pattern", "an expectation names one output", f'write "{matched[0]}"')
         return
     kind = mechanism.outputs[name].kind
     if kind == "matrix":
-        yield code, "a matrix over the drivers cannot be expected", "", "name another output"
+        yield wrong("a matrix over the drivers cannot be expected", "", "name another output")
     elif (kind == "vector") != isinstance(values[0], Sequence):
         is_a = "a vector [x, y]" if kind == "vector" else "a number"
-        yield code, f"the output is {is_a}, got {shown(values[0])}", "", ""
+        yield wrong(f"the output is {is_a}, got {shown(values[0])}")
     count = 1 if kind == "number" else samples
     if len(values) != count:
         valid = "it has one number a run" if kind == "number" else "it has one value a sample"
-        yield code, f"has {len(values)} values, needs {count}", valid, ""
+        yield wrong(f"has {len(values)} values, needs {count}", valid)
 
 
 # -- comparing -------------------------------------------------------------------------------

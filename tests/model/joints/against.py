@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 
 import numpy as np
@@ -12,30 +13,31 @@ from tests.independent import multibody as mb
 from tests.model.joints.chance import judged
 
 
+@functools.cache
+def verdict(text, friction, move, seed):
+    """A request that moves the drivers a little from the pose of a document, and the judge's."""
+    chance = np.random.default_rng(seed)
+    system = judged(json.loads(text))
+    home = mb.Instant(system, system.home)
+    start = [float(home.coordinate(d).value) for d in system.drivers.values()]
+    moved, *given = (chance.uniform(-1, 1, len(start)) for _ in range(3))
+    values = np.array(start) + move * moved
+    poses = mb.assemble(system, system.home, values, follow=True, refine=True)
+    rows = zip(("at", "rates", "accelerations"), (values, *given), strict=True)
+    request = {k: dict(zip(system.drivers, x, strict=True)) for k, x in rows}
+    return request, comparison.verdict(system, poses, *given, friction)
+
+
 class Comparison:
-    """One sample: drivers moved a little from the pose of the document."""
+    """One sample of a document in a form; the judge is asked once for all forms."""
 
     def __init__(self, data, general="", friction=True, move=0.05, seed=0):
-        self.data = data
-        self.decomposed = loads(json.dumps(data)).decompose(general)
+        self.data, text = data, json.dumps(data)
+        self.decomposed = loads(text).decompose(general)
         self.mechanism = self.decomposed.compile()
-        chance = np.random.default_rng(seed)
-        system = judged(data)
-        home = mb.Instant(system, system.home)
-        start = [float(home.coordinate(d).value) for d in system.drivers.values()]
-        moved, *given = (chance.uniform(-1, 1, len(start)) for _ in range(3))
-        values = np.array(start) + move * moved
-        poses = mb.assemble(system, system.home, values, follow=True, refine=True)
-        self.judge = comparison.verdict(system, poses, *given, friction)
-        names = ("at", "rates", "accelerations")
-        self.run = self.mechanism.run(
-            **{
-                k: dict(zip(system.drivers, x, strict=True))
-                for k, x in zip(names, (values, *given), strict=True)
-            },
-            friction="newton" if friction else "none",
-            on_gap="mark",
-        )
+        request, self.judge = verdict(text, friction, move, seed)
+        how = "newton" if friction else "none"
+        self.run = self.mechanism.run(**request, friction=how, on_gap="mark")
 
     def motion(self):
         return comparison.motion(self.run, self.judge, "link.")

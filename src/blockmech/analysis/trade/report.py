@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-import os
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -14,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
-from blockmech.export import aligned
-from blockmech.export.spreadsheet import text_cell
-from blockmech.files import writing
+from blockmech.export import aligned, csv_of
+from blockmech.files import AnyPath
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
@@ -157,20 +153,13 @@ class Trade:
             "machine": machine(),
         }
 
-    def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
+    def to_csv(self, path: AnyPath | None = None) -> str:
         """The points as CSV text, one line a point, written to a file if a path is given."""
-        stream = io.StringIO(newline="")
         rows = [row | {"floor": self.reference.floor} for _, row in self._rows()]
         names = [name for name in (rows[0] if rows else {}) if name != "options"]
-        table = csv.DictWriter(stream, names, extrasaction="ignore", lineterminator="\n")
         times = ("seconds", "fastest", "slowest")
-        table.writerow({name: f"{name} [s]" if name in times else name for name in names})
-        for row in rows:
-            table.writerow({k: text_cell(x) if isinstance(x, str) else x for k, x in row.items()})
-        if path is not None:
-            with writing(path) as out:
-                out.write(stream.getvalue().encode())
-        return stream.getvalue()
+        head = [f"{name} [s]" if name in times else name for name in names]
+        return csv_of(head, ([row[name] for name in names] for row in rows), path)
 
     def _rows(self) -> list[tuple[Point, dict[str, Any]]]:
         """Points, and each as data."""

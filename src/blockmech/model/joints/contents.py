@@ -123,7 +123,9 @@ class GuideGiven(_Joint):
         """Unit directions [-] of the line in the frames of both links."""
         none = (None, None)
         lines = zip(self.at, self.angle or none, self.dir or none, strict=True)
-        first, second = (Marker(at=at, angle=angle, dir=u).direction for at, angle, u in lines)
+        first, second = (
+            Marker.model_construct(at=at, angle=angle, dir=u).direction for at, angle, u in lines
+        )
         return first, second
 
 

@@ -36,6 +36,7 @@ from blockmech.model.joints.layout import Connections, Layout, Poses, seated
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.making import closed_form, driving_link, general_group
 from blockmech.model.joints.references import reference_problems
+from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
 
 General: TypeAlias = Literal["", "groups", "one"]
@@ -78,7 +79,7 @@ def sequence(linkage: Linkage) -> Sequence:
     found = formation(layout.links, pairs.values(), (FRAME,), layout.drivers)
     if not found.complete or not layout.links:
         raise GraphError(why_not(layout, found.rest))
-    return Sequence(layout, pairs, sums, found, _closed(layout, found, pairs))
+    return Sequence(layout, pairs, sums, found, _closed(settled(layout), found, settled(pairs)))
 
 
 def _closed(layout: Layout, found: Formation, pairs: Connections) -> Poses:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections import defaultdict
 from collections.abc import Iterable
@@ -21,6 +20,7 @@ from blockmech.model.joints.elements import elements
 from blockmech.model.joints.layout import Connection, Connections, Layout, Poses, Sums
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.making import GENERAL, End, Made, Seat, free_name, xy
+from blockmech.model.joints.varied import phase, settled
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
@@ -166,7 +166,7 @@ class Diagram:
         """Driver values and poses of a general group in the refined pose."""
         poses, values = self.found.poses, {}
         for driver in upstream:
-            c = self.found.layout.pairs[self.linkage.drivers[driver].joint]
+            c = settled(self.found.layout.pairs[self.linkage.drivers[driver].joint])
             q, start = coordinate(poses, c), self._start(driver)
             if c.kind == "R":  # poses need not count turns: home is near to where the way starts
                 turns = 0 if start is None else round((q - start) / math.tau)
@@ -233,7 +233,7 @@ class Diagram:
             if link == FRAME and not markers:
                 continue
             origin = self.marker(link, 0j, 1 + 0j, link)
-            turn = 0.0 if seat.e == 1 else -cmath.phase(seat.e)
+            turn = 0.0 if seat.e == 1 else -phase(seat.e)
             links[link] = LinkName(LinkRef(seat.block, seat.link), origin, turn, markers)
         joints = {name: self._joint(c) for name, c in self.found.layout.pairs.items()}
         loads = {name: tuple(blocks) for name, blocks in self._loads.items()}
@@ -252,10 +252,9 @@ class Diagram:
 
 def _mass(given: LinkGiven, seat: Seat) -> dict[str, Any]:
     """Mass properties of a link in the frame of its block."""
-    said = given.model_fields_set
+    said, moved = given.model_fields_set, seat.o != 0 or seat.e != 1
     own: dict[str, Any] = {k: getattr(given, k) for k in ("mass", "inertia") if k in said}
-    if "cm" in said:
-        moved = seat.o != 0 or seat.e != 1
+    if "cm" in said or (moved and given.mass):
         own["cm"] = xy(seat.place(given.cm.z)) if moved else given.cm.written
     return own
 

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 from blockmech.model.joints.contents import FRAME, HOLDS
 from blockmech.model.joints.layout import Connection, Connections
 from blockmech.model.joints.making import Seat, xy
+from blockmech.model.joints.varied import phase, remainder
 from blockmech.model.writing import plain
 
 Hold: TypeAlias = tuple[str, str, complex | None]
@@ -55,9 +56,9 @@ def elements(name: str, load: Any, pairs: Connections, seats: Mapping[str, Seat]
     if "direction" in data:
         data["direction"] = _turned(load.direction.z, seats[links[0]])
     if "rest_angle" in type(load).model_fields:
-        turn = _turn(seats[links[1]]) - _turn(seats[links[0]])
+        turn = phase(seats[links[1]].e) - phase(seats[links[0]].e)
         if turn:
-            data["rest_angle"] = math.remainder(load.rest_angle + turn, math.tau)
+            data["rest_angle"] = remainder(load.rest_angle + turn, math.tau)
     holds = [
         (terminal, link, places[k] if kind.kind == "point" else None)
         for k, ((terminal, kind), link) in enumerate(zip(terminals.items(), links, strict=True))
@@ -91,8 +92,3 @@ def _along_guide(
 
 def _turned(vector: complex, seat: Seat) -> list[float]:
     return xy(seat.direction(vector))
-
-
-def _turn(seat: Seat) -> float:
-    """Angle [rad] of the block's link frame in the document's."""
-    return math.atan2(seat.e.imag, seat.e.real)

@@ -21,6 +21,7 @@ from blockmech.assur.pairs import Pair, Side, axes
 from blockmech.friction.laws import Coulomb
 from blockmech.model.joints.contents import FRAME, GuideGiven
 from blockmech.model.joints.linkage import Linkage
+from blockmech.model.joints.varied import settled
 
 
 class Pose(NamedTuple):
@@ -101,7 +102,8 @@ class Layout:
         places: dict[str, list[complex]] = defaultdict(list)
         for name in links:
             places[""].append(given[name].o)
-        for c in pairs.values():
+        at_hand: Connections = settled(pairs)
+        for c in at_hand.values():
             for link, at in zip(c.links, c.at, strict=True):
                 places[link].append(at)
         with np.errstate(over="ignore"):
@@ -110,7 +112,7 @@ class Layout:
         axis = axes(
             (
                 Side(c.name, link, c.kind, c.on(link) if c.kind == "R" else c.guide(link))
-                for c in pairs.values()
+                for c in at_hand.values()
                 for link in c.links
             ),
             size,

@@ -10,7 +10,6 @@ groups keep their frames.
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, get_origin
@@ -21,6 +20,7 @@ from blockmech.blocks.modes import dyad_modes
 from blockmech.blocks.registry import REGISTRY
 from blockmech.model.joints.closing import CLOSED
 from blockmech.model.joints.layout import Connection, Connections, Poses
+from blockmech.model.joints.varied import phase, settled
 from blockmech.plane import EPS, dot
 from blockmech.typing import Guide
 
@@ -148,7 +148,8 @@ def closed_form(unit: Unit, pairs: Connections, poses: Poses) -> Made | None:
     keys |= _lines(cls, at, seats, feet)
     for c in sliding:
         x, y = feet["S", barrel], feet["S", rod]
-        if max(abs(x.imag), abs(y.imag)) > CLOSED * max(abs(x), abs(y), abs(reach)):
+        off = x.imag, y.imag
+        if off != settled(off) or max(map(abs, off)) > CLOSED * max(abs(x), abs(y), abs(reach)):
             return None
         keys["offset"] = x.real - y.real + 0.0  # no -0
         keys |= {"sign": -1} if (c.first == barrel) != (way > 0) else {}
@@ -156,7 +157,7 @@ def closed_form(unit: Unit, pairs: Connections, poses: Poses) -> Made | None:
         c.name: End(joint, link_of[cls.joints[joint].later], c.kind == "P" and way < 0)
         for joint, c in at.items()
     }
-    branch, doubt = _mode(cls.model_construct(**keys), seats, at, poses)
+    branch, doubt = _mode(cls.model_construct(**settled(keys)), settled(seats), settled(at), poses)
     drivers = tuple(c.name for c in sliding)
     return Made(cls.type_name, keys | branch, seats, ends, points, drivers, doubt)
 
@@ -205,7 +206,7 @@ def _lines(
         if line.offset:
             keys[line.offset] = foot.imag
         if line.turn:
-            keys[line.turn] = cmath.phase(c.guide(link) * seat.e.conjugate())
+            keys[line.turn] = phase(c.guide(link) * seat.e.conjugate())
         if c.owner == link:
             keys[line.along] = foot.real + 0.0  # no -0
         elif seat.link == joint.later:
@@ -258,11 +259,11 @@ def general_group(unit: Unit, pairs: Connections) -> Made:
         later = c.second if inner or c.second in own else c.first
         turned = driven and c.kind == "P" and later == c.first
         data[name] = {"type": c.kind, "links": list(c.links), "at": [xy(z) for z in c.at]}
-        guides: Any = [cmath.phase(u) for u in c.along]
+        guides: Any = [phase(u) for u in c.along]
         owner = "j" if c.slider else "i"
         if not inner:
             data[name] = {"type": c.kind, "link": later, "at": xy(c.on(later))}
-            guides = cmath.phase(-c.guide(later) if turned else c.guide(later))
+            guides = phase(-c.guide(later) if turned else c.guide(later))
             owner = "later" if c.owner == later else "earlier"
         if c.kind == "P":
             data[name] |= {"angle": guides, "slider": owner}

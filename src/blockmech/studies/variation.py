@@ -1,0 +1,134 @@
+"""Designs near a mechanism: how the numbers of its graph follow those that a user varies.
+
+Numbers of a graph are its own. Those of a document of links and joints go through its
+decomposition, which carries their derivatives (`blockmech.model.joints.varied`): the graph is
+the one that holds near by, where what coincides by chance in the document does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.compiled import Compiled
+from blockmech.engines.dual import Dual
+from blockmech.model.graph import Graph
+from blockmech.model.joints.varied import Varied, settled
+from blockmech.model.parameters import BLOCKS, Parameter, Path, number_at, parameters_of, replaced
+from blockmech.model.scene import Scene
+from blockmech.model.structure import Structure
+from blockmech.outputs import Catalogue
+from blockmech.passes.homotopy import path_of
+from blockmech.series import GOLDEN
+
+ASIDE = 1e-6  # of a number, how far aside the design is planned that stands for all: not zero
+BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and stops
+
+
+def graph_sections(mechanism: Compiled) -> dict[str, Any]:
+    """The models of a mechanism's graph, as its file has them."""
+    s = mechanism.structure
+    return {BLOCKS: {s.frame: s.fixed, **s.blocks, **s.elements}, "scene": mechanism.scene}
+
+
+def of_links(mechanism: Compiled) -> bool:
+    """Whether a mechanism was made of a document of links and joints."""
+    return mechanism.document is not None and not isinstance(mechanism.document, Graph)
+
+
+def moves_drivers(path: Path) -> bool:
+    """Whether a number says how the drivers move, or where they start and stop."""
+    head, *rest = path
+    return head in ("drivers", "initial", "stops") or (head == "scene" and rest[0] not in BATCHED)
+
+
+def designed(mechanism: Compiled, numbers: Mapping[Path, Any]) -> tuple[Structure, Scene]:
+    """Structure and scene with other numbers, unchecked: of any type with arithmetic."""
+    s = mechanism.structure
+    found = replaced(graph_sections(mechanism), numbers)
+    blocks = found[BLOCKS]
+    structure = replace(
+        s,
+        fixed=blocks[s.frame],
+        blocks={name: blocks[name] for name in s.blocks},
+        elements={name: blocks[name] for name in s.elements},
+    )
+    return structure, found["scene"]
+
+
+def planned_aside(mechanism: Compiled, numbers: Mapping[Path, float]) -> Compiled:
+    """A mechanism beside this one: its plans hold for any values of these numbers."""
+    aside = {path: beside(x, k) for k, (path, x) in enumerate(numbers.items())}
+    m = mechanism
+    return type(m)(*designed(m, aside), m.name, m.names, m.document)
+
+
+def beside(value: float, k: int) -> float:
+    """A number near a value that is not zero, and other than those of other k."""
+    return value + (abs(value) or 1.0) * ASIDE * (1.0 + (k * GOLDEN) % 1.0)
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A mechanism as it is when some numbers vary.
+
+    Attributes
+    ----------
+    base : the mechanism, of the structure that holds near by
+    numbers : those of its graph that follow, with their derivatives
+    """
+
+    base: Compiled
+    numbers: Mapping[Path, Varied]
+
+    @classmethod
+    def of(cls, mechanism: Compiled, parameters: Iterable[Parameter]) -> Variation:
+        """Of m numbers of what the user wrote. Raises `GraphError` where no graph holds near by."""
+        given = list(parameters)
+        seeds = zip(given, np.eye(len(given)), strict=True)
+        numbers = {p.path: Varied(p.value, seed) for p, seed in seeds}
+        if not of_links(mechanism) or not numbers:
+            return cls(mechanism, numbers)
+        document: Any = mechanism.document
+        made = document.with_numbers(numbers).decompose()
+        graph = Graph.from_data(settled(made.data))
+        found = {}
+        for p in parameters_of(graph.sections()).values():
+            x = number_at(made.data, p.path)
+            if isinstance(x, Varied) and x.d.any():
+                found[p.path] = x
+        return cls(type(mechanism).of(graph, made.names, document), found)
+
+    @cached_property
+    def general(self) -> Compiled:
+        """A mechanism whose plans hold for all designs near by, on the same paths from home."""
+        found = planned_aside(
+            self.base, {path: complex(x).real for path, x in self.numbers.items()}
+        )
+        for block in (b for b, x in found.structure.blocks.items() if x.own_form):
+            found.structure.paths[block] = path_of(self.base.structure, block)
+        return found
+
+    def design(self, seeds: NDArray[Any]) -> tuple[Structure, Scene]:
+        """The design with tangents in k directions (k, m) of the numbers that vary."""
+        return designed(self.base, {path: _dual(x, seeds) for path, x in self.numbers.items()})
+
+    def outputs(self, seeds: NDArray[Any]) -> Catalogue:
+        """The outputs, which read the angles of a document's links with their tangents."""
+        names = self.base.names
+        if names is None:
+            return self.base.outputs
+        links = {
+            name: replace(at, turn=_dual(at.turn, seeds)) if isinstance(at.turn, Varied) else at
+            for name, at in names.links.items()
+        }
+        return Catalogue(self.base.structure, replace(names, links=links))
+
+
+def _dual(x: Varied, seeds: NDArray[Any]) -> Dual:
+    return Dual(np.float64(complex(x).real), (seeds @ x.d.real)[:, None])
