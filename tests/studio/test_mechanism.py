@@ -187,11 +187,25 @@ def test_each_of_several_drivers_has_a_slider():
     step = np.ptp(view.motion.q["arm"]) / 360
     assert view.coordinates == before | {"arm": pytest.approx(3.21, abs=step / 2)}
     moved = view.motion
+    assert view.along.words == "arm.q [m]"
     view._drivers["arm"].value = 3.1
     assert view.motion is moved
     assert view.coordinates["arm"] == pytest.approx(3.1, abs=step / 2)
     view.turn()
     assert np.ptp(view.motion.q["boom"]) > 0
+
+
+@pytest.mark.parametrize(("name", "pose"), [("ruiz_fourbar", 90), ("excavator", 269)])
+def test_a_motion_is_played_round_or_to_and_fro(monkeypatch, name, pose):
+    """One and a quarter of it; a browser that has not drawn the last pose gets no other."""
+    view = MechanismView(sheet_of(name), seconds=2.0)
+    monkeypatch.setattr("time.perf_counter", lambda: 1.25 * 2.0)
+    view._said.tags = [view.pose + 1]
+    view._tick()
+    assert view.pose == 0
+    view._said.tags = [view.pose]
+    view._tick()
+    assert view.pose == pose
 
 
 def test_a_driver_without_a_law_moves_over_its_arc():
