@@ -22,9 +22,10 @@ Move = Callable[[complex], complex]
 
 
 def handles_of(motion: Motion, sketch: Sketch) -> dict[str, Spot]:
-    """What can be taken hold of: pins and markers by name, one at a place."""
+    """What can be taken hold of: pins, sliders and markers by name, one at a place."""
     s = motion.structure
     spots = {pin.names[0]: pin.spot for pin in sketch.pins}
+    spots |= {slider.name: slider.point for slider in sketch.sliders if not slider.inside}
     for marker in shown_markers(motion.mechanism):
         spots[str(marker)] = Spot(marker.on, marker_place(s, marker))
     k = int(np.flatnonzero(motion.feasible)[0])
