@@ -6,6 +6,8 @@ again, which doubled the time of collecting.
 
 import gc
 import os
+from collections.abc import Callable
+from typing import NamedTuple
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -38,3 +40,28 @@ def one_repeat():
         patch.setattr("blockmech.analysis.trade.measure.FEWEST", 1)
         patch.setattr("blockmech.analysis.trade.measure.LONG_ENOUGH", 0.0)
         yield
+
+
+class Said(NamedTuple):
+    """What a call answered."""
+
+    code: int
+    out: str
+    err: str
+
+
+Call = Callable[..., Said]
+
+
+@pytest.fixture
+def call(capsys: pytest.CaptureFixture[str]) -> Call:
+    """``call("run", file)``: exit code, standard output and standard error of the command."""
+
+    def calling(*words: str | os.PathLike[str]) -> Said:
+        from blockmech.cli import main
+
+        capsys.readouterr()
+        code = main([os.fspath(word) for word in words])
+        return Said(code, *capsys.readouterr())
+
+    return calling

@@ -17,21 +17,11 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.cli import COMMANDS
 from blockmech.values import Strictly
 from docs.snippets import BrokenPage, run, workplace
+from tests.source import MODULES, TREES
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCE = Path(bm.__file__).parent
 LONGEST_FIRST_LINE = 90  # with its indentation it must fit a line of 100
 UNIT = re.compile(r"\[[^\]]+\]")
-
-
-def modules():
-    for path in sorted(SOURCE.rglob("*.py")):
-        parts = path.relative_to(SOURCE.parent).with_suffix("").parts
-        yield ".".join(p for p in parts if p != "__init__"), path
-
-
-MODULES = dict(modules())
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
 
 
 def public(tree, prefix=""):

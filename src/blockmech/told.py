@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 import html
+import json
 from abc import ABC, abstractmethod
+from typing import Any
+
+from pydantic_core import to_json
 
 DEGREES = False  # angles that are shown, in text, tables and pictures alike: else radians
+
+
+def as_data(found: Any) -> dict[str, Any]:
+    """A record as a JSON object, whatever stands in it; null stands for what is not finite."""
+    plain: dict[str, Any] = json.loads(to_json(found, inf_nan_mode="null"))
+    return plain
 
 
 class Told(ABC):

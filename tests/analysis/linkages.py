@@ -8,15 +8,7 @@ import mpmath
 
 import blockmech as bm
 from blockmech import Graph
-
-EPS = 2.220446049250313e-16
-
-
-def wired(graph: Graph, *wires: str) -> Graph:
-    """The graph with wires ``"frame.A crank.A"``."""
-    for wire in wires:
-        graph.connect(*wire.split())
-    return graph
+from tests.wiring import EPS, wire
 
 
 def fourbar(crank: float, coupler: float, rocker: float, frame: float, branch: int = 1) -> Graph:
@@ -25,7 +17,7 @@ def fourbar(crank: float, coupler: float, rocker: float, frame: float, branch: i
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (frame, 0.0)}))
     g.add("crank", bm.Crank(length=crank))
     g.add("dyad", bm.RRR(l_i=coupler, l_j=rocker, branch=branch))
-    return wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
+    return wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
 
 
 def short_fourbar(name: str = "short", crank: str = "crank", bar: bm.Link | None = None) -> Graph:
@@ -38,7 +30,7 @@ def short_fourbar(name: str = "short", crank: str = "crank", bar: bm.Link | None
     g.add(crank, bm.Crank(length=2.0))
     links = {"i": bar, "j": bar} if bar else {}
     g.add("dyad", bm.RRR(l_i=2.5, l_j=2.5, links=links))
-    return wired(g, f"frame.A {crank}.A", f"{crank}.B dyad.B", "frame.D dyad.D")
+    return wire(g, f"frame.A {crank}.A", f"{crank}.B dyad.B", "frame.D dyad.D")
 
 
 def slider_crank(crank: float, rod: float, offset: float = 0.0, law: object = None) -> Graph:
@@ -48,7 +40,7 @@ def slider_crank(crank: float, rod: float, offset: float = 0.0, law: object = No
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide}))
     g.add("crank", bm.Crank(length=crank))
     g.add("dyad", bm.RRP(l=rod))
-    wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
+    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
     if law is not None:
         g.drive("crank", law)  # type: ignore[arg-type]
     return g
@@ -60,7 +52,7 @@ def slotted_lever(crank: float, frame: float, h: float = 0.0) -> Graph:
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (frame, 0.0)}))
     g.add("crank", bm.Crank(length=crank))
     g.add("dyad", bm.RPR(h_j=h))
-    return wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
+    return wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
 
 
 def turning_guide(turn: float = 0.0) -> Graph:
@@ -71,7 +63,7 @@ def turning_guide(turn: float = 0.0) -> Graph:
     own = bm.Link(markers={"U": bm.Marker(at=(0.0, 0.0), angle=0.0)})
     g.add("crank", bm.Crank(links={"crank": own}))
     g.add("dyad", bm.PRP())
-    return wired(g, "frame.A crank.A", "crank.U dyad.S1", "frame.G dyad.S2")
+    return wire(g, "frame.A crank.A", "crank.U dyad.S1", "frame.G dyad.S2")
 
 
 def pushed(coupler: float, rocker: float, x: float, y: float) -> Graph:
@@ -81,7 +73,7 @@ def pushed(coupler: float, rocker: float, x: float, y: float) -> Graph:
     g.add("frame", bm.Frame(markers=markers))
     g.add("ram", bm.SlideDrive())
     g.add("dyad", bm.RRR(l_i=coupler, l_j=rocker))
-    return wired(g, "frame.G ram.S", "ram.S dyad.B", "frame.D dyad.D")
+    return wire(g, "frame.G ram.S", "ram.S dyad.B", "frame.D dyad.D")
 
 
 def fivebar(bar: bm.Link | None = None) -> Graph:
@@ -93,7 +85,7 @@ def fivebar(bar: bm.Link | None = None) -> Graph:
         g.add(name, bm.Crank(length=1.0, links={"crank": bar}))
         g.connect(f"frame.{pivot}", f"{name}.A")
     g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0, links={"i": bar, "j": bar}))
-    return wired(g, "left.B dyad.B", "right.B dyad.D")
+    return wire(g, "left.B dyad.B", "right.B dyad.D")
 
 
 def fourbar_limits(crank: float, coupler: float, rocker: float, frame: float) -> list[float]:

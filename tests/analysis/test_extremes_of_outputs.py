@@ -12,7 +12,8 @@ import pytest
 import blockmech as bm
 from blockmech.analysis.extremes import extremes
 from blockmech.analysis.stroke import stroke
-from tests.analysis.linkages import EPS, fivebar, fourbar, slider_crank, slotted_lever, wired
+from tests.analysis.linkages import fivebar, fourbar, slider_crank, slotted_lever
+from tests.wiring import EPS, wire
 
 TURN = 2 * math.pi
 PLACE = 1e-13
@@ -173,7 +174,7 @@ def scotch_yoke():
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide}))
     g.add("crank", bm.Crank(length=0.4))
     g.add("dyad", bm.RPP(beta=math.pi / 2))
-    wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
+    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
     g.drive("crank", bm.ConstantRate(rate=5.0))
     return g.compile()
 
@@ -294,7 +295,7 @@ def test_rounding_about_zero_is_not_taken_for_a_motion():
     across = bm.Link(markers={"T": bm.Marker(at=(0.0, 0.0))}, mass=1.0)
     g.add("crank", bm.Crank(length=0.4))
     g.add("dyad", bm.RPP(beta=math.pi / 2, links={"j": across}))
-    wired(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
+    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
     g.drive("crank", bm.ConstantRate(rate=5.0))
     found = g.compile().extremes("dyad.j.angle")
     assert found.turns == ()
@@ -351,7 +352,7 @@ def test_slide_without_a_range_says_what_to_do():
     g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
     g.add("ram", bm.SlideDrive())
     with pytest.raises(bm.RequestError, match="law of motion"):
-        wired(g, "frame.G ram.S").compile().extremes("ram.S.p")
+        wire(g, "frame.G ram.S").compile().extremes("ram.S.p")
 
 
 def test_result_with_many_rates_cannot_be_followed():

@@ -16,7 +16,6 @@ import blockmech as bm
 from blockmech.analysis.limits import arcs_sentence, limits
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.analysis.linkages import (
-    EPS,
     end_error,
     fivebar,
     fourbar,
@@ -25,9 +24,9 @@ from tests.analysis.linkages import (
     slider_crank,
     slotted_lever,
     turning_guide,
-    wired,
 )
 from tests.gallery import mechanism
+from tests.wiring import EPS, wire
 
 TURN = 2 * math.pi
 ROUNDINGS = 8
@@ -271,7 +270,7 @@ def test_slide_that_no_group_ends_is_unlimited():
     g = bm.Graph("ram")
     g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
     g.add("ram", bm.SlideDrive())
-    found = wired(g, "frame.G ram.S").compile().limits()
+    found = wire(g, "frame.G ram.S").compile().limits()
     assert words(found) == [("unlimited", "unlimited")]
     assert arc_ends(found) == [(-math.inf, math.inf)]
     assert found.to_dict()["arcs"][0]["start"] == {"q": None, "block": "", "how": "unlimited"}
@@ -288,7 +287,7 @@ def chain():
     g.blocks["frame"] = frame
     g.blocks["dyad"] = bm.RRR(l_i=6.0, l_j=3.0, links=links)
     g.add("last", bm.RRR(l_i=3.5, l_j=2.5))
-    return wired(g, "dyad.E last.B", "frame.F last.D")
+    return wire(g, "dyad.E last.B", "frame.F last.D")
 
 
 def test_group_that_ends_an_arc_is_named():
@@ -408,8 +407,7 @@ def test_assembly_error_of_two_drivers_names_the_arcs_of_each_with_the_other_hel
     g.add("a", bm.Crank(length=1.0))
     g.add("b", bm.Crank(length=1.0))
     g.add("dyad", bm.RRR(l_i=1.5, l_j=1.5))
-    for wire in ("frame.A a.A", "frame.E b.A", "a.B dyad.B", "b.B dyad.D"):
-        g.connect(*wire.split())
+    wire(g, "frame.A a.A", "frame.E b.A", "a.B dyad.B", "b.B dyad.D")
     a, b = 2.0, math.pi / 2
     with pytest.raises(bm.AssemblyError) as caught:
         g.compile().run(at={"a": a, "b": b}, want="dyad.C.p")

@@ -1,41 +1,14 @@
-"""Calling the command line inside this process, and files for it."""
+"""Files for the command line."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
 import blockmech as bm
-from blockmech.cli import main
 from examples.wire_ruiz import fourbar
 from tests.analysis import linkages
-
-
-class Said(NamedTuple):
-    """What a call answered."""
-
-    code: int
-    out: str
-    err: str
-
-
-Call = Callable[..., Said]
-
-
-@pytest.fixture
-def call(capsys: pytest.CaptureFixture[str]) -> Call:
-    """``call("run", file)``: exit code, standard output and standard error of the command."""
-
-    def calling(*words: str | os.PathLike[str]) -> Said:
-        capsys.readouterr()
-        code = main([os.fspath(word) for word in words])
-        return Said(code, *capsys.readouterr())
-
-    return calling
 
 
 @pytest.fixture

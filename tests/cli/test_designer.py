@@ -12,6 +12,7 @@ import pytest
 
 import blockmech as bm
 from tests.gallery import GRAPHS
+from tests.wiring import wire
 
 RUIZ = json.loads((GRAPHS / "ruiz_fourbar.json").read_text("utf-8"))
 LINKAGE = json.loads((GRAPHS / "joints" / "ruiz_fourbar.json").read_text("utf-8"))
@@ -196,8 +197,7 @@ def test_missing_inertia_is_one_note_where_a_force_is_asked(links: Any, note: st
     g.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0)}))
     g.add("crank", bm.Crank(length=2.0))
     g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, **links))
-    for wire in (("frame.A", "crank.A"), ("crank.B", "dyad.B"), ("frame.D", "dyad.D")):
-        g.connect(*wire)
+    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
     noted = [x for x in str(g.run(at=1.0, want="crank.drive")).splitlines() if "note:" in x]
     assert len(noted) == bool(note)
     assert all(note in line for line in noted)

@@ -7,6 +7,7 @@ import math
 import blockmech as bm
 from blockmech import Graph
 from blockmech.model.diagram import UnknownBlock
+from tests.analysis import linkages
 from tests.wiring import chain, wire
 
 
@@ -34,11 +35,7 @@ def cyclic() -> Graph:
 
 def fourbar(rocker: float = 3.0) -> Graph:
     """A four-bar without mass and load; a short rocker cannot follow the whole turn."""
-    g = Graph("fourbar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
-    g.add("crank", bm.Crank(length=2.0))
-    g.add("dyad", bm.RRR(l_i=6.0, l_j=rocker))
-    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
+    g = linkages.fourbar(2.0, 6.0, rocker, 5.5)
     g.drive("crank", bm.ConstantRate(rate=10.0))
     return g
 

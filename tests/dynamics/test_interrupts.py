@@ -18,7 +18,7 @@ from blockmech.dynamics import time as integrators
 from tests.extremes.motions import slider
 from tests.gallery import GRAPHS, mechanism
 
-ENERGY, PANELS = 1e-12, 1e-9  # [rad] of the methods that judge themselves as they go
+PANELS = 1e-9  # [rad] of the path method
 COARSE = 1e-2  # [rad] of an integration at its first tolerance
 LONG = 50.0  # [s] of the six-bar
 

@@ -57,7 +57,6 @@ def straight(xs, ys, x):
 
 
 CLOCK = ([0.0, 0.4, 0.9, 2.0], [3.0, -2.0, 4.0, 1.0])
-RATES = ([-40.0, -5.0, 0.0, 4.0, 40.0], [6.0, 2.5, 0.0, -3.0, -8.0])
 ANGLES = ([0.0, 1.0, 2.5, 4.0], [1.0, -1.0, 2.0, 0.5])
 WAVE = CubicSpline([*ANGLES[0], TURN], [*ANGLES[1], ANGLES[1][0]], bc_type="periodic")
 

@@ -19,6 +19,7 @@ from mpmath import mp, mpf
 import blockmech as bm
 from blockmech import Graph
 from blockmech.engines.numpy import PRECISIONS
+from tests.wiring import wire
 
 from .precise import DIGITS
 
@@ -53,9 +54,7 @@ class Press:
             pins["S"] = bm.Coulomb(coefficient=self.guide)
         g.add("ram", bm.RRP(l=self.rod, h=0.0, branch=1, friction=pins))
         g.add("work", bm.Force(force=(-LOAD, 0.0)))
-        for wire in ("frame.O crank.A", "crank.B ram.B", "frame.G ram.S", "ram.j work.at"):
-            g.connect(*wire.split())
-        return g
+        return wire(g, "frame.O crank.A", "crank.B ram.B", "frame.G ram.S", "ram.j work.at")
 
     def moment(self, seed: int | None = None, dtype: Any = np.float64) -> Any:
         """Driving moment [N m] in 60 digits; None where no force balances the load.

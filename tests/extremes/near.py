@@ -14,6 +14,7 @@ from mpmath import mp, mpf
 
 import blockmech as bm
 from blockmech.errors import BlockmechError
+from tests.wiring import wire
 
 DIGITS = 60
 CRANK, ROD = 0.25, 0.5  # [m] of the parallelogram
@@ -58,10 +59,7 @@ def parallelogram() -> Any:
     g.add("crank", bm.Crank(length=CRANK))
     home: Any = {"drivers": {"crank": math.pi / 2}, "branch": 1}
     g.add("dyad", bm.RRR(l_i=ROD, l_j=CRANK, branch="follow", home=home))
-    g.connect("frame.A", "crank.A")
-    g.connect("crank.B", "dyad.B")
-    g.connect("frame.D", "dyad.D")
-    return g.compile()
+    return wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D").compile()
 
 
 def short_crank(length: float) -> Any:

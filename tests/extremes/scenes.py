@@ -9,6 +9,7 @@ from typing import Any
 
 import blockmech as bm
 from blockmech import Graph
+from tests.wiring import wire
 
 GAPS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-15)
 
@@ -44,9 +45,7 @@ def fourbar(
     g.add("crank", bm.Crank(length=a, links={"crank": _link(masses[0], a)}))
     links = {"i": _link(masses[1], b), "j": _link(masses[2], c)}
     g.add("dyad", bm.RRR(l_i=b, l_j=c, links=links))
-    for wire in ("frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D"):
-        g.connect(*wire.split())
-    return g
+    return wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
 
 
 def near_dead_centre() -> Iterator[Scene]:
@@ -198,9 +197,7 @@ def sliding(kind: str, size: float = 1.0, mass: float = 1.0, inner: float = 1.0)
     }
     block, numbers, wires = made[kind]
     g.add("d", block(**numbers, links=links))
-    for wire in ("frame.A crank.A", *wires):
-        g.connect(*wire.split())
-    return g
+    return wire(g, "frame.A crank.A", *wires)
 
 
 def sliding_extremes() -> Iterator[Scene]:

@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.testing import assert_graph
-from tests.wiring import ruiz
+from tests.wiring import ruiz, wire
 
 OWN_SIZE = 1e-11  # what the project promises of driving efforts with friction
 REACH = math.acos(9.25 / 22)  # crank angle at which the dyad of `short` is stretched
@@ -130,8 +130,7 @@ def test_a_gap_between_samples_is_not_missed():
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
     g.add("crank", bm.Crank(length=1.0))
     g.add("dyad", bm.RRR(l_i=3.0, l_j=2.0 - 4e-11))
-    for wire in (("frame.A", "crank.A"), ("crank.B", "dyad.B"), ("frame.D", "dyad.D")):
-        g.connect(*wire)
+    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
     assert_graph(g).closes_on("crank", -3.14, 3.14)
     said(assert_graph(g).closes_on, "crank", 3.14, 3.15)
 

@@ -3,36 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-from typing import NamedTuple
 
-import pytest
-
-from blockmech.cli import main
 from tests.testing.conftest import MET, MISSED
-
-
-class Said(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def call(capsys):
-    """``call(path, ...)``: exit code, standard output and standard error of ``blockmech test``."""
-
-    def calling(*words):
-        capsys.readouterr()
-        code = main(["test", *map(os.fspath, words)])
-        return Said(code, *capsys.readouterr())
-
-    return calling
 
 
 def test_what_is_met_is_one_line_an_entry(call, file):
     path = file("arm.json", MET, MET)
-    said = call(path)
+    said = call("test", path)
     assert (said.code, said.err) == (0, "")
     assert said.out.splitlines() == [
         f"ok     {path} expect[0]: 1 number (by hand)",
@@ -43,7 +20,7 @@ def test_what_is_met_is_one_line_an_entry(call, file):
 
 def test_what_fails_is_a_table_and_exit_code_1(call, file):
     path = file("arm.json", MET, MISSED)
-    said = call(path)
+    said = call("test", path)
     assert (said.code, said.err) == (1, "")
     lines = said.out.splitlines()
     assert lines[1] == f"FAILS  {path} expect[1]: 1 of 4 numbers (a slip)"
@@ -58,7 +35,7 @@ def test_a_long_table_is_cut_with_the_worst_first(call, file):
     angles = [0.01 * k for k in range(40)]
     want = {"crank.q": [0.0] * 40}
     entry = {"source": "a slip", "at": {"crank": angles}, "want": want, "atol": 1e-3}
-    lines = call(file("arm.json", entry)).out.splitlines()
+    lines = call("test", file("arm.json", entry)).out.splitlines()
     assert lines[0].endswith("expect[0]: 39 of 40 numbers (a slip)")
     assert "crank = 0.39" in lines[2]
     assert lines[-2].strip() == "... and 27 more"
@@ -66,7 +43,7 @@ def test_a_long_table_is_cut_with_the_worst_first(call, file):
 
 def test_a_graph_without_expectations_is_named(call, file):
     path = file("arm.json")
-    said = call(path)
+    said = call("test", path)
     assert said.code == 0
     assert said.out.splitlines() == [
         f"-      {path}: no expectations",
@@ -76,7 +53,7 @@ def test_a_graph_without_expectations_is_named(call, file):
 
 def test_a_free_motion_is_not_passed_silently(call, file):
     motion = {"source": "by hand", "simulate": {"times": [0.0]}, "want": {"crank.q": [0.0]}}
-    said = call(file("arm.json", {**motion, "atol": 1.0}))
+    said = call("test", file("arm.json", {**motion, "atol": 1.0}))
     assert said.code == 2
     assert "no start for: crank" in said.err
 
@@ -88,7 +65,7 @@ def test_a_folder_is_taken_with_its_folders_but_not_those_that_are_wrong_on_purp
     for name in ("broken/c.json", "more/legacy/d.json"):
         file(f"graphs/{name}", MISSED)
     (tmp_path / "graphs" / "notes.txt").write_text("no graph", encoding="utf-8")
-    said = call(tmp_path / "graphs")
+    said = call("test", tmp_path / "graphs")
     assert said.code == 0
     assert said.out.splitlines()[:-1] == [
         f"ok     {path} expect[0]: 1 number (by hand)" for path in taken
@@ -97,7 +74,7 @@ def test_a_folder_is_taken_with_its_folders_but_not_those_that_are_wrong_on_purp
 
 def test_a_file_named_twice_runs_once(call, file, tmp_path):
     path = file("graphs/a.json", MET)
-    assert call(path, tmp_path / "graphs", path).out.splitlines()[-1] == "1 ok, 0 failed"
+    assert call("test", path, tmp_path / "graphs", path).out.splitlines()[-1] == "1 ok, 0 failed"
 
 
 def test_wrong_files_are_exit_code_2_and_stop_no_other(call, file, tmp_path):
@@ -107,7 +84,7 @@ def test_wrong_files_are_exit_code_2_and_stop_no_other(call, file, tmp_path):
     spoiled.write_text("{", encoding="utf-8")
     empty = tmp_path / "empty"
     empty.mkdir()
-    said = call(spoiled, unknown, tmp_path / "missing.json", empty, good)
+    said = call("test", spoiled, unknown, tmp_path / "missing.json", empty, good)
     assert said.code == 2
     assert said.out.splitlines() == [
         f"wrong  {spoiled}",
@@ -130,7 +107,7 @@ def test_wrong_files_are_exit_code_2_and_stop_no_other(call, file, tmp_path):
 
 def test_everything_is_there_as_data(call, file):
     path = file("arm.json", MET, MISSED)
-    said = call(path, "--json")
+    said = call("test", path, "--json")
     assert (said.code, said.err) == (1, "")
     data = json.loads(said.out)
     assert data["ok"] is False
@@ -144,7 +121,7 @@ def test_everything_is_there_as_data(call, file):
 
 
 def test_problems_are_there_as_data(call, tmp_path):
-    said = call(tmp_path / "missing.json", "--json")
+    said = call("test", tmp_path / "missing.json", "--json")
     assert (said.code, said.err) == (2, "")
     (only,) = json.loads(said.out)["files"]
     assert only["problems"][0]["code"] == "no-file"

@@ -25,7 +25,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,6 +45,7 @@ from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.errors import listed, refused
 from blockmech.result import Result
 from blockmech.samples import Samples
+from blockmech.told import as_data
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples
@@ -95,8 +96,7 @@ class Accuracy:
 
     def to_dict(self) -> dict[str, Any]:
         """The choice as JSON data."""
-        estimate = self.estimate if math.isfinite(self.estimate) else None
-        return asdict(self) | {"estimate": estimate, "reached": self.reached}
+        return as_data(self) | {"reached": self.reached}
 
 
 class Probe(NamedTuple):
@@ -151,9 +151,10 @@ def run_to(
     request = _Request(mechanism, want if isinstance(want, str) else tuple(want), static)
     kept = mechanism.once(_decisions)
     asked, samples = (request.want, static, accuracy, engine), _fingerprint(taken)
-    if (found := kept.get(asked)) is not None and found.samples == samples:
-        result = request.run(taken, found.setting, engine, chunk)
-        result.accuracy = found.accuracy
+    decided, setting, judged = kept.get(asked, (b"", None, None))
+    if setting is not None and decided == samples:
+        result = request.run(taken, setting, engine, chunk)
+        result.accuracy = judged
         return result
     probe = look(request, taken.at(taken.spread(PROBE)), accuracy)
     for setting in _settings(request, probe, taken.n, accuracy, engine):
@@ -162,20 +163,12 @@ def run_to(
         if judged.reached:
             break
     result.accuracy = judged
-    kept[asked] = _Decision(samples, setting, judged)
+    kept[asked] = samples, setting, judged
     return result
 
 
-class _Decision(NamedTuple):
-    """What was chosen for samples: it is the same for the same ones."""
-
-    samples: bytes
-    setting: Setting
-    accuracy: Accuracy
-
-
-def _decisions(mechanism: Compiled) -> dict[Any, _Decision]:
-    """For each request the last decision; there is none at first."""
+def _decisions(mechanism: Compiled) -> dict[Any, tuple[bytes, Setting | None, Accuracy | None]]:
+    """For each request its last samples, and what was chosen for them; there is none at first."""
     return {}
 
 

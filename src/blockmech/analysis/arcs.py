@@ -12,37 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.scan import TURN, Span, bisect, runs, scan
+from blockmech.analysis.closure import Closure
+from blockmech.analysis.scan import SEAM, TURN, Span, bisect, runs, scan
 from blockmech.series import DOUBLE_ROOT, EPS, Floats
-
-# Turns are cut just before -90 degrees: arcs of symmetric mechanisms lie about 0 or pi, and what
-# is at the cut is told by one of its two names whatever its rounding.
-SEAM = -math.pi / 2 - DOUBLE_ROOT
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])
 ROUNDED = 16 * EPS  # of a margin, which comes of some ten operations
 BESIDE = 1e-5  # [rad], and of a slide's size: looked at on both sides of a touch
-
-
-class Margins(Protocol):
-    """Margins of groups along one coordinate, in formation order: a `Closure`."""
-
-    blocks: tuple[str, ...]
-
-    def margins(self, q: Floats) -> Floats:
-        """Margins (rows, n) at places (n,)."""
-
-    def margin(self, k: int, q: float) -> float:
-        """Margin number k at one place."""
-
-    def passable(self, block: str, q: float, d: float) -> bool:
-        """Whether a group passes a touch of its margin; ``d`` is looked at on both sides."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +63,7 @@ class Nearest:
 
 
 def closed_pieces(
-    closure: Margins, span: Span, samples: int
+    closure: Closure, span: Span, samples: int
 ) -> tuple[tuple[Piece, ...], Nearest | None]:
     """All pieces where every group closes, in rising order.
 
@@ -117,7 +99,7 @@ class _Margin:
     sure : (m,) whether they are beyond their rounding, and so have a sign
     """
 
-    def __init__(self, closure: Margins, k: int, piece: Piece, samples: int) -> None:
+    def __init__(self, closure: Closure, k: int, piece: Piece, samples: int) -> None:
         self.closure, self.k, self.piece = closure, k, piece
         self.block = closure.blocks[k]
         if piece.tiny:

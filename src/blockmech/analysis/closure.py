@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.analysis.arcs import SEAM
-from blockmech.analysis.scan import ASIDE, TURN, Span
+from blockmech.analysis.scan import ASIDE, SEAM, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.model.structure import JointRef
 from blockmech.series import Floats

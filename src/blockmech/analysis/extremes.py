@@ -156,7 +156,8 @@ def extremes(
     RequestError for an unknown output, one that is not real, or no range to follow
     SampleError where the output exists at no sample
     """
-    cycle = cycle_of(source, friction, tolerance, iterations, static)
+    how = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    cycle = cycle_of(source, **how, static=static)
     output, parts = parts_of(cycle.mechanism, name)
     ranges = {}
     for part in parts:

@@ -31,7 +31,7 @@ from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.model.structure import Structure
 from blockmech.reach import shortfall
 from blockmech.series import DOUBLE_ROOT, SCANNED
-from blockmech.told import DEGREES, Told
+from blockmech.told import DEGREES, Told, as_data
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -61,11 +61,6 @@ class End:
     def __str__(self) -> str:
         return f"{self.block} {self.how}".strip()
 
-    def to_dict(self) -> dict[str, Any]:
-        """The end as a JSON object; null stands for infinity."""
-        q = self.q if math.isfinite(self.q) else None
-        return {"q": q, "block": self.block, "how": self.how}
-
 
 @dataclass(frozen=True)
 class Arc:
@@ -82,14 +77,6 @@ class Arc:
 
     def __str__(self) -> str:
         return f"[{_shown(self.start.q, 9)}, {_shown(self.end.q, 9)}]"
-
-    def to_dict(self) -> dict[str, Any]:
-        """The arc as a JSON object."""
-        return {
-            "start": self.start.to_dict(),
-            "end": self.end.to_dict(),
-            "change_points": [p.to_dict() for p in self.change_points],
-        }
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,19 +161,11 @@ class Limits(Told):
             yield f"  {SECOND_KIND}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The limits as a JSON object."""
-        near = self.nearest
-        return {
-            "driver": self._q(self.driver),
-            "unit": self.unit,
-            "held": {self._q(d): q for d, q in self.held.items()},
-            "whole_turn": self.whole_turn,
-            "arcs": [a.to_dict() for a in self.arcs],
-            "nearest": (
-                {"q": near.q, "block": near.block, "margin": near.margin} if near else None
-            ),
-            "spacing": self.spacing,
-        }
+        """The limits as a JSON object; null stands for infinity."""
+        names = ("unit", "whole_turn", "arcs", "nearest", "spacing")
+        held = {self._q(d): q for d, q in self.held.items()}
+        said = {"driver": self._q(self.driver), "held": held}
+        return as_data(said | {name: getattr(self, name) for name in names})
 
 
 def limits(

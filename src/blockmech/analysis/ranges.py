@@ -13,7 +13,6 @@ from blockmech.analysis.limits import limits
 from blockmech.analysis.scan import TURN
 from blockmech.result import Result
 from blockmech.series import SCANNED, Floats
-from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -21,19 +20,13 @@ if TYPE_CHECKING:
 MOST = 50 * SCANNED  # steps of a range of many turns
 
 
-def cycle_of(
-    source: Compiled | Result,
-    friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
-    static: bool | None = None,
-) -> Cycle:
+def cycle_of(source: Compiled | Result, **given: Any) -> Cycle:
     """The cycle of a mechanism (its law's range, or a turn) or of a result (its samples).
 
+    ``given`` are friction, tolerance, iterations and static; None is what the source has.
     Raises `RequestError` where there is no range to follow.
     """
-    given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-    settings = {k: x for k, x in (given | {"static": static}).items() if x is not None}
+    settings = {k: x for k, x in given.items() if x is not None}
     if isinstance(source, Result):
         return _of_result(source, {**source.settings, **settings})
     drivers, drive = source.drivers, source.scene.drive

@@ -16,9 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.series import EPS, Floats, Series, fit, nodes, panels
+from blockmech.series import DOUBLE_ROOT, EPS, Floats, Series, fit, nodes, panels
 
 TURN = 2 * math.pi
+# Turns are cut just before -90 degrees: arcs of symmetric mechanisms lie about 0 or pi, and what
+# is at the cut is told by one of its two names whatever its rounding.
+SEAM = -math.pi / 2 - DOUBLE_ROOT
 NODES = 64  # of a panel; of 128 the derivatives lose the touches of thirty loops in a row
 TINY = 1e-12  # [rad or m] shown as zero: rounding of places
 HALVINGS = 200  # more than any bracket of doubles of like size has

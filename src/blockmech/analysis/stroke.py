@@ -126,7 +126,8 @@ def stroke(
         is not run to and fro, or no range to follow
     SampleError where the output exists at no sample
     """
-    cycle = cycle_of(source, friction, tolerance, iterations, static)
+    how = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    cycle = cycle_of(source, **how, static=static)
     output, parts = parts_of(cycle.mechanism, name)
     path: Path = "scalar"
     chord: float | None = None

@@ -95,8 +95,7 @@ def verify(file: GraphFile, at: At = None, json: AsJson = False) -> None:
     given = coordinates(mechanism, at or [])
     with progress_bar("verifying"):
         found = mechanism.verify(given)
-    keys = ("name", "value", "allowed", "ok")
-    rows = [{key: getattr(row, key) for key in keys} for row in found.rows]
+    rows = [{**vars(row), "ok": row.ok} for row in found.rows]
     answer(file, json, {"ok": found.ok, "rows": rows}, str(found))
     if not found.ok:
         raise typer.Exit(NO_ANSWER)

@@ -69,6 +69,8 @@ def judged_by_half(
         same = motion.end == finer.end and motion.status == finer.status
         known = same and motion.end != ends.NO_INERTIA  # of speeds without bound nothing is
         off, late = (DOUBT * x if known else math.inf for x in (apart.q, apart.t))
+        if motion.end == ends.DEAD_CENTRE:  # to which euler_q comes as near as its last step
+            off += motion.facts.get("coordinate_step", 0.0)
         late = 0.0 if motion.end == "time" else late + motion.time_error
         motion = replace(motion, error=off, time_error=late)
         enough = request.step is not None or target is None or off <= target

@@ -9,11 +9,9 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
-from pydantic_core import to_json
-
 from blockmech.analysis.scan import TINY
 from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.told import DEGREES, Told
+from blockmech.told import DEGREES, Told, as_data
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
@@ -153,7 +151,7 @@ class Modes(Told):
 
     def to_dict(self) -> dict[str, Any]:
         """The modes as a JSON object; null stands for infinity."""
-        plain: dict[str, Any] = json.loads(to_json(self, inf_nan_mode="null"))
+        plain = as_data(self)
         for group in plain["groups"]:
             for mode in chain.from_iterable(group["samples"]):
                 if mode["residual"] is None:

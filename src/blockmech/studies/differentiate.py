@@ -26,13 +26,12 @@ from blockmech.plan import Output, Plan
 from blockmech.result import Result
 from blockmech.studies.family import sections_of
 from blockmech.studies.sensitivity import Sensitivity
-from blockmech.studies.variation import Variation, moves_drivers
+from blockmech.studies.variation import GIVEN, Variation, moves_drivers
 from blockmech.typing import Coordinates, FrictionMethod, Numbers, OnGap
 
 Array = NDArray[Any]
 EVERY_NUMBER = "*"
 INPUTS = {"q": "q", "rate": "qd", "acceleration": "qdd"}  # output of a driver -> program input
-GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration
 
 
 def sensitivity(
@@ -91,20 +90,17 @@ def sensitivity(
     if wrong := [a for a in left_out if a in ((to,) if isinstance(to, str) else to)]:
         raise RequestError([Problem("no-derivative", a, left_out[a]) for a in wrong])
     chosen = {a: p for a, p in asked.items() if a not in left_out}
-    varied = [p for p in chosen.values() if p.path[0] != GIVEN]
-    near = Variation.of(mechanism, varied)
-    plan = near.general.plan(names, **result.settings)
-    seeds = {p.address: seed for p, seed in zip(varied, np.eye(len(varied)), strict=True)}
-    for address in [] if _varies(plan, near, seeds.values()) else list(seeds):
-        if not _varies(plan, near, [seeds[address]]):
-            left_out[address] = "the pieces of its table follow it by no formula"
-            del chosen[address]
+    near = Variation.of(mechanism, chosen.values())
+    plan, seeds = near.general.plan(names, **result.settings), np.eye(len(chosen))
+    if not _varies(plan, near, seeds):
+        bad = [a for a, seed in zip(chosen, seeds, strict=True) if not _varies(plan, near, seed)]
+        left_out |= dict.fromkeys(bad, "the pieces of its table follow it by no formula")
+        seeds = seeds[[a not in bad for a in chosen]]
+        chosen = {a: p for a, p in chosen.items() if a not in bad}
     if not chosen:
         raise RequestError([Problem("no-derivative", a, why) for a, why in left_out.items()])
-    none = np.zeros(len(varied))
-    along = np.array([seeds.get(address, none) for address in chosen])
     ahead, behind = (
-        {name: side * d for name, d in _derived(plan, near, along, chosen, result, side).items()}
+        {name: side * d for name, d in _derived(plan, near, side * seeds, chosen, result).items()}
         for side in (1.0, -1.0)
     )
     return Sensitivity(result, chosen, ahead, behind, left_out)
@@ -116,27 +112,19 @@ def _numbers(plan: Plan, near: Variation, seeds: Array) -> tuple[Any, ...]:
         return plan.program.values(*near.design(seeds))
 
 
-def _varies(plan: Plan, near: Variation, seeds: Iterable[Array]) -> bool:
-    """Whether all parameters of a program have derivatives in some directions (m,)."""
+def _varies(plan: Plan, near: Variation, seeds: Array) -> bool:
+    """Whether all parameters of a program have derivatives in some directions."""
     try:
-        _numbers(plan, near, np.array([*seeds]))
+        _numbers(plan, near, np.atleast_2d(seeds))
     except RequestError:
         return False
     return True
 
 
 def _derived(
-    plan: Plan,
-    near: Variation,
-    along: Array,
-    chosen: Mapping[str, Parameter],
-    result: Result,
-    side: float,
+    plan: Plan, near: Variation, seeds: Array, chosen: Mapping[str, Parameter], result: Result
 ) -> dict[str, Array]:
-    """Derivatives (k, n) of the outputs of a result by the chosen numbers, to one side.
-
-    ``along`` (k, m) says which of the numbers that vary each of them is; none of a driver.
-    """
+    """Derivatives (k, n) of the outputs of a result, each in the direction of a chosen number."""
     shape = len(chosen), result.n
     given, own = result.samples.given(plan.program.inputs), result.mechanism.drivers
     inputs = dict(given)
@@ -146,11 +134,10 @@ def _derived(
         if p.path[0] == GIVEN:
             _, x, driver = map(str, p.path)
             name, seed = f"{x}_{near.base.drivers.index(driver)}", np.zeros(shape)
-            seed[j] = side
+            seed[j] = seeds[j].sum()
             inputs[name] = Dual(np.asarray(inputs[name], float), seed)
-    numbers = _numbers(plan, near, side * along)
-    values = DualEngine(plan.program).run(inputs, numbers, result.n, len(chosen))
-    found, outputs = {}, near.outputs(side * along)
+    values = DualEngine(plan.program).run(inputs, _numbers(plan, near, seeds), *shape[::-1])
+    found, outputs = {}, near.outputs(seeds)
     for name in result:
         columns = [values[i] for i in plan.layout[name]]
         with np.errstate(all="ignore"):

@@ -27,6 +27,7 @@ from blockmech.passes.homotopy import path_of
 from blockmech.series import GOLDEN
 
 ASIDE = 1e-6  # of a number, how far aside the design is planned that stands for all: not zero
+GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration
 BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and stops
 
 
@@ -88,10 +89,13 @@ class Variation:
 
     @classmethod
     def of(cls, mechanism: Compiled, parameters: Iterable[Parameter]) -> Variation:
-        """Of m numbers of what the user wrote. Raises `GraphError` where no graph holds near by."""
+        """Of m numbers, those of drivers among them, which move nothing of the mechanism.
+
+        Raises `GraphError` where no graph holds near by.
+        """
         given = list(parameters)
         seeds = zip(given, np.eye(len(given)), strict=True)
-        numbers = {p.path: Varied(p.value, seed) for p, seed in seeds}
+        numbers = {p.path: Varied(p.value, seed) for p, seed in seeds if p.path[0] != GIVEN}
         if not of_links(mechanism) or not numbers:
             return cls(mechanism, numbers)
         document: Any = mechanism.document

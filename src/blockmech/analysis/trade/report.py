@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
 from blockmech.export import aligned, csv_of
 from blockmech.files import AnyPath
+from blockmech.told import as_data
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
@@ -134,24 +134,18 @@ class Trade:
         """The trade as JSON data; what is not finite is None."""
         best, lean = self.recommended, self.pareto_by_evaluations
         points = [row | {"pareto_by_evaluations": p in lean} for p, row in self._rows()]
-        return {
-            "format": "blockmech/trade",
-            "version": 1,
-            "graph": self.mechanism,
-            "question": self.question,
-            "measure": self.measure,
-            "counted": self.counted,
-            "reference": _finite(asdict(self.reference)),
-            "points": [_finite(row) for row in points],
-            "skipped": [{"setting": s.label, "why": s.why} for s in self.skipped],
-            "notes": list(self.notes),
-            "target": self.target,
-            "within": self.within,
-            "recommended": None if best is None else best.label,
-            "recommendation": self.recommendation,
-            "spent": self.spent,
-            "machine": machine(),
-        }
+        kept = ("question", "measure", "counted", "reference", "notes", "target", "within", "spent")
+        return as_data(
+            {"format": "blockmech/trade", "version": 1, "graph": self.mechanism}
+            | {name: getattr(self, name) for name in kept}
+            | {
+                "points": points,
+                "skipped": [{"setting": s.label, "why": s.why} for s in self.skipped],
+                "recommended": None if best is None else best.label,
+                "recommendation": self.recommendation,
+                "machine": machine(),
+            }
+        )
 
     def to_csv(self, path: AnyPath | None = None) -> str:
         """The points as CSV text, one line a point, written to a file if a path is given."""
@@ -229,8 +223,3 @@ def _row(p: Point, best: bool) -> tuple[str, ...]:
     spread = f"{duration(p.fastest)} .. {duration(p.slowest)}"
     cells = (duration(p.seconds), spread, f"{p.evaluations}", error)
     return ("*" if best else "", p.method, p.setting, *cells, "" if p.at_floor else p.worst)
-
-
-def _finite(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Data for JSON, in which there is no infinity."""
-    return {k: None if isinstance(x, float) and math.isinf(x) else x for k, x in row.items()}
