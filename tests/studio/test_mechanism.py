@@ -17,6 +17,7 @@ from blockmech.studio.plots import coloured
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import (
     blamed_blocks,
+    closing,
     dead_centres,
     travel,
     turn,
@@ -162,7 +163,7 @@ def test_dead_centres_are_those_of_limits():
     motion, found = turn(sheet.mechanism), sheet.mechanism.limits()
     q = motion.q["crank"]
     ends = {end.q % (2 * np.pi): str(end) for arc in found.arcs for end in (arc.start, arc.end)}
-    passed = dead_centres(motion)
+    passed = dead_centres(motion, closing(motion).quality.margin)
     assert len(passed) == len(ends) == 2
     for place, name in passed:
         at = np.interp(place, np.arange(len(q)), q)

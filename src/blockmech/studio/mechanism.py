@@ -134,7 +134,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             samples = np.arange(last + 1)
             events = [
                 (float(np.interp(k, samples, along.values)), name)
-                for k, name in dead_centres(motion)
+                for k, name in dead_centres(motion, closed.quality.margin)
             ]
             self.along = replace(along, events=tuple(events))
         gaps = [] if closed is None else gaps_of(closed)

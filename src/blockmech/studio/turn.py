@@ -102,16 +102,19 @@ def travel(mechanism: Compiled, driver: str, at: Mapping[str, float]) -> tuple[f
     return max(low, bounds[0]), min(high, bounds[1])
 
 
-def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
+def dead_centres(motion: Motion, margins: Mapping[str, Any]) -> tuple[tuple[float, str], ...]:
     """Where a motion of one driver passes the ends and change points of `limits`.
 
-    Each with the sample, which may lie between two, and the name.
+    Each with the sample, which may lie between two, and the name. ``margins`` are those of all
+    groups; one that is farther from 0 than it changes from sample to sample has no dead centre.
     """
     moved, *more = [d for d, q in motion.q.items() if np.ptp(q)] or [""]
-    if not moved or more:
+    near = [b for b, m in margins.items() if not np.min(m) > np.max(np.abs(np.diff(m)), initial=0)]
+    if not moved or more or not near:
         return ()
     mechanism, q = motion.mechanism, motion.q[moved]
-    found = limits(mechanism, moved, {d: float(x[0]) for d, x in motion.q.items() if d != moved})
+    held = {d: float(x[0]) for d, x in motion.q.items() if d != moved}
+    found = limits(mechanism, moved, held, blocks=near)
     ends = [end for arc in found.arcs for end in (arc.start, *arc.change_points, arc.end)]
     events: set[tuple[float, str]] = set()
     for end in (end for end in ends if end.block):
