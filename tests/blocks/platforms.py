@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+from functools import cache
 
 import blockmech as bm
 from tests.blocks.machines import LONG_SHOE, PIN, body
@@ -84,6 +85,13 @@ def triad():
 def two_drivers():
     """The same with a driven length in the leg that stands on the crank."""
     return platform(cylinder=True)
+
+
+@cache
+def triad_and_arc():
+    """The triad compiled, and the arc of its crank about home."""
+    mech = triad().compile()
+    return mech, mech.limits().arc_at(HOME)
 
 
 triad.home = {"crank": HOME}

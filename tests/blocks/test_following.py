@@ -16,7 +16,7 @@ import pytest
 import blockmech as bm
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.blocks.continuation import March
-from tests.blocks.platforms import platform, triad, two_drivers
+from tests.blocks.platforms import platform, triad, triad_and_arc, two_drivers
 from tests.blocks.twin import Twin
 
 EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "6"))  # 200 is the full run
@@ -256,8 +256,7 @@ def test_home_may_be_near_a_dead_centre(near):
 
 
 def test_a_message_says_how_far_a_path_came():
-    mech = triad().compile()
-    (arc,) = mech.limits().arcs
+    mech, arc = triad_and_arc()
     for q, end in ((arc.end.q + 0.3, arc.end.q), (arc.start.q - 0.3, arc.start.q)):
         with pytest.raises(bm.AssemblyError) as refused:
             mech.run(at=q, rates=1.0, accelerations=0.0, want="platform.plate.angle")

@@ -10,7 +10,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.model.schema import graph_schema
-from tests.blocks.platforms import HOME, REACH, platform, stacked, triad, two_drivers
+from tests.blocks.platforms import HOME, REACH, platform, stacked, triad, triad_and_arc, two_drivers
 from tests.blocks.test_against_the_judge import ROUNDING, assert_the_judge_agrees, compared
 from tests.doors import graph_of as loads
 
@@ -98,8 +98,8 @@ def poses_of(graph, **moved):
 
 def near_dead_centre():
     """A home at the very end of its arc."""
-    mech = triad().compile()
-    end = mech.limits().arc_at(HOME).end.q
+    mech, arc = triad_and_arc()
+    end = arc.end.q
     run = mech.run(at=end - 1e-15, want=["platform.*.p", "platform.*.angle"], on_gap="mark")
     poses = {}
     for link in mech.structure.blocks["platform"].link_names:
@@ -184,8 +184,7 @@ def test_file_comes_back_byte_for_byte(graph):
 
 
 def test_limits_are_where_the_path_ends():
-    mech = triad().compile()
-    arc = mech.limits().arc_at(HOME)
+    mech, arc = triad_and_arc()
     assert (arc.start.block, arc.end.block) == ("platform", "platform")
     inside = mech.run(at=[arc.start.q + 1e-9, arc.end.q - 1e-9], want="*.p", on_gap="mark")
     assert inside.quality.status == ("ok", "ok")

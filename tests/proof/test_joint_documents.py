@@ -10,36 +10,27 @@ from __future__ import annotations
 
 import functools
 import os
-import random
 from collections import Counter
 from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 
 from tests.independent import multibody as mb
 from tests.model.joints.against import Comparison
-from tests.model.joints.chance import document, judged
+from tests.model.joints.chance import WHOLE, document, judged
 
 SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "40")))
-UNITS = (
-    *("dyad", "dyad", "dyad", "driver", "cylinder", "bent_cylinder"),
-    *("triad", "loop", "fork", "rough_fork"),
-)
 FORMS = ("", "groups", "one")
 MOTION = 1e-14  # of the largest of their kind, times the conditioning: measured 2e-15
 FORCES = 1e-13  # of their own size, times the conditioning: measured 2e-15
 MOVES = (0.05, 0.01)  # [rad or m] of the drivers from the given pose; the judge may lose its way
 WORST = 1e5  # condition of the judge's Jacobian beyond which a document is left out
-MOST_LINKS = 14  # a document has no further units from here on
 
 
 def data_of(seed):
-    """A document of one to four units; every other one has friction."""
-    chance = random.Random(seed)
-    units = [chance.choice(UNITS) for _ in range(chance.randint(1, 4))]
-    while sum(4 if u in ("triad", "loop", "fork", "rough_fork") else 2 for u in units) > MOST_LINKS:
-        units.pop()
-    found = document(seed, units, rough=seed % 2 == 1)
+    """A document of one to four groups; every other one has friction."""
+    found = document(seed, replace(WHOLE, friction=seed % 2 == 1))
     system = judged(found)
     home = mb.Instant(system, system.home)
     # Poses do not count turns, so the start says in which turn of the drivers they are.
@@ -107,4 +98,5 @@ def test_documents_are_as_varied_as_they_should_be():
     for kind in (*dyads, "driven.rrr", "group.general", "driver.crank", "driver.slide"):
         assert blocks[kind] >= few, kind
     assert min(on_moving, pins, rough) >= few
+    assert sum(number for unit, number in units.items() if unit[-1] in "345") >= few
     assert min(kinds["R"], kinds["P"]) >= len(SEEDS)

@@ -92,8 +92,8 @@ class Document:
         return self._written(self.sections())
 
     def _written(self, sections: Mapping[str, Any]) -> dict[str, Any]:
-        head = {"name": self.name, "title": self.title}
-        return self.form.written({**head, **sections, **self.extras})
+        extras = {key: self.extras.get(key) for key in EXTRAS}
+        return self.form.written({**sections, **extras, "name": self.name, "title": self.title})
 
     # -- designs ----------------------------------------------------------
 

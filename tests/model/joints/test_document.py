@@ -34,7 +34,7 @@ def problems_of(data):
 GOOD = {
     "slider-crank": machines.SLIDER_CRANK,
     "andrews": recorded("andrews_squeezer")["document"],
-    "random": random_document(3, ("dyad", "cylinder", "fork", "triad"), loads=6),
+    "random": random_document(3),
 }
 
 
