@@ -111,3 +111,16 @@ def test_the_outside_block_keeps_the_contract(installed: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_the_outside_block_is_on_the_studios_palette(installed: Path) -> None:
+    pytest.importorskip("panel_reactflow", reason="the extra studio is not installed")
+    code = "from blockmech.studio.diagram import kinds; print([kind[:3] for kind in kinds()])"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": str(installed)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "('demo.wheel', 'driver', 'wheel')" in done.stdout, done.stderr

@@ -13,6 +13,8 @@ ARGUMENTS = (
     *("--disable-component-update", "--disable-sync"),
 )
 
+PATIENCE = 60_000  # ms of a machine on which others work too
+
 
 @pytest.fixture(scope="session")
 def studio(tmp_path_factory):
@@ -35,7 +37,7 @@ def studio(tmp_path_factory):
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory):
     """Chromium with a user's folder of its own."""
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import expect, sync_playwright
 
     found = shutil.which("chromium")
     if found is None:
@@ -46,7 +48,8 @@ def browser(tmp_path_factory):
         context = tool.chromium.launch_persistent_context(
             folder, executable_path=found, headless=True, args=ARGUMENTS, viewport=window
         )
-        context.set_default_timeout(20000)
+        context.set_default_timeout(PATIENCE)
+        expect.set_options(timeout=PATIENCE)
         yield context
         context.close()
 

@@ -83,7 +83,7 @@ def test_a_driver_called_by_a_joint_goes_with_its_block():
 
 @pytest.mark.parametrize("kind", [k for k in REGISTRY if k != "group.general"])
 def test_every_kind_of_block_begins_with_valid_values(kind):
-    form = edits.added(bm.Graph().to_data(), kind, "new")
+    form = edits.added(bm.Graph().to_data(), kind, "new", (0.0, 0.0))
     assert bm.Graph.from_data(form).blocks["new"].type_name == kind
 
 

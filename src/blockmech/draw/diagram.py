@@ -86,7 +86,7 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
     content = content_of(graph, names)
     wires = [wire.ends for wire in content.wires]
     placed = place(arrange([b.box() for b in content.blocks], wires))
-    view = _view(graph)
+    view = view_of(graph)
     if view:
         honour(placed, view)
     inside = max(placed.width, ink.COLUMN - 2 * SIZES.margin)
@@ -120,7 +120,7 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
     return drawn
 
 
-def _view(graph: Graph) -> dict[str, Point]:
+def view_of(graph: Graph) -> dict[str, Point]:
     """Places [pt] of boxes' upper left corners that the file gives; y downward."""
     view = graph.extras.get("view")
     found: dict[str, Point] = {}

@@ -1,126 +1,92 @@
-"""SciPy's DOP853, its stages in machine code once that pays.
+"""SciPy's DOP853, many steps at a time by machine code where that is asked.
 
-Coefficients, estimate and control of the step are SciPy's.
+Coefficients, estimate and control of the step are SciPy's; where machine code finds no step, its
+own tell why.
 
 Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.5, II.10.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput
-from scipy.integrate._ivp.rk import MAX_FACTOR, MIN_FACTOR, SAFETY
+from scipy.integrate import DOP853
 
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.motion import Floats
-from blockmech.engines.stages import Stages
-
-ESTIMATES = np.array([DOP853.E5, DOP853.E3])  # (2, 13) of the orders 5 and 3
+from blockmech.dynamics.system import REPORTED
+from blockmech.engines.stages import Scheme
 
 
 @cache
-def scheme() -> tuple[Floats, Floats]:
-    """Rows A (16, 16) and times C (16,) of all stages.
-
-    Twelve of the step, the rates at its end, three of its dense output.
-    """
-    n = DOP853.n_stages
-    A, C = np.zeros((len(DOP853.D[0]), len(DOP853.D[0]))), np.ones(len(DOP853.D[0]))
+def scheme() -> Scheme:
+    """Twelve stages of the step, the rates at its end, three of its dense output."""
+    n, whole = DOP853.n_stages, len(DOP853.D[0])
+    A, C = np.zeros((whole, whole)), np.ones(whole)
     A[:n, :n], A[n, :n], A[n + 1 :] = DOP853.A, DOP853.B, DOP853.A_EXTRA
     C[:n], C[n + 1 :] = DOP853.C, DOP853.C_EXTRA
-    return A, C
+    return Scheme(A, C, np.array([DOP853.E5, DOP853.E3]))
 
 
 class Dop853(DOP853):  # type: ignore[misc]
     """The method on an `Equation`."""
 
-    h_abs: float
     t: float
     y: Floats
+    f: Floats
+    h_abs: float
 
     def __init__(self, equation: Equation, t0: float, y0: Floats, bound: float, **how: Any) -> None:
         super().__init__(equation, t0, y0, bound, **how)
         self.equation = equation
-        self.stages: Stages | None = None
 
-    def _step_impl(self) -> tuple[bool, str | None]:
-        if self.stages is None:
-            self._compile()
-        if self.stages is None:
-            found: tuple[bool, str | None] = super()._step_impl()
-            return found
-        t, y = float(self.t), self.y
-        shortest = 10 * (math.nextafter(t, math.inf) - t)  # as SciPy has it
-        h_abs, most = max(min(self.h_abs, self.max_step), shortest), MAX_FACTOR
-        while h_abs >= shortest:
-            t_new = min(t + h_abs, self.t_bound)
-            h = t_new - t
-            y_new = self._worked_out(1, self.n_stages + 1, t, y, h)
-            scale = self.atol + np.maximum(np.abs(y), np.abs(y_new)) * self.rtol
-            off = self._estimate_error_norm(self.K, h, scale)
-            factor = SAFETY * off**self.error_exponent if off else MAX_FACTOR
-            if off < 1:
-                self.h_abs = h * min(most, factor)
-                self.h_previous, self.y_old, self.t, self.y = h, y, t_new, y_new
-                self.f = self.K[-1].copy()
-                return True, None
-            h_abs, most = h * max(MIN_FACTOR, factor), 1.0
-        return False, self.TOO_SMALL_STEP
-
-    def _compile(self) -> None:
-        self.stages = self.equation.stages(*scheme())
-        if self.stages is not None:
-            self.K_extended = self.stages.K[:, : self.n]
-            self.K, self.A_EXTRA = self.K_extended[: self.n_stages + 1], ()
-
-    def _worked_out(self, first: int, last: int, t: float, y: Floats, h: float) -> Floats:
-        """The rates at some stages; the state of the last one."""
-        assert self.stages is not None
-        K, n = self.K_extended, self.n
-        K[0] = self.f if first == 1 else K[0]
-        self.stages.run(first, last, t, y, h)
-        self.equation.took(last - first, self.stages.state, self.stages.K[last - 1])
-        return self.stages.state[:n].copy()
-
-    def _estimate_error_norm(self, K: Floats, h: float, scale: Floats) -> float:
-        """SciPy's, in a third of the time: it is asked at every step, whatever works it out."""
-        fifth, third = (ESTIMATES @ K) / scale
-        a, b = float(fifth @ fifth), float(third @ third)
-        return h * a / math.sqrt((a + 0.01 * b) * self.n) if a or b else 0.0
-
-    def _dense_output_impl(self) -> Any:
-        if self.stages is None:
-            return super()._dense_output_impl()
-        ends = self.n_stages + 1, len(self.K_extended)
-        self._worked_out(*ends, self.t_old, self.y_old, self.h_previous)
-        return Step(self.t_old, self.t, self.y_old, self.y, self.K_extended.copy())
+    def steps(self) -> list[Step]:
+        """The next steps by machine code; none where it has none for the next one."""
+        code, by = self.equation.code, scheme()
+        if code is None:
+            return []
+        tolerances = np.array([self.rtol + 0 * self.y, self.atol + 0 * self.y])
+        begin, ends = (self.t, self.y, self.f), (self.t_bound, self.max_step)
+        left = (self.equation.most - self.equation.spent) / len(by.C)
+        most = int(min(REPORTED, left + 1))
+        found = code.steps(by, begin, self.h_abs, ends, tolerances, most)
+        many = len(found.K)
+        self.equation.took(found.tried * (self.n_stages) + many * (len(by.C) - self.n_stages - 1))
+        if many:
+            self.t_old, self.t = found.t[-2:].tolist()
+            self.y_old, self.y = found.y[-2:]
+            self.h_abs, self.f = found.h, found.K[-1, self.n_stages]
+            self.h_previous = self.t - self.t_old
+            self.status = "finished" if self.t >= self.t_bound else "running"
+        t = found.t.tolist()
+        return [*map(Step, t, t[1:], found.y, found.y[1:], found.K)]
 
 
-class Step(DenseOutput):  # type: ignore[misc]
-    """Dense output of a step, of which nothing is worked out before it is asked for."""
+class Step(NamedTuple):
+    """A step and its dense output, of which nothing is worked out before it is asked for."""
 
-    def __init__(self, t_old: float, t: float, y_old: Floats, y: Floats, K: Floats) -> None:
-        super().__init__(t_old, t)
-        self.y_old, self.y, self.K = y_old, y, K
+    t_old: float
+    t: float
+    y_old: Floats
+    y: Floats
+    K: Floats
 
-    def _call_impl(self, t: Any) -> Floats:
-        return interpolated([self], np.atleast_1d(t)).reshape(-1, *t.shape)
+    def __call__(self, t: Any) -> Floats:
+        """States (n, ...) at times."""
+        times = np.reshape(t, (1, -1))
+        return np.asarray(between([self], times)[0].reshape(-1, *np.shape(t)))
 
 
-def interpolated(steps: Sequence[Step], t: Floats) -> Floats:
-    """States (n, m) at times (m,), each in a step of its own or all in one."""
-    ends = ((s.t_old, s.t) for s in steps)
-    t_old, t_new = np.array(list(ends)).T[:, :, None]
-    y_old, y = (np.array([getattr(s, name) for s in steps]) for name in ("y_old", "y"))
-    K, h, moved = np.array([s.K for s in steps]), t_new - t_old, y - y_old
+def between(steps: Sequence[Step], t: Floats) -> Floats:
+    """States (m, n, p) in some steps (m,) at times (m, p), p of each."""
+    t_old, t_new, y_old, y, K = map(np.array, zip(*steps, strict=True))
+    h, moved = (t_new - t_old)[:, None], y - y_old
     first, last = h * K[:, 0], h * K[:, DOP853.n_stages]
-    rest = h * np.moveaxis(DOP853.D @ K, 1, 0)
-    x, total = (t[:, None] - t_old) / h, np.zeros_like(y_old)
+    rest = h * (DOP853.D @ K).swapaxes(0, 1)
+    x, total = ((t - t_old[:, None]) / h)[:, None], np.zeros((*y.shape, 1))
     for i, part in enumerate([*rest[::-1], 2 * moved - last - first, first - moved, moved]):
-        total = (total + part) * (1 - x if i % 2 else x)
-    return np.asarray((y_old + total).T)
+        total = (total + part[..., None]) * (1 - x if i % 2 else x)
+    return np.asarray(y_old[..., None] + total)

@@ -21,7 +21,7 @@ import numpy as np
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.rates import rates_of
 from blockmech.dynamics.system import System, solved
-from blockmech.engines.stages import Rates, Stages
+from blockmech.engines.stages import Stages
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import Resisted
@@ -43,6 +43,7 @@ class Equation:
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
     _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
+    _rows: tuple[Any, ...] = ()  # places, what it says there
 
     @cached_property
     def drivers(self) -> int:
@@ -55,8 +56,10 @@ class Equation:
             return self._several(t, y)
         row = self.row(t, y)
         if row is not None:
-            self.took(1, y, row)
-            return row[: len(y)]
+            n = len(y)
+            self.took(1)
+            self._last = float(y[0]), row[n], row[n + 1]
+            return row[:n]
         self.spend(1)
         q, qd = float(y[0]), float(y[1])
         J, tau, dJ, margin = self.one(q, qd, t)
@@ -78,46 +81,50 @@ class Equation:
 
     # -- machine code ------------------------------------------------------------
 
-    def stages(self, A: Floats, C: Floats) -> Stages | None:
-        """The stages of a scheme in machine code, for the directions of slip as they are.
+    @property
+    def code(self) -> Stages | None:
+        """The rates as machine code, for the directions of slip as they are.
 
         None where there can be none, and where they are to be interpreted.
         """
+        if self._own[0] != self.sides or self._own[1] is None:
+            self._own = self.sides, self._stages()
+        found: Stages | None = self._own[1]
+        return found
+
+    def _stages(self) -> Stages | None:
         friction, k = self.system.friction, tuple[float, ...]()
         of_program = type(self.system).one is System.one  # not of series near change points
         if not self.system.compiled_states or self.drivers > 1 or not of_program:
             return None
-        if friction is not None and not self.sides:
-            return None
-        code = self._code()
-        if code is None:
-            return None
         if friction is not None:
+            if not self.sides:
+                return None
             k = friction.factors(self.sides)
-        return Stages(code, (0.0, 1.0, *k), A, C)
-
-    def _code(self) -> Rates | None:
-        """Made once for a mechanism and a way to solve friction."""
         kept, key = self.system.kept, ("rates", self.system.method)
         if key not in kept:
-            kept[key] = rates_of(self.system.equation_program, self.system.friction)
-        found: Rates | None = kept[key]
-        return found
+            kept[key] = rates_of(self.system.equation_program, friction)
+        return None if kept[key] is None else Stages(kept[key], (0.0, 1.0, *k))
 
-    def took(self, states: int, y: Any, row: Any) -> None:
-        """Count states that machine code was asked for, and keep what it says of the last."""
-        n = 4 if self.sides else 3
-        self._last = float(y[0]), float(row[n]), float(row[n + 1])
+    def took(self, states: int) -> None:
+        """Count states that machine code was asked for."""
         each = 3 + len(self.sides) if self.sides else 1  # with those of the force pass
         self.spend(states)
         self.system._count(states * each, False)
 
     def row(self, t: float, y: Any) -> list[float] | None:
         """What machine code says of a state, see `rates`; None where it says nothing."""
-        if self._own[0] != self.sides or self._own[1] is None:
-            self._own = self.sides, self.stages(np.zeros((1, 1)), np.zeros(1))
-        code = self._own[1]
+        code = self.code
         return None if code is None else code.at(t, y)
+
+    def rows(self, q: Floats) -> Floats | None:
+        """What machine code says at places (m,), for the rate 1: (rows, m)."""
+        code = self.code
+        if code is not None and not (self._rows and np.array_equal(self._rows[0], q)):
+            y = np.zeros((4 if self.sides else 3, q.size))
+            y[0], y[1] = q, 1.0
+            self._rows = q, code.rows(y)
+        return None if code is None else self._rows[1]
 
     # -- one state ------------------------------------------------------------
 
@@ -150,10 +157,15 @@ class Equation:
             return [complex(*z) for z in zip(parts[::2], parts[1::2], strict=False)]
         return self.resisted(float(y[0]), float(y[1]), t).loads
 
-    def slips(self, q: float) -> Any:
-        """Relative rates of the pairs with friction per unit driver rate."""
+    def slips(self, q: Any) -> Any:
+        """Relative rates of the pairs with friction per unit driver rate, at one place or more."""
+        assert self.system.friction is not None
+        if np.ndim(q):
+            rows = self.rows(q)
+            return (
+                self.system.friction.slips(q).T if rows is None else rows[6 : 6 + len(self.sides)]
+            )
         if self._slips[0] != q:
-            assert self.system.friction is not None
             row = self.row(0.0, (q, 1.0, 0.0, 0.0))
             known = None if row is None else row[6 : 6 + len(self.sides)]
             self._slips = q, known or self.system.friction.slips(np.array([q]))[0]
@@ -163,9 +175,13 @@ class Equation:
         """Keep what was computed elsewhere at a place of the only driver."""
         self._last = q, margin, J
 
-    def closeness(self, y: Floats) -> tuple[float, float]:
-        """Margin, and inertia relative to a typical one (of one driver), at a state."""
+    def closeness(self, y: Floats) -> tuple[Any, Any]:
+        """Margin, and inertia relative to a typical one, of one driver, at a state or some."""
         k = self.drivers
+        if y.ndim > 1:
+            rows, n = self.rows(y[0]), len(y)
+            J, _, margin = self.system.sample(y[0]) if rows is None else rows[[n + 1, n, n]]
+            return margin, J / self.typical
         here = float(y[0]) if k == 1 else tuple(y[:k])
         if self._last[0] != here:
             row = None if k > 1 else self.row(0.0, (float(y[0]), *[0.0] * (y.size - 1)))
@@ -199,9 +215,11 @@ class Equation:
 
 def typical_inertia(system: System, q: float) -> float:
     """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
-    J = system.sample(q + system.span * np.linspace(0.0, 1.0, 8, endpoint=False)).J
-    good = J[np.isfinite(J) & (J > 0)]
-    return float(np.median(good)) if good.size else 1.0
+    if system.usual[0] != q:
+        J = system.sample(q + system.span * np.linspace(0.0, 1.0, 8, endpoint=False)).J
+        good = J[np.isfinite(J) & (J > 0)]
+        system.usual = q, float(np.median(good)) if good.size else 1.0
+    return system.usual[1]
 
 
 def scales(equation: Equation, t: float, y: Floats) -> tuple[float, float]:

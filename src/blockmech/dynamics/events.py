@@ -56,7 +56,7 @@ class EventRule:
 
     def among(self, t: Floats, y: Floats) -> list[float]:
         """Values at times (m,) and states (n, m)."""
-        if self.many:
+        if self.many and t.size:
             found: list[float] = self.value(t, y).tolist()
             return found
         return [self.value(s, x) for s, x in zip(t.tolist(), y.T, strict=True)]
@@ -86,10 +86,10 @@ def general_rules(
     limits = ((ends.DEAD_CENTRE, LEAST_MARGIN), (ends.NO_INERTIA, LEAST_INERTIA))
     for i, (kind, least) in enumerate(limits[:1] if k > 1 else limits):
 
-        def above(t: float, y: Any, i: int = i, least: float = least) -> float:
-            return float(closeness(y)[i]) - least
+        def above(t: Any, y: Any, i: int = i, least: float = least) -> Any:
+            return closeness(y)[i] - least
 
-        found.append(EventRule(kind, above, -1, parts=1, dips=True))
+        found.append(EventRule(kind, above, -1, parts=1, dips=True, many=k == 1))
     for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
         kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {driver}"
         pairs = zip(between, (-1, 1), strict=True)
@@ -115,19 +115,19 @@ def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[E
 
 
 def friction_rules(
-    slips: Callable[[float], Floats], loads: Callable[[float, Any], Any], guides: Sequence[bool]
+    slips: Callable[[Any], Any], loads: Callable[[float, Any], Any], guides: Sequence[bool]
 ) -> list[EventRule]:
     """Reversals of pairs with friction, and guides whose load goes over to the other side."""
     found = []
 
     def slip(j: int) -> Value:
-        return lambda t, y: float(slips(float(y[0]))[j])
+        return lambda t, y: slips(y[0])[j]
 
     def load(j: int, part: Callable[[complex], float]) -> Value:
         return lambda t, y: part(complex(loads(t, y)[j]))
 
     for j, guide in enumerate(guides):
-        found.append(EventRule(ends.REVERSAL, slip(j), parts=PARTS // 2, index=j))
+        found.append(EventRule(ends.REVERSAL, slip(j), parts=PARTS // 2, many=True, index=j))
         if guide:  # of its load N + 2i C/L the larger part counts: kinks where either changes
             kind, parts = ends.GUIDE_SIDE, (_side, _larger)
             found += [EventRule(kind, load(j, part), parts=1, index=j) for part in parts]
@@ -171,7 +171,6 @@ class Lookout:
     spans: Sequence[float]
     y: Floats  # state at the end of the last step, and the rules' values there
     values: list[float]
-    simple: bool = False  # whether all rules of more than ends are those of the driver
 
     @classmethod
     def at(
@@ -189,8 +188,13 @@ class Lookout:
         for i, r in enumerate(rules):
             if (r.kind, r.index) in happened:
                 values[i] = 0.0 if r.kind != ends.KINK or abs(values[i]) <= near else values[i]
-        simple = len(spans) == 1 and all(r.many or r.parts == 1 for r in rules)
-        return cls(rules, parts, spans, y, values, simple)
+        return cls(rules, parts, spans, y, values)
+
+    @property
+    def simple(self) -> bool:
+        """Whether all rules of more than ends are those of the only driver."""
+        of_driver = (r.parts == 1 or (r.many and r.index < 0) for r in self.rules)
+        return len(self.spans) == 1 and all(of_driver)
 
     def in_step(self, t0: float, t1: float, y1: Floats, dense: Callable[[Any], Any]) -> list[Hit]:
         """Events of a step in order, up to the first that stops the integration."""
@@ -202,7 +206,8 @@ class Lookout:
             not _turned(a, b, rule.direction) and not (rule.dips and min(a, b) < near)
             for rule, a, b in zip(self.rules, values, self.values, strict=True)
         )
-        if (self.parts == 1 or self._steady(t1 - t0, before, y1)) and all(quiet):
+        ends = self.parts == 1 or (self.simple and self._steady(t1 - t0, before, y1))
+        if ends and all(quiet):
             return []
         found: list[Hit] = []
         t: Floats = t0 + (t1 - t0) / self.parts * np.arange(self.parts + 1.0)
@@ -225,10 +230,9 @@ class Lookout:
             found += [Hit(rule, s) for s in times]
         return until_terminal(found)
 
-    def _steady(self, h: float, y0: Floats, y1: Floats) -> bool:
+    @staticmethod
+    def _steady(h: float, y0: Floats, y1: Floats) -> bool:
         """Whether nothing turns within a step: rates at both ends and between are alike."""
-        if not self.simple:
-            return False
         a, b, mean = float(y0[1]), float(y1[1]), float(y1[0] - y0[0]) / h
         low, high = min(a, b, mean), max(a, b, mean)
         return 0 < high < 2 * low or 0 > low > 2 * high

@@ -343,7 +343,7 @@ class PathRun:
     # -- the result ------------------------------------------------------------
 
     def motion(self) -> Motion:
-        """The motion of a run that has ended; its error is not known yet."""
+        """The motion of a run that has ended; of one that moved the error is not known yet."""
         request, system, t0 = self.request, self.system, self.request.start.t
         legs = [*self.legs, joined(self.panels)] if self.panels else self.legs
         track = PathTrack(tuple(legs), t0) if legs else Still(self.q)
@@ -368,6 +368,7 @@ class PathRun:
             events=tuple(e._replace(t=t0 + e.t) for e in self.events),
             notes=tuple(self.notes),
             facts=dict(self.facts),
+            error=math.inf if legs else 0.0,
         )
 
 

@@ -122,7 +122,9 @@ def simulate(
         _start(starts), goal, target, method, size, tuple(shown.tolist()), events
     )
     system = system_of(mechanism, stops=bounds, method=how, progress=told, engine=engine)
-    if engine == "llvm":  # who asks for it by name is told where it cannot be
+    if (
+        engine == "llvm" != system.engine_of_states.name
+    ):  # who asks for it by name is told where it cannot be
         compiled_program(system.equation_program)
     motion = with_undefined_loads(mechanism, _moved(system, request))
     motion = replace(motion, notes=(*motion.notes, *_remarks(system, motion, goal)))

@@ -176,6 +176,7 @@ class System:
     calls: int = 0
     singles: int = 0
     states: int = 0  # of integrations, from whatever they are
+    usual: tuple[float, float] = (math.nan, math.nan)  # place, inertia about it
     _programs: Programs = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ the state is looked at.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.integrate import LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.dop853 import Dop853, Step, interpolated
+from blockmech.dynamics.dop853 import Dop853, Step, between
 from blockmech.dynamics.equation import Equation, TooMany, scales
 from blockmech.dynamics.estimate import COMPARED, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
@@ -35,6 +36,7 @@ from blockmech.dynamics.fixed_steps import (
     judged_by_half,
 )
 from blockmech.dynamics.motion import EVALUATIONS, Event, Floats, Motion, State, Status, Still
+from blockmech.dynamics.quiet import looked_over
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import released
 from blockmech.dynamics.singular import AHEAD, PAST, End, time_left, what_is_ahead
@@ -58,6 +60,19 @@ class Verdict(NamedTuple):
     end: str
 
 
+class Taken(NamedTuple):
+    """A step of SciPy's solvers and its dense output."""
+
+    t_old: float
+    t: float
+    y: Floats
+    dense: Callable[[Any], Any]
+
+    def __call__(self, t: Any) -> Floats:
+        """States (n, ...) at times."""
+        return np.asarray(self.dense(t))
+
+
 @dataclass(frozen=True)
 class Steps:
     """Dense output of a run: that of its steps, one after the other."""
@@ -75,7 +90,7 @@ class Steps:
         which = np.clip(np.searchsorted(times, t) - 1, 0, len(pieces) - 1)
         steps = [pieces[i] for i in which.tolist()]
         at_once = steps and all(isinstance(step, Step) for step in steps)
-        return interpolated(steps, t) if at_once else np.asarray(self.solution(t))
+        return between(steps, t[:, None])[..., 0].T if at_once else np.asarray(self.solution(t))
 
 
 @dataclass
@@ -245,16 +260,19 @@ class Run:
             solver.newton_tol = max(solver.newton_tol, math.sqrt(EPS / rtol))
         return solver
 
-    def _stepped(self, solver: Any) -> Any:
-        """Dense output of one more step; None where there is no step."""
+    def _stepped(self, solver: Any) -> Sequence[Any]:
+        """One more step, or some of them at once by machine code; empty where there is none."""
         try:
             with np.errstate(all="ignore"):
+                if self.method == "dop853" and (found := solver.steps()):
+                    return list(found)
                 solver.step()
                 self.equation.closeness(solver.y)
                 good = solver.status != "failed" and np.isfinite(solver.y).all()
-                return solver.dense_output() if good else None
+                step = solver.t_old, solver.t, solver.y
+                return [Taken(*step, solver.dense_output())] if good else []
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-            return None
+            return []
 
     def _integrated(self, lookout: Lookout, bound: float) -> Hit | Verdict | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
@@ -263,33 +281,43 @@ class Run:
             return self._given_up()
         solver = self._solver(bound, self.t, self.y, self.max_step)
         while solver.status == "running":
-            dense = self._stepped(solver)
-            if dense is None:
+            steps = self._stepped(solver)
+            if not steps:
                 return self._given_up()
-            if solver.t == solver.t_old:
-                continue
-            hits = lookout.in_step(solver.t_old, solver.t, solver.y, dense)
-            self._note(hits, dense)
-            met = hits[-1] if hits and hits[-1].rule.terminal else None
-            t, y = solver.t, solver.y
-            if met is not None:
-                t, y = self._exactly(met, solver.t_old, self.y, dense)
-            self.longest = max(self.longest, t - solver.t_old)  # what an event cuts off is none
-            self._took(t, y, dense)
+            met = self._over(steps, lookout) if solver.t > solver.t_old else None
             if met is not None:
                 return met
         return None
 
+    def _over(self, steps: Sequence[Any], lookout: Lookout) -> Hit | None:
+        """Go over steps, to the first terminal event in them."""
+        doubtful, first = [0], 0
+        if len(steps) > 1:
+            doubtful, states, values = looked_over(lookout, steps)
+        for i in (*doubtful, len(steps)):
+            if i > first:  # nothing happens up to there
+                self._took(steps[i - 1].t, steps[i - 1].y, *steps[first:i])
+                lookout.y, lookout.values = states[:, i], values[:, i].tolist()
+            for step in steps[i : i + 1]:
+                hits = lookout.in_step(step.t_old, step.t, step.y, step)
+                self._note(hits, step)
+                if hits and hits[-1].rule.terminal:
+                    self._took(*self._exactly(hits[-1], step.t_old, self.y, step), step)
+                    return hits[-1]
+                self._took(step.t, step.y, step)
+            first = i + 1
+        return None
+
     def _exactly(self, hit: Hit, t0: float, y0: Floats, dense: Any) -> tuple[float, Floats]:
         """Time and state of an event, the state by a step up to it: dense output is coarser."""
-        t, between = hit.t, np.asarray(dense(hit.t))
+        t, there = hit.t, np.asarray(dense(hit.t))
         if not t > t0:
-            return t, between
+            return t, there
         finer = math.isfinite(self.max_step)  # not the one step of the coarser run again
         solver = self._solver(t, t0, y0, SHORTER * (t - t0) if finer else math.inf)
         while solver.status == "running":
-            if self._stepped(solver) is None:
-                return t, between
+            if not self._stepped(solver):
+                return t, there
         y = np.array(solver.y)
         slope, ahead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
         here = hit.rule.value(t, y)
@@ -299,12 +327,16 @@ class Run:
         known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
         return (t + late, moved) if known else (t, y)
 
-    def _took(self, t: float, y: Floats, dense: Any) -> None:
+    def _took(self, t: float, y: Floats, *steps: Any) -> None:
+        """Go on to a state, over steps of which an event may cut off the last."""
         if t > self.times[-1]:
-            self.times.append(float(t))
-            self.pieces.append(dense)
-        self.t, self.y = float(t), np.array(y)
-        self.turned = max(self.turned, abs(float(y[2 * self.equation.drivers])))
+            self.times += [*(step.t for step in steps[:-1]), float(t)]
+            self.pieces += steps
+        self.longest = max(self.longest, *(min(step.t, t) - step.t_old for step in steps))
+        self.t, self.y, work = float(t), np.array(y), 2 * self.equation.drivers
+        self.turned = max(
+            self.turned, *(abs(float(x[work])) for x in (*(s.y for s in steps[:-1]), y))
+        )
         if self.system.progress is not None:
             self.system.progress(self.name, *self._far())
 
@@ -396,7 +428,8 @@ class Run:
                 return Verdict("ended" if self.pieces else "rest", ends.REST)
             until = self.t_max if until is None else until
             still = self.y.copy()
-            self._took(until, still, lambda t: np.multiply.outer(still, np.ones_like(t)))
+            held = Taken(until, until, still, lambda t: np.multiply.outer(still, np.ones_like(t)))
+            self._took(until, still, held)
         self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
         return None
 

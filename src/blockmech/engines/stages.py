@@ -1,21 +1,23 @@
-"""The stages of an explicit Runge-Kutta step as machine code.
+"""Steps of an explicit Runge-Kutta method as machine code, one after the other.
 
-    stages(x, numbers, K, y, state, A, C, t, h, first, last, dimension, width):
-        for stage s from first to last:
-            state = y + h sum_j A_sj K_j, and the time t + C_s h behind it
-            K_s = the rates there, and what else a program says of the state
+    steps(..., most): of each step, until most are done or the bound is reached:
+        K_s = the rates at t + C_s h, y + h sum_j A_sj K_j, for each stage s
+        off = norm of h sum_j E_j K_j, in tolerances, of two estimates
+        the step is taken where off < 1, else it is tried again with a shorter h
 
-The rates are those of a traced program of one lane (`blockmech.engines.assembly`), asked by a
-body: they are worked out state by state, hundreds of times in what a call from Python takes.
+The first rate of the state and what is ``watched`` of it end the steps where they change their
+sign. The rates are those of a traced program of one lane (`blockmech.engines.assembly`), asked by
+a body: they are worked out state by state, hundreds of times in what a call from Python takes.
 
-Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.1.
+Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.1, II.4
+(control of the step: safety 0.9, factors from 0.2 to 10 as in SciPy) and II.10 (the estimates).
 """
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +29,42 @@ from blockmech.engines.trace import FOLLOWED, Body, Trace, numbers
 from blockmech.plan import Program
 
 Floats = NDArray[np.float64]
-KIND = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 7, *[ctypes.c_double] * 2, *[ctypes.c_int64] * 5)
-STAGES = """
-define void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
-    double %h, i64 %first, i64 %last, i64 %dimension, i64 %width, i64 %columns) {
+KIND = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 11, *[ctypes.c_int64] * 6)
+STEPS = """
+declare double @llvm.sqrt.f64(double)
+declare double @llvm.fabs.f64(double)
+declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)
+
+define double @weighted(ptr %weights, ptr %K, i64 %count, i64 %width, i64 %i) {
 start:
-  %clock = getelementptr double, ptr %state, i64 %dimension
+  br label %test
+test:
+  %j = phi i64 [ 0, %start ], [ %j.next, %add ]
+  %sum = phi double [ 0.0, %start ], [ %sum.next, %add ]
+  %more = icmp slt i64 %j, %count
+  br i1 %more, label %add, label %done
+add:
+  %weight.at = getelementptr double, ptr %weights, i64 %j
+  %weight = load double, ptr %weight.at
+  %row = mul i64 %j, %width
+  %place = add i64 %row, %i
+  %k.at = getelementptr double, ptr %K, i64 %place
+  %k = load double, ptr %k.at
+  %product = fmul double %weight, %k
+  %sum.next = fadd double %sum, %product
+  %j.next = add i64 %j, 1
+  br label %test
+done:
+  ret double %sum
+}
+
+define void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
+    double %h, i64 %first, i64 %last, i64 %n, i64 %width, i64 %columns) {
+start:
+  %clock = getelementptr double, ptr %state, i64 %n
   br label %stage
 stage:
-  %s = phi i64 [ %first, %start ], [ %s.next, %known ]
+  %s = phi i64 [ %first, %start ], [ %s.next, %placed ]
   %s.more = icmp slt i64 %s, %last
   br i1 %s.more, label %place, label %done
 place:
@@ -44,25 +73,10 @@ place:
   br label %component
 component:
   %i = phi i64 [ 0, %place ], [ %i.next, %summed ]
-  %i.more = icmp slt i64 %i, %dimension
-  br i1 %i.more, label %term, label %known
-term:
-  %j = phi i64 [ 0, %component ], [ %j.next, %add ]
-  %sum = phi double [ 0.0, %component ], [ %sum.next, %add ]
-  %j.more = icmp slt i64 %j, %s
-  br i1 %j.more, label %add, label %summed
-add:
-  %a.at = getelementptr double, ptr %A.row, i64 %j
-  %a = load double, ptr %a.at
-  %j.row = mul i64 %j, %width
-  %j.place = add i64 %j.row, %i
-  %k.at = getelementptr double, ptr %K, i64 %j.place
-  %k = load double, ptr %k.at
-  %product = fmul double %a, %k
-  %sum.next = fadd double %sum, %product
-  %j.next = add i64 %j, 1
-  br label %term
+  %i.more = icmp slt i64 %i, %n
+  br i1 %i.more, label %summed, label %placed
 summed:
+  %sum = call double @weighted(ptr %A.row, ptr %K, i64 %s, i64 %width, i64 %i)
   %way = fmul double %h, %sum
   %y.at = getelementptr double, ptr %y, i64 %i
   %y.old = load double, ptr %y.at
@@ -71,7 +85,7 @@ summed:
   store double %y.new, ptr %state.at
   %i.next = add i64 %i, 1
   br label %component
-known:
+placed:
   %c.at = getelementptr double, ptr %C, i64 %s
   %c = load double, ptr %c.at
   %later = fmul double %c, %h
@@ -85,13 +99,174 @@ known:
 done:
   ret void
 }
+
+define i64 @steps(ptr %x, ptr %numbers, ptr %blocks, ptr %states, ptr %state, ptr %A, ptr %C,
+    ptr %E, ptr %tolerances, ptr %control, ptr %times, i64 %most, i64 %n, i64 %width,
+    i64 %ends, i64 %all, i64 %watched) {
+start:
+  %bound.at = getelementptr double, ptr %control, i64 1
+  %bound = load double, ptr %bound.at
+  %longest.at = getelementptr double, ptr %control, i64 2
+  %longest = load double, ptr %longest.at
+  %tried.at = getelementptr double, ptr %control, i64 3
+  %block = mul i64 %all, %width
+  %end = sub i64 %ends, 1
+  %end.place = mul i64 %end, %width
+  %bytes = mul i64 %n, 8
+  %row.bytes = mul i64 %width, 8
+  %n.more = add i64 %n, 1
+  %components = sitofp i64 %n to double
+  %E.third = getelementptr double, ptr %E, i64 %ends
+  br label %step
+step:
+  %m = phi i64 [ 0, %start ], [ %m.next, %watch ]
+  %t.at = getelementptr double, ptr %times, i64 %m
+  %t = load double, ptr %t.at
+  %reached = fcmp oge double %t, %bound
+  %full = icmp sge i64 %m, %most
+  %over = or i1 %reached, %full
+  br i1 %over, label %done, label %begin
+begin:
+  %K.place = mul i64 %m, %block
+  %K = getelementptr double, ptr %blocks, i64 %K.place
+  %K.next = getelementptr double, ptr %K, i64 %block
+  %y.place = mul i64 %m, %n
+  %y = getelementptr double, ptr %states, i64 %y.place
+  %y.next = getelementptr double, ptr %y, i64 %n
+  %size = call double @llvm.fabs.f64(double %t)
+  %unit = fmul double %size, 0x3CB0000000000000
+  %shortest = fmul double %unit, 10.0
+  %h.asked = load double, ptr %control
+  %h.long = fcmp ogt double %h.asked, %longest
+  %h.most = select i1 %h.long, double %longest, double %h.asked
+  %h.short = fcmp olt double %h.most, %shortest
+  %h.first = select i1 %h.short, double %shortest, double %h.most
+  br label %try
+try:
+  %h.free = phi double [ %h.first, %begin ], [ %h.shorter, %rejected ]
+  %grows = phi double [ 10.0, %begin ], [ 1.0, %rejected ]
+  %fits = fcmp oge double %h.free, %shortest
+  br i1 %fits, label %within, label %done
+within:
+  %t.free = fadd double %t, %h.free
+  %late = fcmp ogt double %t.free, %bound
+  %t.new = select i1 %late, double %bound, double %t.free
+  %h = fsub double %t.new, %t
+  %tried = load double, ptr %tried.at
+  %tried.next = fadd double %tried, 1.0
+  store double %tried.next, ptr %tried.at
+  call void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
+    double %h, i64 1, i64 %ends, i64 %n, i64 %width, i64 %all)
+  br label %judge
+judge:
+  %i = phi i64 [ 0, %within ], [ %i.next, %component ]
+  %fifths = phi double [ 0.0, %within ], [ %fifths.next, %component ]
+  %thirds = phi double [ 0.0, %within ], [ %thirds.next, %component ]
+  %i.more = icmp slt i64 %i, %n
+  br i1 %i.more, label %component, label %judged
+component:
+  %old.at = getelementptr double, ptr %y, i64 %i
+  %old = load double, ptr %old.at
+  %old.size = call double @llvm.fabs.f64(double %old)
+  %new.at = getelementptr double, ptr %state, i64 %i
+  %new = load double, ptr %new.at
+  %new.size = call double @llvm.fabs.f64(double %new)
+  %grown = fcmp ogt double %new.size, %old.size
+  %larger = select i1 %grown, double %new.size, double %old.size
+  %rtol.at = getelementptr double, ptr %tolerances, i64 %i
+  %rtol = load double, ptr %rtol.at
+  %atol.at = getelementptr double, ptr %rtol.at, i64 %n
+  %atol = load double, ptr %atol.at
+  %share = fmul double %larger, %rtol
+  %scale = fadd double %atol, %share
+  %e5 = call double @weighted(ptr %E, ptr %K, i64 %ends, i64 %width, i64 %i)
+  %q5 = fdiv double %e5, %scale
+  %p5 = fmul double %q5, %q5
+  %fifths.next = fadd double %fifths, %p5
+  %e3 = call double @weighted(ptr %E.third, ptr %K, i64 %ends, i64 %width, i64 %i)
+  %q3 = fdiv double %e3, %scale
+  %p3 = fmul double %q3, %q3
+  %thirds.next = fadd double %thirds, %p3
+  %i.next = add i64 %i, 1
+  br label %judge
+judged:
+  %both = fadd double %fifths, %thirds
+  %none = fcmp oeq double %both, 0.0
+  %hundredth = fmul double %thirds, 0x3F847AE147AE147B
+  %mixed = fadd double %fifths, %hundredth
+  %spread = fmul double %mixed, %components
+  %norm = call double @llvm.sqrt.f64(double %spread)
+  %part = fdiv double %fifths, %norm
+  %off.some = fmul double %h, %part
+  %off = select i1 %none, double 0.0, double %off.some
+  %off.2 = call double @llvm.sqrt.f64(double %off)
+  %off.4 = call double @llvm.sqrt.f64(double %off.2)
+  %off.8 = call double @llvm.sqrt.f64(double %off.4)
+  %factor = fdiv double 0x3FECCCCCCCCCCCCD, %off.8
+  %good = fcmp olt double %off, 1.0
+  br i1 %good, label %accepted, label %rejected
+rejected:
+  %enough = fcmp ogt double %factor, 0x3FC999999999999A
+  %shrinks = select i1 %enough, double %factor, double 0x3FC999999999999A
+  %h.shorter = fmul double %h, %shrinks
+  br label %try
+accepted:
+  %much = fcmp ogt double %factor, %grows
+  %stretch = select i1 %much, double %grows, double %factor
+  %h.next = fmul double %h, %stretch
+  call void @llvm.memcpy.p0.p0.i64(ptr %y.next, ptr %state, i64 %bytes, i1 0)
+  call void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
+    double %h, i64 %ends, i64 %all, i64 %n, i64 %width, i64 %all)
+  store double %h.next, ptr %control
+  %m.next = add i64 %m, 1
+  %t.next = getelementptr double, ptr %times, i64 %m.next
+  store double %t.new, ptr %t.next
+  %slope = getelementptr double, ptr %K, i64 %end.place
+  call void @llvm.memcpy.p0.p0.i64(ptr %K.next, ptr %slope, i64 %row.bytes, i1 0)
+  br label %watch
+watch:
+  %w = phi i64 [ 0, %accepted ], [ %w.next, %same ]
+  %w.more = icmp sle i64 %w, %watched
+  br i1 %w.more, label %watches, label %step
+watches:
+  %is.rate = icmp eq i64 %w, 0
+  %behind = add i64 %n.more, %w
+  %column = select i1 %is.rate, i64 0, i64 %behind
+  %first.at = getelementptr double, ptr %K, i64 %column
+  %first = load double, ptr %first.at
+  %last.at = getelementptr double, ptr %slope, i64 %column
+  %last = load double, ptr %last.at
+  %signs = fmul double %first, %last
+  %turned = fcmp olt double %signs, 0.0
+  br i1 %turned, label %stopped, label %same
+same:
+  %w.next = add i64 %w, 1
+  br label %watch
+stopped:
+  ret i64 %m.next
+done:
+  ret i64 %m
+}
 """
 
 
-class Rates:
-    """A body of a program, as machine code for one state and for the stages of a step.
+class Scheme(NamedTuple):
+    """A method of ``ends`` stages up to the end of a step, and more for its dense output.
 
-    Its inputs are the components of the state, the time, and ``more`` numbers that are given.
+    A : (s, s), C : (s,) of all stages
+    E : (2, ends) of the estimates of orders 5 and 3
+    """
+
+    A: Floats
+    C: Floats
+    E: Floats
+
+
+class Rates:
+    """A body of a program, as machine code for states and for steps.
+
+    Its inputs are the components of the state, the time, and ``more`` numbers that are given; its
+    values their rates, two more, and what is watched: as many as are given but two.
     """
 
     def __init__(self, program: Program, body: Body, dimension: int, more: int) -> None:
@@ -102,43 +277,89 @@ class Rates:
         if trace.asked:
             raise Untraceable(FOLLOWED)
         self.rows: list[Any] = [*trace.values]
-        text = Text(1).fill(self.inputs, self.rows)
-        self.at = machine_code(text + STAGES, "fill", FILL)
-        self.stages = machine_code(text + STAGES, "stages", KIND)
+        text = Text(1).fill(self.inputs, self.rows) + STEPS
+        self.at = machine_code(text, "fill", FILL)
+        self.steps = machine_code(text, "steps", KIND)
         self.numbers = np.array([*numbers(program.parameters.values()), 0.0])  # never empty
 
 
-class Stages:
-    """Rates with room of their own: for one run.
+class Steps(NamedTuple):
+    """Some steps, one after the other.
 
-    K : (stages, width) the rates at each stage, then what else the program says of its state
-    state : (inputs,) the state of the last stage, its time, and the numbers that are given
+    t : (m + 1,) [s], y : (m + 1, n) where they begin, and where the last ends
+    K : (m, s, n) rates at their stages
+    h : [s] the step to try next
+    tried : how many steps were tried
     """
 
-    def __init__(self, rates: Rates, given: Sequence[float], A: Floats, C: Floats) -> None:
-        """``A`` (s, s) and ``C`` (s,) are those of the scheme."""
-        self._rates, self._A, self._C = rates, np.ascontiguousarray(A), np.ascontiguousarray(C)
-        n = rates.dimension
-        self.state = np.array([0.0] * (n + 1) + [*given])
-        self.K = np.zeros((len(C), len(rates.rows)))
-        first, size = self.state.ctypes.data, self.state.itemsize
-        self._x = (ctypes.c_void_p * rates.inputs)(*(first + size * i for i in range(rates.inputs)))
-        self._head = self._x, rates.numbers.ctypes.data, self.K.ctypes.data
-        self._tail = first, self._A.ctypes.data, self._C.ctypes.data
-        self._sizes = n, self.K.shape[1], self._A.shape[1]
+    t: Floats
+    y: Floats
+    K: Floats
+    h: float
+    tried: int
 
-    def run(self, first: int, last: int, t: float, y: Floats, h: float) -> None:
-        """Work out some stages of a step from t, y (n,)."""
-        data = y.ctypes.data
-        self._rates.stages.function(*self._head, data, *self._tail, t, h, first, last, *self._sizes)
+
+class Stages:
+    """Rates with numbers that are given."""
+
+    def __init__(self, rates: Rates, given: Sequence[float]) -> None:
+        self._rates = rates
+        self._given = np.array(given, dtype=np.float64)
+        self._parameters = rates.numbers.ctypes.data
+        self._state = np.array([0.0] * (rates.dimension + 1) + [*given])
+        self._row = np.zeros(len(rates.rows))
+        self._x = self._columns(self._state)
+        self._room = np.zeros((0, 0, 0))
+
+    def _columns(self, x: Floats) -> Any:
+        """Addresses of the inputs: numbers (inputs,), or columns (inputs, m)."""
+        first, stride = x.ctypes.data, x.strides[0]
+        count = self._rates.inputs
+        return (ctypes.c_void_p * count)(*range(first, first + stride * count, stride))
+
+    def steps(
+        self,
+        by: Scheme,
+        begin: Any,
+        h: float,
+        ends: tuple[float, float],
+        tolerances: Floats,
+        most: int,
+    ) -> Steps:
+        """Steps from ``begin`` (t, y, y'), at most so many.
+
+        ends : [s] where they end, and the longest one
+        tolerances : (2, n) relative and absolute ones
+        """
+        r, n, width = self._rates, self._rates.dimension, self._row.size
+        stages = len(by.C)
+        if len(self._room) <= most:
+            self._room = np.zeros((most + 1, stages, width))
+        K, t, y = self._room, np.zeros(most + 1), np.zeros((most + 1, n))
+        K[0, 0] = 0.0
+        t[0], y[0], K[0, 0, :n] = begin
+        control = np.array([h, *ends, 0.0])
+        arrays = K, y, self._state, by.A, by.C, by.E, tolerances, control, t
+        places = (x.ctypes.data for x in arrays)
+        sizes = most, n, width, by.E.shape[1], stages, self._given.size - 2
+        m = r.steps.function(self._x, self._parameters, *places, *sizes)
+        tried = int(control[3])
+        return Steps(t[: m + 1], y[: m + 1], K[:m, :, :n].copy(), float(control[0]), tried)
 
     def at(self, t: float, y: Sequence[float]) -> list[float]:
         """What the program says of a state."""
-        n = self._rates.dimension
-        self.state[:n], self.state[n] = y, t
-        row = self.K[-1]
-        _, numbers, K = self._head
-        place = K + row.itemsize * (self.K.size - row.size)
-        self._rates.at.function(self._x, numbers, place, 1, 1, 0, 1)
-        found: list[float] = row.tolist()
+        r, n = self._rates, self._rates.dimension
+        self._state[:n], self._state[n] = y, t
+        r.at.function(self._x, self._parameters, self._row.ctypes.data, 1, 1, 0, 1)
+        found: list[float] = self._row.tolist()
         return found
+
+    def rows(self, y: Floats) -> Floats:
+        """What it says of states (n, m), at the time 0: (rows, m)."""
+        n, m = y.shape
+        x = np.zeros((self._rates.inputs, m))
+        x[:n], x[n + 1 :] = y, self._given[:, None]
+        out = np.empty((self._row.size, m))
+        where = self._columns(x), self._parameters, out.ctypes.data
+        self._rates.at.function(*where, m, m, 0, 1)
+        return out

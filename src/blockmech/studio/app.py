@@ -11,15 +11,12 @@ from typing import Any
 import panel as pn
 
 from blockmech.builders import Graph, Linkage, Opened, opened
-from blockmech.draw.palette import ROW
 from blockmech.errors import BlockmechError
-from blockmech.loads.contract import Element
-from blockmech.studio import edits
 from blockmech.studio.answers import Answers
 from blockmech.studio.diagram import Diagram
 from blockmech.studio.fields import Shown
 from blockmech.studio.files import Desk, Filed, files_of
-from blockmech.studio.form import SCENE, Form
+from blockmech.studio.form import MECHANISM, Form
 from blockmech.studio.gallery import gallery_page
 from blockmech.studio.links import LinksSheet
 from blockmech.studio.looks import begin, page
@@ -39,113 +36,75 @@ ABOVE = {"min-height": "540px"}  # in a lower window each side scrolls
 class Page:
     """One window on a sheet. Several may show the same sheet, which the server keeps."""
 
-    def __init__(self, sheet: Filed) -> None:
-        self.sheet = sheet
+    def __init__(self, sheet: Filed, dark: bool = False) -> None:
+        self.sheet, self.dark = sheet, dark
         self.status = pn.pane.HTML("", css_classes=["bm-status"], sizing_mode="stretch_width")
-        self.formula = pn.pane.HTML("", height=FORMULA, sizing_mode="stretch_width")
-        self.form = Form(sheet, self.say)
-        self.diagram = Diagram(sheet, self.say, self.select)
-        self._make_bar()
-        self._make_wiring()
-        follow(sheet, self.show, "form", "problems", "saved", "undoable", "redoable", "path")
-        self.show()
-
-    # -- parts ------------------------------------------------------------
-
-    def _make_bar(self) -> None:
-        self.file = pn.widgets.TextInput(label="File", width=190)
-        self.save = pn.widgets.Button(name="Save", button_type="primary")
-        self.replace = pn.widgets.Button(name="Replace the file", button_type="danger")
-        self.replace.visible = False
-        self.undo, self.redo = pn.widgets.Button(name="Undo"), pn.widgets.Button(name="Redo")
-        self.layout = pn.widgets.Button(name="Lay out")
-        self.copy = pn.widgets.Button(name="Duplicate")
-        self.remove = pn.widgets.Button(name="Delete")
-        self.length = pn.widgets.Select(label="Lengths", options=["m", "mm"], width=70)
-        self.angle = pn.widgets.Select(label="Angles", options=["rad", "deg"], width=70)
-        self.download = pn.widgets.FileDownload(
-            callback=lambda: io.BytesIO(self.sheet.text().encode()), label="Download"
+        self.formula = pn.pane.HTML(
+            "", height=FORMULA, sizing_mode="stretch_width", styles={"overflow-y": "auto"}
         )
-        self.picture = pn.widgets.FileDownload(
-            callback=self._picture, label="Picture", filename="diagram.svg"
+        self.view = MechanismView(sheet, dark)
+        self.answers = Answers(sheet, self.view)
+        self.form = Form(sheet, self.say)
+        self.diagram = Diagram(sheet, self.say, self.select, self.answers.wires)
+        self.diagram.flow.color_mode = "dark" if dark else "light"
+        self.links = LinksSheet(sheet, dark)
+        self.file = pn.widgets.TextInput(label="File", width=190)
+        self.save = self._button("Save", lambda: self._save(False), button_type="primary")
+        self.replace = self._button("Replace the file", lambda: self._save(True), visible=False)
+        self.undo = self._button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"))
+        self.redo = self._button("Redo", lambda: self.say(f"Redo: {sheet.redo()}"))
+        self.download = pn.widgets.FileDownload(
+            callback=lambda: io.BytesIO(sheet.text().encode()), label="Download"
         )
         self.kept = pn.widgets.Checkbox(name="saved", visible=False)
         self.kept.jscallback(value=LEAVING)
-        self.save.on_click(lambda _: self._save(replace=False))
-        self.replace.on_click(lambda _: self._save(replace=True))
-        self.undo.on_click(lambda _: self.sheet.undo())
-        self.redo.on_click(lambda _: self.sheet.redo())
-        self.layout.on_click(lambda _: self.diagram.do(edits.laid_out(self.sheet.form), "laid out"))
-        self.copy.on_click(lambda _: self._duplicate())
-        self.remove.on_click(lambda _: self._remove())
-        for widget in (self.length, self.angle):
-            widget.param.watch(
-                lambda _: self._show_in(Shown(self.length.value, self.angle.value)), "value"
-            )
+        self.units = [
+            pn.widgets.Select(label="Lengths", options=["m", "mm"], width=70),
+            pn.widgets.Select(label="Angles", options=["rad", "deg"], width=70),
+        ]
+        for widget in self.units:
+            widget.param.watch(lambda _: self._measure(), "value")
+        self._measure()
+        follow(sheet, self.show, "form", "problems", "saved", "undoable", "redoable", "path")
+        self.show()
 
-    def _make_wiring(self) -> None:
-        self.block = pn.widgets.Select(label="Edit", width=96)
-        self.source = pn.widgets.Select(label="Connect marker", width=96)
-        self.target = pn.widgets.Select(label="to joint", width=96)
-        self.wire = pn.widgets.Button(name="Connect")
-        self.wires = pn.widgets.Select(label="Wires", width=110)
-        self.cut = pn.widgets.Button(name="Remove wire")
-        self.block.param.watch(lambda event: self.form.param.update(selected=event.new), "value")
-        self.wire.on_click(
-            lambda _: self.diagram.connect(self.source.value or "", self.target.value or "")
-        )
-        self.cut.on_click(
-            lambda _: self.diagram.do(
-                edits.without(self.sheet.form, (), [self.wires.value]),
-                f"{self.wires.value} removed",
-            )
-        )
+    def _button(self, label: str, act: Callable[[], Any], **look: Any) -> Any:
+        button = pn.widgets.Button(label=label, **look)
+        button.on_click(lambda _: act())
+        return button
 
-    def panel(self, dark: bool = False) -> Any:
+    def panel(self) -> Any:
         """The page."""
-        self.diagram.flow.color_mode = "dark" if dark else "light"
+        picture = pn.widgets.FileDownload(
+            callback=self._picture, label="Picture", filename="diagram.svg"
+        )
+        blocks = (
+            self._button(
+                "Lay out", lambda: self.diagram.do({**self.sheet.form, "view": {}}, "laid out")
+            ),
+            self._button("Duplicate", lambda: self.diagram.duplicate(self._chosen())),
+            self._button("Delete", lambda: self.diagram.remove(self._chosen())),
+        )
         bar = pn.FlexBox(
             pn.pane.HTML("<h1>blockmech studio</h1>", margin=(8, 12)),
-            *(self.file, self.save, self.replace, self.undo, self.redo, self.layout),
-            *(self.copy, self.remove, self.download, self.picture, self.length, self.angle),
-            self.kept,
+            *(self.file, self.save, self.replace, self.undo, self.redo, *blocks),
+            *(self.download, picture, *self.units, self.kept),
             align_items="end",
-            css_classes=["bm-bar"],
         )
-        wiring = pn.FlexBox(
-            *(self.block, self.source, self.target, self.wire, self.wires, self.cut),
-            align_items="end",
-            css_classes=["bm-wiring"],
-        )
-        self.view = MechanismView(self.sheet, dark)
-        self.answers = Answers(self.sheet, self.view)
-        self.links = LinksSheet(self.sheet, dark)
-        self.diagram.wire_values = self.answers.wires
-        self._show_in(self.form.shown)
-        blocks = pn.Column(
-            *(self.diagram.palette, self.formula, self.diagram.flow, wiring, self.status),
-            sizing_mode="stretch_both",
-        )
+        flow = (self.diagram.palette, self.formula, self.diagram.flow, self.status)
         drawn = pn.Tabs(
-            ("Blocks", blocks),
+            ("Blocks", pn.Column(*flow, sizing_mode="stretch_both")),
             ("Links and joints", self.links.panel()),
             active=int(isinstance(self.sheet.document, Linkage)),
             sizing_mode="stretch_both",
-            styles=ABOVE,
         )
         below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
-        moving = self.view.panel()
-        moving.styles = ABOVE
-        sides = (
-            (drawn, pn.Column(self.form.panel(), **below)),
-            (moving, pn.Column(self.answers.panel(), **below)),
-        )
-        body = pn.Row(
-            *(pn.Column(*parts, sizing_mode="stretch_both", scroll="y-auto") for parts in sides),
-            sizing_mode="stretch_both",
-            css_classes=["bm-body"],
-        )
-        return page([bar, body], dark)
+        sides = []
+        for above, shown in ((drawn, self.form.column), (self.view.panel(), self.answers.panel())):
+            above.styles = ABOVE
+            both = above, pn.Column(shown, **below)
+            sides.append(pn.Column(*both, sizing_mode="stretch_both", scroll="y-auto"))
+        return page([bar, pn.Row(*sides, sizing_mode="stretch_both")], self.dark)
 
     # -- what is shown ----------------------------------------------------
 
@@ -153,44 +112,26 @@ class Page:
         """Tell something in the line below the diagram, also to a screen reader."""
         self.status.object = f"<p role=status>{html.escape(text)}</p>"
 
-    def _show_in(self, units: Shown) -> None:
+    def _measure(self) -> None:
         """Show lengths and angles in the units that the user chose; files stay SI."""
-        self.form.shown = self.view.shown = units
+        self.form.shown = self.view.shown = Shown(*(widget.value for widget in self.units))
 
     def select(self, name: str) -> None:
-        """Show the form of a block, or of the scene."""
-        blocks = {n: n for n in self.sheet.form.get("blocks", {})}
-        self.block.param.update(options={"mechanism": SCENE, **blocks}, value=name)
+        """Show the form of a block."""
+        self.form.selected = ("blocks", name) if "blocks" in self.sheet.form else MECHANISM
 
     def show(self) -> None:
         """What the bar and the lines around the diagram say of the sheet."""
-        sheet, graph = self.sheet, self.sheet.document
+        sheet = self.sheet
         at = sheet.path.relative_to(sheet.folder).as_posix() if sheet.path else ""
         self.file.value = at or self.file.value or f"{sheet.form['name']}.json"
         self.download.filename = f"{sheet.form['name']}.json"
         self.undo.param.update(disabled=not sheet.undoable, description=sheet.undoable or None)
         self.redo.param.update(disabled=not sheet.redoable, description=sheet.redoable or None)
-        self.save.name = "Saved" if sheet.saved and sheet.path else "Save"
+        self.save.label = "Saved" if sheet.saved and sheet.path else "Save"
         self.kept.value = sheet.saved
-        if isinstance(graph, Graph):
-            markers = [
-                f"{name}.{marker}"
-                for name, block in graph.blocks.items()
-                if hasattr(block, "all_markers") and not isinstance(block, Element)
-                for marker in block.all_markers
-            ]
-            open_ends = [p.where for p in sheet.problems if p.code == "unwired-joint"]
-            wires = [str(wire) for wire in graph.wires]
-            for choice, options in (
-                (self.source, markers),
-                (self.target, open_ends),
-                (self.wires, wires),
-            ):
-                value = choice.value if choice.value in options else next(iter(options), None)
-                choice.param.update(options=options, value=value)
-            self.select(self.form.selected if self.form.selected in graph.blocks else SCENE)
-        if sheet.graph is not None and isinstance(graph, Graph):
-            said = html.escape(graph.structure().formula.replace("->", "→"))
+        if isinstance(sheet.graph, Graph):
+            said = html.escape(sheet.graph.structure().formula.replace("->", "→"))
             self.formula.object = f"<p>{said}</p>"
         else:
             lines = "".join(f"<li>{html.escape(str(p))}</li>" for p in sheet.problems)
@@ -208,24 +149,10 @@ class Page:
         self.replace.visible = False
         self.say(f"wrote {self.file.value}")
 
-    def _duplicate(self) -> None:
-        form, names = self.sheet.form, self._chosen()
-        places = {
-            edits.free_name(form, f"copy.{name}"): (x + 3 * ROW, y + 3 * ROW)
-            for name in names
-            for x, y in [self.diagram.places[name]]
-        }
-        made = edits.placed(edits.duplicated(form, names), {**self.diagram.places, **places})
-        self.diagram.do(made, f"{', '.join(names)} duplicated")
-
-    def _remove(self) -> None:
-        names = self._chosen()
-        self.diagram.do(edits.without(self.sheet.form, names), f"{', '.join(names)} deleted")
-
     def _chosen(self) -> list[str]:
         """Blocks that are selected on the canvas, or the one of the form."""
-        form = [self.form.selected] if self.form.selected else []
-        return [n for n in self.diagram.selected or form if n in self.sheet.form["blocks"]]
+        names = self.diagram.selected or list(self.form.selected[1:])
+        return [name for name in names if name in self.sheet.form.get("blocks", ())]
 
     def _picture(self) -> io.BytesIO:
         from blockmech.draw.diagram import draw_diagram
@@ -266,7 +193,7 @@ def window(desk: Desk) -> Any:
 def shown_of(sheet: Filed, dark: bool) -> Any:
     """A page of a sheet."""
     begin(dark)
-    return Page(sheet).panel(dark)
+    return Page(sheet, dark).panel()
 
 
 def in_notebook(document: Opened | None, dark: bool) -> Any:

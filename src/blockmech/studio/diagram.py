@@ -15,19 +15,19 @@ import panel as pn
 import param
 from panel_reactflow import ReactFlow
 
-from blockmech.blocks.contract import Block
 from blockmech.blocks.registry import REGISTRY
-from blockmech.draw.boxes import Content, DrawnBlock, content_of
+from blockmech.builders import Graph
+from blockmech.draw.boxes import Content, DrawnBlock, content_of, graph_of
+from blockmech.draw.diagram import view_of
 from blockmech.draw.layout import Box, arrange
 from blockmech.draw.palette import ROW, TEXT
 from blockmech.draw.routing import place
 from blockmech.errors import BlockmechError, Problem
-from blockmech.loads.contract import Element
-from blockmech.model import checks
+from blockmech.model import checks, graph
 from blockmech.model.diagram import Wire
-from blockmech.model.graph import Graph
 from blockmech.model.schema import graph_schema
 from blockmech.studio import edits
+from blockmech.studio.edits import Form
 from blockmech.studio.fields import starter
 from blockmech.studio.session import follow
 from blockmech.studio.sheet import Sheet
@@ -88,32 +88,37 @@ def kinds() -> list[tuple[str, str, str, str]]:
     """Type, family and word of every kind of block, and why it cannot be begun here or ""."""
     schema, found = graph_schema(), []
     for kind in REGISTRY:
+        word, alone = kind.split(".")[-1], graph.Graph()
         try:
-            made = REGISTRY[kind](**starter(schema, schema["$defs"][kind]))
+            alone.add(word, REGISTRY[kind](**starter(schema, schema["$defs"][kind])))
         except BlockmechError:  # links and pairs of a group are more than one field each
             why = f"{kind} has no simplest values: draw links and joints, or open a file with one"
-            found.append((kind, "group", kind.split(".")[-1], why))
+            found.append((kind, "group", word, why))
             continue
-        content = content_of(_alone(kind, made)).blocks[0]
-        word = {"group": content.words, "frame": "frame"}.get(content.kind, kind.split(".")[-1])
-        found.append((kind, content.kind, word.replace("_", " "), ""))
+        (drawn,) = content_of(alone).blocks
+        word = {"group": drawn.words}.get(drawn.kind, word)
+        found.append((kind, drawn.kind, word.replace("_", " "), ""))
     order = ("frame", "driver", "group", "element")
     return sorted(found, key=lambda item: order.index(item[1]))
 
 
-def _alone(name: str, block: Block) -> Graph:
-    graph = Graph()
-    graph.blocks[name] = block
-    return graph
-
-
 class Diagram:
-    """The canvas of a sheet's block diagram, and what the user does on it."""
+    """The canvas of a sheet's block diagram, and what the user does on it.
 
-    def __init__(self, sheet: Sheet, say: Callable[[str], None], select: Callable[[str], None]):
-        self.sheet, self.say, self.select = sheet, say, select
+    ``values`` tells what travels on a wire. Of links and joints the diagram that follows is
+    shown, and cannot be edited.
+    """
+
+    def __init__(
+        self,
+        sheet: Sheet,
+        say: Callable[[str], None],
+        select: Callable[[str], None],
+        values: Callable[[str], str],
+    ) -> None:
+        self.sheet, self.say, self.select, self.values = sheet, say, select, values
         self.places: dict[str, tuple[float, float]] = {}
-        self.wire_values: Callable[[str], str] | None = None
+        self.drawn: dict[str, Any] = {}  # what the canvas was told: blocks and wires by name
         self.flow = ReactFlow(
             sizing_mode="stretch_both",
             min_height=240,
@@ -121,17 +126,14 @@ class Diagram:
             display_side_bar=False,
             drop_types=[DRAGGED],
             popup_trigger="hover",
-            min_zoom=0.1,
+            min_zoom=0.02,
             max_zoom=1.2,
             default_node_editor=lambda *_, **__: None,
-            default_edge_options={"type": "smoothstep"},
         )
         self.flow.add_connection_validator(self._refusal)
         self.flow.on("drop", self._dropped)
-        self.flow.on("node_moved", self._moved)
-        self.flow.on("edge_added", self._wired)
-        self.flow.on("edge_deleted", lambda event: self._remove(wires=event))
-        self.flow.on("node_deleted", lambda event: self._remove(blocks=event))
+        for event in ("node_moved", "node_deleted", "edge_added", "edge_deleted"):
+            self.flow.on(event, lambda _: self._edited())
         self.flow.on("selection_changed", self._selected)
         self.flow.on("edge_hovered", self._hovered)
         self.flow.on("edge_unhovered", lambda _: self.flow.close_popup())
@@ -148,39 +150,45 @@ class Diagram:
 
     def show(self) -> None:
         """Blocks, wires and problems of the sheet."""
-        graph = self.sheet.document
-        if not isinstance(graph, Graph):
-            self.flow.param.update(nodes=[], edges=[])
-            return
-        content = content_of(graph, most=len(graph.blocks) + 1)
-        wrong = {at: p.found for p in self.sheet.problems for at in _about(p, graph)}
-        types = {b.name: _node_type(graph, b, wrong) for b in content.blocks}
+        shown, sheet = self.sheet.document, self.sheet
+        ours = isinstance(shown, Graph)
+        if not ours:
+            shown = graph_of(sheet.mechanism.of_blocks) if sheet.mechanism else Graph()
+        content = content_of(shown, most=len(shown.blocks) + 1)
+        wrong = {at: p.found for p in sheet.problems if ours for at in _about(p, shown)}
+        types = {b.name: _node_type(shown, b, wrong) for b in content.blocks}
         rows = {name: _rows(spec) for name, spec in types.items()}
-        self.places = _places(content, rows, self.sheet.form.get("view", {}))
+        self.places = _places(content, rows, view_of(shown))
         bad = {at.partition(".")[0] for at in wrong}
-        nodes = [self._node(b, types[b.name], b.name in bad) for b in content.blocks]
-        edges = [_edge(wire.source, wire.target) for wire in graph.wires]
-        kinds = {spec["type"]: spec for spec in types.values()}
-        if kinds != self.flow.node_types:
-            self.flow.node_types = kinds
-        self.flow.param.update(nodes=nodes, edges=edges)
+        nodes = [self._node(b, types[b.name], b.name in bad, wrong) for b in content.blocks]
+        edges = [_edge(wire.source, wire.target) for wire in shown.wires]
+        specs = {spec["type"]: spec for spec in types.values()}
+        self.drawn = {one["id"]: one.get("position") for one in (*nodes, *edges)}
+        if specs != self.flow.node_types:
+            self.flow.node_types = specs
+        self.flow.param.update(nodes=nodes, edges=edges, editable=ours)
+        self.palette.visible = ours
 
-    def _node(self, block: DrawnBlock, spec: dict[str, Any], wrong: bool) -> dict[str, Any]:
+    def _node(
+        self, block: DrawnBlock, spec: dict[str, Any], bad: bool, wrong: dict[str, str]
+    ) -> dict[str, Any]:
         x, y = self.places[block.name]
+        words = [block.name, block.words, "  ".join(block.drive)]
+        words += [f"⚠ {wrong[block.name]}"] if block.name in wrong else []
         return {
             "id": block.name,
             "type": spec["type"],
-            "label": f"{block.name}\n{block.words}",
+            "label": "\n".join(filter(None, words)),
             "position": {"x": x * PIXELS, "y": y * PIXELS},
             "data": {},
             "selected": block.name in self.flow.selection["nodes"],
-            "className": f"bm-node bm-{block.kind}{' bm-bad' if wrong else ''}",
+            "className": f"bm-node bm-{block.kind}{' bm-bad' if bad else ''}",
             "style": {"height": _rows(spec) * ROW * PIXELS},
         }
 
     # -- what the user does -------------------------------------------------
 
-    def do(self, form: dict[str, Any], said: str) -> bool:
+    def do(self, form: Form, said: str) -> bool:
         """Change the sheet; a refusal is told, and the canvas shows the sheet again."""
         try:
             self.sheet.change(form, said)
@@ -193,82 +201,68 @@ class Diagram:
 
     def add(self, kind: str, at: tuple[float, float] | None) -> None:
         """Add a block of a kind at a place [pt], or to the right of all."""
-        form = self.sheet.form
-        if kind not in REGISTRY or "blocks" not in form:
+        if kind not in REGISTRY or "blocks" not in self.sheet.form:
             return
+        form = edits.placed(self.sheet.form, self.places)
         right = max((x for x, _ in self.places.values()), default=-10 * ROW)
-        name = edits.free_name(form, kind)
-        form = edits.placed(form, self.places)
+        name = edits.free_name(form, kind.rsplit(".", 1)[-1])
         if self.do(edits.added(form, kind, name, at or (right + 14 * ROW, ROW)), f"{name} added"):
             self.select(name)
 
-    def connect(self, source: str, target: str) -> None:
-        """Wire a marker to a joint."""
-        self.do(edits.wired(self.sheet.form, source, target), f"{source} -> {target}")
+    def lay_out(self) -> None:
+        """Forget all places, so that they follow from the wires."""
+        self.do({**self.sheet.form, "view": {}}, "laid out")
+
+    def duplicate(self, names: list[str]) -> None:
+        """Put copies of some blocks beside them."""
+        made = edits.duplicated(self.sheet.form, names, self.places)
+        self.do(made, f"{', '.join(names)} duplicated")
+
+    def remove(self, names: list[str]) -> None:
+        """Delete some blocks."""
+        self.do(edits.without(self.sheet.form, names), f"{', '.join(names)} deleted")
+
+    def _edited(self) -> None:
+        """Do to the sheet what was done to the canvas, all of it as one step."""
+        at = {node["id"]: node["position"] for node in self.flow.nodes}
+        wires = {_ends(edge): edge for edge in self.flow.edges}
+        gone = [one for one in self.drawn if one not in at and one not in wires]
+        new = [wire for wire in wires if wire not in self.drawn]
+        moved = {
+            n: (z["x"] / PIXELS, z["y"] / PIXELS) for n, z in at.items() if z != self.drawn.get(n)
+        }
+        form = edits.without(self.sheet.form, gone, gone)
+        form = edits.placed(form, {**self.places, **moved} if moved else {})
+        ends = (wire.split(" -> ") for wire in new)
+        form = {**form, "wires": [*form["wires"], *({"from": a, "to": b} for a, b in ends)]}
+        done = {"deleted": gone, "moved": moved, "": new}
+        said = "; ".join(f"{', '.join(what)} {how}".strip() for how, what in done.items() if what)
+        if said:
+            self.do(form, said)
 
     def _dropped(self, event: dict[str, Any]) -> None:
-        at = event["position"]
-        self.add(str(event["data"]), (at["x"] / PIXELS, at["y"] / PIXELS))
-
-    def _moved(self, event: dict[str, Any]) -> None:
-        name, at = event["node_id"], event["position"]
-        new = (at["x"] / PIXELS, at["y"] / PIXELS)
-        if name in self.places and new != self.places[name]:
-            form = edits.placed(self.sheet.form, {**self.places, name: new})
-            self.do(form, f"{name} moved")
+        self.add(str(event["data"]), _points(event["position"]))
 
     def _refusal(self, ends: dict[str, Any]) -> str | None:
         """Why a wire cannot be, in the words of `Graph.connect`; None where it can."""
-        graph = self.sheet.document
-        wire = Wire(
-            f"{ends['source']}.{ends['sourceHandle']}", f"{ends['target']}.{ends['targetHandle']}"
-        )
-        fed = next((w for w in graph.wires if w.target == wire.target), None)
-        problems = list(checks.wire_problems(graph.blocks, wire, fed))
-        return " ".join(map(str, problems)) or None
-
-    def _wired(self, event: dict[str, Any]) -> None:
-        edge = event.get("edge", event)
-        reason = self._refusal(edge)
-        if reason:
-            self.say(reason)
-            self.show()
-            return
-        self.connect(
-            f"{edge['source']}.{edge['sourceHandle']}", f"{edge['target']}.{edge['targetHandle']}"
-        )
-
-    def _remove(self, blocks: Any = None, wires: Any = None) -> None:
-        names = _ids(blocks, "node") if blocks else []
-        cut = _ids(wires, "edge") if wires else []
-        form = self.sheet.form
-        there = {edits.wire_text(w) for w in form["wires"]}
-        if set(names) & set(form["blocks"]) or set(cut) & there:
-            said = f"{', '.join([*names, *cut])} deleted"
-            self.do(edits.without(form, names, cut), said)
+        wire, shown = Wire(*_ends(ends).split(" -> ")), self.sheet.document
+        fed = next((w for w in shown.wires if w.target == wire.target), None)
+        return " ".join(map(str, checks.wire_problems(shown.blocks, wire, fed))) or None
 
     def _selected(self, event: dict[str, Any]) -> None:
-        names = event.get("nodes") or []
-        if len(names) == 1:
+        if len(names := event.get("nodes") or []) == 1:
             self.select(names[0])
 
     def _hovered(self, event: dict[str, Any]) -> None:
-        if self.wire_values is not None:
-            text = self.wire_values(event["edge_id"])
-            if text:
-                self.flow.show_popup(pn.pane.Str(text), event["position"])
-
-
-def _ids(event: dict[str, Any], what: str) -> list[str]:
-    many = event.get(f"{what}_ids") or [event.get(f"{what}_id")]
-    return [str(one) for one in many if one]
+        just_drawn = event["edge_id"] == self.sheet.undoable  # the pointer is there by itself
+        if not just_drawn and (text := self.values(event["edge_id"])):
+            self.flow.show_popup(pn.pane.Str(text), event["position"])
 
 
 def _places(
-    content: Content, rows: dict[str, int], view: dict[str, Any]
+    content: Content, rows: dict[str, int], at: dict[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
     """Places [pt] of all blocks: the author's, and for others those that follow from the wires."""
-    at = {name: (float(x), float(y)) for name, (x, y) in view.items() if name in rows}
     if len(at) == len(rows):
         return at
     wires, boxes = [wire.ends for wire in content.wires], []
@@ -287,7 +281,7 @@ def _rows(spec: dict[str, Any]) -> int:
     return max(3, max(len(spec["inputs"]), len(spec["outputs"])) + 1)
 
 
-def _node_type(graph: Graph, block: DrawnBlock, wrong: dict[str, str]) -> dict[str, Any]:
+def _node_type(shown: graph.Graph, block: DrawnBlock, wrong: dict[str, str]) -> dict[str, Any]:
     """Handles of a block: joints and terminals on the left, markers and guides on the right."""
     inputs = []
     for port in block.ports:
@@ -295,16 +289,17 @@ def _node_type(graph: Graph, block: DrawnBlock, wrong: dict[str, str]) -> dict[s
         label = f"{port.name} ⚠ {said}" if said else port.name
         inputs.append({"id": port.name, "label": label, "type": port.pair or "load"})
     outputs = []
-    known = graph.blocks.get(block.name)
-    markers = (
-        known.all_markers if isinstance(known, Block) and not isinstance(known, Element) else {}
-    )
-    for name, (_, marker) in markers.items():
+    for name, (_, marker) in edits.markers_of(shown.blocks.get(block.name)).items():
         guide = getattr(marker, "angle", None) is not None or getattr(marker, "dir", None)
         outputs.append({"id": name, "label": name, "type": "guide" if guide else "marker"})
     # React Flow measures handles again where the type of a block changes: it says what they are
     kind = f"handles{zlib.crc32(json.dumps([inputs, outputs]).encode()):08x}"
     return {"type": kind, "label": "", "inputs": inputs, "outputs": outputs}
+
+
+def _points(at: dict[str, float]) -> tuple[float, float]:
+    """A place of the canvas in points of a file's view."""
+    return at["x"] / PIXELS, at["y"] / PIXELS
 
 
 def _edge(source: str, target: str) -> dict[str, Any]:
@@ -313,8 +308,14 @@ def _edge(source: str, target: str) -> dict[str, Any]:
     return {"id": f"{source} -> {target}", "type": "smoothstep", "data": {}, **ends}
 
 
-def _about(problem: Problem, graph: Graph) -> list[str]:
+def _ends(edge: dict[str, Any]) -> str:
+    """What a wire of the canvas is called."""
+    ends = ((edge[end], edge[f"{end}Handle"]) for end in ("source", "target"))
+    return " -> ".join(map(".".join, ends))
+
+
+def _about(problem: Problem, shown: graph.Graph) -> list[str]:
     """The blocks and ports that a problem is about; of blocks in a loop, where they are fed."""
     names = problem.where.removeprefix("blocks.").split(", ")
-    fed = [w for w in graph.wires if {w.source.split(".")[0], w.target.split(".")[0]} <= {*names}]
+    fed = [w for w in shown.wires if {w.source.split(".")[0], w.target.split(".")[0]} <= {*names}]
     return [*names, *(wire.target for wire in fed)]

@@ -9,33 +9,45 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
+from blockmech.draw.palette import ROW
 from blockmech.errors import GraphError
+from blockmech.loads.contract import Element
 from blockmech.model import checks
 from blockmech.model.schema import graph_schema
-from blockmech.studio.fields import starter
+from blockmech.studio.fields import starter, with_item
 
 Form = dict[str, Any]
+Places = Mapping[str, tuple[float, float]]  # [pt] of blocks on the canvas
 OF_DRIVERS = ("drive", "initial", "stops")  # sections of the scene, by driver
 
 
-def free_name(form: Form, kind: str) -> str:
-    """A name for a new block of a type that no block has: ``rrr``, ``rrr_2`` ..."""
-    word, taken = kind.rsplit(".", 1)[-1], form["blocks"]
+def markers_of(block: Any) -> dict[str, Any]:
+    """Markers of a block at which wires begin: name -> link and `Marker`; loads have none."""
+    there = isinstance(block, Block) and not isinstance(block, Element)
+    return dict(block.all_markers) if there else {}
+
+
+def ports_of(block: Any) -> list[str]:
+    """Joints and terminals of a block at which wires end."""
+    if isinstance(block, Moving):
+        return [joint.name for joint in block.joints.values() if joint.outer]
+    return list(block.terminals) if isinstance(block, Element) else []
+
+
+def free_name(form: Form, word: str) -> str:
+    """A name that no block has: ``rrr``, ``rrr_2`` ..."""
+    taken = form["blocks"]
     names = (word if k == 1 else f"{word}_{k}" for k in range(1, len(taken) + 2))
     return next(name for name in names if name not in taken)
 
 
-def added(form: Form, kind: str, name: str, at: tuple[float, float] | None = None) -> Form:
-    """With a new block, whose required values are the simplest that are valid."""
+def added(form: Form, kind: str, name: str, at: tuple[float, float]) -> Form:
+    """With a new block at a place, whose required values are the simplest that are valid."""
     schema = graph_schema()
     block = {"type": kind, **starter(schema, schema["$defs"][kind])}
-    return placed(with_block(form, name, block), {name: at} if at else {})
-
-
-def with_block(form: Form, name: str, block: Mapping[str, Any]) -> Form:
-    """With a block as given, new or in the place of the one of that name."""
-    return {**form, "blocks": {**form["blocks"], name: dict(block)}}
+    return placed(with_item(form, ("blocks", name), block), {name: at})
 
 
 def without(form: Form, blocks: Iterable[str], wires: Iterable[str] = ()) -> Form:
@@ -74,28 +86,27 @@ def renamed(form: Form, old: str, new: str) -> Form:
     return _by_block({**form, "blocks": blocks, "wires": wires}, end)
 
 
-def duplicated(form: Form, names: Iterable[str]) -> Form:
-    """With a copy of each of some blocks, not wired."""
+def duplicated(form: Form, names: Iterable[str], places: Places) -> Form:
+    """With a copy of each of some blocks beside it, not wired."""
+    form = placed(form, places)
     for name in names:
-        raw = form["blocks"][name]
-        form = with_block(form, free_name(form, f"copy.{name}"), raw)
+        copy, (x, y) = free_name(form, name), places[name]
+        form = with_item(form, ("blocks", copy), form["blocks"][name])
+        form = placed(form, {copy: (x + 3 * ROW, y + 3 * ROW)})
     return form
 
 
-def wired(form: Form, source: str, target: str) -> Form:
-    """With one more wire."""
-    return {**form, "wires": [*form["wires"], {"from": source, "to": target}]}
+def wired(form: Form, source: str | None, target: str) -> Form:
+    """With a wire to a joint in the place of another one, or with none."""
+    kept = [wire for wire in form["wires"] if wire["to"] != target]
+    return {**form, "wires": [*kept, *([{"from": source, "to": target}] if source else [])]}
 
 
-def placed(form: Form, places: Mapping[str, tuple[float, float]]) -> Form:
-    """With places [pt] of some blocks on the canvas."""
-    at = {name: [round(x, 1), round(y, 1)] for name, (x, y) in places.items()}
+def placed(form: Form, places: Places) -> Form:
+    """With places of blocks on the canvas, as far as they are there."""
+    there = {name: at for name, at in places.items() if name in form["blocks"]}
+    at = {name: [round(x, 1), round(y, 1)] for name, (x, y) in there.items()}
     return {**form, "view": {**form.get("view", {}), **at}} if at else form
-
-
-def laid_out(form: Form) -> Form:
-    """Without places, so that they follow from the wires."""
-    return {key: part for key, part in form.items() if key != "view"}
 
 
 def wire_text(wire: Mapping[str, str]) -> str:

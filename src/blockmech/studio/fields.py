@@ -1,8 +1,8 @@
 """The fields of a form, derived from the JSON Schema of what is edited.
 
-A field is one line of the form: a number, a word of some, a yes or no, a vector, or a text of
-JSON for whatever has no shorter way. Values are SI in the file; a field shows and reads
-lengths and angles in the units that the user chose.
+A field is one line of the form: a number, a choice, a vector, or a text of JSON for whatever
+has no shorter way. Values are SI in the file; a field shows and reads lengths and angles in the
+units that the user chose.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from blockmech.validation_errors import UNITS
 
 Path = tuple[str, ...]
+Schema = Mapping[str, Any]
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 PAIR = re.compile(rf"\s*\[?\s*({NUMBER})\s*(,|@|\s)\s*({NUMBER})\s*\]?\s*")
 DIGITS = 17  # that tell every double from its neighbours
@@ -23,26 +24,25 @@ DIGITS = 17  # that tell every double from its neighbours
 class Field(NamedTuple):
     """One line of a form.
 
-    kind : number, pair, place, choice, flag, text, json; map is a section that takes new keys
+    path : where its value is in the form of the document
+    kind : number, pair, place, choice, text, json; map is a section that takes new keys
+    unit : of SI
+    said : what the declaration says of it
+    starter : of a map what a new item is, of a choice among kinds what each begins with
+    beside : keys that stand beside it with one value only
     """
 
     path: Path
     kind: str
-    unit: str = ""  # SI
+    unit: str = ""
     default: Any = None
     choices: tuple[Any, ...] = ()
-    said: str = ""  # what the declaration says of it
-    required: bool = False
-    starter: Any = None  # of a map: what a new item is
-    beside: tuple[tuple[str, Any], ...] = ()  # keys that stand beside it with one value only
-
-    @property
-    def where(self) -> str:
-        """Its address below what is edited, as in messages."""
-        return ".".join(self.path)
+    said: str = ""
+    starter: Any = None
+    beside: tuple[tuple[str, Any], ...] = ()
 
 
-def resolved(root: Mapping[str, Any], node: Mapping[str, Any]) -> dict[str, Any]:
+def resolved(root: Schema, node: Schema) -> dict[str, Any]:
     """A schema with its reference followed, and what an optional value is if it is given."""
     while True:
         if "$ref" in node:
@@ -56,21 +56,40 @@ def resolved(root: Mapping[str, Any], node: Mapping[str, Any]) -> dict[str, Any]
             return dict(node)
 
 
-def starter(root: Mapping[str, Any], node: Mapping[str, Any]) -> Any:
+def schema_at(root: Schema, path: Path) -> dict[str, Any]:
+    """The schema of what stands at a path of a document."""
+    node = dict(root)
+    for key in path:
+        own = node.get("properties", {}).get(key)
+        node = resolved(root, node.get("additionalProperties", {}) if own is None else own)
+    return node
+
+
+def kinds_of(node: Schema) -> tuple[str, dict[str, Schema]]:
+    """The key whose word tells which of some schemas holds, and these by word."""
+    if "discriminator" in node:
+        tags = node["discriminator"]
+        return tags["propertyName"], {w: {"$ref": ref} for w, ref in tags["mapping"].items()}
+    rules = [rule for rule in node.get("allOf", ()) if "properties" in rule["if"]]
+    keys = {key for rule in rules for key in rule["if"]["properties"]}
+    return "".join(keys), {
+        r["if"]["properties"][k]["const"]: r["then"] for r in rules for k in keys
+    }
+
+
+def starter(root: Schema, node: Schema) -> Any:
     """The simplest value that a schema allows: what is required, and nothing else."""
     node = resolved(root, node)
+    key, kinds = kinds_of(node)
+    if kinds:
+        word, first = next(iter(kinds.items()))
+        return {key: word, **starter(root, first)}
     if "const" in node:
         return node["const"]
     if "enum" in node:
         return node["enum"][0]
-    options = node.get("oneOf") or node.get("anyOf")
-    if options:
-        tags = node.get("discriminator", {})
-        key = {tags["propertyName"]: next(iter(tags["mapping"]))} if tags else {}
-        made = starter(
-            root, {"$ref": tags["mapping"][key[tags["propertyName"]]]} if tags else options[0]
-        )
-        return {**key, **made} if tags else made
+    if "anyOf" in node:
+        return starter(root, node["anyOf"][0])
     if node.get("type") == "object":
         known = node.get("properties", {})
         return {key: starter(root, known[key]) for key in node.get("required", ()) if key != "type"}
@@ -79,60 +98,59 @@ def starter(root: Mapping[str, Any], node: Mapping[str, Any]) -> Any:
     return {"string": "", "boolean": False}.get(str(node.get("type")), 1.0)
 
 
-def fields_of(
-    root: Mapping[str, Any], node: Mapping[str, Any], raw: Any, path: Path = ()
-) -> Iterator[Field]:
+def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator[Field]:
     """The fields of what a schema describes and what it holds, in the order of the schema."""
-    node = resolved(root, node)
-    tags = node.get("discriminator", {}).get("mapping", {})
-    if tags:
-        key = node["discriminator"]["propertyName"]
-        word = raw.get(key) if isinstance(raw, dict) else None
-        yield Field((*path, key), "choice", choices=("", *tags) if word is None else tuple(tags))
-        if word in tags:
-            chosen = resolved(root, {"$ref": tags[word]})
-            rest = {k: v for k, v in chosen["properties"].items() if k != key}
-            yield from fields_of(root, {**chosen, "properties": rest}, raw, path)
-        return
+    node, raw = resolved(root, node), raw if isinstance(raw, dict) else {}
+    key, kinds = kinds_of(node)
+    if kinds:
+        word = raw.get(key)
+        begun = {w: {key: w, **starter(root, kind)} for w, kind in kinds.items()}
+        choices = tuple(kinds) if word else ("", *kinds)
+        yield Field((*path, key), "choice", choices=choices, starter=begun)
+        node = resolved(root, kinds.get(word, {"type": "object"}))
+        node["properties"] = {k: v for k, v in node.get("properties", {}).items() if k != key}
     if "properties" in node and node.get("type") == "object":
-        required = node.get("required", ())
-        known = {key: resolved(root, item) for key, item in node["properties"].items()}
+        known = {name: resolved(root, item) for name, item in node["properties"].items()}
         only = tuple((k, n["const"]) for k, n in known.items() if "const" in n and k != "type")
-        for key, own in known.items():
-            if "const" in own:
-                continue
-            inner = raw.get(key) if isinstance(raw, dict) else None
-            for field in fields_of(root, own, inner, (*path, key)):
-                mine = field.path == (*path, key)
-                needed = key in required
-                yield field._replace(required=needed, beside=only) if mine else field
+        never = node.get("not", {}).get("required", ())
+        for name, own in known.items():
+            if "const" not in own and name not in never:
+                said = _said(str(node.get("description", "")), name)
+                for field in fields_of(root, own, raw.get(name), (*path, name)):
+                    mine = field.path == (*path, name)
+                    yield field._replace(beside=only, said=field.said or said) if mine else field
         return
     more = node.get("additionalProperties")
     if isinstance(more, dict) and node.get("type") == "object":
         yield Field(path, "map", starter=starter(root, more))
-        for key, item in (raw or {}).items():
-            yield from fields_of(root, more, item, (*path, key))
+        for name, item in raw.items():
+            yield from fields_of(root, more, item, (*path, name))
         return
     yield _leaf(node, path)
 
 
-def _leaf(node: Mapping[str, Any], path: Path) -> Field:
-    said, default = str(node.get("description", "")).split("\n")[0], node.get("default")
-    kind, unit = "json", str(node.get("unit", ""))
-    polar = any("polar" in o.get("properties", {}) for o in node.get("anyOf", ()))
-    if polar:
-        kind, unit = "place", "m"
-    elif "enum" in node:
-        return Field(path, "choice", unit, default, tuple(node["enum"]), said)
-    elif node.get("type") in ("number", "integer"):
-        kind = "number"
-    elif node.get("type") == "boolean":
-        kind = "flag"
-    elif node.get("type") == "string":
-        kind = "text"
-    elif node.get("minItems") == node.get("maxItems") == 2:
-        kind = "pair"
-    return Field(path, kind, unit, default, (), said)
+def _leaf(node: Schema, path: Path) -> Field:
+    found = Field(
+        path,
+        "json",
+        str(node.get("unit", "")),
+        node.get("default"),
+        said=str(node.get("description", "")),
+    )
+    if any("polar" in o.get("properties", {}) for o in node.get("anyOf", ())):
+        return found._replace(kind="place", unit="m")
+    if "enum" in node or node.get("type") == "boolean":
+        return found._replace(kind="choice", choices=tuple(node.get("enum", (False, True))))
+    if node.get("minItems") == node.get("maxItems") == 2:
+        return found._replace(kind="pair")
+    kinds = {"number": "number", "integer": "number", "string": "text"}
+    return found._replace(kind=kinds.get(str(node.get("type")), "json"))
+
+
+def _said(doc: str, name: str) -> str:
+    """What a docstring says of a parameter, on one line."""
+    found = re.search(rf"^[\w, ]*\b{re.escape(name)}\b[\w, ]* : (.*(?:\n    .*)*)", doc, re.M)
+    return " ".join(found[1].split()) if found else ""
 
 
 class Shown(NamedTuple):
@@ -159,7 +177,7 @@ class Shown(NamedTuple):
         if field.kind == "place" and isinstance(value, dict):
             r, angle = value["polar"]
             return f"{_digits(r, k)} @ {_digits(angle, self.factor('rad'))}"
-        if field.kind in ("place", "pair"):
+        if field.kind in ("place", "pair") and isinstance(value, list):
             return ", ".join(_digits(x, k) for x in value)
         return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 

@@ -1,249 +1,243 @@
 """The form of what is selected: one field a line, derived from the declarations.
 
-What a user types is a draft of the block. It is taken as soon as it is sound; until then
-what is wrong stands under the fields, and the sheet stays as it was.
+What a user types goes into a draft of the document. It is taken as soon as it is sound; until
+then what is wrong stands under the fields, and the sheet stays as it was.
 """
 
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import panel as pn
 import param
 
 from blockmech.blocks.registry import REGISTRY
+from blockmech.builders import Graph
 from blockmech.errors import BlockmechError, Problem
-from blockmech.model.schema import graph_schema
-from blockmech.studio.edits import renamed, with_block
-from blockmech.studio.fields import Field, Shown, fields_of, item_at, with_item
+from blockmech.model.parameters import parameters_of
+from blockmech.model.schema import graph_schema, joints_schema
+from blockmech.studio.edits import markers_of, ports_of, renamed, wired
+from blockmech.studio.fields import Field, Path, Shown, fields_of, item_at, schema_at, with_item
 from blockmech.studio.session import follow
 from blockmech.studio.sheet import Sheet
 
-SCENE = ""
+MECHANISM: Path = ()
 """What is selected where no block is: the document and its scene."""
 
-
+ITEMS = ("blocks", "links", "joints", "drivers", "loads")  # each of them has a form
+ASIDE = (*ITEMS, "version", "wires", "view", "expect")  # in no form of the document
+HINTS = {"place": "x, y or r @ angle", "pair": "x, y", "json": "JSON", "map": ""}
 LINE = 148  # px of a field: three or four beside each other in half a window
 
 
-class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
-    """The form of a block, or of the scene; ``selected`` says of which."""
+class Row(NamedTuple):
+    """A field on the page: where a value is typed, and what is wrong with it."""
 
-    selected = param.String(default=SCENE)
+    field: Field
+    widget: Any
+    wrong: Any
+    panel: Any
+
+
+class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
+    """The form of the document or of a part of it; ``selected`` is the path to it."""
+
+    selected = param.Parameter(default=MECHANISM)
     shown = param.Parameter(default=Shown())
 
     def __init__(self, sheet: Sheet, say: Callable[[str], None]) -> None:
         super().__init__()
         self.sheet, self.say = sheet, say
-        self.schema = graph_schema()
         self.draft: dict[str, Any] = {}
-        self.rows: dict[tuple[str, ...], tuple[Field, Any, Any]] = {}
-        self.column = pn.Column(css_classes=["bm-form"], sizing_mode="stretch_width")
-        self._taking = False
+        self.rows: dict[Path, Row] = {}
+        self.lines: dict[str, Any] = {}
+        self.edit = pn.widgets.Select(label="Edit", width=LINE)
+        self.called = pn.widgets.TextInput(label="Name", width=LINE)
+        self.about = pn.pane.HTML("", sizing_mode="stretch_width")
+        self.head = pn.Row(self.edit, self.called, self.about, sizing_mode="stretch_width")
+        self.column = pn.Column(self.head, sizing_mode="stretch_width")
+        self.edit.param.watch(lambda event: self.param.update(selected=event.new), "value")
+        self.called.param.watch(lambda event: self._rename(event.new.strip()), "value")
         self.param.watch(lambda *_: self.renew(), ["selected", "shown"])
-        follow(sheet, self._follow, "form")
+        follow(sheet, self.renew, "form", "problems")
         self.renew()
-
-    def panel(self) -> Any:
-        """The form as it stands on the page."""
-        return self.column
 
     # -- what is shown ----------------------------------------------------
 
     def renew(self) -> None:
-        """Make the fields of what is selected."""
-        form = self.sheet.form
-        if "blocks" not in form:
-            self.column.objects = []
+        """Show what the sheet holds of what is selected; what was not sound is forgotten."""
+        self.draft = self.sheet.form
+        if self.selected and item_at(self.draft, self.selected) is None:
+            self.selected = MECHANISM
             return
-        if self.selected not in form["blocks"]:
-            self.param.update(selected=SCENE) if self.selected else None
-        self.draft = self._data()
-        self.rows = {}
-        parts: list[Any] = [self._head()]
-        section, lines = "", pn.FlexBox(sizing_mode="stretch_width")
-        for field in fields_of(self.schema, self._schema(), self.draft):
-            group = field.path[0] if field.kind == "map" or len(field.path) > 1 else ""
-            if group != section:
-                section, lines = group, pn.FlexBox(sizing_mode="stretch_width")
-                parts.append(pn.pane.HTML(f"<h3>{html.escape(group)}</h3>", margin=0))
-            if lines not in parts:
-                parts.append(lines)
-            lines.append(self._adding(field) if field.kind == "map" else self._row(field))
-        self.column.objects = parts
+        parts = [(part, name) for part in ITEMS for name in self.draft.get(part, ())]
+        words = {at: at[1] if at[0] == "blocks" else f"{at[0][:-1]} {at[1]}" for at in parts}
+        options = {"mechanism": MECHANISM, **{word: at for at, word in words.items()}}
+        self.edit.param.update(options=options, value=self.selected)
+        kind = (item_at(self.draft, self.selected) or {}).get("type", "") if self.selected else ""
+        said = (getattr(REGISTRY.get(kind), "__doc__", None) or "").split("\n")[0]
+        self.about.object = f"<h2>{html.escape(kind)}</h2><p>{html.escape(said)}</p>"
+        self.called.visible = self.selected[:1] == ("blocks",)
+        self.called.value = self.selected[-1] if self.selected else ""
+        self._show()
+        self._tell(self.sheet.problems)
 
-    def _follow(self) -> None:
-        """Show the values that the sheet has now; other fields make another form."""
-        if self._taking or "blocks" not in self.sheet.form:
-            return
-        if self.selected and self.selected not in self.sheet.form["blocks"]:
-            self.selected = SCENE
-            return
-        draft, before = self._data(), set(self.rows)
-        fields = [f for f in fields_of(self.schema, self._schema(), draft) if f.kind != "map"]
-        if {f.path for f in fields} != before:
-            self.renew()
-            return
-        self.draft = draft
-        for path, (field, widget, wrong) in self.rows.items():
-            self._set(widget, field, item_at(draft, path))
-            wrong.object = ""
+    def _show(self) -> None:
+        """Show the fields of the draft; those that were there stay, with what they hold now."""
+        rows = {}
+        for field in self._fields():
+            row = self.rows.get(field.path)
+            row = self._row(field) if row is None or row.field.kind != field.kind else row
+            rows[field.path] = row._replace(field=field)
+        old, self.rows = self.rows, rows
+        for row in rows.values():
+            self._set(row)
+        if [row.panel for row in old.values()] != [row.panel for row in rows.values()]:
+            lines: dict[str, list[Any]] = {}
+            for path, row in rows.items():
+                own = _within(self.selected, path)
+                group = own[0] if own[1:] or row.field.kind == "map" else ""
+                lines.setdefault(group, []).append(row.panel)
+            self.lines = {name: self.lines.get(name) or _section(name) for name in lines}
+            for name, shown in lines.items():
+                self.lines[name][-1].objects = shown
+            self.column.objects = [self.head, *self.lines.values()]
 
-    def _data(self) -> dict[str, Any]:
-        form = self.sheet.form
-        if self.selected:
-            return dict(form["blocks"][self.selected])
-        return {"title": form.get("title", ""), **form.get("scene", {})}
+    def _fields(self) -> Iterator[Field]:
+        """The fields of what is selected, and of the wires to a block."""
+        graph, form, at = self.sheet.document, self.draft, self.selected
+        root = graph_schema() if isinstance(graph, Graph) else joints_schema()
+        units = {x.path: x.unit for x in parameters_of(graph.sections()).values()}
+        for field in fields_of(root, schema_at(root, at), item_at(form, at), at):
+            own = field.path[len(at) :]
+            if not (own[0] in ASIDE if not at else own == ("type",) and at[0] == "blocks"):
+                yield field._replace(unit=units.get(field.path, field.unit))
+        if at[:1] == ("blocks",):
+            markers = (f"{name}.{m}" for name, b in graph.blocks.items() for m in markers_of(b))
+            ends = Field((), "choice", choices=tuple(markers))
+            for port in ports_of(graph.blocks[at[1]]):
+                yield ends._replace(path=("wires", f"{at[1]}.{port}"))
 
-    def _schema(self) -> dict[str, Any]:
-        defs = self.schema["$defs"]
-        if self.selected:
-            kind = self.sheet.form["blocks"][self.selected]["type"]
-            return dict(defs.get(kind, {"type": "object", "properties": {}}))
-        scene = dict(defs["Scene"])
-        properties = dict(scene["properties"])
-        title = {"type": "string", "description": "title of the mechanism"}
-        return {**scene, "properties": {"title": title, **properties}}
-
-    def _head(self) -> Any:
-        form = self.sheet.form
-        kind = form["blocks"][self.selected]["type"] if self.selected else "mechanism"
-        cls = REGISTRY.get(kind) if self.selected else None
-        said = (cls.__doc__ or "").split("\n")[0] if cls else "gravity, drives, start and end stops"
-        name = pn.widgets.TextInput(
-            label="Name",
-            value=self.selected or form.get("name", ""),
-            sizing_mode="stretch_width",
-        )
-        name.param.watch(lambda event: self._rename(event.new), "value")
-        heading = f"<h2>{html.escape(kind)}</h2><p>{html.escape(said)}</p>"
-        return pn.Column(pn.pane.HTML(heading, margin=0), name, sizing_mode="stretch_width")
-
-    def _row(self, field: Field) -> Any:
-        value = item_at(self.draft, field.path)
-        unit = self.shown.unit(field.unit)
-        label = _label(field.path) + (f" [{unit}]" if unit else "")
-        if field.kind in ("choice", "flag"):
-            choices = field.choices or (False, True)
-            options = {"" if c == "" else str(c): c for c in choices}
-            if field.default is not None and not field.required:
-                options = {f"{field.default} (default)": "", **options}
-            widget: Any = pn.widgets.Select(label=label, options=options)
-        else:
-            hint = {"place": "x, y or r @ angle", "pair": "x, y", "json": "JSON"}.get(
-                field.kind, ""
-            )
-            empty = hint if field.default is None else self.shown.text(field, field.default)
-            widget = pn.widgets.TextInput(label=label, placeholder=empty)
-        wide = field.kind in ("text", "json") and not field.path[1:]
-        widget.param.update(width=LINE * 2 if wide else LINE, margin=(2, 4))
-        self._set(widget, field, value)
+    def _row(self, field: Field) -> Row:
+        kind = pn.widgets.Select if field.kind == "choice" else pn.widgets.TextInput
+        wide = field.kind in ("text", "json") and len(_within(self.selected, field.path)) == 1
+        widget = kind(width=LINE * (1 + wide), margin=(2, 4), description=field.said or None)
+        widget.param.watch(lambda event: self._typed(field.path, event.new), "value")
         wrong = pn.pane.HTML("", width=LINE, margin=(0, 4))
-        widget.param.watch(lambda event: self._typed(field, event.new), "value")
-        self.rows[field.path] = (field, widget, wrong)
-        return pn.Column(widget, wrong, margin=0)
+        line = pn.Row(widget, margin=0)
+        return Row(field, widget, wrong, pn.Column(line, wrong, margin=0))
 
-    def _set(self, widget: Any, field: Field, value: Any) -> None:
-        """Show a value without hearing of it."""
-        if field.kind in ("choice", "flag"):
-            known = list(widget.options.values())
-            shown = value if value in known else known[0]
+    def _set(self, row: Row) -> None:
+        """Show what the draft holds for a field, in the chosen units."""
+        field, value = row.field, self._value(row.field)
+        unit = self.shown.unit(field.unit)
+        label = _label(_within(self.selected, field.path), field.kind) + (unit and f" [{unit}]")
+        if field.kind == "choice":
+            empty = "" if field.default is None else f"{field.default} (default)"
+            known = {str(c): c for c in field.choices}
+            options = known if value is not None and not empty else {empty: "", **known}
+            look = {"options": options, "value": "" if value is None else value}
+        elif field.kind == "map":
+            look = {"value": ""}
+            keys, line = list(value or ()), row.panel[0]
+            if [button.label for button in line[1:]] != [f"Remove {key}" for key in keys]:
+                line.objects = [row.widget, *(self._removing(field.path, key) for key in keys)]
         else:
-            shown = self.shown.text(field, value)
-        if widget.value != shown:
-            taking, self._taking = self._taking, True
-            widget.value = shown
-            self._taking = taking
+            default = self.shown.text(field, field.default) or HINTS.get(field.kind, "")
+            look = {"value": self.shown.text(field, value), "placeholder": default}
+        row.widget.param.update(label=label, **look)
 
-    def _adding(self, field: Field) -> Any:
-        """A line that adds an item, or takes one away, of a section with free keys."""
-        held = item_at(self.draft, field.path) or {}
-        name = pn.widgets.TextInput(label=f"new in {_label(field.path)}", width=LINE, margin=(2, 4))
-        name.param.watch(lambda event: self._add(field, event.new.strip()), "value")
-        gone = [pn.widgets.Button(name=f"Remove {key}", align="end", margin=(2, 4)) for key in held]
-        for key, button in zip(held, gone, strict=True):
-            button.on_click(lambda _, key=key: self._take((*field.path, key), None))
-        return pn.Row(name, *gone, margin=0)
+    def _removing(self, path: Path, key: str) -> Any:
+        """A button that takes an item of a section away."""
+        button = pn.widgets.Button(label=f"Remove {key}", align="end", margin=(2, 4))
+        button.on_click(lambda _: self._take((*path, key), None))
+        return button
+
+    def _value(self, field: Field) -> Any:
+        """What the draft holds for a field: of a joint, the marker that is wired to it."""
+        if field.path[0] != "wires":
+            return item_at(self.draft, field.path)
+        return next((w["from"] for w in self.draft["wires"] if w["to"] == field.path[1]), None)
+
+    def _tell(self, problems: tuple[Problem, ...]) -> list[Problem]:
+        """Say under each field what is wrong with it; what is left."""
+        left = list(problems)
+        for path, row in self.rows.items():
+            where = path[1] if path[0] == "wires" else ".".join(path)
+            words = [html.escape(_words(p)) for p in problems if p.where == where]
+            row.wrong.object = "".join(f"<p role=alert>{said}</p>" for said in words)
+            left = [p for p in left if p.where != where]
+        return left
 
     # -- what is done -----------------------------------------------------
 
-    def _typed(self, field: Field, said: Any) -> None:
-        if not self._taking:
-            value = said if field.kind in ("choice", "flag") else self.shown.value(field, said)
-            if field.kind == "choice" and value == "":
-                value = None
-            self._take(field.path, value, redo=field.path[-1] in ("law", "kind"))
+    def _typed(self, path: Path, said: Any) -> None:
+        """Something was typed or chosen; nothing is done where it is what the draft holds."""
+        if path not in self.rows:
+            return
+        field = self.rows[path].field
+        value = said if field.kind == "choice" else self.shown.value(field, said)
+        if field.kind == "map":
+            if value:
+                self._take((*path, value), field.starter)
+        elif (value := None if value == "" else value) != self._value(field):
+            for key, only in field.beside if value is not None else ():
+                self.draft = with_item(self.draft, (*path[:-1], key), only)
+            self._take(path, value, field.starter)
 
-    def _add(self, field: Field, key: str) -> None:
-        """Add an item with the simplest values; `Field.starter` has them."""
-        if key and not self._taking:
-            self._take((*field.path, key), field.starter, redo=True)
+    def _take(self, path: Path, value: Any, kinds: Any = None) -> None:
+        """Put a value into the draft, and the draft, if it is sound, on the sheet.
 
-    def _take(self, path: tuple[str, ...], value: Any, redo: bool = False) -> None:
-        """Put a value into the draft, and the draft, if it is sound, on the sheet."""
-        beside = self.rows[path][0].beside if path in self.rows and value is not None else ()
-        for key, only in beside:
-            self.draft = with_item(self.draft, (*path[:-1], key), only)
-        self.draft = with_item(self.draft, path, value)
-        form, what = self.sheet.form, ".".join(path)
-        if self.selected:
-            made, prefix = with_block(form, self.selected, self.draft), f"blocks.{self.selected}."
-            said = f"{self.selected}: {what}"
+        Another of some ``kinds`` begins with what it needs, as far as there is none already.
+        """
+        before, what = self.sheet.form, " ".join(_within(self.selected, path))
+        if path[0] == "wires":
+            what = f"{value} -> {path[1]}" if value else f"{path[1]} not wired"
+            self.draft = wired(self.draft, value, path[1])
+        elif isinstance(kinds, dict) and path[-1] != value and value in kinds:
+            held = item_at(self.draft, path[:-1])
+            begun = {key: held.get(key, x) for key, x in kinds[value].items()} | {path[-1]: value}
+            self.draft = with_item(self.draft, path[:-1], begun)
         else:
-            scene = {key: part for key, part in self.draft.items() if key != "title"}
-            made, prefix = {**form, "title": self.draft.get("title", ""), "scene": scene}, "scene."
-            said = what
-        problems: tuple[Problem, ...] = ()
-        self._taking = True
+            self.draft = with_item(self.draft, path, value)
         try:
-            self.sheet.change(made, said)
+            self.sheet.change(self.draft, what)
+            if self.sheet.form is before:
+                self.renew()
         except BlockmechError as error:
-            problems = error.problems
-        finally:
-            self._taking = False
-        self._tell(problems, prefix)
-        if not problems and (redo or value is None or set(self.rows) != self._paths()):
-            self.renew()
-
-    def _paths(self) -> set[tuple[str, ...]]:
-        fields = fields_of(self.schema, self._schema(), self.draft)
-        return {field.path for field in fields if field.kind != "map"}
-
-    def _tell(self, problems: tuple[Problem, ...], prefix: str) -> None:
-        """Say under each field what is wrong with it, and of the rest in one line."""
-        here = [p for p in problems if p.where.startswith(prefix)]
-        told = set()
-        for field, _, wrong in self.rows.values():
-            mine = [p for p in here if p.where.removeprefix(prefix) == field.where]
-            told |= set(mine)
-            wrong.object = "".join(f"<p role=alert>{html.escape(_words(p))}</p>" for p in mine)
-        rest = [_words(p) for p in here or problems if p not in told]
-        self.say("; ".join(rest[:3]))
+            self._show()
+            self.say("; ".join(map(str, self._tell(error.problems)[:3])))
 
     def _rename(self, new: str) -> None:
-        form, old = self.sheet.form, self.selected
-        if self._taking or new == (old or form.get("name", "")):
+        if not self.selected or new == self.selected[-1]:
             return
+        old, (section, _) = self.selected[-1], self.selected
         try:
-            if old:
-                made = renamed(form, old, new)
-                self._taking = True
-                self.sheet.change(made, f"{old} renamed to {new}")
-                self._taking = False
-                self.selected = new
-            else:
-                self.sheet.change({**form, "name": new}, "name")
+            self.sheet.change(renamed(self.sheet.form, old, new), f"{old} renamed to {new}")
+            self.selected = (section, new)
         except BlockmechError as error:
             self.say(_words(error.problems[0]))
-        finally:
-            self._taking = False
 
 
-def _label(path: tuple[str, ...]) -> str:
+def _section(name: str) -> Any:
+    """A part of the form: its heading, and the fields beside one another."""
+    wide = {"sizing_mode": "stretch_width", "margin": 0}
+    return pn.Column(pn.pane.HTML(f"<h3>{html.escape(name)}</h3>", **wide), pn.FlexBox(**wide))
+
+
+def _within(selected: Path, path: Path) -> Path:
+    """A path from what is selected on; what is in the scene is the mechanism's own."""
+    own = path if path[0] == "wires" else path[len(selected) :]
+    return own[1:] if own[0] == "scene" else own
+
+
+def _label(own: Path, kind: str) -> str:
     """What a field is called: its path, without the section where names follow."""
-    return " ".join(path[len(path) > 2 :])
+    if own[0] == "wires":
+        return f"wire to {own[1]}"
+    return "new in " * (kind == "map") + " ".join(own[len(own) > 2 :])
 
 
 def _words(problem: Problem) -> str:

@@ -24,12 +24,12 @@ color-scheme: dark;
 --bm-frame: #2c3036; --bm-driver: #1d3a4f; --bm-group: #202327; --bm-element: #403523;
 """
 CANVAS = """
-.react-flow__node { background: var(--bm-group) !important; color: var(--bm-ink) !important;
+.react-flow__node { --bm-fill: var(--bm-group); color: var(--bm-ink) !important;
+  background: color-mix(in srgb, var(--bm-fill) 70%, transparent) !important;
   border: 1.2px solid var(--bm-line) !important; border-radius: 3px; box-shadow: none }
-.react-flow__node.bm-frame { background: var(--bm-frame) !important }
-.react-flow__node.bm-driver { background: var(--bm-driver) !important }
-.react-flow__node.bm-element { border-style: dashed !important;
-  background: var(--bm-element) !important }
+.react-flow__node.bm-frame { --bm-fill: var(--bm-frame) }
+.react-flow__node.bm-driver { --bm-fill: var(--bm-driver) }
+.react-flow__node.bm-element { --bm-fill: var(--bm-element); border-style: dashed !important }
 .react-flow__node.bm-bad { border-color: var(--bm-alarm) !important }
 .react-flow__node.selected { outline: 2px solid var(--bm-blue); outline-offset: 1px }
 .rf-node-content { padding: 5px 44px; min-width: 60px; align-items: center }
@@ -56,7 +56,7 @@ CANVAS = """
 .react-flow__attribution { display: none }
 .react-flow__controls { flex-direction: row !important }
 """
-"""Style inside of the canvas: blocks as boxes, ports named, R round, P and guides square."""
+"""Style inside of the canvas: ports named, R round, P and guides square; wires show through."""
 
 PAGE = """
 :host { min-height: 100vh; background: var(--bm-paper); color: var(--bm-ink);
@@ -104,6 +104,9 @@ const name = (root) => {
   for (const port of root.querySelectorAll(".react-flow__handle")) port.setAttribute("role", "img");
   for (const thumb of root.querySelectorAll(".noUi-handle"))
     thumb.setAttribute("aria-label", root.querySelector(".bk-slider-title").textContent);
+  for (const [word, way] of [["more", "up"], ["less", "down"]])
+    for (const spin of root.querySelectorAll(".bk-spin-btn-" + way))
+      spin.setAttribute("aria-label", word);
 };
 const all = (root) => {
   name(root);
@@ -112,7 +115,7 @@ const all = (root) => {
 };
 all(document);
 """
-"""What the libraries leave without a role or a name for a screen reader: ports and sliders."""
+"""What the libraries leave without a role or a name for a screen reader."""
 
 
 class Look(Native):  # type: ignore[misc]  # panel's own types say nothing of it

@@ -79,17 +79,13 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
             self._undone.clear()
             self._show(document, self.path)
 
-    def undo(self) -> None:
-        """Take back the last change, if there is one."""
-        if len(self._done) > 1:
-            self._undone.append(self._done.pop())
-            self._again()
+    def undo(self) -> str:
+        """Take back the last change, if there is one; what it was."""
+        return self._step(self._done, self._undone, 1)
 
-    def redo(self) -> None:
-        """Do again what was taken back last, if anything was."""
-        if self._undone:
-            self._done.append(self._undone.pop())
-            self._again()
+    def redo(self) -> str:
+        """Do again what was taken back last, if anything was; what it was."""
+        return self._step(self._undone, self._done, 0)
 
     def keep(self, path: Path) -> None:
         """Note that the file at a path holds the form now."""
@@ -101,8 +97,12 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
         """The file's text, as `Graph.save` writes it."""
         return canonical_text(self.form)
 
-    def _again(self) -> None:
+    def _step(self, back: list[Step], forth: list[Step], least: int) -> str:
+        if len(back) <= least:
+            return ""
+        forth.append(back.pop())
         self._show(from_data(self._done[-1].form), self.path)
+        return forth[-1].said
 
     def _show(self, document: Opened, path: Path | None) -> None:
         """Set what follows from the last step, in one event."""

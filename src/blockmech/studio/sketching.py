@@ -1,7 +1,8 @@
 """A sketch of links and joints, pin by pin, as changes of a joint-based form.
 
-A pin that one link carries is a marker of it; with a second link it becomes a joint. The frame
-of a new link lies as the ground's, so a drawing is its own approximate pose.
+A pin that no link carries is a place in ``view``; one that one link carries is a marker of it;
+with a second link it becomes a joint. The frame of a new link lies as the ground's, so a drawing
+is its own approximate pose. Each change takes the names of pins and gives another form.
 """
 
 from __future__ import annotations
@@ -9,12 +10,15 @@ from __future__ import annotations
 import cmath
 import copy
 from collections.abc import Iterable, Mapping
+from string import ascii_uppercase
 from typing import Any, NamedTuple
 
 from blockmech.model.joints.contents import FRAME
+from blockmech.studio.fields import Path, item_at, with_item
 from blockmech.values import Place
 
 Form = dict[str, Any]
+LOOSE = ("view", "pins")  # where pins stand that no link carries yet
 
 
 class Drawn(NamedTuple):
@@ -33,9 +37,9 @@ def pose_of(form: Mapping[str, Any], link: str) -> tuple[complex, complex]:
 
 
 def pins_of(form: Mapping[str, Any]) -> dict[str, Drawn]:
-    """All joints and markers of a form where they are drawn."""
+    """All joints, markers and loose pins of a form where they are drawn."""
     driven = {driver["joint"] for driver in form.get("drivers", {}).values()}
-    found = {}
+    found = {name: Drawn(complex(*at)) for name, at in (item_at(form, LOOSE) or {}).items()}
     for link, given in form.get("links", {}).items():
         o, e = pose_of(form, link)
         for name, marker in given.get("markers", {}).items():
@@ -47,117 +51,106 @@ def pins_of(form: Mapping[str, Any]) -> dict[str, Drawn]:
     return found
 
 
-def free(taken: Iterable[str], wish: str = "") -> str:
-    """The first name that is free: a capital letter, or the wish with a number."""
+def free(taken: Iterable[str], words: Iterable[str], wish: str) -> str:
+    """The first of some words that is free, or the wish with a number."""
     known = set(taken)
-    letters = (chr(ord("A") + i) for i in range(26))
-    wishes = [wish] if wish else list(letters)
-    more = (f"{wish or 'P'}{i}" for i in range(1, len(known) + 2))
-    return next(name for name in [*wishes, *more] if name not in known)
+    more = (f"{wish}{i}" for i in range(1, len(known) + 2))
+    return next(name for name in [*words, *more] if name not in known)
 
 
-def attached(form: Form, name: str, z: complex, link: str) -> Form:
-    """The form in which a link, new or known, carries a pin that stands at z."""
-    made: Form = copy.deepcopy(form)
-    pin = pins_of(made).get(name, Drawn(z))
-    if link in pin.links:
-        return made
-    if link != FRAME and link not in made["links"]:
-        made["links"][link] = {"pose": [pin.z.real, pin.z.imag, 0.0]}
-    at = _on(made, link, pin.z)
-    if not pin.links:
-        made["links"].setdefault(link, {}).setdefault("markers", {})[name] = {"at": at}
-    elif pin.kind:
-        joint = made["joints"][name]
-        joint["links"].append(link)
-        joint["at"].append(at)
-    else:
-        (first,) = pin.links
-        before = _without_marker(made, first, name)
-        pair = [(first, before), (link, at)]
-        pair = pair[::-1] if link == FRAME else pair  # so that the driver counts from the frame
-        made["joints"][name] = {
-            "type": "R", "links": [one for one, _ in pair], "at": [place for _, place in pair],
-        }  # fmt: skip
+def drawn(form: Form, z: complex) -> Form:
+    """With a new pin that no link carries."""
+    name = free(pins_of(form), ascii_uppercase, "P")
+    made: Form = with_item(form, (*LOOSE, name), [z.real, z.imag])
     return made
 
 
-def linked(form: Form, pins: Mapping[str, complex], link: str) -> Form:
-    """The form with a link through pins."""
-    for name, z in pins.items():
-        form = attached(form, name, z, link)
-    return form
+def linked(form: Form, names: Iterable[str]) -> Form:
+    """With a new link through pins."""
+    return attached(form, names, free([*form["links"], FRAME], ["link"], "link"))
+
+
+def attached(form: Form, names: Iterable[str], link: str = FRAME) -> Form:
+    """With pins on a link, new or known."""
+    made = copy.deepcopy(form)
+    for name in names:
+        pin = pins_of(made)[name]
+        if link in pin.links:
+            continue
+        if link not in made["links"]:
+            made["links"][link] = {} if link == FRAME else {"pose": [pin.z.real, pin.z.imag, 0.0]}
+        at = _on(made, link, pin.z)
+        if not pin.links:
+            made = with_item(made, (*LOOSE, name), None)
+            made = with_item(made, ("links", link, "markers", name), {"at": at})
+        elif pin.kind:
+            made["joints"][name]["links"].append(link)
+            made["joints"][name]["at"].append(at)
+        else:
+            (first,) = pin.links
+            before = made["links"][first]["markers"][name]["at"]
+            made = _without_marker(made, first, name)
+            pair = [(first, before), (link, at)]
+            pair = pair[::-1] if link == FRAME else pair  # so that the driver counts from the frame
+            links, places = map(list, zip(*pair, strict=True))
+            made["joints"][name] = {"type": "R", "links": links, "at": places}
+    return made
 
 
 def moved(form: Form, name: str, z: complex) -> Form:
-    """The form in which a pin stands at z on all its links."""
-    made: Form = copy.deepcopy(form)
-    if name in made["joints"]:
-        joint = made["joints"][name]
-        joint["at"] = [_on(made, link, z) for link in joint["links"]]
-    for link, given in made["links"].items():
-        if name in given.get("markers", {}):
-            given["markers"][name]["at"] = _on(made, link, z)
-    return made
+    """With a pin at z on all its links."""
+    pin, marker = pins_of(form)[name], ("markers", name, "at")
+    found: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in pin.links}
+    if pin.kind:
+        found = {("joints", name, "at"): list(found.values())}
+    for path, at in (found or {(*LOOSE, name): [z.real, z.imag]}).items():
+        form = with_item(form, path, at)
+    return form
 
 
-def sliding(form: Form, name: str, angle: float) -> Form:
-    """The form in which a joint of two links slides along a line at an angle [rad].
-
-    One that slides already turns again.
-    """
-    made: Form = copy.deepcopy(form)
-    joint = made["joints"][name]
-    kept = {"links": joint["links"], "at": joint["at"]}
-    if joint["type"] == "P":
-        made["joints"][name] = {"type": "R", **kept}
-    else:
-        turns = [angle - cmath.phase(pose_of(form, link)[1]) for link in joint["links"]]
-        made["joints"][name] = {"type": "P", **kept, "angle": turns}
-    return made
+def sliding(form: Form, names: Iterable[str], angle: float) -> Form:
+    """With joints that slide along lines at an angle [rad]; those that slide turn again."""
+    for name in names:
+        joint = form["joints"].get(name)
+        if joint is not None:
+            made = {"type": "R", "links": joint["links"], "at": joint["at"]}
+            if joint["type"] == "R":
+                turns = (cmath.phase(pose_of(form, link)[1]) for link in joint["links"])
+                made |= {"type": "P", "angle": [angle - turn for turn in turns]}
+            form = with_item(form, ("joints", name), made)
+    return form
 
 
-def driven(form: Form, joint: str) -> Form:
-    """The form in which a joint is driven, or no longer; one that turns goes round."""
-    made: Form = copy.deepcopy(form)
-    drivers = made.setdefault("drivers", {})
-    for name in [n for n, driver in drivers.items() if driver["joint"] == joint]:
-        del drivers[name]
-        return made
-    law = {"law": "constant_rate", "rate": 1.0} if made["joints"][joint]["type"] == "R" else {}
-    drivers[free(drivers, "motor")] = {"joint": joint, **law}
-    return made
+def driven(form: Form, names: Iterable[str]) -> Form:
+    """With joints that are driven, or no longer; one that turns goes round."""
+    for name in names:
+        drivers = form.get("drivers", {})
+        mine = [driver for driver, given in drivers.items() if given["joint"] == name]
+        if mine or name not in form["joints"]:
+            form = {**form, "drivers": {n: d for n, d in drivers.items() if n not in mine}}
+        else:
+            turns = form["joints"][name]["type"] == "R"
+            law = {"law": "constant_rate", "rate": 1.0} if turns else {}
+            motor = free(drivers, ["motor"], "motor")
+            form = with_item(form, ("drivers", motor), {"joint": name, **law})
+    return form
 
 
-def removed(form: Form, name: str) -> Form:
-    """The form without a pin, or without a link: its joints become markers of what is left."""
-    made: Form = copy.deepcopy(form)
-    drivers = made.get("drivers", {})
-    if name in made["links"]:
-        for joint in [n for n, j in made["joints"].items() if name in j["links"]]:
-            pin = pins_of(made)[joint]
-            left = [link for link in pin.links if link != name]
-            made = removed(made, joint)
-            for link in left:
-                made = attached(made, joint, pin.z, link)
-        del made["links"][name]
-        return made
-    made["joints"].pop(name, None)
-    made["drivers"] = {n: driver for n, driver in drivers.items() if driver["joint"] != name}
-    for link in list(made["links"]):
-        _without_marker(made, link, name)
-    return made
+def removed(form: Form, names: Iterable[str]) -> Form:
+    """Without pins."""
+    for name in names:
+        pin = pins_of(form)[name]
+        form = driven(form, [name]) if pin.driven else form
+        form = with_item(with_item(form, ("joints", name), None), (*LOOSE, name), None)
+        for link in pin.links:
+            form = _without_marker(form, link, name)
+    return form
 
 
-def _without_marker(form: Form, link: str, name: str) -> Any:
-    """Take a marker from a link; its place there."""
-    markers = form["links"][link].get("markers", {})
-    place = markers.pop(name, {}).get("at")
-    if not markers:
-        form["links"][link].pop("markers", None)
-    if link == FRAME and not form["links"][FRAME]:
-        del form["links"][FRAME]
-    return place
+def _without_marker(form: Form, link: str, name: str) -> Form:
+    """Without a marker of a link, and without the frame if nothing else is there."""
+    made = with_item(form, ("links", link, "markers", name), None)
+    return {**made, "links": {**made["links"], link: made["links"].get(link, {})}}
 
 
 def _on(form: Mapping[str, Any], link: str, z: complex) -> list[float]:
