@@ -65,6 +65,7 @@ def test_json_has_the_settled_form(turn):
     assert (reaction["unit"], reaction["by"], reaction["on"]) == ("N", "crank.crank", "dyad.i")
     assert reaction["values"] == [[z.real, z.imag] for z in turn["dyad.B.reaction"].tolist()]
     flag = data["quality"]["flags"][0]
+    assert set(flag) == {"sample", "code", "where", "interval"}
     assert (flag["sample"], flag["code"], flag["where"]) == (0, "zero-relative-speed", "dyad.C")
     assert len(flag["interval"]) == 2
 

@@ -167,12 +167,7 @@ def test_one_sample_and_many_read_alike():
             assert one[name][0] == many[name][0]
 
 
-def test_text_of_a_result_is_a_short_table_with_units():
-    text = str(ruiz().run(at=[1.0, 2.0], want=["crank.drive", "dyad.margin"]))
-    assert "[rad]" in text
-    assert "[N m]" in text
-    assert "3775.35" in text
-    assert len(text.splitlines()) < 12
+def test_what_a_result_is_is_one_line():
     assert repr(ruiz().run(at=[1.0, 2.0], want="crank.drive")) == (
         "<Result of ruiz_fourbar: 2 samples, 1 outputs, 8 kernel calls a sample, scalar engine>"
     )

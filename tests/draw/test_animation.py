@@ -140,9 +140,3 @@ def test_a_notebook_shows_the_player():
 def test_numbers_without_sense_are_refused(wrong):
     with pytest.raises(bm.RequestError, match=next(iter(wrong))):
         animate(ruiz(), **wrong)
-
-
-def test_the_same_mechanism_gives_the_same_files(tmp_path):
-    for suffix in (".gif", ".html"):
-        one, two = (animate(ruiz(), tmp_path / f"{k}{suffix}", frames=4).path for k in (1, 2))
-        assert one.read_bytes() == two.read_bytes()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import blockmech as bm
-from blockmech.draw import draw
+from blockmech.draw import animate, draw
 from tests.draw.scenes import unfinished
-from tests.wiring import ruiz
+from tests.wiring import ruiz, watt
 
 
 @pytest.mark.parametrize(
@@ -47,3 +47,23 @@ def test_an_old_picture_survives_a_refused_one(tmp_path):
     with pytest.raises(bm.RequestError):
         draw(ruiz(), path, kind="mechanism", at="seven")
     assert path.read_bytes() == before
+
+
+FILES = {
+    "mechanism.svg": lambda path: draw(ruiz(), path, "mechanism"),
+    "mechanism.png": lambda path: draw(ruiz(), path, "mechanism"),
+    "mechanism.pdf": lambda path: draw(ruiz(), path, "mechanism"),
+    "schedule.svg": lambda path: draw(watt(), path, "schedule", want="*.p"),
+    "film.gif": lambda path: animate(ruiz(), path, frames=4),
+    "film.html": lambda path: animate(ruiz(), path, frames=4),
+    "arcs.png": lambda path: ruiz().compile().limits().plot(path),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_same_subject_gives_the_same_bytes(tmp_path, name):
+    one, two = (tmp_path / f"{k}{name}" for k in (1, 2))
+    FILES[name](one)
+    FILES[name](two)
+    assert one.read_bytes() == two.read_bytes()
+    assert b"dc:date" not in one.read_bytes()

@@ -31,13 +31,6 @@ def test_each_kind_of_study_has_its_picture(kind, tmp_path):
     assert found.plot(tmp_path / "study.png").stat().st_size > 10_000
 
 
-def test_a_study_is_drawn_alike_each_time(tmp_path):
-    vary, more = CASES["curves"]
-    found = mechanism("ruiz_fourbar").study(vary, want=WANT, samples=9, friction="none", **more)
-    one, two = (found.plot(tmp_path / f"{k}.png").read_bytes() for k in range(2))
-    assert one == two
-
-
 def test_poses_alone_are_no_picture(tmp_path):
     found = mechanism("ruiz_fourbar").study(
         {"dyad.l_i": [6.0]}, want="poses(crank.drive)", samples=5, friction="none"

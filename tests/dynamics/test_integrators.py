@@ -131,6 +131,16 @@ def test_a_knot_met_at_the_time_asked_ends_the_run_there(method, knot):
         assert abs(found.q_end - knot) <= found.error
 
 
+def test_between_a_step_and_the_kink_that_cuts_it_the_motion_is_as_exact():
+    """Dense output was that of the whole step, which had seen the load beyond: 5e-8."""
+    graph = bm.Graph.load(GRAPHS / "motions" / "gas_crank.json").compile()
+    request = {"until": "time=0.08", "start": {"crank": (0.0966, 30.3)}}
+    steps, exact = (graph.simulate(method=m, step=h, **request).motion
+                    for m, h in (("rk4", 4e-4), ("energy", None)))  # fmt: skip
+    times = steps.times(800)
+    assert np.abs(steps.at(times).q - exact.at(times).q).max() <= steps.error < 2e-8
+
+
 @pytest.mark.parametrize("loads", ["rate", "rate and time"])
 def test_the_papers_scheme_updates_loads_of_rate_and_time_and_is_of_order_1(loads):
     """[D14] step v; held against ``rk4`` at small steps."""

@@ -216,3 +216,13 @@ sys.exit(main({words!r}))
     assert "ended: interrupted, after" in said
     assert "201 samples" in said
     assert warned.splitlines() == ["interrupted"]
+
+
+def test_a_path_whose_second_run_is_stopped_is_not_judged():
+    watt, asked = mechanism("watt_sixbar"), {"until": "angle=-3", "method": "energy"}
+    whole = Stopping(10**9)
+    watt.simulate(**asked, progress=whole)
+    last = Stopping(sum(what == "moving" for what, _, _ in whole.told), "moving")
+    motion = watt.simulate(**asked, progress=last).motion
+    assert motion.end == "interrupted"
+    assert motion.error == motion.time_error == np.inf

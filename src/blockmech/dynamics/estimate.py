@@ -174,10 +174,10 @@ def stopped(motion: Motion, best: Motion | None) -> Motion:
         note = f"{motion.end}: the error is not judged by another run"
         return replace(motion, error=math.inf, time_error=math.inf, notes=(*motion.notes, note))
     judged = math.isfinite(best.error)
-    error = best.error if judged else math.inf
+    best = best if judged else replace(best, error=math.inf, time_error=math.inf)
     if motion.end == ends.TOO_MANY:
-        return replace(best, error=error)
+        return best
     words = "by coarser runs" if judged else "not judged by another run"
     note = f"interrupted: the error is {words}"
     notes = (*best.notes, note)
-    return replace(best, status="ended", end=ends.INTERRUPTED, error=error, notes=notes)
+    return replace(best, status="ended", end=ends.INTERRUPTED, notes=notes)

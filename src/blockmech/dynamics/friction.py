@@ -357,8 +357,7 @@ class JointFriction:
         rows = [engine.one(self._inputs(q, state)) for state in states]
         margin = min([1.0, *rows[0][1 + 2 * m :]], key=lambda x: (x == x, x))
         try:
-            k = self.factors(sides)
-            found = resistance(rows, k, self.guides, self.solver, self.options)
+            found = resistance(rows, self.factors(sides), self.guides, self.solver, self.options)
         except (ArithmeticError, ValueError):
             nothing = np.full(m, math.nan)
             return Resisted(math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0)

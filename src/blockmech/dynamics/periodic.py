@@ -117,11 +117,9 @@ def resting(
 ) -> Motion:
     """A steady state in which nothing moves."""
     at, rate = (float(q[0]), 0.0) if q.size == 1 else (q, np.zeros(q.size))
-    t0 = request.start.t
-    event = Event("rest", t0, at, rate)
-    return _steady(
-        request, method, "rest", Still(at, rate), t0, (error, 0.0), facts, (note,), event
-    )
+    t0, still = request.start.t, Still(at, rate)
+    rest = Event("rest", t0, at, rate)
+    return _steady(request, method, "rest", still, t0, (error, 0.0), facts, (note,), rest)
 
 
 # -- periodic motions ----------------------------------------------------------------------

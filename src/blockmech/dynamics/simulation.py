@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import (
+    Pairs,
     SimulationRequest,
     Start,
     Until,
@@ -44,7 +45,6 @@ from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers, 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-Pairs: TypeAlias = Mapping[str, tuple[float, float]]
 ENGINES = ("auto", "scalar", "llvm")
 OUTPUTS = 201  # output times where none are named
 ACTIONS = (".couple", ".force")  # outputs of a load

@@ -46,7 +46,7 @@ class Swing:
 
     def panels(self) -> Panels | None:
         """The panels, or the first ones of them: those that need no shorter road."""
-        for _ in range(SHORT // 2):
+        for _ in range(SHORT.bit_length()):  # whole, and halved to parts in `SHORT`
             panels, J0 = self._over_edges()
             largest = np.array([x.data.largest[TAU] for x in self.pieces])
             good = panels.smooth(J0, self.tolerance, False, largest)

@@ -19,14 +19,14 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import loads
 from blockmech.dynamics.friction import JointFriction, MotionProgram
-from blockmech.dynamics.motion import Cost
+from blockmech.dynamics.motion import Cost, Floats
 from blockmech.dynamics.table import PlaceTable
 from blockmech.engines.llvm import WORTH, LlvmEngine, OneByOne
 from blockmech.engines.numpy import NumpyEngine
@@ -40,7 +40,6 @@ from blockmech.plan import Friction, Program, Schedule
 if TYPE_CHECKING:
     from blockmech.typing import Progress
 
-Floats: TypeAlias = NDArray[np.float64]
 T = TypeVar("T")
 FREE = Friction("none")
 REPORTED = 64  # evaluations between two words of progress: some milliseconds of work
@@ -150,11 +149,6 @@ def inputs(program: Program, given: Mapping[str, Any]) -> list[Any]:
     return [given[name] for name in program.inputs]
 
 
-def programs(compiled: Source) -> Programs:
-    """The programs of a mechanism, see `Compiled.once`."""
-    return Programs(compiled)
-
-
 @dataclass
 class System:
     """A mechanism as dynamics sees it; one per run, because it counts its evaluations.
@@ -180,7 +174,7 @@ class System:
     _programs: Programs = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._programs = self.compiled.once(programs)
+        self._programs = self.compiled.once(Programs)
         if not self.stops:
             self.stops = ((-math.inf, math.inf),) * len(self.drivers)
 

@@ -302,22 +302,27 @@ class Run:
                 hits = lookout.in_step(step.t_old, step.t, step.y, step)
                 self._note(hits, step)
                 if hits and hits[-1].rule.terminal:
-                    self._took(*self._exactly(hits[-1], step.t_old, self.y, step), step)
+                    self._took(*self._exactly(hits[-1], step.t_old, self.y, step))
                     return hits[-1]
                 self._took(step.t, step.y, step)
             first = i + 1
         return None
 
-    def _exactly(self, hit: Hit, t0: float, y0: Floats, dense: Any) -> tuple[float, Floats]:
-        """Time and state of an event, the state by a step up to it: dense output is coarser."""
-        t, there = hit.t, np.asarray(dense(hit.t))
+    def _exactly(self, hit: Hit, t0: float, y0: Floats, dense: Any) -> tuple[Any, ...]:
+        """Time and state of an event, and steps that end there.
+
+        The step beyond it is coarser in between, and has seen what a kink is for.
+        """
+        t, there, steps = hit.t, np.asarray(dense(hit.t)), list[Any]()
         if not t > t0:
-            return t, there
+            return t, there, dense
         finer = math.isfinite(self.max_step)  # not the one step of the coarser run again
         solver = self._solver(t, t0, y0, SHORTER * (t - t0) if finer else math.inf)
         while solver.status == "running":
-            if not self._stepped(solver):
-                return t, there
+            more = self._stepped(solver)
+            if not more:
+                return t, there, dense
+            steps += more
         y = np.array(solver.y)
         slope, ahead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
         here = hit.rule.value(t, y)
@@ -325,7 +330,7 @@ class Run:
         late = min(-here / rise, dense.t - t) if rise else math.nan  # not beyond its step
         moved = y + late * slope
         known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
-        return (t + late, moved) if known else (t, y)
+        return (t + late, moved, *steps) if known else (t, y, *steps)
 
     def _took(self, t: float, y: Floats, *steps: Any) -> None:
         """Go on to a state, over steps of which an event may cut off the last."""

@@ -121,7 +121,7 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
         if not left:
             break
         if 4 * left <= np.size(going):  # gathering them costs some half a step of all
-            return _apart(np.nonzero(going), step, state, cap - done, data)
+            return _apart(step, state, cap - done, data)
         ahead = step(state, *data)
         if left < np.size(going):
             ahead = each_part(lambda new, old, w=going: np.where(w, new, old), ahead, state)
@@ -129,9 +129,10 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
     return state
 
 
-def _apart(rows: Any, step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
-    """The state after the steps of some of its samples."""
-    shape = np.shape(state[-1])
+def _apart(step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
+    """The state after the steps of the samples that go on."""
+    shape = np.broadcast_shapes(*map(np.shape, leaves((state, data))))
+    rows = np.nonzero(np.broadcast_to(state[-1], shape))
 
     def some(x: Any) -> Any:
         return x if np.ndim(x) == 0 else np.broadcast_to(x, shape)[rows]

@@ -214,7 +214,6 @@ def follow(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
     ahead = tuple(a + step * b for a, b in zip(v, tangent, strict=True))
     there = tuple(a + share * (b - a) for a, b in zip(at.v, new.x, strict=True))
     aim = where(kinked, Aim.FRESH, where(correcting, at.aim, Aim.AHEAD))
-    plane = where(correcting, at.level, along(tangent, v) + step)
     return Course(
         v,
         tangent,
@@ -225,7 +224,7 @@ def follow(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
         where(landing, event, aim),
         chosen(landing, there, chosen(correcting, new.x, ahead)),
         chosen(landing, row, chosen(correcting, at.row, tangent)),
-        where(landing, level, plane),
+        where(landing, level, where(correcting, at.level, along(tangent, v) + step)),
         where(correcting, new.corrections, 0.0),
         count,
         outcome,
