@@ -9,12 +9,20 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.draw import palette
+from blockmech.draw.shapes import Stage
 from blockmech.studio.dragging import dragged, handles_of
-from blockmech.studio.film import SHOWN, coloured, names_of, scene_of
+from blockmech.studio.film import SHOWN, names_of, scene_of
 from blockmech.studio.mechanism import MechanismView
+from blockmech.studio.plots import coloured
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.turn import FRAME, blamed_blocks, closing, gaps_of, turn, what_moves
-from tests.studio.page import served, wait_until
+from blockmech.studio.turn import (
+    blamed_blocks,
+    closing,
+    dead_centres,
+    travel,
+    turn,
+    what_moves,
+)
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 GALLERY = sorted(path.stem for path in GRAPHS.glob("*.json"))
@@ -30,84 +38,100 @@ def sheet_of(name="ruiz_fourbar", **lengths):
     return sheet
 
 
+EVERY = 40  # so many samples are as good as all
+
+
+EVERY = 40  # so many samples are as good as all
+
+
 def turned(sheet):
     motion = turn(sheet.mechanism)
-    return motion.only(np.arange(0, len(motion.samples), FRAME))
+    return motion.only(np.arange(0, len(motion.samples), EVERY))
 
 
 @pytest.mark.parametrize("name", [n for n in GALLERY if n not in LONG])
-def test_every_mechanism_of_the_gallery_has_columns_for_every_frame(name):
+def test_every_mechanism_of_the_gallery_has_columns_for_every_pose(name):
     motion = turned(sheet_of(name))
     scene = scene_of(motion, SHOWN)
     low, high = scene.bounds
-    unit = abs(high - low) / 500
-    for layer in scene.layers(unit):
+    *layers, names = scene.layers(abs(high - low) / 500)
+    for layer in layers:
         assert len(layer.places) in (1, len(motion.samples))
-        assert layer.starts[-1] == layer.places.shape[1]
-        columns = layer.at(len(motion.samples) // 2)
-        assert {len(row) for row in columns.values()} == {len(layer.looks["name"])}
-        solid = [
-            i for i, what in enumerate(layer.looks["name"]) if what.startswith(("link", "pin"))
-        ]
-        for i in solid:
-            assert np.isfinite(layer.places[:, layer.starts[i] : layer.starts[i + 1]]).all()
-    for name in names_of(scene, unit):
-        assert np.isfinite(name.places).all()
+        count = len(layer.looks["name"])
+        assert {len(row) for row in (*layer.at(0).values(), *layer.looks.values())} == {count}
+        starts = layer.starts or range(count + 1)
+        assert starts[-1] == layer.places.shape[1]
+        for i, what in enumerate(layer.looks["name"]):
+            if what.startswith(("link", "pin")):
+                assert np.isfinite(layer.places[:, starts[i] : starts[i + 1]]).all()
+            assert not what.startswith("gap")
+    assert np.isfinite(names.places).all()
 
 
 def test_links_stand_where_the_run_says():
-    sheet = sheet_of()
-    motion = turned(sheet)
-    layers = scene_of(motion).layers(0.01)
-    found = {
-        what: layer.places[:, layer.starts[i]]
-        for layer in layers
-        for i, what in enumerate(layer.looks["name"])
-        if len(layer.places) > 1
-    }
-    C = sheet.mechanism.run(samples=361, want=["dyad.C.p"], friction="none")["dyad.C.p"]
+    view = MechanismView(sheet_of())
+    view.pose = 77
+    (x, y) = next(
+        (data["x"][i], data["y"][i])
+        for data in (source.data for _, source in view.figure._layers)
+        for i, what in enumerate(data["name"])
+        if what == "pin:C"
+    )
+    run = view.sheet.mechanism.run(samples=361, want=["dyad.C.p"], friction="none")
+    C = run["dyad.C.p"]
     rounding = 8 * np.finfo(float).eps * np.abs(C).max()  # by way of a link's origin and axis
-    assert np.abs(found["pin:C"] - C[::FRAME]).max() <= rounding
+    assert abs(complex(x, y) - C[77]) <= rounding
 
 
 def test_colours_are_those_of_the_palette_and_ink_swaps_with_paper_in_the_dark():
     known = {x for x in vars(palette).values() if isinstance(x, str) and x.startswith("#")}
     known |= {*palette.LINK_FILLS, *palette.SERIES, "transparent"}
     for layer in scene_of(turned(sheet_of()), SHOWN).layers(0.01):
-        used = {*layer.looks["line_color"], *layer.looks.get("fill_color", ())}
+        kinds = ("line_color", "fill_color", "text_color")
+        used = {colour for kind in kinds for colour in layer.looks.get(kind, ())}
         assert used <= known
     assert coloured(palette.PAPER, dark=True) == palette.INK
 
 
 def test_no_name_stands_on_a_link():
     """It only slides over one where a link drives it to the other side of its joint."""
-    motion = turned(sheet_of("watt_sixbar"))
+    motion = turn(sheet_of("watt_sixbar").mechanism)
+    motion = motion.only(np.arange(0, len(motion.samples), 3))
     scene = scene_of(motion)
     low, high = scene.bounds
     unit = abs(high - low) / 500
     bad = []
-    for name in names_of(scene, unit):
+    for name in names_of(Stage(scene.sketch, motion, unit)).places.T:
         on = np.zeros(len(motion.samples), bool)
         for body in scene.sketch.bodies:
             t = np.linspace(0, 1, 50)
             ends = motion.at(body.link, np.array(body.outline))
             for a, b in zip(ends, np.roll(ends, -1, 0), strict=True):
-                on |= (np.abs(a + (b - a) * t[:, None] - name.places) < 3 * unit).any(axis=0)
+                on |= (np.abs(a + (b - a) * t[:, None] - name) < 3 * unit).any(axis=0)
         bad.append(on.mean())
     assert max(bad) <= 0.1
     assert np.median(bad) <= 0.01
 
 
-def test_a_gap_has_its_sentence():
-    sheet = sheet_of(l_i=3.2)
-    gaps = gaps_of(closing(turn(sheet.mechanism)))
-    ((first, last, why),) = gaps
+def test_a_gap_has_its_sentence_and_its_mark():
+    view = MechanismView(sheet_of(l_i=3.2))
+    ((first, last, why),) = view.gaps
     assert (first, last) == (101, 259)
-    assert "dyad" in why
     assert "too large" in why
-    view = MechanismView(sheet)
-    assert why.split(":")[0] in view._captions()[60]
-    assert why.split(":")[0] not in view._captions()[0]
+    for pose, there in ((0, False), (first - 1, False), (first, True), (180, True)):
+        view.pose = pose
+        assert (why.split(":")[0] in view._caption()) == there
+        assert (marked(view) == {"gap:dyad"}) == there
+
+
+def marked(view):
+    """The gaps that are drawn in the shown pose."""
+    return {
+        what
+        for layer, source in view.figure._layers
+        for i, what in enumerate(layer.looks["name"])
+        if what.startswith("gap") and np.isfinite(source.data["xs"][i]).all()
+    }
 
 
 @pytest.mark.parametrize("gone", ["wire", "closing"])
@@ -120,6 +144,7 @@ def test_the_part_that_closes_is_drawn(gone):
     view = MechanismView(sheet)
     assert [str(link) for link in view.motion.structure.links] == ["frame.frame", "crank.crank"]
     assert ("never closes" if gone == "closing" else "nothing is wired to it") in view.said
+    assert marked(view) == ({"gap:dyad"} if gone == "closing" else set())
 
 
 def test_what_hangs_on_a_failing_block_goes_with_it():
@@ -129,16 +154,81 @@ def test_what_hangs_on_a_failing_block_goes_with_it():
     assert blamed_blocks(form, [bm.Problem("x", f"blocks.{first}.l_i", "")]) == {first}
 
 
+# -- drivers and dead centres ----------------------------------------------------------------
+
+
+def test_dead_centres_are_those_of_limits():
+    """A rocker as the driver: its arc ends where coupler and follower are in line."""
+    sheet = sheet_of(l_i=3.2)
+    motion, found = turn(sheet.mechanism), sheet.mechanism.limits()
+    q = motion.q["crank"]
+    ends = {end.q % (2 * np.pi): str(end) for arc in found.arcs for end in (arc.start, arc.end)}
+    passed = dead_centres(motion, closing(motion).quality.margin)
+    assert len(passed) == len(ends) == 2
+    for place, name in passed:
+        at = np.interp(place, np.arange(len(q)), q)
+        (near,) = (x for x in ends if abs(x - at) < 1e-9)
+        assert ends[near] == name
+    view = MechanismView(sheet)
+    view.pose = round(passed[0][0])
+    assert f"nearest dead centre: {passed[0][1]} at crank.q = " in view._caption()
+    labels = [x.text for x in view._margins.figure.center if hasattr(x, "text")]
+    assert labels == [name for _, name in passed]
+
+
+def test_each_of_several_drivers_has_a_slider():
+    view = MechanismView(sheet_of("excavator"))
+    assert list(view._drivers) == ["boom", "arm", "curl"]
+    laws = view.motion
+    view.pose = 100
+    assert [s.value for s in view._drivers.values()] == list(view.coordinates.values())
+    assert view.motion is laws
+    before = view.coordinates
+    view._drivers["arm"].value = 3.21
+    step = np.ptp(view.motion.q["arm"]) / 360
+    assert view.coordinates == before | {"arm": pytest.approx(3.21, abs=step / 2)}
+    moved = view.motion
+    assert view.along.words == "arm.q [m]"
+    view._drivers["arm"].value = 3.1
+    assert view.motion is moved
+    assert view.coordinates["arm"] == pytest.approx(3.1, abs=step / 2)
+    view.turn()
+    assert np.ptp(view.motion.q["boom"]) > 0
+
+
+@pytest.mark.parametrize(("name", "pose"), [("ruiz_fourbar", 90), ("excavator", 269)])
+def test_a_motion_is_played_round_or_to_and_fro(monkeypatch, name, pose):
+    """One and a quarter of it; a browser that has not drawn the last pose gets no other."""
+    view = MechanismView(sheet_of(name), seconds=2.0)
+    monkeypatch.setattr("time.perf_counter", lambda: 1.25 * 2.0)
+    view._said.tags = [view.pose + 1]
+    view._tick()
+    assert view.pose == 0
+    view._said.tags = [view.pose]
+    view._tick()
+    assert view.pose == pose
+
+
+def test_a_driver_without_a_law_moves_over_its_arc():
+    sheet = sheet_of(l_i=3.2)
+    form = copy.deepcopy(sheet.form)
+    del form["scene"]["drive"]
+    sheet.change(form, "free")
+    (arc,) = sheet.mechanism.limits().arcs
+    assert travel(sheet.mechanism, "crank", {"crank": 0.0}) == (arc.start.q, arc.end.q)
+    assert MechanismView(sheet).motion.feasible[1:-1].all()
+
+
 # -- dragging ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["ruiz_fourbar", "watt_sixbar"])
-@pytest.mark.parametrize("k", [0, 40])
+@pytest.mark.parametrize("k", [0, 4])
 def test_a_dragged_joint_moves_alone(name, k):
     """The other joints stand where they stood, in the pose in which it was dragged."""
     sheet = sheet_of(name)
     motion = turned(sheet)
-    handles = handles_of(sheet.form, motion, scene_of(motion).sketch)
+    handles = handles_of(motion, scene_of(motion).sketch)
     assert len(handles) >= 4
     before = places(sheet.mechanism, motion, k)
     for spot in handles.values():
@@ -185,8 +275,8 @@ def angle_of_crank(mechanism, old, new, motion, k):
 @pytest.mark.parametrize("joint", "ABCD")
 def test_a_dragged_joint_of_a_linkage_moves_alone(joint):
     sheet = sheet_of("joints/ruiz_fourbar")
-    motion, k = turned(sheet), 40
-    handles = handles_of(sheet.form, motion, scene_of(motion).sketch)
+    motion, k = turned(sheet), 4
+    handles = handles_of(motion, scene_of(motion).sketch)
     old = complex(motion.at(*handles[joint])[k])
     form = dragged(sheet.form, motion, k, old, old + 0.05 + 0.03j)
     q = float(motion.q["motor"][k])
@@ -211,54 +301,99 @@ def test_a_drag_is_one_step_that_can_be_undone():
     sheet = sheet_of()
     before = sheet.text()
     view = MechanismView(sheet)
-    view.drag("C", 0, 4.0 + 3.0j)
+    view.drag("C", 4.0 + 3.0j)
     assert sheet.form["blocks"]["dyad"]["l_j"] == pytest.approx(abs(4 + 3j - 5.5), abs=1e-12)
     assert sheet.undoable == "move C"
     sheet.undo()
     assert sheet.text() == before
 
 
-def test_a_mechanism_plays_in_the_browser_and_a_joint_is_dragged(page):
-    views = []
-
-    def make():
-        views.append(MechanismView(sheet_of()))
-        return views[-1].panel()
-
-    with served(page, make):
-        page.get_by_text("Play").click()
-        page.wait_for_timeout(600)
-        page.get_by_text("Pause").click()
-        (view,) = views
-        wait_until(page, lambda: view.frame > 0)
-        assert view.frame > 0
-        page.wait_for_timeout(300)  # the browser draws the frame that it told
-        k, length = view.frame, view.sheet.form["blocks"]["dyad"]["l_j"]
-        x, y = screen(page, complex(view.frames.at(*view._handles["C"])[k]))
-        page.mouse.move(x, y)
-        page.mouse.down()
-        page.mouse.move(x + 40, y - 30, steps=5)
-        page.mouse.up()
-        wait_until(page, lambda: view.sheet.undoable == "move C")
-        assert view.sheet.undoable == "move C"
-        assert view.sheet.form["blocks"]["dyad"]["l_j"] != length
+@pytest.mark.parametrize("law", [True, False])
+def test_a_dragged_crank_is_shown_where_it_was_dragged_to(law):
+    """Without a law its start goes with it; with one, the pose does."""
+    sheet = sheet_of()
+    if not law:
+        form = copy.deepcopy(sheet.form)
+        del form["scene"]["drive"]
+        form["scene"]["initial"] = {"crank": {"q": 0.5}}
+        sheet.change(form, "free")
+    view = MechanismView(sheet)
+    view.pose = 0
+    view.drag("B", 1.5j)
+    assert sheet.form["blocks"]["crank"]["length"] == pytest.approx(1.5, abs=1e-12)
+    half = np.ptp(view.motion.q["crank"]) / 720  # a step from sample to sample
+    assert view.coordinates["crank"] == pytest.approx(np.pi / 2, abs=half)
+    assert sheet.undoable == "move B"
+    if not law:
+        assert sheet.form["scene"]["initial"]["crank"]["q"] == pytest.approx(np.pi / 2, abs=1e-12)
 
 
-def screen(page, z):
-    """Where a place of the mechanism is on the screen [px]."""
+def test_what_cannot_be_dragged_says_why():
+    sheet = sheet_of("stephenson_3_triad")
+    view = MechanismView(sheet)
+    before = sheet.text()
+    view.drag("C", 0.1 + 0.1j)
+    assert "cannot be dragged" in view._said.text
+    assert sheet.text() == before
+
+
+def test_forces_that_cannot_be_known_are_told_while_they_are_asked_for():
+    view = MechanismView(sheet_of("motions/shaken_slider"))
+    view.show = ["reactions"]
+    assert "a load follows the time" in view._said.text
+    view.pose = 20
+    view.show = ["paths"]
+    assert "a load follows the time" not in view._said.text
+
+
+# -- files and the browser -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "head"),
+    [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF"), (".html", b"<!DOCTYPE html>")],
+)
+def test_the_pose_and_the_motion_are_pictures(kind, head):
+    view = MechanismView(sheet_of())
+    view.pose = 90
+    view.kind.value = kind
+    assert view.picture.filename == f"mechanism{kind}"
+    assert view._picture().getvalue().startswith(head)
+
+
+def test_a_mechanism_plays_and_is_dragged_in_the_browser(page, studio):
+    """Played, stopped, put to a pose by a tap on a curve, and a joint dragged there."""
+    page.goto(studio[0] + "?example=ruiz_fourbar")
+    page.wait_for_selector(".react-flow__pane")
+    page.wait_for_function("Bokeh.documents[0].is_idle")
+    pose = page.get_by_role("slider").first
+    page.get_by_role("button", name="▶ Play").click()
+    page.wait_for_function("at => at.ariaValueNow > 3", arg=pose.element_handle())
+    page.get_by_role("button", name="❚❚ Pause").click()
+    page.mouse.click(*screen(page, "crank.q [rad]", np.pi / 2, 0))
+    page.wait_for_function("at => Math.abs(at.ariaValueNow - 90) < 3", arg=pose.element_handle())
+    k = int(float(pose.get_attribute("aria-valuenow")))
+    run = sheet_of().mechanism.run(samples=361, want=["crank.drive", "dyad.C.p"])
+    page.get_by_text(f"crank.drive = {run['crank.drive'][k]:.6g} N m").wait_for()
+    C = run["dyad.C.p"][k]
+    x, y = screen(page, "x [m]", C.real, C.imag)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 40, y - 30, steps=3)
+    page.mouse.up()
+    page.get_by_role("button", name="Undo").and_(page.locator(":enabled")).wait_for()
+
+
+def screen(page, axis, x, y):
+    """Where a place of the last figure with an axis is on the screen [px]."""
     return page.evaluate(
-        """([x, y]) => {
-            const seek = (views) => {
-                for (const view of views) {
-                    if (view.model.type === "Figure") return view;
-                    const found = seek(view.child_views ?? []);
-                    if (found) return found;
-                }
-            };
-            const view = seek(Object.values(Bokeh.index.roots));
+        """([axis, x, y]) => {
+            const all = (views) => [...views].flatMap((v) => [v, ...all(v.child_views ?? [])]);
+            const view = all(Object.values(Bokeh.index.roots)).findLast(
+                ({model}) => model.type === "Figure" && model.below[0].axis_label === axis);
             const area = view.el.getBoundingClientRect();
             const {x_scale, y_scale} = view.frame;
             return [area.x + x_scale.compute(x), area.y + y_scale.compute(y)];
         }""",
-        [z.real, z.imag],
+        [axis, x, y],
     )

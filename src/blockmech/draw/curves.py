@@ -177,28 +177,31 @@ def _unwrapped(angle: Array) -> Array:
 
 
 def abscissa(result: Result, over: Axis = "auto", degrees: bool = DEGREES) -> Abscissa:
-    """What the curves are drawn over: the only driver's coordinate, or time.
+    """What the curves are drawn over: the coordinate of the only driver that moves, or time.
 
     A motion under loads is drawn over time: its driver may come back to the same place.
     Raises `RequestError` where that is not known.
     """
     drivers, laws = result.mechanism.drivers, result.mechanism.scene.drive
+    rows = by_unit(result, "q", degrees)
+    moving = [d for row in rows.values() for d, q in row.items() if np.ptp(q) > 0] or drivers
     time = result.time if result.time is not None and np.isfinite(result.time).all() else None
     if over not in ("auto", "coordinate", "time"):
         valid = "valid: auto, coordinate, time"
         raise refused("over", f"got {over!r}", valid=valid, code="bad-value")
-    by_time = result.motion is not None or len(drivers) != 1
+    by_time = result.motion is not None or len(moving) != 1
     by_time |= any(d in laws and not laws[d].by_coordinate for d in drivers)
     if over == "time" or (over == "auto" and by_time and time is not None):
         if time is None:
             found = "the run does not say times"
             raise refused("over", found, "use times= in run", code="no-time")
         return Abscissa("time [s]", time)
-    if len(drivers) != 1:
+    if len(moving) != 1:
         return Abscissa("sample", np.arange(result.n, dtype=float))
-    name = result.mechanism.of_driver(drivers[0], "q")
-    ((unit, q),) = by_unit(result, "q", degrees).items()
-    return Abscissa(f"{shown_name(name)} [{unit}]", q[drivers[0]], angle=unit == "°")
+    (driver,) = moving
+    unit = next(unit for unit, row in rows.items() if driver in row)
+    words = f"{shown_name(result.mechanism.of_driver(driver, 'q'))} [{unit}]"
+    return Abscissa(words, rows[unit][driver], angle=unit == "°")
 
 
 def by_unit(result: Result, what: str, degrees: bool) -> dict[str, dict[str, Array]]:

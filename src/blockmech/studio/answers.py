@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import io
 import time
 from collections.abc import Iterable
@@ -10,25 +11,25 @@ from typing import Any, get_args
 import numpy as np
 import panel as pn
 from bokeh.layouts import column
+from bokeh.models import Div
 
 from blockmech.analysis.explain import explain
 from blockmech.analysis.trade import trade
-from blockmech.draw.curves import abscissa
 from blockmech.draw.motion import Motion, moves_of_result
 from blockmech.dynamics.along import result_along
 from blockmech.dynamics.simulation import simulate
 from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
-from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of, places_of
+from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of
 from blockmech.studio.looks import LINES
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.turn import FRAME
 from blockmech.studio.work import Told, Work
 from blockmech.typing import FrictionMethod
 from blockmech.wires import on_wires
 
+ACCURACIES = ("1e-3", "1e-6", "1e-9", "1e-12")
 TOOLS = "pan,xwheel_zoom,box_zoom,reset,save"
 FORWARD = {"p": "m", "v": "m/s", "a": "m/s²", "om": "rad/s", "al": "rad/s²"}
 BACK = {"F": "N", "M": "N m", "power": "W"}
@@ -62,8 +63,8 @@ def _told(key: str, values: Any, unit: str) -> str:
     if not np.isfinite(value):
         return f"{key} none"
     if np.iscomplexobj(value):
-        return f"{key} = ({value.real:.4g}, {value.imag:.4g}) {unit}"
-    return f"{key} = {value + 0.0:.4g} {unit}"
+        return f"{key} = ({value.real:.6g}, {value.imag:.6g}) {unit}"
+    return f"{key} = {value + 0.0:.6g} {unit}"
 
 
 def answer(
@@ -116,41 +117,37 @@ class Answers:
         )
         self.accuracy = pn.widgets.Select(
             label="Accuracy",
-            options={
-                "as the method": 0.0,
-                **{f"{x:g}": x for x in 10.0 ** np.arange(-3, -13, -3)},
-            },
+            options={"as the method": 0.0} | {x: float(x) for x in ACCURACIES},
             width=100,
         )
         self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
         self.said = pn.pane.Str("", sizing_mode="stretch_width", stylesheets=[LINES])
+        self.values = Div(text="", sizing_mode="stretch_width")
         self.costs = pn.pane.Str("", sizing_mode="stretch_width")
         self.plots = pn.pane.Bokeh(column(sizing_mode="stretch_width"), sizing_mode="stretch_width")
         self.csv = pn.widgets.FileDownload(
             callback=self._csv, filename="result.csv", label="CSV", width=100
         )
-        self.work = Work()
-        buttons = {
-            "Simulate": self.simulate,
-            "Turn": view.renew,
-            "Cost": self.explain,
-            "Trade": self.trade,
-        }
-        self.buttons = [pn.widgets.Button(label=name, width=100) for name in buttons]
-        for button, act in zip(self.buttons, buttons.values(), strict=True):
-            button.on_click(lambda _, act=act: act())
-        self.work.param.watch(lambda event: self.said.param.update(object=event.new), "said")
+        self.work = Work(lambda said: self.said.param.update(object=said))
+        acts = (self.simulate, view.turn, self.explain, self.trade)
+        self.buttons = [
+            pn.widgets.Button(label=name, width=100, on_click=lambda _, act=act: act())
+            for name, act in zip(("Simulate", "Turn", "Cost", "Trade"), acts, strict=True)
+        ]
         for widget in (self.names, self.friction, self.accuracy):
             widget.param.watch(lambda _: self.renew(), "value")
         view.param.watch(lambda _: self._begin(), "motion")
         view.param.watch(heard(self.renew), "shown")
+        view.param.watch(lambda _: self._show_pose(), "pose")
         self._begin()
 
     def panel(self) -> Any:
         """What is asked on the left, the curves beside it."""
         parts = (self.friction, self.accuracy, self.until, *self.buttons, self.work.stop, self.csv)
         asked = pn.Column(self.find, self.names, pn.FlexBox(*parts), width=250)
-        told = pn.Column(self.said, self.plots, self.costs, sizing_mode="stretch_width")
+        told = pn.Column(
+            self.values, self.said, self.plots, self.costs, sizing_mode="stretch_width"
+        )
         return pn.Row(asked, told, sizing_mode="stretch_width")
 
     # -- curves ----------------------------------------------------------------------------
@@ -180,31 +177,40 @@ class Answers:
     @together
     def renew(self) -> None:
         """Compute and draw what is chosen; what cannot be is said."""
-        self.result, cursors, said = None, [], ""
+        self.result, panels, said = None, [], ""
         motion, names = self.view.motion, self.names.value
         if motion is not None and names:
             begun = time.perf_counter()
             try:
                 result = answer(motion, names, self.friction.value, self.accuracy.value or None)
-                panels, along = (
-                    panels_of(result, names),
-                    abscissa(result, degrees=self.view.degrees),
-                )
+                panels = panels_of(result, names)
             except BlockmechError as error:
-                said, panels = str(error), []
+                said = str(error)
             else:
                 said = _summary(result, time.perf_counter() - begun)
                 self.result = result
             if [labels_of(p) for p in panels] != [plot.curves for plot in self.drawn]:
-                self.drawn = [Plot(p, self.view.dark, height=CURVE, tools=TOOLS) for p in panels]
+                look = {"height": CURVE, "tools": TOOLS}
+                self.drawn = [Plot(p, self.view.dark, self.view.seek, **look) for p in panels]
                 figures = [plot.figure for plot in self.drawn]
                 self.plots.object = column(*figures, sizing_mode="stretch_width")
             for plot, panel in zip(self.drawn, panels, strict=True):
-                plot.show(panel, along, self.view.gaps)
-                cursors.append({"span": plot.cursor, "at": places_of(along, FRAME)})
+                plot.show(panel, self.view.along, self.view.gaps)
         self.said.object = said
-        self.plots.visible = bool(cursors)
-        self.view.follow("answers", cursors)
+        self.plots.visible = bool(panels)
+        self._show_pose()
+
+    @together
+    def _show_pose(self) -> None:
+        """Put the cursors and the values to the shown pose."""
+        k, result, lines = self.view.pose, self.result, []
+        if result is not None:
+            for plot in self.drawn:
+                plot.cursor.location = float(self.view.along.values[k])
+            outputs = [(name, result.output(name)) for name in result]
+            shown = [(name, x.unit) for name, x in outputs if x.kind in ("real", "vector")]
+            lines = [_told(name, result[name][k], unit) for name, unit in shown]
+        self.values.text = "<br>".join(map(html.escape, lines))
 
     def _csv(self) -> io.StringIO:
         """The shown curves as text."""
@@ -216,7 +222,7 @@ class Answers:
         if motion is None:
             return ""
         try:
-            found = wire_values(motion.result.with_friction(self.friction.value), self.view.sample)
+            found = wire_values(motion.result.with_friction(self.friction.value), self.view.pose)
         except BlockmechError as error:
             return str(error)
         return found.get(name, "")
@@ -234,6 +240,7 @@ class Answers:
 
         def done(result: Result) -> None:
             self.view.play(moves_of_result(result))
+            self.view.pose = 0
             self.said.object = " ".join(result.motion.summary())
 
         if mechanism is not None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
-from bokeh.models import BoxAnnotation, ColumnDataSource, Span
+from bokeh.events import Tap
+from bokeh.models import BoxAnnotation, ColumnDataSource, Label, Span
 from bokeh.plotting import figure
 
 from blockmech.draw import palette as ink
@@ -14,7 +15,8 @@ from blockmech.draw.curves import chosen_panels, without_friction
 from blockmech.draw.panels import PANEL, WITHOUT, Abscissa, Panel
 from blockmech.draw.paper import scaled_unit, shown_name
 from blockmech.result import Result
-from blockmech.studio.film import PIXELS, coloured, dress
+from blockmech.studio.plots import FONT, PIXELS, coloured, dress
+from blockmech.studio.session import heard
 
 CURVE = round(PANEL * PIXELS)  # [px] height of a figure
 Gaps = Iterable[tuple[int, int, str]]
@@ -43,11 +45,17 @@ def margins_of(result: Result) -> Panel:
 
 
 class Plot:
-    """The figure of a panel, with a cursor; it stays while the same curves are shown."""
+    """The figure of a panel, with a cursor; it stays while the same curves are shown.
 
-    def __init__(self, panel: Panel, dark: bool, **look: Any) -> None:
+    ``seek`` is called with the place on the axis that somebody taps.
+    """
+
+    def __init__(
+        self, panel: Panel, dark: bool, seek: Callable[[float], None], **look: Any
+    ) -> None:
         self.dark, self.curves = dark, labels_of(panel)
         self.figure = figure(sizing_mode="stretch_width", **look)
+        self.figure.on_event(Tap, lambda tap: heard(lambda: seek(tap.x))())
         self.cursor = Span(dimension="height", line_color=coloured(ink.ALARM, dark), line_width=1)
         self.figure.add_layout(self.cursor)
         self.fixed = list(self.figure.center)
@@ -63,7 +71,7 @@ class Plot:
         dress(self.figure, dark)
 
     def show(self, panel: Panel, along: Abscissa, gaps: Gaps) -> None:
-        """Draw the values; gaps are hatched between the samples beside them."""
+        """Draw the values; gaps are hatched between the samples beside them, events named."""
         low, high = panel.shown
         factor, unit = scaled_unit(panel.unit, max(abs(low), abs(high)))
         rows = [*panel.curves.values(), *panel.without.values()]
@@ -71,9 +79,10 @@ class Plot:
         self.source.data = {"x": along.values, **found}
         self.figure.xaxis.axis_label = along.words
         self.figure.yaxis.axis_label = f"{panel.quantity} [{unit or '–'}]"
-        boxes = [self._box(along.values, first, last) for first, last, _ in gaps]
-        if boxes or len(self.figure.center) > len(self.fixed):
-            self.figure.center = [*self.fixed, *boxes]
+        marks = [self._box(along.values, first, last) for first, last, _ in gaps]
+        marks += [mark for event in along.events for mark in self._mark(*event)]
+        if marks or len(self.figure.center) > len(self.fixed):
+            self.figure.center = [*self.fixed, *marks]
 
     def _box(self, x: Any, first: int, last: int) -> BoxAnnotation:
         ends = float(x[max(first - 1, 0)]), float(x[min(last + 1, len(x) - 1)])
@@ -82,13 +91,18 @@ class Plot:
         look |= {name: coloured(colour, self.dark) for name, colour in colours.items()}
         return BoxAnnotation(left=min(ends), right=max(ends), **look)
 
+    def _mark(self, x: float, words: str) -> tuple[Span, Label]:
+        """A dead centre: a line, and its name beside it."""
+        colour = coloured(ink.GREY, self.dark)
+        line = Span(dimension="height", location=x, line_color=colour, line_dash="dotted")
+        name = Label(
+            x=x, y=2, y_units="screen", text=words, x_offset=3, text_color=colour,
+            text_font=FONT, text_font_size="11px",
+        )  # fmt: skip
+        return line, name
+
 
 def labels_of(panel: Panel) -> list[str]:
     """The curves as a legend names them."""
     shown = [shown_name(name) or panel.quantity for name in panel.curves]
     return shown + [f"{shown_name(name) or panel.quantity} {WITHOUT}" for name in panel.without]
-
-
-def places_of(along: Abscissa, every: int) -> list[float]:
-    """Where a cursor stands in each frame."""
-    return [float(x) for x in along.values[::every]]

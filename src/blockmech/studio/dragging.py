@@ -21,28 +21,26 @@ from blockmech.values import Place
 Move = Callable[[complex], complex]
 
 
-def handles_of(form: Mapping[str, Any], motion: Motion, sketch: Sketch) -> dict[str, Spot]:
-    """What can be dragged: name -> its spot. Where nothing could follow there is no handle."""
+def handles_of(motion: Motion, sketch: Sketch) -> dict[str, Spot]:
+    """What can be taken hold of: pins, sliders and markers by name, one at a place."""
     s = motion.structure
     spots = {pin.names[0]: pin.spot for pin in sketch.pins}
+    spots |= {slider.name: slider.point for slider in sketch.sliders if not slider.inside}
     for marker in shown_markers(motion.mechanism):
         spots[str(marker)] = Spot(marker.on, marker_place(s, marker))
-    good = np.flatnonzero(motion.feasible)
-    found: dict[str, Spot] = {}
-    taken: list[complex] = []
-    for name, (link, at) in spots.items():
-        z = complex(motion.at(link, at)[good[0]])
-        aside = z + SAME_PLACE + abs(z)
-        if z not in taken and dragged(form, motion, int(good[0]), z, aside) != form:
-            found[name] = Spot(link, at)
-            taken.append(z)
-    return found
+    k = int(np.flatnonzero(motion.feasible)[0])
+    places = {complex(motion.at(*spot)[k]): name for name, spot in reversed(spots.items())}
+    return {name: spots[name] for name in spots if name in places.values()}
 
 
 def dragged(
     form: Mapping[str, Any], motion: Motion, k: int, old: complex, new: complex
 ) -> dict[str, Any]:
-    """The form in which what stands at ``old`` [m] in frame k stands at ``new``."""
+    """The form in which what stands at ``old`` [m] in sample k stands at ``new``.
+
+    A crank that turns by it starts as much further on, where the scene says its start. What
+    no length or marker places stays, and the form is the same.
+    """
     size = max(np.abs([*(z[k] for z in motion.origin.values()), old, new]))
 
     def move(z: complex) -> complex:
@@ -55,17 +53,21 @@ def dragged(
     s = motion.structure
     for given in changed["blocks"][s.frame].get("markers", {}).values():
         given["at"] = _put(given["at"], 0j, 1, 0j, 1, move)
+    starts = changed.get("scene", {}).get("initial", {})
     for name in s.blocks:
-        _drag_block(changed["blocks"][name], name, motion, k, move)
+        turned = _drag_block(changed["blocks"][name], name, motion, k, move)
+        for driver, ref in s.driven.items():
+            if ref.block == name and driver in starts and s.joint(ref).rotary:
+                starts[driver]["q"] += turned * s.coordinate(driver).sign
     return changed
 
 
-def _drag_block(block: dict[str, Any], name: str, motion: Motion, k: int, move: Move) -> None:
-    """Change lengths and markers of a block in place."""
+def _drag_block(block: dict[str, Any], name: str, motion: Motion, k: int, move: Move) -> float:
+    """Change lengths and markers of a block in place; the angle [rad] by which its link turns."""
     s = motion.structure
     model = s.blocks[name]
     joined = {m for ref, m in s.feeds.items() if s.joint(ref).kind == "R"}
-    pins = {}
+    pins, turned = {}, 0.0
     for link in model.link_names:
         ref = LinkRef(name, link)
         o, e = complex(motion.origin[ref][k]), complex(motion.axis[ref][k])
@@ -81,6 +83,7 @@ def _drag_block(block: dict[str, Any], name: str, motion: Motion, k: int, move: 
             if built.along and (move(z), o2) != (z, o) and move(z) != o2:
                 e2 = (move(z) - o2) / abs(move(z) - o2)
                 block[built.along] = abs(move(z) - o2)
+                turned = float(np.angle(e2 / e))
         for marker, given in block.get("links", {}).get(link, {}).get("markers", {}).items():
             stays = (o2, e2) != (o, e) and MarkerRef(name, link, marker) in joined
             given["at"] = _put(given["at"], o, e, o2, e2, move, stays)
@@ -88,6 +91,7 @@ def _drag_block(block: dict[str, Any], name: str, motion: Motion, k: int, move: 
         turn = ((pins["D"] - pins["B"]).conjugate() * (pins["C"] - pins["B"])).imag
         if turn:
             block["branch"] = 1 if turn > 0 else -1
+    return turned
 
 
 def _drag_joints(form: dict[str, Any], motion: Motion, k: int, move: Move) -> None:

@@ -17,7 +17,7 @@ from blockmech.draw.sketch import hull
 from blockmech.errors import BlockmechError
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
-from blockmech.studio.film import FONT, PIXELS, coloured
+from blockmech.studio.plots import FONT, PIXELS, coloured
 from blockmech.studio.session import follow
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import Drawn, Form

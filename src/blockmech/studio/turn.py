@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.analysis.closure import travel as slide_travel
 from blockmech.analysis.limits import limits
 from blockmech.builders import Graph
 from blockmech.compiled import Compiled
@@ -15,40 +16,117 @@ from blockmech.draw.motion import Motion, moves, moves_of_result
 from blockmech.errors import BlockmechError, Problem
 from blockmech.failures import why_not
 from blockmech.mechanism import Mechanism
+from blockmech.model.laws_of_motion import OverRange
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.edits import without
 
-FRAME = 3  # samples from one frame to the next: as smooth as a screen shows, a third to send
 
-
-def turn(mechanism: Compiled, at: Mapping[str, float] | None = None) -> Motion:
-    """The motion over the laws of the drivers; without laws one driver turns, the others stay.
-
-    Parameters
-    ----------
-    at : driver -> coordinate [rad or m] of the drivers without a law; the first of them moves
-        over a turn from there, or over the arc on which it closes
+def shown_motion(
+    form: Mapping[str, Any],
+    mechanism: Compiled | None,
+    problems: Iterable[Problem],
+    moved: str,
+    at: Mapping[str, float],
+) -> tuple[Motion | None, str]:
+    """The `turn` of a sheet's mechanism, or of the part of it that closes; and what is wrong.
 
     Raises `RequestError` where a law cannot be followed.
     """
-    laws, starts = mechanism.scene.drive, mechanism.scene.initial
-    free = [d for d in mechanism.drivers if d not in laws]
-    if not free:
+    said, blamed = " ".join(map(str, problems)), blamed_blocks(form, problems)
+    if mechanism is None:
+        mechanism = what_moves(form, blamed)
+    while mechanism is not None:
+        motion = turn(mechanism, moved, at)
+        if motion.feasible.any():
+            return motion, said
+        closed = closing(motion)
+        said = said or gaps_of(closed)[0][2]
+        blamed |= set(closed.quality.blame.values())
+        mechanism = what_moves(form, blamed)
+    return None, said
+
+
+def turn(mechanism: Compiled, moved: str = "", at: Mapping[str, float] | None = None) -> Motion:
+    """The motion over the laws of the drivers, or that of one driver while the others stay.
+
+    Parameters
+    ----------
+    moved : the driver that moves over its `travel`; by default the first without a law
+    at : driver -> coordinate [rad or m] of the others, and of ``moved`` where its turn begins;
+        by default where their laws, or the scene, begin
+
+    Raises `RequestError` where a law cannot be followed.
+    """
+    free = [d for d in mechanism.drivers if d not in mechanism.scene.drive]
+    moved = moved if moved in mechanism.drivers else ""
+    if not free and not moved:
         return moves(mechanism, samples=DEFAULT_SAMPLES)
-    given = {d: starts[d].q for d in mechanism.drivers if d in starts} | dict(at or {})
-    held = {d: given.get(d, 0.0) for d in mechanism.drivers}
-    moved, *_ = free
-    if mechanism.driver_joint(moved).rotary:
-        low, high = held[moved], held[moved] + 2 * np.pi
-    else:
-        others = {d: q for d, q in held.items() if d != moved}
-        arcs = limits(mechanism, moved, others).arcs
-        low, high = (arcs[0].start.q, arcs[0].end.q) if arcs else (held[moved],) * 2
-    q = np.linspace(low, high, DEFAULT_SAMPLES)
+    moved = moved or free[0]
+    held = {d: (at or {}).get(d, _begin(mechanism, d)) for d in mechanism.drivers}
+    q = np.linspace(*travel(mechanism, moved, held), DEFAULT_SAMPLES)
     how: dict[str, Any] = {"want": (), "on_gap": "mark", "friction": "none"}
     rows = {d: q if d == moved else np.full(q.shape, x) for d, x in held.items()}
     return moves_of_result(mechanism.run(at=rows, rates=dict.fromkeys(rows, 0.0), **how))
+
+
+def _begin(mechanism: Compiled, driver: str) -> float:
+    """Where a driver stands at first: where its law, or else the scene, begins."""
+    scene = mechanism.scene
+    law, begin = scene.drive.get(driver), scene.begin(driver)
+    if law is not None and begin is None:
+        begin = float(law.at_times(np.array([law.begin()]))[0][0])
+    return begin or 0.0
+
+
+def travel(mechanism: Compiled, driver: str, at: Mapping[str, float]) -> tuple[float, float]:
+    """The range [rad or m] in which a driver is moved by hand while the others stay ``at``.
+
+    That of its law, else the arc of `limits` it is on, within the scene's stops.
+    """
+    law, stops = mechanism.scene.drive.get(driver), mechanism.scene.stops.get(driver)
+    if isinstance(law, OverRange):
+        low, high = sorted((law.start, law.end))
+    elif law is not None:
+        q = law.at_times(law.begin() + np.linspace(0, law.duration(), DEFAULT_SAMPLES))[0]
+        low, high = float(q.min()), float(q.max())
+    if law is not None and low < high:
+        return low, high
+    found = limits(mechanism, driver, {d: q for d, q in at.items() if d != driver})
+    arc = found.arc_at(at[driver]) or next(iter(found.arcs), None)
+    low, high = at[driver], at[driver] + 2 * np.pi * mechanism.driver_joint(driver).rotary
+    if arc is not None and not found.whole_turn:
+        size = slide_travel(mechanism, driver).size
+        low, high = max(arc.start.q, -size), min(arc.end.q, size)
+    bounds = stops.bounds if stops is not None else (low, high)
+    return max(low, bounds[0]), min(high, bounds[1])
+
+
+def dead_centres(motion: Motion, margins: Mapping[str, Any]) -> tuple[tuple[float, str], ...]:
+    """Where a motion of one driver passes the ends and change points of `limits`.
+
+    Each with the sample, which may lie between two, and the name. ``margins`` are those of all
+    groups; one that is farther from 0 than it changes from sample to sample has no dead centre.
+    """
+    moved, *more = [d for d, q in motion.q.items() if np.ptp(q)] or [""]
+    near = [b for b, m in margins.items() if not np.min(m) > np.max(np.abs(np.diff(m)), initial=0)]
+    if not moved or more or not near:
+        return ()
+    mechanism, q = motion.mechanism, motion.q[moved]
+    held = {d: float(x[0]) for d, x in motion.q.items() if d != moved}
+    found = limits(mechanism, moved, held, blocks=near)
+    ends = [end for arc in found.arcs for end in (arc.start, *arc.change_points, arc.end)]
+    events: set[tuple[float, str]] = set()
+    for end in (end for end in ends if end.block):
+        apart = q - end.q
+        if found.unit == "rad":
+            apart = np.angle(np.exp(1j * apart))
+        a, b = apart[:-1], apart[1:]
+        passed = np.flatnonzero((a * b < 0) & (np.abs(b - a) < np.pi))
+        places = [*np.flatnonzero(apart == 0), *(passed + a[passed] / (a - b)[passed])]
+        name = f"{mechanism.said(end.block)} {end.how}"
+        events |= {(float(place), name) for place in places}
+    return tuple(sorted(events))
 
 
 def closing(motion: Motion) -> Result:
@@ -91,13 +169,13 @@ def part_of(form: Mapping[str, Any], failing: Iterable[str]) -> dict[str, Any]:
 def blamed_blocks(form: Mapping[str, Any], problems: Iterable[Problem]) -> set[str]:
     """The blocks that problems are about."""
     words = {word for p in problems for word in re.split(r", |[.\[]", p.where)}
-    return words & set(form["blocks"])
+    return words & set(form.get("blocks", ()))
 
 
 def what_moves(form: Mapping[str, Any], failing: Iterable[str]) -> Mechanism | None:
     """The largest part of a graph without the failing blocks that is a mechanism, or None."""
     gone = set(failing)
-    while gone and form["blocks"]:
+    while gone and form.get("blocks"):
         form = part_of(form, gone)
         try:
             graph = Graph.from_data(form)

@@ -11,7 +11,7 @@ from bokeh.plotting import figure
 
 from blockmech.draw.palette import SIZES, TEXT
 from blockmech.studio.fields import Shown
-from blockmech.studio.film import PIXELS, dress
+from blockmech.studio.plots import PIXELS, dress
 from blockmech.studio.session import heard
 
 TICK = "return String(Number((tick * each).toPrecision(12))).replace('-', '\u2212')"

@@ -7,27 +7,19 @@ from threading import Thread
 from typing import Any
 
 import panel as pn
-import param
 
 from blockmech.errors import BlockmechError
 
 Told = Callable[..., None]
 
 
-class Work(param.Parameterized):  # type: ignore[misc]  # as the sheet
-    """One piece of work at a time.
+class Work:
+    """One piece of work at a time; ``say`` hears how far it is, or why it failed."""
 
-    ``said`` is how far it is, or the sentence by which it failed; ``busy`` whether one runs.
-    """
-
-    said = param.String(default="")
-    busy = param.Boolean(default=False)
-
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self.say = say
         self.stop = pn.widgets.Button(label="Stop", disabled=True, width=100)
         self.stop.on_click(lambda _: self.cancel())
-        self.param.watch(lambda event: self.stop.param.update(disabled=not event.new), "busy")
         self._stopped = False
         self.thread: Thread | None = None
 
@@ -40,25 +32,20 @@ class Work(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
         ``told(what, done, whole)`` is to be called now and then.
         """
-        if self.busy:
+        if not self.stop.disabled:
             return
-        self.param.update(busy=True, said="begins ...")
-        self._stopped, page = False, pn.state.curdoc
-
-        def later(function: Callable[[], None]) -> None:
-            if page is None:
-                function()
-            else:
-                page.add_next_tick_callback(function)
+        self._stopped, self.stop.disabled, page = False, False, pn.state.curdoc
+        later = page.add_next_tick_callback if page is not None else lambda act: act()
 
         def told(what: str, reached: float = 0, whole: float | None = None) -> None:
             if self._stopped:
                 raise KeyboardInterrupt  # what Ctrl-C does: a simulation keeps what it has
             part = f" {reached:.4g} of {whole:.4g}" if whole else ""
-            later(lambda: self.param.update(said=f"{what}{part}"))
+            later(lambda: self.say(f"{what}{part}"))
 
         def end(found: Any, said: str) -> None:
-            self.param.update(busy=False, said=said)
+            self.stop.disabled = True
+            self.say(said)
             if found is not None:
                 done(found)
 
