@@ -42,7 +42,12 @@ def main(count: int = 200, first: int = -1) -> int:
         sys.stdout.flush()
     documents = list(documents_from(first, count))
     for name, linkage, request in documents:
-        worst = min(of_document(linkage, request, step) for step in STEPS)
+        try:
+            linkage.run(**request)
+            worst = min(of_document(linkage, request, step) for step in STEPS)
+        except (bm.GraphError, bm.AssemblyError) as error:  # too near a dead centre
+            print(f"{name:30s} left out: {error.problems[0].code}")
+            continue
         wrong += not worst <= EXACT
         print(f"{name:30s} {worst:.1e}")
         sys.stdout.flush()

@@ -60,6 +60,12 @@ def fill(page, label, value):
     field.press("Enter")
 
 
+def rename(page, name):
+    """Rename the block whose form is shown, and wait until the canvas shows it."""
+    fill(page, "Name", name)
+    page.locator(f'.react-flow__node[data-id="{name}"]').wait_for()
+
+
 def choose(page, label, value):
     page.get_by_label(label, exact=True).select_option(value)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from blockmech.builders import Graph
-from tests.studio.page import accessible, drop, edit, fill, save, show, wire
+from tests.studio.page import accessible, drop, edit, fill, rename, save, show, wire
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 
@@ -89,10 +89,10 @@ def test_the_fourbar_from_an_empty_sheet(page, studio):
     page.get_by_label("branch", exact=True).select_option("1")
     fill(page, "new in i markers", "S")
     fill(page, "i markers S at [m]", "2.5 @ 0.5235987755982988")
-    fill(page, "Name", "dyad")
+    rename(page, "dyad")
     drop(page, "load.force", 650, 20)
     fill(page, "force [N]", "0, -1000")
-    fill(page, "Name", "weightlike")
+    rename(page, "weightlike")
     drop(page, "load.couple", 650, 250)
     fill(page, "moment [N m]", "-250")
     page.get_by_label("Edit").select_option("mechanism")

@@ -20,6 +20,7 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import check_places, write_found
 from blockmech.cli.terminal import answer, progress_bar, reading
+from blockmech.runnable import EVERYTHING
 
 Wants = Annotated[list[str], option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")]
 To = Annotated[
@@ -48,16 +49,10 @@ def sensitivity(
         mechanism = compiled(file)
     one_of(json=json, csv=csv is not None, plot=plot is not None)
     check_places(csv, plot)
-    request: dict[str, Any] = {
-        "to": names_of(to) or None,
-        "at": coordinates(mechanism, at or []),
-        "samples": samples,
-        "times": times(at_times),
-        "friction": friction,
-        "static": static or None,
-    }
-    given = {k: v for k, v in request.items() if v is not None}
+    poses = coordinates(mechanism, at or [])
+    asked: dict[str, Any] = {"at": poses, "samples": samples, "times": times(at_times)}
+    asked |= {"to": names_of(to) or EVERYTHING, "friction": friction, "static": static}
     with progress_bar("differentiating"):
-        found = mechanism.sensitivity(names_of(want), **given)
+        found = mechanism.sensitivity(names_of(want), **asked)
     answer(file, json, found.to_dict(), found.text())
     write_found(found, csv, plot)

@@ -75,22 +75,14 @@ def sweep(
         remedy = "give the name such a suffix, or none: that of a folder"
         raise refused(out, "a table is csv or parquet", remedy)
     in_parts = out is not None and not Path(out).suffix
-    given: dict[str, Any] = {
-        "over": coordinates(mechanism, at or []),
-        "samples": samples,
-        "times": times(at_times),
-        "friction": friction,
-        "tolerance": tolerance,
-        "iterations": iterations,
-    }
-    asked = {k: x for k, x in given.items() if x is not None}
-    how: dict[str, Any] = {"sampling": sampling, "count": count, "seed": seed, "static": static}
-    if in_parts:
-        how["out"] = out
+    over = coordinates(mechanism, at or [])
+    asked: dict[str, Any] = {"over": over, "samples": samples, "times": times(at_times)}
+    asked |= {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    asked |= {"sampling": sampling, "count": count, "seed": seed, "static": static}
+    asked |= {"want": list(want), "out": out if in_parts else None, "workers": workers}
     numbers = _varied(mechanism, vary)
     with progress_bar("running") as told, _client(dask) as client:
-        who = {"workers": workers, "client": client}
-        found = mechanism.study(numbers, want=list(want), progress=told, **how, **asked, **who)
+        found = mechanism.study(numbers, progress=told, client=client, **asked)
     say(repr(found))
     if in_parts:
         say(f"wrote {out}")

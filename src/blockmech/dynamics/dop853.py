@@ -1,7 +1,6 @@
 """SciPy's DOP853, many steps at a time by machine code where that is asked.
 
-Coefficients, estimate and control of the step are SciPy's; where machine code finds no step, its
-own tell why.
+Coefficients (attributes of SciPy's class), estimate and control are SciPy's own.
 
 Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.5, II.10.
 """

@@ -4,8 +4,8 @@ The entries of a system are put into a room of vectors, one a number, lanes side
 matrix by columns, then the right side. What is found takes the place of the right side, or of
 the first entry. A matrix without an answer gives NaN; ``copy`` says 0 of entries that are finite.
 
-The routines are those that SciPy brings along; NumPy's are the same of another build, so engines
-agree to rounding.
+The routines are those of SciPy, by the table that Cython publishes of a module (`__pyx_capi__`),
+as Numba asks for them; NumPy's are the same of another build: engines agree to rounding.
 
 Source: Anderson et al., LAPACK Users' Guide, 1999 (dgesv, dgesvd).
 """

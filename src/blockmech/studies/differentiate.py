@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import fnmatch
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,20 +24,21 @@ from blockmech.errors import Problem, RequestError
 from blockmech.model.parameters import Parameter, named, parameters_of
 from blockmech.plan import Output, Plan
 from blockmech.result import Result
+from blockmech.runnable import EVERYTHING
 from blockmech.studies.family import sections_of
+from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import Sensitivity
 from blockmech.studies.variation import GIVEN, Variation, moves_drivers
 from blockmech.typing import Coordinates, FrictionMethod, Numbers, OnGap
 
 Array = NDArray[Any]
-EVERY_NUMBER = "*"
 INPUTS = {"q": "q", "rate": "qd", "acceleration": "qdd"}  # output of a driver -> program input
 
 
 def sensitivity(
     mechanism: Compiled,
     want: Iterable[str] | str,
-    to: Iterable[str] | str = EVERY_NUMBER,
+    to: Iterable[str] | str = EVERYTHING,
     at: Coordinates | None = None,
     *,
     samples: int | None = None,
@@ -71,7 +72,7 @@ def sensitivity(
     RequestError for unknown names, and for outputs or numbers without a derivative
     AssemblyError, SingularError, FrictionError at gaps, unless marked
     """
-    names = _differentiable(mechanism, (want,) if isinstance(want, str) else tuple(want))
+    names, to = _differentiable(mechanism, as_sequence(want)), as_sequence(to)
     result = mechanism.run(
         at,
         samples=samples,
@@ -85,9 +86,9 @@ def sensitivity(
         static=static,
         on_gap=on_gap,
     )
-    asked = _asked(mechanism, result, (to,) if isinstance(to, str) else tuple(to))
+    asked = _asked(mechanism, result, to)
     left_out = {a: why for a, p in asked.items() if (why := _without(p))}
-    if wrong := [a for a in left_out if a in ((to,) if isinstance(to, str) else to)]:
+    if wrong := [a for a in left_out if a in to]:
         raise RequestError([Problem("no-derivative", a, left_out[a]) for a in wrong])
     chosen = {a: p for a, p in asked.items() if a not in left_out}
     near = Variation.of(mechanism, chosen.values())
@@ -153,7 +154,7 @@ def _read(output: Output, columns: list[Any], shape: tuple[int, int]) -> Array:
     return np.asarray(np.broadcast_to(slope(made), shape))
 
 
-def _differentiable(mechanism: Compiled, patterns: tuple[str, ...]) -> tuple[str, ...]:
+def _differentiable(mechanism: Compiled, patterns: Sequence[str]) -> tuple[str, ...]:
     """Outputs that patterns name; those that have no derivative only where named one by one."""
     outputs = mechanism.outputs
     names = [n for n in outputs.match(patterns) if outputs[n].kind in ("real", "vector")]
@@ -164,13 +165,13 @@ def _differentiable(mechanism: Compiled, patterns: tuple[str, ...]) -> tuple[str
     return tuple(names)
 
 
-def _asked(mechanism: Compiled, result: Result, patterns: tuple[str, ...]) -> dict[str, Parameter]:
+def _asked(mechanism: Compiled, result: Result, patterns: Sequence[str]) -> dict[str, Parameter]:
     """The numbers that addresses and patterns name."""
     known = parameters_of(sections_of(mechanism))
     every = {**known, **_of_drivers(mechanism, result)}
     found: dict[str, Parameter] = {}
     for pattern in patterns:
-        near = known if pattern == EVERY_NUMBER else every
+        near = known if pattern in EVERYTHING else every
         fits = {a: p for a, p in near.items() if a != pattern and fnmatch.fnmatchcase(a, pattern)}
         found |= fits or {p.address: p for p in named(every, {pattern: None})}
     return found

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
@@ -230,6 +230,6 @@ def _problem(where: str, found: str, remedy: str) -> Problem:
     return Problem("bad-request", where, found, "", remedy)
 
 
-def as_sequence(x: str | Sequence[str]) -> Sequence[str]:
+def as_sequence(x: str | Iterable[str]) -> Sequence[str]:
     """One word or several."""
     return (x,) if isinstance(x, str) else tuple(x)

@@ -67,11 +67,9 @@ class Study(Mapping[str, Array]):
     def __getitem__(self, name: str) -> Array:
         known: dict[str, Array] = {**self.vary, **self.found.values}
         if name not in known:
+            found, kept = "the study did not keep it", f"kept: {listed(known)}"
             remedy = close_match(name, known)
-            found = "the study did not keep it"
-            raise NotComputedError(
-                Problem("not-wanted", name, found, f"kept: {listed(known)}", remedy)
-            )
+            raise NotComputedError(Problem("not-wanted", name, found, kept, remedy))
         return known[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -116,7 +116,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
                 yield field._replace(unit=units.get(field.path, field.unit))
         if at[:1] == ("blocks",):
             markers = (f"{name}.{m}" for name, b in graph.blocks.items() for m in markers_of(b))
-            ends = Field((), "choice", choices=tuple(markers))
+            ends = Field((), "choice", choices=("", *markers))  # "": not wired
             for port in ports_of(graph.blocks[at[1]]):
                 yield ends._replace(path=("wires", f"{at[1]}.{port}"))
 
