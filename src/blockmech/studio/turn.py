@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.closure import travel as slide_travel
-from blockmech.analysis.limits import limits
+from blockmech.analysis.limits import Limits, limits
 from blockmech.builders import Graph
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion, moves, moves_of_result
@@ -20,6 +20,8 @@ from blockmech.model.laws_of_motion import OverRange
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.edits import without
+
+MOST_GROUPS = 24  # of which dead centres are named: `limits` takes up to 50 ms for each
 
 
 def shown_motion(
@@ -82,7 +84,8 @@ def _begin(mechanism: Compiled, driver: str) -> float:
 def travel(mechanism: Compiled, driver: str, at: Mapping[str, float]) -> tuple[float, float]:
     """The range [rad or m] in which a driver is moved by hand while the others stay ``at``.
 
-    That of its law, else the arc of `limits` it is on, within the scene's stops.
+    That of its law, else the arc of `limits` it is on, within the scene's stops; of many groups
+    the whole turn, with its gaps.
     """
     law, stops = mechanism.scene.drive.get(driver), mechanism.scene.stops.get(driver)
     if isinstance(law, OverRange):
@@ -92,14 +95,25 @@ def travel(mechanism: Compiled, driver: str, at: Mapping[str, float]) -> tuple[f
         low, high = float(q.min()), float(q.max())
     if law is not None and low < high:
         return low, high
-    found = limits(mechanism, driver, {d: q for d, q in at.items() if d != driver})
-    arc = found.arc_at(at[driver]) or next(iter(found.arcs), None)
+    found = _limits(mechanism, driver, {d: q for d, q in at.items() if d != driver})
+    arc = found and (found.arc_at(at[driver]) or next(iter(found.arcs), None))
     low, high = at[driver], at[driver] + 2 * np.pi * mechanism.driver_joint(driver).rotary
-    if arc is not None and not found.whole_turn:
+    if found is None and low == high:
+        size = slide_travel(mechanism, driver).size
+        low, high = -size, size
+    elif found and arc and not found.whole_turn:
         size = slide_travel(mechanism, driver).size
         low, high = max(arc.start.q, -size), min(arc.end.q, size)
     bounds = stops.bounds if stops is not None else (low, high)
     return max(low, bounds[0]), min(high, bounds[1])
+
+
+def _limits(
+    mechanism: Compiled, driver: str, held: Mapping[str, float], blocks: list[str] | None = None
+) -> Limits | None:
+    """The `limits` of a driver; None where there are too many groups to wait for them."""
+    groups = [b for b in mechanism.structure.blocks.values() if b.closes]
+    return limits(mechanism, driver, held, blocks=blocks) if len(groups) <= MOST_GROUPS else None
 
 
 def dead_centres(motion: Motion, margins: Mapping[str, Any]) -> tuple[tuple[float, str], ...]:
@@ -107,6 +121,7 @@ def dead_centres(motion: Motion, margins: Mapping[str, Any]) -> tuple[tuple[floa
 
     Each with the sample, which may lie between two, and the name. ``margins`` are those of all
     groups; one that is farther from 0 than it changes from sample to sample has no dead centre.
+    Of more groups than `MOST_GROUPS` none is told.
     """
     moved, *more = [d for d, q in motion.q.items() if np.ptp(q)] or [""]
     near = [b for b, m in margins.items() if not np.min(m) > np.max(np.abs(np.diff(m)), initial=0)]
@@ -114,7 +129,9 @@ def dead_centres(motion: Motion, margins: Mapping[str, Any]) -> tuple[tuple[floa
         return ()
     mechanism, q = motion.mechanism, motion.q[moved]
     held = {d: float(x[0]) for d, x in motion.q.items() if d != moved}
-    found = limits(mechanism, moved, held, blocks=near)
+    found = _limits(mechanism, moved, held, near)
+    if found is None:
+        return ()
     ends = [end for arc in found.arcs for end in (arc.start, *arc.change_points, arc.end)]
     events: set[tuple[float, str]] = set()
     for end in (end for end in ends if end.block):
