@@ -150,7 +150,10 @@ class Ahead:
         lost = np.zeros((1, self.n)) + acting.lost
         panel = Panels(at.t, lies, acting.w[None], K[None], inertia[None, :-1], lost)
         effort = piece.data.largest[TAU]
-        if not panel.smooth(inertia[-1:], self.tolerance, not self.place_only, effort)[0]:
+        tolerance = self.tolerance
+        if lies.kind[0] == TO_LIMIT:  # no smoother than the inertia is known to be
+            tolerance = max(tolerance, piece.data.unknown)
+        if not panel.smooth(inertia[-1:], tolerance, not self.place_only, effort)[0]:
             return None
         return self._until_kink(at, piece, panel, acting)
 

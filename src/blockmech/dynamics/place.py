@@ -98,6 +98,11 @@ class PlaceData:
         return tails(self.rows, self.series)
 
     @property
+    def unknown(self) -> float:
+        """What the series of the inertia leaves out, relative, whatever its rounding."""
+        return float(tail(self.series)[J])
+
+    @property
     def tail(self) -> float:
         """The largest of them but for the margin: the smallest of several margins has kinks."""
         return float(np.delete(self.tails, MARGIN).max())
