@@ -143,6 +143,7 @@ def wire(page, source, target):
     page.mouse.move(*middle(port(page, "target", target)))
     page.mouse.up()
     wire_between(page, source, target).wait_for(state="attached")
+    told(page, f"{source} -> {target}")  # the server knows it, and what it changed was sent
 
 
 def save(page, name):
