@@ -24,6 +24,7 @@ ROOMS = (
     "plane",
     "told",
     "errors",
+    "arguments",
     "files",
     "validation_errors",
     "values",
@@ -62,8 +63,8 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 48_984, 7_274
-NUMBERS, NUMBERS_OF_DYNAMICS = 220, 45
+LINES, LINES_OF_DYNAMICS = 49_313, 7_154
+NUMBERS, NUMBERS_OF_DYNAMICS = 219, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
 LATE = {

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.testing import conformance
 from tests.gallery import GRAPHS
 
 RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
@@ -27,6 +28,81 @@ def test_a_setting_is_refused_whatever_was_planned_before() -> None:
 def test_numbers_without_names_are_told_theirs() -> None:
     with pytest.raises(bm.GraphError, match=r"write RRR\(l_i=\.\.\., l_j=\.\.\.\)"):
         bm.RRR(6, 3)  # type: ignore[misc]
+
+
+def test_a_name_alone_is_not_spelled_letter_by_letter(tmp_path: Any) -> None:
+    mechanism, file = RUIZ.compile(), tmp_path / "a.svg"
+    assert mechanism.limits(blocks="dyad") == mechanism.limits(blocks=["dyad"])
+    assert [group.group for group in mechanism.modes(groups="dyad").groups] == ["dyad"]
+    bm.draw.draw(mechanism, file, "mechanism", 1.0, trace="dyad.C")
+    bm.draw.plot(mechanism.run(at=[0.0, 1.0]), file, "dyad.margin")
+    with pytest.raises(bm.GraphError, match=r"joints\.J\.links: .* at least 2 values, has 1"):
+        bm.Linkage().add_pin("J", "frame", 0j)
+
+
+@pytest.mark.parametrize("odd", [3, None, ["crank.drive", 3], 2.5])
+def test_what_is_no_name_is_refused_where_names_are_asked(odd: Any) -> None:
+    mechanism = RUIZ.compile()
+    for ask in (
+        lambda: mechanism.run(at=1.0, want=odd),
+        lambda: mechanism.explain(odd),
+        lambda: mechanism.extremes(odd),
+        lambda: mechanism.sensitivity(odd),
+        lambda: mechanism.limits(blocks=odd or 3),
+        lambda: mechanism.modes(groups=odd or 3),
+        lambda: bm.Linkage().add_pin("J", odd, 0j),
+    ):
+        with pytest.raises(bm.RequestError, match=r"give a name, or several|name one output"):
+            ask()
+    with pytest.raises(bm.RequestError, match=r"foo: there is no such block\. blocks: crank, dyad"):
+        mechanism.limits(blocks=["foo"])
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda m, r: bm.draw.draw(r, "a.svg"), "subject: got <Result .* a graph, a linkage or a"),
+        (lambda m, r: bm.draw.plot(m, "a.svg"), "result: got <Mechanism .* run it first: "),
+        (lambda m, r: bm.draw.plot(r, 3), "path: got 3. a text or a path is meant"),
+        (lambda m, r: bm.Graph.load(None), "path: got None. a text or a path is meant"),
+        (lambda m, r: r.to_csv(["a.csv"]), "path: got .* a text or a path is meant"),
+        (lambda m, r: bm.draw.animate(m, frames="9", degrees=1), r"(?s)frames: .*\n.*degrees: "),
+        (lambda m, r: bm.Graph().start(3), "driver: got 3. a text is meant"),
+        (lambda m, r: bm.Graph(drive=[1]), "drive: got .* a mapping is meant"),
+        (lambda m, r: bm.Linkage().add_driver("a", "b", 3), "law: got 3. a law of motion such as"),
+        (
+            lambda m, r: bm.Linkage().add_load("a", bm.Link()),
+            "load: .* a load such as .* a text",
+        ),
+        (lambda m, r: m.limits(at=3), "at: got 3. a mapping is meant"),
+        (lambda m, r: m.run(at=1.0, accuracy="fine"), "accuracy: must be > 0, got 'fine'"),
+        (lambda m, r: r[["crank.q", "dyad.margin"]], r"\['crank.q', 'dyad.margin'\]: the run did"),
+        (lambda m, r: r.unit("crank.drvie"), 'no output has that name.*"crank.drive"'),
+        (lambda m, r: r.to_csv("a\0.csv"), "no file has such a name"),
+        (
+            lambda m, r: m.objective(["dyad.l_i"], want="max(crank.drive)", over=1.0)("x"),
+            "x: got 'x'",
+        ),
+        (lambda m, r: conformance(bm.RRR), "block: got <class .* a text or a block is meant"),
+    ],
+)
+def test_what_a_signature_says_is_asked_of_every_call(ask: Any, said: str) -> None:
+    mechanism = RUIZ.compile()
+    with pytest.raises(bm.RequestError, match=said):
+        ask(mechanism, mechanism.run(at=1.0))
+
+
+def test_what_is_no_place_and_no_law_is_refused_as_such() -> None:
+    with pytest.raises(bm.GraphError, match=r"joints\.J\.at: at must be a list"):
+        bm.Linkage().add_joint("J", "P", ["a", "b"], at=3, slider=0)  # type: ignore[arg-type]
+    with pytest.raises(bm.GraphError, match=r"Motor\.law.*no kind .*Crank"):
+        bm.Motor(law=bm.Crank)  # type: ignore[arg-type]
+
+
+def test_no_message_is_endless() -> None:
+    with pytest.raises(bm.GraphError) as error:
+        bm.Graph().connect("x" * 10_000, "crank.A")
+    assert len(str(error.value)) < 3000
 
 
 def test_mappings_of_blocks_and_scenes_do_not_change() -> None:
@@ -46,7 +122,7 @@ def test_mappings_of_blocks_and_scenes_do_not_change() -> None:
             made.links.clear()
 
 
-@pytest.mark.parametrize("name", ["stephenson_3_triad", "stephenson_2_class_4", "watt_sixbar"])
+@pytest.mark.parametrize("name", ["stephenson_3_triad", "stephenson_2_class_4"])
 def test_eight_threads_that_share_a_mechanism_find_what_one_finds(name: str) -> None:
     graph = bm.Graph.load(GRAPHS / f"{name}.json")
     alone = graph.compile()
@@ -59,7 +135,7 @@ def test_eight_threads_that_share_a_mechanism_find_what_one_finds(name: str) -> 
         return mechanism.run(at=at, want=want, friction="none", on_gap="mark")[want[0]]
 
     expected = [found(alone, at) for at in ways]
-    for _ in range(3):
+    for _ in range(2):
         shared = graph.compile()  # cold: all its knots are still to be laid
         with ThreadPoolExecutor(8) as pool:
             told = list(pool.map(lambda at, m=shared: found(m, at), ways))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -45,11 +47,10 @@ GRAPH = {
 }
 
 
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
     """A folder with the tiny package installed by pip from a wheel made here."""
-    folder = tmp_path_factory.mktemp("outside")
-    wheel = folder / "demo_wheel-1.0-py3-none-any.whl"
+    wheel = tmp_path / "demo_wheel-1.0-py3-none-any.whl"
     info = "demo_wheel-1.0.dist-info"
     with zipfile.ZipFile(wheel, "w") as archive:
         archive.writestr("demo_wheel.py", MODULE)
@@ -62,50 +63,49 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
         archive.writestr(f"{info}/entry_points.txt", "[blockmech.blocks]\nwheel = demo_wheel\n")
         archive.writestr(f"{info}/RECORD", "")
-    target = folder / "site"
+    target = tmp_path / "site"
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps"]
     quiet = ["--disable-pip-version-check", "--target", str(target), str(wheel)]
     subprocess.run([*pip, *quiet], check=True, capture_output=True)
     return target
 
 
-def command(installed: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(installed)}
-    return subprocess.run(
-        [sys.executable, "-m", "blockmech", *words],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+ASKED = """
+import contextlib, io, json, sys
+from blockmech.cli import main
+from blockmech.testing import conformance
+
+def said(*words):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main(words) == 0, words
+    return out.getvalue()
+
+run = said("run", sys.argv[1], "--at", "0", "--want", "wheel.R.v", "--json")
+assert json.loads(run)["outputs"]["wheel.R.v"]["values"] == [[0.0, 1.0]]
+assert "demo.wheel" in said("blocks")
+assert '"demo.wheel"' in said("schema", "graph")
+conformance("demo.wheel", {"radius": 0.5})
+if "studio" in sys.argv:
+    from blockmech.studio.diagram import kinds
+    assert ("demo.wheel", "driver", "wheel") in [kind[:3] for kind in kinds()]
+"""
 
 
-def test_the_outside_block_runs_from_a_file(installed: Path, tmp_path: Path) -> None:
-    file = tmp_path / "wheel.json"
-    file.write_text(json.dumps(GRAPH), "utf-8")
-    done = command(installed, "run", str(file), "--at", "0", "--want", "wheel.R.v", "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["outputs"]["wheel.R.v"]["values"] == [[0.0, 1.0]]
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """A file with a block of the outside type."""
+    path = tmp_path / "wheel.json"
+    path.write_text(json.dumps(GRAPH), "utf-8")
+    return path
 
 
-def test_the_outside_block_is_listed_and_in_the_schema(installed: Path) -> None:
-    assert "demo.wheel" in command(installed, "blocks").stdout
-    assert '"demo.wheel"' in command(installed, "schema", "graph").stdout
-
-
-def test_without_the_package_the_type_is_unknown(tmp_path: Path) -> None:
-    file = tmp_path / "wheel.json"
-    file.write_text(json.dumps(GRAPH), "utf-8")
-    done = command(tmp_path, "run", str(file))
-    assert done.returncode == 2
-    assert 'no block type "demo.wheel"' in done.stderr
-
-
-def test_the_outside_block_keeps_the_contract(installed: Path) -> None:
-    code = "from blockmech.testing import conformance; conformance('demo.wheel', {'radius': 0.5})"
+def test_the_outside_block_runs_is_listed_and_in_the_schema_and_keeps_the_contract(
+    installed: Path, file: Path
+) -> None:
+    there = importlib.util.find_spec("panel_reactflow") is not None
     done = subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, "PYTHONPATH": str(installed)},
+        [sys.executable, "-c", ASKED, file, *["studio"] * there],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(installed), *sys.path])},
         capture_output=True,
         text=True,
         check=False,
@@ -113,14 +113,7 @@ def test_the_outside_block_keeps_the_contract(installed: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_the_outside_block_is_on_the_studios_palette(installed: Path) -> None:
-    pytest.importorskip("panel_reactflow", reason="the extra studio is not installed")
-    code = "from blockmech.studio.diagram import kinds; print([kind[:3] for kind in kinds()])"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, "PYTHONPATH": str(installed)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "('demo.wheel', 'driver', 'wheel')" in done.stdout, done.stderr
+def test_without_the_package_the_type_is_unknown(call: Any, file: Path) -> None:
+    done = call("run", file)
+    assert done.code == 2
+    assert 'no block type "demo.wheel"' in done.err

@@ -20,44 +20,28 @@ EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 # ---- labels, units, kinds ----------------------------------------------------------------
 
 UNITS = {
-    "crank.q": "rad",
-    "crank.rate": "rad/s",
-    "crank.acceleration": "rad/s2",
-    "crank.drive": "N m",
-    "crank.drive_by_reduction": "N m",
-    "crank.power": "W",
-    "crank.J_red": "kg m2",
-    "crank.tau_red": "N m",
-    "crank.dJ_red": "kg m2/rad",
-    "crank.crank.angle": "rad",
-    "dyad.i.omega": "rad/s",
-    "dyad.j.alpha": "rad/s2",
-    "dyad.C.p": "m",
-    "dyad.C.v": "m/s",
-    "dyad.C.a": "m/s2",
-    "dyad.C.reaction": "N",
-    "dyad.C.friction": "N m",
-    "dyad.C.slip": "rad/s",
-    "dyad.C.friction_power": "W",
-    "dyad.B.wrench_F": "N",
-    "dyad.B.wrench_M": "N m",
-    "dyad.margin": "",
-    "dyad.transmission_angle": "rad",
-    "dyad.J_red": "kg m2",
-    "weightlike.at.force": "N",
-    "couple.on.couple": "N m",
-    "couple.power": "W",
-    "mechanism.kinetic_energy": "J",
-    "mechanism.shaking_force": "N",
-    "mechanism.shaking_moment": "N m",
-    "mechanism.friction_efficiency": "",
+    "": "dyad.margin mechanism.friction_efficiency",
+    "rad": "crank.q crank.crank.angle dyad.transmission_angle",
+    "rad/s": "crank.rate dyad.i.omega dyad.C.slip",
+    "rad/s2": "crank.acceleration dyad.j.alpha",
+    "m": "dyad.C.p",
+    "m/s": "dyad.C.v",
+    "m/s2": "dyad.C.a",
+    "N": "dyad.C.reaction dyad.B.wrench_F weightlike.at.force mechanism.shaking_force",
+    "N m": "crank.drive crank.drive_by_reduction crank.tau_red dyad.C.friction dyad.B.wrench_M"
+    " couple.on.couple mechanism.shaking_moment",
+    "W": "crank.power dyad.C.friction_power couple.power",
+    "J": "mechanism.kinetic_energy",
+    "kg m2": "crank.J_red dyad.J_red",
+    "kg m2/rad": "crank.dJ_red",
 }
 
 
 @EACH_ENGINE
 def test_every_output_has_its_unit_and_shape(engine):
     r = ruiz().run(at=[1.0, 2.0, 3.0], engine=engine)
-    assert UNITS.items() <= {name: r.unit(name) for name in r}.items()
+    for unit, names in UNITS.items():
+        assert {r.unit(name) for name in names.split()} == {unit}
     for name, values in r.items():
         kind = r.output(name).kind
         if kind == "number":
@@ -69,35 +53,28 @@ def test_every_output_has_its_unit_and_shape(engine):
 
 def test_slide_drive_is_in_metres_and_newtons():
     r = toggle().run(at=0.3)
-    found = {n: r.unit(f"ram.{n}") for n in ("q", "rate", "drive", "J_red", "tau_red", "dJ_red")}
-    assert found == {
-        "q": "m",
-        "rate": "m/s",
-        "drive": "N",
-        "J_red": "kg",
-        "tau_red": "N",
-        "dJ_red": "kg/m",
-    }
-    joint = {n: r.unit(f"ram.S.{n}") for n in ("reaction", "N", "C", "friction", "slip")}
-    assert joint == {"reaction": "N", "N": "N", "C": "N m", "friction": "N", "slip": "m/s"}
-    assert r["ram.S.reaction"][0] == pytest.approx(
-        r["ram.S.N"][0] * 1j * np.exp(1j * r["ram.slider.angle"][0]), rel=1e-14
-    )
+    drive = [r.unit(f"ram.{n}") for n in ("q", "rate", "drive", "J_red", "tau_red", "dJ_red")]
+    assert drive == ["m", "m/s", "N", "kg", "N", "kg/m"]
+    joint = [r.unit(f"ram.S.{n}") for n in ("reaction", "N", "C", "friction", "slip")]
+    assert joint == ["N", "N", "N m", "N", "m/s"]
+    n = 1j * np.exp(1j * r["ram.slider.angle"][0])
+    assert r["ram.S.reaction"][0] == pytest.approx(r["ram.S.N"][0] * n, rel=1e-14)
+
+
+ON_WHOM = [
+    ("crank.A.reaction", "frame.frame", "crank.crank"),
+    ("dyad.B.reaction", "crank.crank", "dyad.i"),
+    ("dyad.C.reaction", "dyad.i", "dyad.j"),
+    ("dyad.D.reaction", "frame.frame", "dyad.j"),
+    ("dyad.B.wrench_F", "dyad.i", "crank.crank"),
+    ("crank.drive", "frame.frame", "crank.crank"),
+    ("weightlike.at.force", "weightlike", "dyad.i"),
+]
 
 
 def test_forces_say_who_acts_on_whom():
-    r = ruiz().run(at=1.0)
-
-    def sides(name):
-        return r.output(name).by, r.output(name).on
-
-    assert sides("crank.A.reaction") == ("frame.frame", "crank.crank")
-    assert sides("dyad.B.reaction") == ("crank.crank", "dyad.i")
-    assert sides("dyad.C.reaction") == ("dyad.i", "dyad.j")
-    assert sides("dyad.D.reaction") == ("frame.frame", "dyad.j")
-    assert sides("dyad.B.wrench_F") == ("dyad.i", "crank.crank")
-    assert sides("crank.drive") == ("frame.frame", "crank.crank")
-    assert sides("weightlike.at.force") == ("weightlike", "dyad.i")
+    outputs = ruiz().compile().outputs
+    assert [(name, outputs[name].by, outputs[name].on) for name, *_ in ON_WHOM] == ON_WHOM
 
 
 def test_several_drivers_have_a_mass_matrix():
@@ -127,18 +104,9 @@ def test_several_drivers_have_a_mass_matrix():
 
 def test_result_is_a_mapping_of_what_was_wanted():
     r = ruiz().run(at=1.0, want=["dyad.C.*", "crank.drive"])
-    assert list(r) == [
-        "dyad.C.p",
-        "dyad.C.v",
-        "dyad.C.a",
-        "dyad.C.reaction",
-        "dyad.C.friction",
-        "dyad.C.slip",
-        "dyad.C.friction_power",
-        "crank.drive",
-    ]
+    of_pin = ("p", "v", "a", "reaction", "friction", "slip", "friction_power")
+    assert list(r) == [*(f"dyad.C.{what}" for what in of_pin), "crank.drive"]
     assert len(r) == 8
-    assert "crank.drive" in r
     assert "dyad.B.reaction" not in r
     assert r.get("dyad.B.reaction") is None
     assert dict(r)["crank.drive"] is r["crank.drive"]
@@ -227,11 +195,9 @@ def test_rerun_marks_gaps_and_does_not_raise():
 def test_wire_shows_motion_forward_and_force_back():
     r = ruiz().run(at=[1.0, 2.0])
     found = r.wire("crank.B", "dyad.B")
-    assert np.array_equal(found["p"], r["crank.B.p"])
-    assert np.array_equal(found["v"], r["crank.B.v"])
-    assert np.array_equal(found["a"], r["crank.B.a"])
-    assert np.array_equal(found["om"], r["crank.crank.omega"])
-    assert np.array_equal(found["al"], r["crank.crank.alpha"])
+    forward = {"p": "B.p", "v": "B.v", "a": "B.a", "om": "crank.omega", "al": "crank.alpha"}
+    for name, output in forward.items():
+        assert np.array_equal(found[name], r[f"crank.{output}"])
     assert np.array_equal(found["F"], -r["dyad.B.reaction"])
     assert np.array_equal(found["M"], -r["dyad.B.friction"])
 
@@ -321,14 +287,6 @@ def test_run_stops_before_the_first_gap(at, n, engine):
     assert r.to_dict()["samples"] == n
 
 
-def test_vectors_are_lost_as_a_whole():
-    r = reaching().run(at=GAPPY, on_gap="mark")
-    for name, values in r.items():
-        if np.iscomplexobj(values):
-            assert np.array_equal(np.isnan(values.real), np.isnan(values.imag)), name
-        assert not np.any(np.isinf(values)), name
-
-
 def test_errors_of_samples_can_be_sent_between_processes():
     with pytest.raises(bm.AssemblyError) as caught:
         reaching().run(at=GAPPY)
@@ -366,14 +324,6 @@ def test_quality_reports_only_what_was_computed():
     q = watt(friction=True).run(at=[1.0, 2.0], want="first.C.p").quality
     assert set(q.margin) == {"first"}
     assert not q.iterations
-
-
-def test_near_dead_centre_is_flagged_with_its_margin():
-    q = math.acos(0.2) * (1 - 1e-8)  # the dyad is stretched to within a few 1e-9
-    r = reaching().run(at=q, rates=1.0)
-    (flag,) = r.quality.flags
-    assert (flag.code, flag.where) == ("near-dead-centre", "dyad")
-    assert 0 < flag.value == r["dyad.margin"][0] < 1e-6
 
 
 # ---- efficiency --------------------------------------------------------------------------
@@ -488,20 +438,6 @@ def test_shaking_force_is_all_that_the_mechanism_does_to_the_frame():
     about = -(np.conj(5.5) * r["dyad.D.reaction"]).imag
     about = about - (r["crank.drive"] + r["crank.A.friction"] + r["dyad.D.friction"])
     assert off(r["mechanism.shaking_moment"], about) <= 10 * EPS
-
-
-def test_shaking_force_is_momentum_and_loads():
-    # Newton for the whole: -shaking + loads = sum of m a
-    r = watt(force=True).run(at=[1.0, 2.5], rates=4.0)
-    masses = {"crank.crank": (1.0, 0.5), "first.i": (1.5, 0.75), "first.j": (1.5, 0.75)}
-    masses |= {"last.i": (1.0, 0.5), "last.j": (1.0, 0.5)}
-    momentum = 0
-    for link, (m, arm) in masses.items():
-        e = np.exp(1j * r[f"{link}.angle"])
-        om, al = r[f"{link}.omega"], r[f"{link}.alpha"]
-        momentum = momentum + m * (r[f"{link}.a"] + (1j * al - om**2) * arm * e)
-    weight = -9.81j * sum(m for m, _ in masses.values())
-    assert off(30 - 40j + weight - r["mechanism.shaking_force"], momentum) <= 100 * EPS
 
 
 # ---- digits lost --------------------------------------------------------------------------

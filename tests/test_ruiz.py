@@ -17,6 +17,7 @@ JOINTS = {"A": "crank.A", "B": "dyad.B", "C": "dyad.C", "D": "dyad.D"}
 MOTION = 1e-13  # [-] of the largest of its kind; margins here are above 0.2
 FORCES = 1e-12  # [-] of its own size
 STOP = 1e-3  # [N] the paper's stop of successive approximations
+LOST = "mechanism.friction_power"
 FACTOR = 0.003  # [m] f' r of every pin
 DETERMINED = slice(1, None)  # at crank 0 the sense of joint C is undefined
 
@@ -44,23 +45,18 @@ def own_error(found, wanted):
 
 
 @EACH_ENGINE
-def test_links_are_where_the_reference_has_them(engine):
+def test_links_move_as_in_the_reference(engine):
     r = run(engine)
-    largest = max(np.abs(vectors("poses", link)).max() for link in LINKS)
+    largest = {"p": max(np.abs(vectors("poses", link)).max() for link in LINKS)}
+    for what in ("omega", "alpha"):
+        largest[what] = max(np.abs(column(what, link)).max() for link in LINKS)
     for link, name in LINKS.items():
-        assert off(r[f"{name}.p"], vectors("poses", link), largest) <= MOTION
+        assert off(r[f"{name}.p"], vectors("poses", link), largest["p"]) <= MOTION
         # Angles count turns in the reference, ours are in (-pi, pi]: compare directions.
         wanted = np.exp(1j * column("poses", link)[:, 2])
         assert off(np.exp(1j * r[f"{name}.angle"]), wanted) <= MOTION
-
-
-@EACH_ENGINE
-def test_rates_and_accelerations_are_those_of_the_reference(engine):
-    r = run(engine)
-    for key, what in (("omega", "omega"), ("alpha", "alpha")):
-        largest = max(np.abs(column(key, link)).max() for link in LINKS)
-        for link, name in LINKS.items():
-            assert off(r[f"{name}.{what}"], column(key, link), largest) <= MOTION
+        for what in ("omega", "alpha"):
+            assert off(r[f"{name}.{what}"], column(what, link), largest[what]) <= MOTION
 
 
 def test_coupler_point_moves_as_its_link_does():
@@ -76,12 +72,15 @@ def test_coupler_point_moves_as_its_link_does():
 
 
 @EACH_ENGINE
-def test_reactions_with_friction_are_those_of_the_reference(engine):
+def test_reactions_friction_and_lost_power_are_those_of_the_reference(engine):
     r = run(engine)
+    assert r.quality.status == ("ok",) * len(ROWS)
     for joint, name in JOINTS.items():
         assert own_error(r[f"{name}.reaction"], vectors("reactions", joint)) <= FORCES
-    assert own_error(r["crank.drive"], [row["driving_moment"] for row in ROWS]) <= FORCES
-    assert r.quality.status == ("ok",) * len(ROWS)
+        assert off(r[f"{name}.friction"], column("friction_couples", joint)) <= FORCES
+    assert r["dyad.C.friction"][0] == 0
+    for name, key in (("crank.drive", "driving_moment"), (LOST, "friction_power")):
+        assert own_error(r[name], [row[key] for row in ROWS]) <= FORCES
 
 
 @EACH_ENGINE
@@ -90,19 +89,8 @@ def test_reactions_without_friction_are_those_of_the_reference(engine):
     for joint, name in JOINTS.items():
         assert own_error(r[f"{name}.reaction"], vectors("frictionless_reactions", joint)) <= FORCES
     wanted = [row["frictionless_driving_moment"] for row in ROWS]
-    assert own_error(r["crank.drive"], wanted) <= FORCES
-    assert own_error(r["crank.drive_by_reduction"], wanted) <= FORCES
-
-
-@EACH_ENGINE
-def test_friction_couples_and_lost_power_are_those_of_the_reference(engine):
-    r = run(engine)
-    for joint, name in JOINTS.items():
-        wanted = column("friction_couples", joint)
-        assert off(r[f"{name}.friction"], wanted) <= FORCES
-    assert r["dyad.C.friction"][0] == 0
-    wanted = [row["friction_power"] for row in ROWS]
-    assert own_error(r["mechanism.friction_power"], wanted) <= FORCES
+    for name in ("crank.drive", "crank.drive_by_reduction"):
+        assert own_error(r[name], wanted) <= FORCES
 
 
 def test_friction_couples_have_the_size_of_coulomb_and_oppose_the_slip():
@@ -127,12 +115,6 @@ def test_iterates_of_successive_approximations_are_the_papers(engine, k):
         assert own_error(np.abs(r[f"{name}.reaction"]), sizes) <= FORCES
     assert own_error(r["crank.drive"], [w["driving_moment"] for w in wanted]) <= FORCES
     assert np.all(r.quality.iterations["dyad"] == k)
-
-
-def test_single_is_the_first_iterate():
-    once = run(friction="successive", iterations=1)
-    single = run(friction="single")
-    assert max(once.compare(single).values()) == 0.0
 
 
 @EACH_ENGINE
@@ -176,12 +158,6 @@ def test_joint_C_is_at_rest_at_crank_zero_and_flagged_with_its_interval(engine):
     assert [row["zero_relative_speed_joints"] for row in ROWS] == [["C"]] + [[]] * 6
 
 
-def test_one_sided_values_bracket_the_one_at_rest():
-    one_sided = [x["driving_moment"] for x in ROWS[0]["one_sided"].values()]
-    at_rest = run()["crank.drive"][0]
-    assert min(one_sided) < at_rest < max(one_sided)
-
-
 @pytest.mark.parametrize("side", [-1, 1])
 def test_one_sided_values_are_reached_from_either_side(side):
     step = 1e-7  # [rad] enough for a sense of slip at C; the motion changes by 2e-6 of itself
@@ -195,15 +171,6 @@ def test_one_sided_values_are_reached_from_either_side(side):
     for joint, name in JOINTS.items():
         force = complex(*wanted["reactions"][joint])
         assert abs(r[f"{name}.reaction"][0] - force) < 1e-5 * abs(force)
-
-
-def test_interval_at_rest_reaches_from_one_side_to_the_other():
-    (flag,) = run().quality.flags
-    couples = []
-    for side in (-1e-7, 1e-7):
-        couples.append(ruiz().run(at=side, want="dyad.C.friction")["dyad.C.friction"][0])
-    # The reaction at C differs a little between the sides, by the friction itself: 0.3 %.
-    assert np.allclose(sorted(couples), flag.interval, rtol=5e-3, atol=0)
 
 
 # ---- self-locking ------------------------------------------------------------------------
@@ -245,9 +212,3 @@ def test_self_locking_raises_a_friction_error_with_the_numbers(engine):
     assert problem.code == "self-locked"
     assert "dyad at crank.q = " in problem.where
     assert "times the friction" in problem.found
-
-
-def test_frictionless_request_does_not_care_about_self_locking():
-    r = LOCKED.run(at=[2.0], friction="none")
-    assert r.quality.status == ("ok",)
-    assert np.isfinite(r["crank.drive"][0])

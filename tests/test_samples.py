@@ -125,19 +125,6 @@ def test_default_is_the_laws_range_with_361_samples():
     assert r["crank.q"][180] == pytest.approx(math.pi, rel=1e-15)
 
 
-def test_range_that_is_a_point_is_one_sample():
-    g = turning(bm.ConstantRate(rate=10.0, start=2.0, end=2.0))
-    assert motion(g.run(want=WANT)) == ([2.0], [10.0], [0.0])
-    assert g.run(samples=50, want=WANT).n == 1
-
-
-def test_law_of_time_is_sampled_over_its_duration():
-    g = turning(bm.Cycloidal(start=1.0, end=3.0, time=2.0))
-    r = g.run(samples=3, want=WANT)
-    assert r.time.tolist() == [0.0, 1.0, 2.0]
-    assert r["crank.q"] == pytest.approx([1.0, 2.0, 3.0], abs=1e-15)
-
-
 # ---- by time -----------------------------------------------------------------------------
 
 

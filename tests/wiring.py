@@ -14,6 +14,7 @@ import numpy as np
 import blockmech as bm
 from blockmech import Graph
 from blockmech.blocks.contract import Block, Moving
+from blockmech.friction.continuation import course_from_zero, end_of
 from blockmech.testing.strategies import Case
 from blockmech.values import Marker
 from tests.gallery import GRAPHS
@@ -68,6 +69,12 @@ def ruiz(coefficient: float = COEFFICIENT, radius: float = PIN) -> Graph:
         friction = dict.fromkeys(g.blocks[name].friction, law) if law else {}
         g.blocks[name] = changed(g.blocks[name], friction=friction)
     return g
+
+
+def continue_from_zero(k, edges, base, rows):
+    """The end of a group's path from zero friction."""
+    given = k, edges, base, rows
+    return end_of(course_from_zero(True, *given), *given)
 
 
 def watt(

@@ -51,7 +51,7 @@ class Graph(graph.Graph, Runnable):
         return rendered(draw_diagram(self).figure, ".svg").decode()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Decomposition:
     """A document as blocks.
 
@@ -67,6 +67,9 @@ class Decomposition:
     names: Names
     formation: Formation
     document: linkage.Linkage | None = None
+
+    def __repr__(self) -> str:
+        return f"<Decomposition of {self.data['name']}: {self.formation}>"
 
     @cached_property
     def graph(self) -> Graph:

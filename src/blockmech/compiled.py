@@ -16,7 +16,7 @@ from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.errors import GraphError, MissingEngineError, Problem, RequestError
+from blockmech.errors import BlockmechError, GraphError, Problem, as_names, refused
 from blockmech.failures import without_gaps
 from blockmech.model.document import Document
 from blockmech.model.graph import Graph
@@ -164,7 +164,7 @@ class Compiled(Runnable):
 
         Raises `RequestError` for unknown names or settings that do not fit.
         """
-        names = (want,) if isinstance(want, str) else tuple(want)
+        names = as_names("want", want)
         check_switch("static", static)
         how = friction_asked(friction, tolerance, iterations)
         return self._planned(names, how, static)
@@ -253,17 +253,19 @@ class Compiled(Runnable):
             return "scalar" if n <= SCALAR_UP_TO else "numpy"
         try:
             self._engine(plan, "llvm", "")
-        except (MissingEngineError, RequestError):
+        except BlockmechError:
             return "numpy"
         return "llvm"
 
-    def engine_of_designs(self, plan: Plan, n: int) -> NumpyEngine | LlvmEngine:
-        """The engine for n samples of designs: compiled where compiling is done or pays."""
-        found: NumpyEngine | LlvmEngine = (
-            self._engine(plan, "llvm", "")
-            if self._chosen(plan, n) == "llvm"
-            else self._engine(plan, "numpy", "complex128")
-        )
+    def engine_of_designs(self, plan: Plan, n: int, engine: str) -> NumpyEngine | LlvmEngine:
+        """The engine for n samples of designs: of itself compiled where that is done or pays."""
+        if engine == "auto":
+            engine = "llvm" if self._chosen(plan, n) == "llvm" else "numpy"
+        if engine not in ("numpy", "llvm"):
+            said, valid = f'no engine "{engine}" for designs', "engines: auto, numpy, llvm"
+            raise refused("engine", said, valid=valid, code="unknown-engine")
+        precision = "complex128" if engine == "numpy" else ""
+        found: NumpyEngine | LlvmEngine = self._engine(plan, engine, precision)
         return found
 
     def once(self, make: Callable[[Self], T]) -> T:
@@ -317,7 +319,7 @@ def compiled_program(program: Program) -> LlvmEngine:
         return LlvmEngine(program)
     except Untraceable as why:
         found, remedy = f"the program cannot be compiled: {why}", 'use engine="numpy", or "auto"'
-        raise RequestError(Problem("not-compiled", "engine", found, "", remedy)) from None
+        raise refused("engine", found, remedy, code="not-compiled") from None
 
 
 def _plan(mechanism: Compiled, want: tuple[str, ...], how: Friction, static: bool) -> Plan:

@@ -10,14 +10,15 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from itertools import islice
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 Path: TypeAlias = Sequence[str | int]
 """A place in a JSON document: keys and indices."""
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,9 @@ class Problem:
     file: str = ""
 
     def __post_init__(self) -> None:
-        for part in fields(self):  # names from a file may hold signs that are none
-            object.__setattr__(self, part.name, printable(getattr(self, part.name)))
+        for part in fields(self):  # names from a file may hold signs that are none, or no end
+            text = printable(getattr(self, part.name)[: LONGEST + 1])
+            object.__setattr__(self, part.name, _cut(text, LONGEST))
 
     def __str__(self) -> str:
         said = ": ".join(part for part in (self.file, self.where, self.found) if part)
@@ -91,8 +93,37 @@ def refused(
     return RequestError(Problem(code, where, found, valid, remedy))
 
 
+def as_names(where: str, said: Any) -> tuple[str, ...]:
+    """The names that a call gives, one alone or several. Raises `RequestError` for what is none."""
+    alone = isinstance(said, str) or not isinstance(said, Iterable)
+    names: tuple[Any, ...] = (said,) if alone else tuple(said)
+    if not all(isinstance(name, str) for name in names):
+        raise refused(where, f"got {said!r:.60}", "give a name, or several")
+    return names
+
+
+def among(
+    known: Iterable[str], what: str, said: Iterable[str] | str, code: str = "bad-request"
+) -> tuple[str, ...]:
+    """The names that a call gives, which are all known. Raises `RequestError` for others."""
+    names, known, found = as_names(what, said), tuple(known), f"there is no such {what}"
+    valid = f"{what}s: {listed(known, 16)}" if known else ""
+    if odd := [n for n in names if n not in known]:
+        raise RequestError(Problem(code, n, found, valid, close_match(n, known)) for n in odd)
+    return names
+
+
 class NotComputedError(RequestError, KeyError):
     """A result does not hold the output that is read from it."""
+
+
+def held(known: Mapping[str, T], name: Any, found: str, label: str, remedy: str = "") -> T:
+    """What is kept under a name. Raises `NotComputedError` for a name that is none."""
+    if not isinstance(name, str) or name not in known:
+        near = close_match(str(name), known) or remedy
+        there = f"{label}: {listed(known, 16)}"
+        raise NotComputedError(Problem("not-wanted", str(name), found, there, near))
+    return known[name]
 
 
 class MissingEngineError(BlockmechError):
@@ -202,6 +233,10 @@ def shown(raw: Any, most: int = 60) -> str:
         text = json.dumps(raw, ensure_ascii=False)
     except (TypeError, ValueError):  # not from a file
         text = repr(raw)
+    return printable(_cut(text, most))
+
+
+def _cut(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
@@ -235,7 +270,7 @@ LONGEST = 400  # characters of one part of a message
 def in_file(problems: Iterable[Problem], file: str) -> list[Problem]:
     """Problems as they are shown: each once, with the file, not endless."""
     once = list(dict.fromkeys(problems))
-    found = [_cut(replace(p, file=file)) for p in once[:MOST]]
+    found = [replace(p, file=file) for p in once[:MOST]]
     if len(once) > MOST:
         found.append(Problem(once[MOST].code, "", f"and more after these {MOST}", file=file))
     return found
@@ -245,12 +280,6 @@ def said_already(problem: Problem, odd: Iterable[Problem]) -> bool:
     """Whether one of the problems is at the same place, or inside it."""
     inside = (f"{problem.where}.", f"{problem.where}[")
     return any(p.where == problem.where or p.where.startswith(inside) for p in odd)
-
-
-def _cut(problem: Problem) -> Problem:
-    parts = {f.name: getattr(problem, f.name) for f in fields(problem)}
-    long = {name: text for name, text in parts.items() if len(text) > LONGEST}
-    return replace(problem, **{name: text[: LONGEST - 3] + "..." for name, text in long.items()})
 
 
 def printable(text: str, but: str = "") -> str:

@@ -16,10 +16,10 @@ from blockmech.errors import (
     AssemblyError,
     FrictionError,
     Problem,
-    RequestError,
     SampleError,
     SampleFailure,
     SingularError,
+    refused,
 )
 from blockmech.passes.homotopy import followed, last_good, path_of
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
@@ -32,9 +32,8 @@ MOST_GROUPS = 8  # whose limits take a few milliseconds
 def without_gaps(result: Result, on_gap: str) -> Result:
     """The result; one with gaps raises, is handed out or is cut before the first of them."""
     if on_gap not in ("raise", "mark", "stop"):
-        raise RequestError(
-            Problem("bad-value", "on_gap", f"got {on_gap!r}", "valid: raise, mark, stop", "")
-        )
+        valid = "valid: raise, mark, stop"
+        raise refused("on_gap", f"got {on_gap!r}", valid=valid, code="bad-value")
     if on_gap == "mark" or result.surely_whole():
         return result
     gaps = result.quality.gaps

@@ -17,7 +17,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import IO
 
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import RequestError, refused
 
 AnyPath = str | os.PathLike[str]
 
@@ -57,8 +57,8 @@ def writing(path: AnyPath) -> Iterator[IO[bytes]]:
     Raises `RequestError` where the place cannot be written.
     """
     shown = os.fspath(path)
-    target = Path(os.path.realpath(path))
     refuse_spared(shown)
+    target = _target(shown)
     try:
         if target.is_dir():
             raise cannot_write(shown, "it is a directory", "name a file in it")
@@ -85,7 +85,7 @@ def folder(path: AnyPath, outdated: Collection[str] = ()) -> Iterator[Path]:
     removed, others stay. Raises `RequestError` where the place cannot be written.
     """
     shown = os.fspath(path)
-    target = Path(os.path.realpath(path))
+    target = _target(shown)
     try:
         if target.exists() and not target.is_dir():
             raise cannot_write(shown, "it is a file, not a directory", "choose another name")
@@ -105,7 +105,7 @@ def folder(path: AnyPath, outdated: Collection[str] = ()) -> Iterator[Path]:
 
 def cannot_write(where: str, found: str, remedy: str) -> RequestError:
     """The error for a place that cannot be written."""
-    return RequestError(Problem("cannot-write", where, found, "", remedy))
+    return refused(where, found, remedy, code="cannot-write")
 
 
 def _move_in(draft: Path, target: Path, outdated: Collection[str]) -> None:
@@ -124,6 +124,14 @@ def _move_in(draft: Path, target: Path, outdated: Collection[str]) -> None:
 
 def _beside(target: Path) -> Path:
     return target.with_name(f".blockmech-{secrets.token_hex(4)}")  # no longer than most names
+
+
+def _target(shown: str) -> Path:
+    """The place that a path leads to, links followed."""
+    try:
+        return Path(os.path.realpath(shown))
+    except ValueError:  # a null, or half a character
+        raise cannot_write(shown, "no file has such a name", "choose another name") from None
 
 
 def _refused(where: str, error: OSError) -> RequestError:

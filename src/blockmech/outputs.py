@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.blocks.contract import Joint
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import Problem, RequestError, as_names, close_match, listed
 from blockmech.loads.contract import Element
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
@@ -281,7 +281,7 @@ class Catalogue(Mapping[str, Output]):
         """
         found: dict[str, None] = {}
         problems = []
-        for pattern in want:
+        for pattern in as_names("want", want):
             if pattern in self:
                 found[pattern] = None
                 continue

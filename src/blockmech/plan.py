@@ -22,6 +22,7 @@ from functools import cached_property
 from types import CodeType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
+from blockmech.errors import listed
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.plane import SCALAR_PRIMITIVES
@@ -342,7 +343,7 @@ def _counted(n: int, what: str) -> str:
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """What is computed for a request, and the program that does it.
 
@@ -361,7 +362,10 @@ class Plan:
     program: Program
     layout: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     shares: tuple[Share, ...] = ()
-    engines: dict[tuple[str, str], Any] = field(default_factory=dict, compare=False, repr=False)
+    engines: dict[tuple[str, str], Any] = field(default_factory=dict, compare=False)
+
+    def __repr__(self) -> str:
+        return f"<Plan of {listed(self.want, 3)}: {self.calls} kernel calls a sample>"
 
     @cached_property
     def verdicts(self) -> tuple[tuple[int, ...], tuple[int, ...]]:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.arguments import declared
 from blockmech.engines.numpy import Planar
-from blockmech.errors import NotComputedError, Problem, RequestError, close_match, listed
+from blockmech.errors import held, listed, refused
 from blockmech.export import Exported
 from blockmech.plan import Output, Plan
 from blockmech.quality import Flag, Quality, assess
@@ -30,6 +31,9 @@ class Result(Exported):
     It can be pickled, for other processes or a cache of the same version of blockmech; to
     keep numbers for long, export them.
     """
+
+    called = "a result"
+    instead = "draw.plot draws its outputs; the mechanism is its .mechanism"
 
     mechanism: Any  # a `Compiled`, which stands above: it makes results
     motion: Any  # of a simulation: how it moved, its events and its error
@@ -80,18 +84,19 @@ class Result(Exported):
         if found.layout != layout:
             what = "it was pickled by a version of blockmech that orders its numbers otherwise"
             remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
-            raise RequestError(Problem("other-version", self.mechanism.name, what, "", remedy))
+            raise refused(self.mechanism.name, what, remedy, code="other-version")
         return found
 
     # -- reading ----------------------------------------------------------------
 
     def __getitem__(self, name: str) -> Any:
-        if name not in self._read:
-            self._read[name] = self._make(name)
+        if not isinstance(name, str) or name not in self._read:
+            made = self._make(name)  # refuses what is no name
+            self._read[name] = made
         return self._read[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self.plan.layout and name in self.plan.want
+        return isinstance(name, str) and name in self.plan.layout and name in self.plan.want
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.plan.want)
@@ -118,7 +123,7 @@ class Result(Exported):
 
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
-        found: Output = self.mechanism.outputs[name]
+        found: Output = held(self.mechanism.outputs, name, "no output has that name", "outputs")
         return found
 
     def unit(self, name: str) -> str:
@@ -127,10 +132,9 @@ class Result(Exported):
 
     @np.errstate(all="ignore")  # what is not finite is told by the quality
     def _make(self, name: str) -> Any:
-        if name not in self.plan.layout or name not in self.plan.want:
-            found, known = "the run did not compute it", f"computed: {listed(self.plan.want)}"
-            remedy = close_match(name, self.plan.want) or "name it in want="
-            raise NotComputedError(Problem("not-wanted", name, found, known, remedy))
+        if name not in self:
+            known = dict.fromkeys(self.plan.want)
+            held(known, name, "the run did not compute it", "computed", "name it in want=")
         output = self.output(name)
         columns = [self._column(i) for i in self.plan.layout[name]]
         if output.kind == "number":
@@ -222,9 +226,10 @@ class Result(Exported):
         """Unit of a driver coordinate ``"crank.q"``."""
         return self.output(name).unit
 
+    @declared
     def first(self, n: int) -> Result:
         """The first n samples."""
-        return self.at(np.arange(n))
+        return self.at(np.arange(self.n)[:n])
 
     def at(self, index: NDArray[np.intp]) -> Result:
         """The samples of these indices."""
@@ -276,6 +281,7 @@ class Result(Exported):
 
     # -- more of the same run -----------------------------------------------------
 
+    @declared
     def rerun(self, *want: str) -> Result:
         """Other outputs at the same samples with the same settings; gaps are marked."""
         return self._again(self.mechanism, want)
@@ -287,6 +293,7 @@ class Result(Exported):
         """
         return self._again(self.mechanism.of_blocks, want)
 
+    @declared
     def with_friction(self, method: str, *want: str) -> Result:
         """Outputs at the same samples with another method of friction; gaps are marked."""
         how = {"friction": method, "tolerance": None, "iterations": None}
@@ -300,6 +307,7 @@ class Result(Exported):
         values, engine = mechanism.evaluate(plan, self.samples, self.engine)
         return Result(mechanism, plan, self.samples, values, engine, settings, self.motion)
 
+    @declared
     def wire(self, source: str, target: str | None = None) -> dict[str, Any]:
         """What travels along a wire: motion forward, force and reduced inertia back.
 
@@ -308,6 +316,7 @@ class Result(Exported):
         name = source if target is None else f"{source} -> {target}"
         return on_wires(self.mechanism.structure, self.inside, self.n, name)[name]
 
+    @declared
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
         """Largest difference of each common output, relative to its largest size.
 
@@ -321,7 +330,7 @@ class Result(Exported):
                 if mine.shape != theirs.shape:
                     what = f"has shape {mine.shape} here and {theirs.shape} there"
                     remedy = "compare runs of the same samples"
-                    raise RequestError(Problem("bad-request", name, what, "", remedy))
+                    raise refused(name, what, remedy)
                 scale = float(np.nanmax(np.abs(mine), initial=0.0)) or 1.0
                 off = float(np.nanmax(np.abs(mine - theirs), initial=0.0)) / scale
                 one_sided = (np.isnan(mine) != np.isnan(theirs)).any()

@@ -22,6 +22,9 @@ R = TypeVar("R")
 class Runnable(ABC):
     """What can be compiled, and so be run."""
 
+    called = "a graph, a linkage or a mechanism"
+    instead = "run it first: its run() gives a result"
+
     @abstractmethod
     def compile(self) -> Any:
         """The mechanism that computes."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import Problem, RequestError, listed, refused
 from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
 from blockmech.model.scene import Scene
 from blockmech.values import is_count, is_number
@@ -67,7 +67,7 @@ class Samples:
         if "t" not in names:
             return self.inputs
         if self.time is None or not np.isfinite(self.time).all():
-            raise _error(
+            raise refused(
                 "times",
                 "a load follows the time, and the request does not say it",
                 "name the samples with times=, or give the driver a law with a rate",
@@ -135,7 +135,7 @@ def make_samples(
     """
     given = [n for n, x in (("at", at), ("samples", samples), ("times", times)) if x is not None]
     if len(given) > 1:
-        raise _error(listed(given), "name the samples in one way only", "at, samples or times")
+        raise refused(listed(given), "name the samples in one way only", "at, samples or times")
     if is_number(at) and rates is None and accelerations is None:
         one = _one_pose(drivers, scene, at)
         if one is not None:
@@ -143,17 +143,17 @@ def make_samples(
     if at is not None:
         return _by_coordinate(drivers, scene, at, rates, accelerations)
     if rates is not None or accelerations is not None:
-        raise _error("rates", "rates need coordinates", "give at= as well")
+        raise refused("rates", "rates need coordinates", "give at= as well")
     laws = _laws(drivers, scene)
     if times is not None:
         return _by_time(scene, laws, _column("times", times))
     n = DEFAULT_SAMPLES if samples is None else samples
     if not is_count(n):
-        raise _error("samples", f"must be a positive whole number, got {n!r}", "")
+        raise refused("samples", f"must be a positive whole number, got {n!r}", "")
     try:
         return _by_range(scene, laws, int(n))
     except (MemoryError, IndexError, ValueError):  # what NumPy makes of so many
-        raise _error("samples", f"{n} are more than memory holds", "ask for fewer") from None
+        raise refused("samples", f"{n} are more than memory holds", "ask for fewer") from None
 
 
 def _one_pose(drivers: Sequence[str], scene: Scene, q: float) -> Samples | None:
@@ -183,7 +183,7 @@ def _by_coordinate(
             if driver not in qd and len(drivers) == 1:
                 clock = law
         elif law is not None and driver not in qd:
-            raise _error(
+            raise refused(
                 scene.address("drive", driver),
                 f'the law "{law.law}" is sampled by time, not by coordinate',
                 "use times=, or give rates= and accelerations=",
@@ -227,7 +227,7 @@ def _collected(
             inputs[f"{name}_{i}"] = column
             bad = np.flatnonzero(~np.isfinite(column))
             if len(bad):
-                raise _error(
+                raise refused(
                     scene.address("drive", driver),
                     f"the law of motion never gets to sample {bad[0]}",
                     "give samples inside its range",
@@ -248,7 +248,7 @@ def _laws(drivers: Sequence[str], scene: Scene) -> dict[str, LawOfMotion]:
 def _per_driver(drivers: Sequence[str], what: str, raw: Any) -> dict[str, Array]:
     if not isinstance(raw, Mapping):
         if len(drivers) != 1:
-            raise _error(
+            raise refused(
                 what,
                 f"the mechanism has {len(drivers)} drivers",
                 f"give a mapping driver -> values for: {listed(drivers)}",
@@ -259,7 +259,7 @@ def _per_driver(drivers: Sequence[str], what: str, raw: Any) -> dict[str, Array]
     if unknown or missing:
         found = [f"unknown: {listed(map(str, unknown))}"] if unknown else []
         found += [f"missing: {listed(missing)}"] if missing else []
-        raise _error(what, "; ".join(found), f"drivers: {listed(drivers)}")
+        raise refused(what, "; ".join(found), f"drivers: {listed(drivers)}")
     return {d: _column(f"{what}[{d}]", x) for d, x in raw.items()}
 
 
@@ -270,12 +270,12 @@ def _column(where: str, raw: Any) -> Array:
             raise TypeError
         column = np.atleast_1d(given.astype(np.float64))
     except (TypeError, ValueError):
-        raise _error(where, "not a row of numbers", "give a number or a sequence") from None
+        raise refused(where, "not a row of numbers", "give a number or a sequence") from None
     if column.ndim != 1 or len(column) == 0:
-        raise _error(where, f"has shape {column.shape}", "give one row of numbers")
+        raise refused(where, f"has shape {column.shape}", "give one row of numbers")
     bad = np.flatnonzero(~np.isfinite(column))
     if len(bad):
-        raise _error(f"{where}[{bad[0]}]", f"not a finite number: {column[bad[0]]}", "")
+        raise refused(f"{where}[{bad[0]}]", f"not a finite number: {column[bad[0]]}", "")
     return np.ascontiguousarray(column)
 
 
@@ -284,8 +284,4 @@ def _stretched(driver: str, column: Array, n: int) -> Array:
         return column
     if len(column) == 1:
         return np.full(n, column[0])
-    raise _error(driver, f"has {len(column)} samples where others have {n}", "give equal numbers")
-
-
-def _error(where: str, found: str, remedy: str) -> RequestError:
-    return RequestError(Problem("bad-request", where, found, "", remedy))
+    raise refused(driver, f"has {len(column)} samples where others have {n}", "give equal numbers")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from blockmech.engines.numpy import PRECISIONS
-from blockmech.errors import Problem, RequestError, listed, shown
+from blockmech.errors import Problem, RequestError, listed, refused, shown
 from blockmech.friction.solvers import METHODS
 from blockmech.plan import Friction
 from blockmech.values import is_count, is_number
@@ -46,18 +46,18 @@ def unknown_engine(engine: str, precision: str) -> RequestError:
     """The error of an engine that there is not, or not with this precision."""
     found = f'no engine "{engine}" with precision "{precision}"'
     valid = f"engines: auto, scalar, numpy, llvm; precisions of numpy: {listed(PRECISIONS)}"
-    return RequestError(Problem("unknown-engine", "engine", found, valid, ""))
+    return refused("engine", found, valid=valid, code="unknown-engine")
 
 
 def check_chunk(chunk: int | None) -> None:
     """Raise `RequestError` for a number of samples at once that is none."""
     if chunk is not None and not is_count(chunk):
         found = f"must be a whole number, at least 1 sample, got {chunk!r}"
-        raise RequestError(Problem("bad-value", "chunk", found, "", ""))
+        raise refused("chunk", found, code="bad-value")
 
 
 def check_switch(name: str, value: object) -> None:
     """Raise `RequestError` for a switch that is neither on nor off."""
     if not isinstance(value, bool | np.bool_):
         found = f"must be True or False, got {value!r}"
-        raise RequestError(Problem("bad-value", name, found))
+        raise refused(name, found, code="bad-value")

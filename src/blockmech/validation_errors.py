@@ -145,6 +145,7 @@ MUST: Mapping[str, tuple[str, str]] = {
     "model_type": ("wrong-type", "an object {{...}}"),
     "model_attributes_type": ("wrong-type", "an object {{...}}"),
     "list_type": ("wrong-type", "a list [...]"),
+    "tuple_type": ("wrong-type", "a list [...]"),
 }
 """Pydantic's type -> our code, and what a value must be."""
 
@@ -157,7 +158,8 @@ def _problem(place: _Place, line: Any) -> Problem:
         code, rule = MUST[kind]
         unit = f" {place.unit}" if place.unit else ""
         text = rule.format(unit=unit, in_unit=unit and f" in{unit}", **more)
-        remedy = _number_in(said, place.unit) if kind == "float_type" else ""
+        number = number_in(said, place.unit) if kind == "float_type" else ""
+        remedy = f"write {number}" if number else ""
         if "discriminator" in place.here and kind.startswith(("model", "dict")):
             key, tags = _choice(place)
             word = said if said in tags else tags[0]
@@ -169,8 +171,8 @@ def _problem(place: _Place, line: Any) -> Problem:
     if kind == "extra_forbidden":
         key = str(line["loc"][-1])
         if key == "rpm" and "rate" in place.keys:
-            remedy = 'write "rate" in rad/s'
-            remedy += _number_in(f"{said} rpm", "rad/s").replace("write", ":") if said else ""
+            rate = number_in(f"{said} rpm", "rad/s") if said else ""
+            remedy = 'write "rate" in rad/s' + (f": {rate}" if rate else "")
             return replace(unknown_key(where, place.owner, key, place.keys), remedy=remedy)
         return unknown_key(where, place.owner, key, place.keys)
     if kind in ("too_short", "too_long"):
@@ -213,14 +215,14 @@ UNITS = {
 """Units that people write behind numbers -> the SI unit, and how many make one of it."""
 
 
-def _number_in(said: Any, unit: str) -> str:
-    """What to write in place of a text that holds a number, perhaps with a unit."""
+def number_in(said: Any, unit: str) -> str:
+    """The number that a text holds, perhaps with a unit, as a file says it; empty if none."""
     number = re.fullmatch(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*(\S*)\s*", str(said))
     if not isinstance(said, str) or number is None:
         return ""
     si, many = UNITS.get(number[2], (unit, 0.0)) if number[2] else (unit, 1.0)
     fits = many and unit in ("", si)
-    return f"write {float(number[1].replace(',', '.')) / many!r}" if fits else ""
+    return repr(float(number[1].replace(",", ".")) / many) if fits else ""
 
 
 def _choice(place: _Place) -> tuple[str, list[str]]:
@@ -235,7 +237,8 @@ def _no_such_kind(place: _Place, line: Any) -> Problem:
     where, known = f"{place.where}.{key}", f"{key}s: {listed(tags)}"
     if line["type"] == "union_tag_not_found":
         return Problem("missing-key", where, f'{place.where} needs "{key}"', known, "add it")
-    said = line["input"].get(key)
+    given = line["input"]
+    said = given.get(key) if isinstance(given, dict) else given
     remedy = close_match(said, tags) if isinstance(said, str) else ""
     return Problem("wrong-value", where, f"no {key} {shown(said)}", known, remedy)
 

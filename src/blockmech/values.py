@@ -7,7 +7,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from numbers import Integral
+from numbers import Integral, Real
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -82,11 +82,12 @@ MILLI = {1e3: "1000 times as large", 1e-3: "1000 times smaller"}
 """What puts a length in mm, or in m among mm, right."""
 
 
-def is_number(x: object) -> bool:
+def is_number(x: Any) -> bool:
     """Whether ``x`` is a finite real number and not a boolean."""
-    if not isinstance(x, int | float) or isinstance(x, bool):
+    size: Any = x
+    if not isinstance(x, int | float | Real) or isinstance(x, bool):
         return False
-    return abs(x) <= sys.float_info.max  # whole numbers may be too large for a float
+    return bool(abs(size) <= sys.float_info.max)  # whole numbers may be too large for a float
 
 
 def is_count(x: object) -> bool:

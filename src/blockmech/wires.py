@@ -7,11 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.errors import Problem, RequestError, listed
+from blockmech.errors import listed, refused
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 
 Read = Callable[..., Mapping[str, Any]]
 """Outputs of the blocks by name at the samples of a run; see `Result.inside`."""
+
+
+def wires_of(structure: Structure) -> dict[str, tuple[MarkerRef, JointRef]]:
+    """Wire "marker -> joint" -> its ends."""
+    return {f"{marker} -> {joint}": (marker, joint) for joint, marker in structure.feeds.items()}
 
 
 def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str, dict[str, Any]]:
@@ -27,11 +32,11 @@ def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str,
 
     Raises `RequestError` where there is no such wire.
     """
-    wires = {f"{marker} -> {joint}": (marker, joint) for joint, marker in structure.feeds.items()}
+    wires = wires_of(structure)
     for name in names:
         if name not in wires:
             known = f"wires: {listed(wires, 30)}"
-            raise RequestError(Problem("no-such-wire", name, "there is no such wire", known))
+            raise refused(name, "there is no such wire", valid=known, code="no-such-wire")
     asked = {name: _outputs(structure, *wires[name]) for name in names or wires}
     every = {said: None for wire in asked.values() for parts in wire.values() for said in parts}
     values = read(*every)

@@ -119,14 +119,6 @@ def test_a_simulation_is_stopped_in_time_and_is_then_no_answer() -> None:
     assert question.run({"method": "radau", "accuracy": 1e-9}, 0.0) is None
 
 
-def test_steps_of_a_slide_are_lengths() -> None:
-    request = {"start": {"press.cylinder": (0.6, 0.05)}, "friction": "none", "until": "time=0.01"}
-    question = FreeMotion(mechanism("floating_drive_press"), None, request, Clock(PLENTY))
-    steps = [s.label for s in question.settings() if s.label.startswith("euler_q, step")]
-    assert steps
-    assert all(label.endswith(" m") for label in steps)
-
-
 def test_a_motion_is_measured_with_every_friction_method() -> None:
     request = {"until": "time=0.05", "start": {"crank": (0.4, 10.0)}}
     question = FreeMotion(ruiz().compile(), None, request, Clock(PLENTY))

@@ -131,24 +131,6 @@ def test_a_pair_between_placed_links_is_left_over() -> None:
     assert (o.links, o.pairs, o.excess) == (("base", "frame"), ("X",), 2)
 
 
-def test_reseating_pins_turns_a_false_group_into_dyads() -> None:
-    # as in Jansen's leg: two dyads (j, b) and (k, c) share the crank's pin and a fixed pin
-    text = (
-        "O:frame-crank A:crank-k:R@crankpin B:k-j:R@crankpin "
-        "C:frame-b:R@fixed D:b-c:R@fixed E:j-b F:k-c"
-    )
-    links, pairs = chain(text)
-    as_given = formation(links, pairs, FRAME, ["O"])
-    assert [u.number for u in as_given.units] == [1, 4]
-    seated = reseat(links, pairs, FRAME, ["O"])
-    assert str(formation(links, seated, FRAME, ["O"])) == (
-        "I(crank) -> II RRR(b, j) -> II RRR(c, k)"
-    )
-    assert {p.name for p in seated} == {p.name for p in pairs}
-    assert {p.name: p for p in seated}["A"] == pairs[1]
-    assert rigidity(links, seated, FRAME) == rigidity(links, pairs, FRAME)
-
-
 def test_random_mechanisms_come_apart_into_what_they_were_made_of() -> None:
     rng = random.Random(11)
     for trial in range(120):

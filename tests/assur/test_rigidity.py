@@ -58,44 +58,6 @@ def test_one_crank_too_many_beside_a_loose_link_hides_in_the_count() -> None:
     assert found["loose-links"] == ("y",)
 
 
-def test_two_pairs_between_two_links_are_over_constrained() -> None:
-    found = codes(FOUR_BAR + " X:crank-rod", "O")
-    assert found["over-constrained"] == ("crank", "rod")
-    assert found["locked-driver"] == ("crank", "frame", "rocker", "rod")
-
-
-def test_a_roller_that_spins_is_loose() -> None:
-    found = diagnose(*chain(FOUR_BAR + " R:rocker-roller"), FRAME, ["O"])
-    assert {f.code: (f.links, f.number) for f in found} == {
-        "too-few-drivers": ((), 1),
-        "loose-links": (("roller",), 1),
-    }
-    assert "roller" in found[-1].text()
-
-
-def test_unconnected_links_are_named_and_kept_out_of_the_count() -> None:
-    links, pairs = chain(FOUR_BAR + " X:u-w")
-    found = diagnose([*links, "alone"], pairs, FRAME, ["O"])
-    assert [(f.code, f.links) for f in found] == [("unconnected-links", ("alone", "u", "w"))]
-
-
-def test_two_drivers_on_a_four_bar_conflict() -> None:
-    found = diagnose(*chain(FOUR_BAR), FRAME, ["O", "C"])
-    assert {f.code: (f.pairs, f.number) for f in found} == {
-        "too-many-drivers": (("C", "O"), 1),
-        "conflicting-drivers": (("C", "O"), 1),
-    }
-
-
-def test_right_number_of_drivers_in_the_wrong_places() -> None:
-    five_bar = " P:frame-a Q:a-b R:b-c S:c-d T:d-frame"
-    found = codes(FOUR_BAR + five_bar, "O", "C", "P")
-    assert found == {
-        "conflicting-drivers": ("crank", "frame", "rocker", "rod"),
-        "loose-links": ("b", "c", "d"),
-    }
-
-
 def test_a_loop_of_slides_alone_holds_its_turning_twice() -> None:
     wedges = "A:frame-a:P B:a-b:P C:b-frame:P"
     state = rigidity(*chain(wedges), FRAME)

@@ -1,6 +1,7 @@
 """Doubles and halves every module-level number, one at a time, and runs tests: a script.
 
-    python -m tests.campaigns.thresholds FOLDER [--room dynamics] [--only NAME] --tests PYTEST-ARGS
+    python -m tests.campaigns.thresholds FOLDER [--room dynamics] [--only NAME]
+        [--change halved] --tests PYTEST-ARGS
 
 The package is copied to FOLDER and changed there; lines tell which tests a change breaks.
 Numbers that round, like counts, stay whole. What breaks needs its derivation beside it.
@@ -32,8 +33,9 @@ def numbers(path: Path) -> list[tuple[str, int]]:
             statement.value, {"EPS"}
         ):
             target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
-            if isinstance(target, ast.Name) and target.id != "TURN":
-                found.append((target.id, statement.end_lineno or statement.lineno))
+            named = [node.id for node in ast.walk(target) if isinstance(node, ast.Name)]
+            line = statement.end_lineno or statement.lineno
+            found += [(name, line) for name in named if name != "TURN"]
     return found
 
 
@@ -57,6 +59,7 @@ def main() -> None:
     asked.add_argument("folder", type=Path)
     asked.add_argument("--room", default="dynamics")
     asked.add_argument("--only", default="")
+    asked.add_argument("--change", choices=CHANGES, nargs="*", default=list(CHANGES))
     asked.add_argument("--tests", nargs=argparse.REMAINDER, required=True)
     given = asked.parse_args()
     shutil.rmtree(given.folder, ignore_errors=True)
@@ -69,9 +72,9 @@ def main() -> None:
         for name, line in numbers(path):
             if given.only not in name:
                 continue
-            for word, change in CHANGES.items():
+            for word in given.change:
                 lines = text.splitlines()
-                one = f"(lambda x: {change})"
+                one = f"(lambda x: {CHANGES[word]})"
                 row = f"tuple(map({one}, {name})) if isinstance({name}, tuple)"
                 new = f"{name} = {row} else {one}({name})"
                 path.write_text("\n".join([*lines[:line], new, *lines[line:]]) + "\n", "utf-8")

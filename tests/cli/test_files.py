@@ -1,4 +1,4 @@
-"""``check``, ``verify``, ``draw`` and ``new``: commands about a graph file."""
+"""``check``, ``draw`` and ``new``: commands about a graph file."""
 
 from __future__ import annotations
 
@@ -37,21 +37,6 @@ def test_check_says_in_one_line_what_the_mechanism_is(call, ruiz):
     assert call("check", ruiz) == (0, line, "")
 
 
-def test_check_gives_facts_as_data(call, ruiz):
-    said = call("check", ruiz, "--json")
-    assert (said.code, said.err) == (0, "")
-    assert json.loads(said.out) == {
-        "file": str(ruiz),
-        "ok": True,
-        "graph": "ruiz_fourbar",
-        "links": 3,
-        "pairs": 4,
-        "mobility": 1,
-        "formula": "I(crank: 0,1) -> II RRR(dyad: 2,3)",
-        "problems": [],
-    }
-
-
 def test_check_names_all_problems_at_once(call, ruiz, tmp_path):
     file = spoiled(ruiz, tmp_path / "bad.json", two_mistakes)
     said = call("check", file)
@@ -69,26 +54,6 @@ def test_check_names_all_problems_at_once(call, ruiz, tmp_path):
         ("unwired-joint", "dyad.B"),
     }
     assert "\n".join(str(bm.Problem(**p)) for p in found["problems"]) + "\n" == said.err
-
-
-# -- verify --------------------------------------------------------------------------------
-
-
-def test_verify_shows_every_check(call, ruiz):
-    said = call("verify", ruiz)
-    assert (said.code, said.err) == (0, "")
-    assert said.out == str(bm.Graph.load(ruiz).compile().verify()) + "\n"
-    assert "two routes to crank.drive" in said.out
-
-
-def test_verify_gives_its_rows_as_data(call, ruiz):
-    said = call("verify", ruiz, "--at", "1,2", "--json")
-    found = json.loads(said.out)
-    assert (said.code, found["ok"]) == (0, True)
-    rows = bm.Graph.load(ruiz).compile().verify(at=[1.0, 2.0]).rows
-    assert found["rows"] == [
-        {"name": r.name, "value": r.value, "allowed": r.allowed, "ok": r.ok} for r in rows
-    ]
 
 
 # -- new -----------------------------------------------------------------------------------

@@ -24,6 +24,7 @@ ANSWERS: dict[str, tuple[Callable[[bm.Mechanism], Any], str]] = {
     "modes": (lambda m: m.modes(arcs=False), "2 modes"),
     "verify": (lambda m: m.verify(samples=3), "allowed"),
     "extremes": (lambda m: m.extremes("dyad.margin"), "minimum"),
+    "stroke": (lambda m: m.stroke("dyad.j.angle"), "stroke 1.62"),
     "motion": (
         lambda m: m.simulate("time=0.1", start={"crank": (0.0, 5.0)}, friction="none").motion,
         "method",
@@ -180,3 +181,19 @@ def test_recorded_outputs_hold_a_file_to_what_it_does(call: Any, tmp_path: Any) 
     said = call("test", file)
     assert said.code == 1
     assert "FAILS" in said.out
+
+
+def test_what_is_no_table_says_in_a_line_what_it_is() -> None:
+    mechanism = RUIZ.compile()
+    linkage = bm.Linkage.load(GRAPHS / "joints" / "ruiz_fourbar.json")
+    shown = {
+        "<Plan of crank.drive: 8 kernel calls": mechanism.plan("crank.drive"),
+        "<Objective of ruiz_fourbar: by dyad.l_i>": mechanism.objective(
+            ["dyad.l_i"], want="max(crank.q)", over=1.0
+        ),
+        "<Animation of ruiz_fourbar: 2 frames>": animate(mechanism, at=[0.5, 1.0]),
+        "<Decomposition of ruiz_fourbar: I(": linkage.decompose(),
+    }
+    for said, thing in shown.items():
+        assert repr(thing).startswith(said)
+        assert "\n" not in repr(thing)

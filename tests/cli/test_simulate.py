@@ -128,24 +128,19 @@ def test_a_steady_state_tells_its_period_its_stability_and_how_it_was_found(call
     assert "rad the loads do a work of 18.8495559 J" in refused.err
 
 
-def test_drivers_that_are_not_named_start_as_the_scene_says(call):
-    words = ("--until", "time=0.1", "--start", "right=2.4,-10deg/s", "--json")
-    found = json.loads(call("simulate", FIVEBAR, *words).out)["outputs"]
-    first = {name: column["values"][0] for name, column in found.items()}
-    assert first == {
-        "driver.left.q": 1.2,
-        "driver.left.rate": 0.0,
-        "driver.right.q": 2.4,
-        "driver.right.rate": -10 * DEGREES,
-    }
+STARTS = [  # words; (coordinate, rate) of both drivers, by the scene where they are not named
+    (("right=2.4,-10deg/s",), (1.2, 0.0), (2.4, -10 * DEGREES)),
+    (("right=2.4", "left=1.1,1"), (1.1, 1.0), (2.4, 0.0)),
+]
 
 
-def test_every_driver_can_be_started_elsewhere(call):
-    words = ("--start", "right=2.4", "--start", "left=1.1,1", "--until", "time=0.1", "--json")
-    found = json.loads(call("simulate", FIVEBAR, *words).out)["outputs"]
-    first = {name: column["values"][0] for name, column in found.items()}
-    assert [first[f"driver.left.{what}"] for what in ("q", "rate")] == [1.1, 1.0]
-    assert [first[f"driver.right.{what}"] for what in ("q", "rate")] == [2.4, 0.0]
+@pytest.mark.parametrize(("starts", "left", "right"), STARTS)
+def test_drivers_start_where_they_are_told(call, starts, left, right):
+    words = [word for start in starts for word in ("--start", start)]
+    said = call("simulate", FIVEBAR, "--until", "time=0.1", *words, "--json")
+    first = {n: x["values"][0] for n, x in json.loads(said.out)["outputs"].items()}
+    for name, (q, rate) in {"left": left, "right": right}.items():
+        assert (first[f"driver.{name}.q"], first[f"driver.{name}.rate"]) == (q, rate)
 
 
 def test_a_slide_starts_in_metres_without_a_start_in_the_file(call, slide):

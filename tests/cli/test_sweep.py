@@ -23,12 +23,6 @@ def test_a_sweep_prints_a_table_and_writes_one_with_a_picture(call, tmp_path):
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
-def test_units_are_those_of_the_number(call):
-    one = call("sweep", RUIZ, "--vary", "dyad.l_i=6000mm,6100mm", *WANT)
-    other = call("sweep", RUIZ, "--vary", "dyad.l_i=6,6.1", *WANT)
-    assert one == other
-
-
 def test_numbers_scatter_by_distributions(call):
     words = ("--vary", "dyad.l_i=normal(6000mm,10mm)", "--vary", "frame.D.x=uniform(5.4,5.6)")
     said = call("sweep", RUIZ, *words, *WANT, "--count", "32", "--sampling", "sobol")

@@ -8,6 +8,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -15,6 +16,7 @@ import blockmech as bm
 from tests.gallery import GRAPHS, document
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="pipes and closed streams of POSIX")
+RUN = f"run {GRAPHS / 'ruiz_fourbar.json'} --json"
 EVIL = "\x1b[31m=1+1\r\x07\x9b\u202e"
 COMMANDS = {
     "check": [],
@@ -84,40 +86,43 @@ def test_a_name_is_no_formula_of_a_spreadsheet_and_no_new_row(tmp_path):
         assert [row[0] for row in rows] == ["-1.0", "-2.0"]  # numbers stay numbers
 
 
-def test_a_trade_table_keeps_its_numbers():
-    found = bm.Graph.from_json(json.dumps(document("ruiz_fourbar"))).compile().trade(budget=0.3)
-    rows = list(csv.DictReader(io.StringIO(found.to_csv())))
-    assert [float(row["error"]) for row in rows] == [p.error for p in found.points]
-    assert [row["method"] for row in rows] == [p.method for p in found.points]
-
-
-@POSIX
-@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "2>&1 | head -c 1", "2>&1 | true"])
-def test_a_closed_stream_is_no_crash(closed):
-    file = str(GRAPHS / "ruiz_fourbar.json")
-    calls = {f"run {file} --json": "0", "check none": "2"}
-    shells, pipes = [], {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    for words in calls:
-        line = f'"{sys.executable}" -m blockmech {words} {closed}; exit "${{PIPESTATUS[0]}}"'
-        shells.append(subprocess.Popen(["bash", "-c", line], **pipes))
-    for shell, code in zip(shells, calls.values(), strict=True):
-        out, err = shell.communicate(timeout=60)
-        assert str(shell.returncode) == code
-        assert "Traceback" not in out + err
-        assert "Exception" not in err
-
-
 @POSIX
 @pytest.mark.parametrize(
-    "words", [["check"], ["draw", "-o", "x.svg", "--kind", "schedule"]], ids=" ".join
+    ("words", "closed", "code"),
+    [
+        (RUN, ">&-", 0),
+        (RUN, ">&- 2>&-", 0),
+        (RUN, "2>&1 | head -c 1", 0),
+        ("check none", "2>&-", 2),
+        ("check none", "2>&1 | true", 2),
+    ],
 )
-def test_a_pipe_is_read_once(tmp_path, words):
+def test_a_closed_stream_is_no_crash(words, closed, code):
+    line = f'"{sys.executable}" -m blockmech {words} {closed}; exit "${{PIPESTATUS[0]}}"'
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
+    assert done.returncode == code
+    assert "Traceback" not in done.stdout + done.stderr
+    assert "Exception" not in done.stderr
+
+
+@POSIX
+def test_a_pipe_is_read_once(call, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    text = (GRAPHS / "ruiz_fourbar.json").read_bytes()
+    threading.Thread(target=(tmp_path / "pipe").write_bytes, args=(text,)).start()
+    said = call("check", tmp_path / "pipe")
+    assert (said.code, said.err) == (0, "")
+    assert "mobility 1" in said.out
+
+
+@POSIX
+def test_a_pipe_is_drawn_and_an_unknown_window_system_does_not_matter(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    command, *more = words
     run = subprocess.Popen(
-        [sys.executable, "-m", "blockmech", command, str(pipe), *more],
+        [sys.executable, "-m", "blockmech", "draw", str(pipe), "-o", "x.svg", "--kind", "schedule"],
         cwd=tmp_path,
+        env={**os.environ, "MPLBACKEND": "no-such-thing"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
@@ -125,23 +130,3 @@ def test_a_pipe_is_read_once(tmp_path, words):
     out, err = run.communicate(timeout=60)
     assert (run.returncode, err) == (0, b"")
     assert out
-
-
-def test_an_unknown_window_system_does_not_matter(call, ruiz, tmp_path):
-    code = "import sys; from blockmech.cli import main; sys.exit(main(sys.argv[1:]))"
-    done = subprocess.run(
-        [sys.executable, "-c", code, "draw", ruiz, "-o", tmp_path / "x.svg"],
-        env={**os.environ, "MPLBACKEND": "no-such-thing"},
-        capture_output=True,
-    )
-    assert (done.returncode, done.stderr) == (0, b"")
-
-
-@pytest.mark.parametrize("more", [[], ["--stroke"]])
-def test_extremes_of_a_pattern_are_those_that_exist(call, ruiz, more):
-    said = call("extremes", ruiz, "crank.*", "--json", *more)
-    assert said.code == 0
-    found = json.loads(said.out)["strokes" if more else "extremes"]
-    assert len(found) > 5
-    with pytest.raises(bm.RequestError, match="it is a pattern, which 27 outputs fit"):
-        bm.Graph.load(ruiz).compile().extremes("crank.*")

@@ -38,14 +38,6 @@ def test_a_folder_gets_table_data_and_picture(tmp_path: Path, capsys) -> None:
     assert "wrote" in capsys.readouterr().out
 
 
-def test_a_motion_with_joint_friction_is_traded_from_a_start(capsys) -> None:
-    call = ["trade", RUIZ, "--question", "simulate", "--until", "time=0.01", "--budget", "2s"]
-    assert main([*call, "--start", "0.4,10"]) == 0
-    text = capsys.readouterr().out
-    assert "ruiz_fourbar, simulate until time=0.01" in text
-    assert "friction none" in text or "is too small for a reference" in text
-
-
 def test_requests_are_compared(capsys) -> None:
     call = ["trade", RUIZ, "--want", "crank.drive", "--want", "*.p,*.v", *QUICK]
     assert main(call) == 0

@@ -83,6 +83,7 @@ CALLS = {
     "decompose RUIZ": [("", "graph of blocks already")],
     "blocks load.trust": [("", "load.thrust")],
     "schema wires": [("", "wires")],
+    "studio RUIZ --no-browser": [("--port 99999", "--port")],
 }
 ROWS = [(f"{call} {words}", said) for call, rows in CALLS.items() for words, said in rows]
 

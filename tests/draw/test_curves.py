@@ -71,6 +71,12 @@ def test_figure_14_shows_the_size_of_every_reaction():
     assert sum(x.get_label() == "without friction" for x in axes.lines) == 4
 
 
+def test_a_curve_that_is_alone_in_its_panel_says_whose_it_is():
+    lone = Panel("reaction", "N", {"dyad.D": np.ones(2)}, {"dyad.D": np.zeros(2)})
+    (axes,) = draw_panels([lone], Abscissa("q", np.arange(2.0))).axes
+    assert [x.get_label() for x in axes.lines] == ["dyad.D with friction", "without friction"]
+
+
 def test_a_mechanism_without_forces_shows_its_motion():
     panels = pictures_of(fourbar().run(samples=25))
     assert set(panels) == {"kinematics"}
@@ -119,14 +125,6 @@ def test_gaps_are_gaps_and_shaded():
         assert not ((clear > x0) & (clear < x1)).any()
 
 
-def test_a_sample_alone_between_gaps_is_still_seen():
-    values = np.where(np.arange(60) == 30, 1.0, np.nan)
-    panel = Panel("force", "N", {"": values})
-    (axes,) = draw_panels([panel], Abscissa("x [m]", np.arange(60.0))).axes
-    assert axes.lines[0].get_marker() == "o"
-    assert axes.lines[0].get_markevery() == [30]
-
-
 def test_samples_in_any_order_make_one_line():
     result = ruiz().run(at=[3.0, 1.0, 2.0])
     (axes, _) = drawn(result, "drive").axes
@@ -158,13 +156,6 @@ def test_legends_cover_no_axes_and_stay_on_the_page(scene):
             assert page.x0 <= word.x0
             assert word.x1 <= page.x1
             assert not any(word.overlaps(frame) for frame in frames)
-
-
-def test_many_joints_get_a_panel_for_each_few_blocks():
-    panels = pictures_of(chain(8).run(samples=5))["reactions"]
-    assert len(panels) > 1
-    assert all(len(p.curves) <= 6 for p in panels)
-    assert sum(len(p.curves) for p in panels) == 1 + 3 * 8
 
 
 def test_a_place_is_drawn_by_its_coordinates_and_a_velocity_by_its_size():

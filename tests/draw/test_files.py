@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from PIL import Image
 
 import blockmech as bm
 from blockmech.draw import animate, draw
@@ -39,6 +40,13 @@ def test_an_unfinished_graph_has_a_diagram_but_no_mechanism(tmp_path):
     with pytest.raises(bm.GraphError, match="unwired-joint"):
         draw(unfinished(), tmp_path / "b.png", kind="mechanism")
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_a_large_picture_in_pixels_is_less_sharp(tmp_path, monkeypatch):
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 10_000)
+    with Image.open(draw(ruiz(), tmp_path / "a.png")) as picture:
+        width, height = picture.size
+    assert 0.9 < width * height / 10_000 <= 1
 
 
 def test_an_old_picture_survives_a_refused_one(tmp_path):

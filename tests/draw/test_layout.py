@@ -9,12 +9,9 @@ import pytest
 
 from blockmech.draw.layout import Box, Ends, arrange
 from blockmech.draw.routing import (
-    Climb,
     Placed,
     Point,
-    in_tracks,
     place,
-    way_between,
 )
 
 TOLERANCE = 1e-9  # [pt] rounding of sums of a few hundred points
@@ -107,25 +104,9 @@ def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
             assert not lie_on_each_other(a, b)
 
 
-def test_two_wires_that_swap_their_rows_are_told_apart_by_a_dogleg():
-    climbs = [Climb(0, 1.0, 4.0), Climb(1, 4.0, 1.0)]
-    first, whole, second = in_tracks(climbs)
-    assert (first.leg, whole.leg, second.leg) == (1, 0, 2)
-    assert first.end == second.start != whole.start
-
-
 def test_rows_have_the_least_sum_of_steps():
     """Three boxes in a column, their wires from places that they cannot all have."""
     wires = [Ends("frame", n, n, "p0") for n in "abc"]
     made = arrange(boxes_of(*"abc", ports=1), wires)
     lengths = [abs(start - end) for start, end in map(made.ends, made.steps.edges(keys=True))]
     assert sum(lengths) == 2 * 3, "boxes of 3 rows stand 4 apart, their wires leave 1 apart"
-
-
-@pytest.mark.parametrize("end", [(100.0, 40.0), (100.0, 0.0), (-50.0, 30.0)])
-def test_a_plain_way_has_right_angles_and_enters_from_the_left(end):
-    way = way_between((0.0, 0.0), end)
-    assert (way[0], way[-1]) == ((0.0, 0.0), end)
-    assert all(a[0] == b[0] or a[1] == b[1] for a, b in itertools.pairwise(way))
-    assert way[1][0] > way[0][0]
-    assert way[-2][0] < way[-1][0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from blockmech.draw import draw
 from blockmech.draw.curves import pictures_of
 from blockmech.draw.diagram import draw_diagram
 from blockmech.draw.mechanism import draw_mechanism, paths_of
@@ -72,3 +73,9 @@ def test_curves_of_a_run_are_named_after_joints(crank):
     panels = pictures_of(crank.run(samples=13))
     names = {name for panel in panels["reactions"] for name in panel.curves}
     assert names == {"joint.A", "joint.B", "joint.O", "joint.S"}
+
+
+def test_a_document_is_drawn_as_a_diagram_of_its_blocks(crank, tmp_path):
+    text = draw(crank.compile(), tmp_path / "diagram.svg").read_text("utf-8")
+    assert "rod_piston" in text
+    assert "rod, piston" in text

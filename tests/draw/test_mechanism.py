@@ -15,7 +15,7 @@ from blockmech.draw import palette
 from blockmech.draw.labels import Crowd, Label
 from blockmech.draw.mechanism import Picture, caption, draw_mechanism
 from blockmech.draw.motion import moves, moves_of_result
-from blockmech.draw.paper import rendered, styled
+from blockmech.draw.paper import styled
 from blockmech.draw.shapes import Stage, load_ways
 from blockmech.draw.sketch import hull, sketch_of
 from blockmech.export import table
@@ -66,14 +66,18 @@ def test_no_label_lies_on_another_and_all_are_on_the_page(picture):
         assert box.y1 <= frame.y1 + PIXEL
 
 
-def test_joints_stand_where_the_run_puts_them():
-    mechanism = ruiz().compile()
-    drawn = pins(draw_mechanism(mechanism, at=1.0))
-    run = mechanism.run(at=1.0, want=["*.p"])
-    assert drawn["A"] == 0
-    assert drawn["D"] == 5.5
-    assert drawn["B"] == pytest.approx(run["crank.B.p"][0], abs=ROUNDING)
-    assert drawn["C"] == pytest.approx(run["dyad.C.p"][0], abs=ROUNDING)
+def test_arrows_of_forces_end_on_the_page():
+    g = slider_crank()
+    for name, force in (("pull", (900.0, 0.0)), ("push", (-900.0, 0.0)), ("lift", (0.0, 900.0))):
+        g.add(name, bm.Force(force=force))
+        g.connect("frame.O" if name == "push" else "crank.B", f"{name}.at")
+    picture = draw_mechanism(g.compile(), at=[0.0, 3.0, 1.5])
+    (low, high), (bottom, top) = picture.axes.get_xlim(), picture.axes.get_ylim()
+    for load in picture.stage.sketch.loads:
+        for way in load_ways(picture.stage, load):
+            tip = way[-1]
+            assert np.all((low < tip.real) & (tip.real < high))
+            assert np.all((bottom < tip.imag) & (tip.imag < top))
 
 
 def test_a_pin_of_several_joints_is_drawn_once_with_all_names():
@@ -182,14 +186,6 @@ def test_a_spring_is_a_zigzag_between_its_markers():
     assert all(a * b < 0 for a, b in itertools.pairwise(side))
 
 
-def test_forces_of_loads_are_those_of_the_force_pass():
-    motion = moves(rocking_slide().compile(), samples=5)
-    at_a, at_b = motion.efforts["spring"]
-    stretch = motion.at(*sketch_of(motion).loads[1].spots[1])
-    assert np.abs(at_a) == pytest.approx(400.0 * (np.abs(stretch) - 0.5))
-    assert at_a == pytest.approx(-at_b)
-
-
 def test_paths_show_feasible_parts_only():
     mechanism = fourbar(rocker=1.8).compile()
     picture = draw_mechanism(mechanism)
@@ -228,7 +224,6 @@ def test_every_graph_of_the_gallery_is_drawn(path):
     links = {b.link for b in picture.stage.sketch.bodies}
     moving = set(picture.stage.motion.structure.links) - {picture.stage.motion.structure.frame_link}
     assert links == moving
-    assert len(rendered(picture.figure, ".png", 72)) > 2000
 
 
 def test_a_mechanism_without_drivers_is_a_truss_and_can_be_drawn():

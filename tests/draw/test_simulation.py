@@ -14,7 +14,6 @@ from blockmech.draw.simulation import (
     energy_panels,
     motion_panels,
     phase_plots,
-    screen_time,
     simulation_pictures,
 )
 from tests.gallery import GRAPHS
@@ -68,13 +67,6 @@ def test_the_animation_lasts_as_long_as_the_motion_and_never_runs_backward(tmp_p
     with Image.open(tmp_path / "animation.gif") as film:
         seconds = film.n_frames * film.info["duration"] / 1000
         assert seconds == pytest.approx(result.motion.t_end, abs=0.05)
-
-
-def test_a_motion_too_short_or_too_long_to_watch_is_slowed_or_sped_up():
-    assert screen_time(2.0) == 2.0
-    assert screen_time(0.03) == pytest.approx(3.0)
-    assert screen_time(40.0) == 8.0
-    assert screen_time(1e5) == 16.0
 
 
 def test_events_of_friction_are_marked_and_named():

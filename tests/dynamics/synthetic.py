@@ -66,7 +66,7 @@ class Synthetic(System):
         return {}
 
     def load_size(self, q):
-        return 1.0
+        return np.ones(q.size)
 
     def one(self, q, qd=0.0, t=0.0):
         self._count(1, False)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics import dop853
 from blockmech.dynamics import system as systems
 from blockmech.dynamics.change_points import FollowingSystem
+from blockmech.dynamics.dop853 import Dop853
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.system import System
 from blockmech.settings import friction_asked
@@ -15,6 +17,9 @@ from tests.dynamics.test_friction import pendulum, rubbing
 from tests.gallery import changed, document, mechanism
 
 pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+
+
+PASSES = bm.Watch("passes", lambda t, q, qd: qd * (q - 0.9), terminal=False)
 
 
 def both(make, engine="llvm", **request):
@@ -33,8 +38,10 @@ def assert_one_motion(one, other):
     assert abs(one.t_end - other.t_end) <= one.time_error + other.time_error
 
 
-@pytest.mark.parametrize("name", ["watt_sixbar", "andrews_squeezer", "pump"])
-@pytest.mark.parametrize("method", ["dop853", "radau"])
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [(x, "dop853") for x in ("watt_sixbar", "andrews_squeezer", "pump")] + [("pump", "radau")],
+)
 def test_a_motion_is_the_same(name, method):
     request = {"until": "time=0.02", "method": method, "accuracy": 1e-8}
     assert_one_motion(*both(lambda: mechanism(name), **request))
@@ -109,3 +116,31 @@ def test_where_there_is_no_pose_there_are_no_rates():
     assert row is not None
     assert not row[3] > 0
     assert all(math.isnan(x) for x in row[:3])
+
+
+@pytest.mark.parametrize(
+    ("make", "request_of"),
+    [
+        (rubbing, {"until": "time=0.8", "start": {"crank": (1.0, 0.0)}}),
+        (lambda: mechanism("watt_sixbar"), {"until": "swings=3", "start": {"crank": (1.0, 0.0)}}),
+        (lambda: mechanism("watt_sixbar"), {"until": "angle=0", "start": {"crank": (1.0, 0.0)}}),
+        (lambda: mechanism("pump"), {"until": "time=1"}),
+    ],
+)
+def test_in_steps_that_machine_code_calls_calm_nothing_happens(monkeypatch, make, request_of):
+    """At a coarse target, where steps are long."""
+    request = request_of | {"method": "dop853", "engine": "llvm", "accuracy": 1e-3, "want": []}
+    passed = make().simulate(watch=[PASSES], **request).motion
+    steps = Dop853.steps
+
+    def in_doubt(self, road):
+        found = steps(self, road)
+        return found and found._replace(calm=0)
+
+    monkeypatch.setattr(dop853, "REPORTED", 1)
+    monkeypatch.setattr(Dop853, "steps", in_doubt)
+    looked_at = make().simulate(watch=[PASSES], **request).motion
+    assert [e.kind for e in passed.events] == [e.kind for e in looked_at.events]
+    assert passed.end == looked_at.end
+    times = [[e.t for e in motion.events] for motion in (passed, looked_at)]
+    np.testing.assert_allclose(*times, rtol=1e-13)  # of the same steps

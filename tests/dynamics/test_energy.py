@@ -91,6 +91,12 @@ def test_one_ulp_from_the_separatrix_it_says_that_the_data_do_not_decide():
     assert any("part after t =" in note for note in motion.notes)
 
 
+def test_samples_that_are_all_standstills_do_not_hide_how_late_a_motion_is():
+    """128 swings: samples at equal times saw no speed, and so no error."""
+    even, odd = (run(pendulum(), 1.0, f"swings={n}") for n in (128, 127))
+    assert even.error >= odd.error / 2
+
+
 # -- regimes ---------------------------------------------------------------------------------
 
 

@@ -8,11 +8,14 @@ taken for the truth is told in `honesty`.
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics.estimate import refined
+from blockmech.dynamics.motion import Motion, State
 from tests.campaigns.honesty import scene
 from tests.dynamics.honesty import (
     DEAR,
@@ -156,3 +159,27 @@ def test_what_an_inner_iteration_leaves_in_every_step_is_in_the_estimate():
         for method, target in (("radau", 1e-11), ("spectral", 1e-13))
     )
     assert_honest(found, exact)
+
+
+def test_steps_that_agree_by_chance_in_front_of_a_dead_centre_are_not_believed():
+    """With half the step a run of ``rk4`` was 1e-8 beside this one, and 1.6e-7 off."""
+    _, mech, start, span = scene(958_000_005)
+    exact = mech.simulate(f"time={span!r}", method="energy", accuracy=1e-13, start=start).motion
+    for step in (1.4e-4, 1.5e-4, 0.000162587825116848):
+        found = mech.simulate(f"time={span!r}", method="rk4", step=step, start=start).motion
+        assert_honest(found, exact)
+        assert found.error < 1e-5
+
+
+@pytest.mark.parametrize("last", [1e-3, 1e-6])
+def test_the_finest_two_of_several_runs_tell_the_error(last):
+    """Two coarser ones that agreed by chance were believed instead."""
+
+    def run(off):
+        track = SimpleNamespace(state=lambda t: State(t * (1 + off), 1 + off + 0 * t))
+        return Motion("any", "", 0.0, 1.0, 1 + off, 1 + off, track, None)
+
+    offs = iter([2e-4, 2e-4 + 1e-5, last, None])
+    found = refined(run, next(offs), lambda *_: next(offs), 1e-9, (True,))
+    assert found.q_end == 1 + last
+    assert found.error == pytest.approx(abs(last - 2e-4 - 1e-5))

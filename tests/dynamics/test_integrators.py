@@ -10,6 +10,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics import time as integrators
+from blockmech.dynamics.events import crossings
 from blockmech.dynamics.request import Start, Until, Watch
 from blockmech.dynamics.system import System, Terms
 from tests.dynamics.honesty import GRAPHS
@@ -171,7 +172,7 @@ def test_the_papers_scheme_ends_after_as_many_steps_as_it_says(monkeypatch):
 
 
 @pytest.mark.parametrize(("method", "step"), [("euler_q", 0.5), ("rk4", 0.5)])
-def test_a_run_shorter_than_its_step_is_judged_by_half_of_its_way(method, step):
+def test_a_run_shorter_than_its_step_tells_its_error(method, step):
     graph = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
     start = {"crank": (1.0471975511965976, 0.0)}
     runs = [graph.simulate("time=0.1", start=start, method=m, step=h).motion
@@ -189,3 +190,11 @@ def test_a_table_of_the_place_says_what_the_kernels_say():
             found = abs(J - known.J), abs(dJ - known.dJ), abs(tau - known.tau)
             assert max(found[:2]) <= 1e-13 * size[0]
             assert found[2] <= 1e-13 * size[1]
+
+
+def test_an_event_that_stops_being_a_number_inside_a_step_is_where_it_does():
+    def value(t):
+        return -1.0 if t < 0.25 else math.nan if t < 0.75 else 1.0
+
+    (found,) = crossings(1, np.array([0.0, 1.0]), [-1.0, 1.0], value)
+    assert found == pytest.approx(0.25, rel=1e-14)

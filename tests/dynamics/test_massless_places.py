@@ -66,7 +66,7 @@ def test_runs_that_end_at_a_place_without_inertia_tell_their_errors(yoke, q, rat
         assert motion.end == "no inertia"
         assert abs(motion.t_end - end) <= motion.time_error
         t = np.minimum(np.linspace(0.0, motion.t_end, 65), end)
-        assert np.abs(motion.at(t).q - exact(q, rate, t)).max() <= motion.error
+        assert np.abs(motion.at(t).q - exact(q, rate, t)).max() <= motion.error < 1e-3
 
 
 @pytest.mark.parametrize("share", [0.1, 0.999, 1 - 1e-6, 1 - 1e-9])
@@ -108,10 +108,12 @@ def test_a_long_step_does_not_pass_the_whole_place(method):
     assert abs(ends[0].t_end - ends[1].t_end) <= ends[0].time_error + ends[1].time_error
 
 
-@pytest.mark.parametrize("q", [-0.0136, -0.00903])
-def test_steps_of_the_coordinate_stop_before_it_whatever_lies_behind_the_start(yoke, q):
+def test_steps_of_the_coordinate_stop_before_it_whatever_lies_behind_the_start(yoke):
     """Another such place just behind the start was taken for the only one."""
-    found = yoke.simulate("time=0.2", method="euler_q", step=1e-3, start={"crank": (q, 0.0)}).motion
+    start = {"crank": (-0.0136, 0.0)}
+    found = yoke.simulate("time=0.2", method="euler_q", step=1e-2, start=start).motion
     assert found.end == "no inertia"
-    assert abs(found.q_end + math.pi) <= 1e-3
-    assert found.error == math.inf  # of steps at speeds without bound nothing is known
+    assert abs(found.q_end + math.pi) <= 1e-2
+    t = np.linspace(0.0, found.t_end, 65)
+    assert np.abs(found.at(t).q - exact(-0.0136, 0.0, t)).max() <= found.error < math.inf
+    assert abs(found.t_end - time_to_the_place(-0.0136, 0.0)) <= found.time_error

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics import fixed_steps
+from blockmech.dynamics import time
 from blockmech.dynamics.request import Until, Watch
 from blockmech.errors import RequestError
 from tests.dynamics import scenes
@@ -165,7 +165,7 @@ def test_more_steps_than_can_be_made_are_refused_before_the_first():
 
 def test_rk4_gives_up_a_goal_that_is_never_met(monkeypatch):
     """A swinging rod makes no turn."""
-    monkeypatch.setattr(fixed_steps, "EVALUATIONS", 20_000)
+    monkeypatch.setattr(time, "EVALUATIONS", 2_000)
     start = {"crank": (0.3, 0.0)}
     motion = scenes.rod().simulate("turns=1", method="rk4", start=start).motion
     assert motion.status == "failed"

@@ -16,7 +16,7 @@ import blockmech as bm
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import RequestError
-from tests.dynamics import machines
+from tests.dynamics import machines, scenes
 from tests.gallery import GRAPHS, mechanism
 from tests.wiring import recorded
 
@@ -78,7 +78,7 @@ def test_watt_from_60_degrees_swings_past_its_standstill(method, angle, rate):
 
 
 TOP = math.pi / 2  # 4.5 degrees past the top
-TOP_TIMES = [0.5, 1.0, 1.5, 2.0, 2.5]
+TOP_TIMES = [0.5, 1.0, 1.5]
 
 
 @cache
@@ -97,13 +97,6 @@ def test_watt_from_the_top_follows_extended_precision(method, angle, rate):
     r = simulated("watt_sixbar", method=method, times=TOP_TIMES, start=from_angle(TOP))
     assert off(r["crank.q"], wanted[:, 0]) < min(angle, r.motion.error + ANGLE)
     assert off(r["crank.rate"], wanted[:, 1]) < rate * np.abs(wanted[:, 1]).max()
-
-
-def test_watt_from_the_top_stands_still_where_extended_precision_does():
-    motion = simulated("watt_sixbar", "standstill", start=from_angle(TOP)).motion
-    q, rate = machines.watt_falling(TOP, [motion.t_end])[0]
-    assert abs(rate) < RATE
-    assert abs(q - motion.q_end) < ANGLE
 
 
 EULER = {  # step [rad] -> error of the standstill's time [s], and of its place [rad]
@@ -270,6 +263,19 @@ def test_an_equilibrium_stays_and_says_whether_it_is_stable():
     assert "unstable equilibrium" in upper.notes
     growth = math.sqrt(9.81 * 0.5 / (0.1 + 0.25))
     assert upper.facts["rate"] == pytest.approx(growth, rel=1e-9)
+
+
+def test_an_arm_that_a_spring_balances_is_at_rest_anywhere():
+    """Of the effort only rounding is left: 'unstable' was said of it."""
+    graph = scenes.bare_rod(H=(0.0, 0.7))
+    graph.add("spring", bm.Spring(stiffness=scenes.WEIGHT / 0.7, free_length=0.0))
+    graph.connect("frame.H", "spring.a")
+    graph.connect("crank.B", "spring.b")
+    mech = graph.compile()
+    still, turning = (mech.simulate("time=1", start=from_angle(0.3, w)).motion for w in (0.0, 1.0))
+    assert (still.q_end, still.notes) == (0.3, ("indifferent equilibrium",))
+    assert turning.method == "energy"
+    assert abs(turning.q_end - 1.3) <= turning.error <= 1e-13
 
 
 def test_times_after_the_end_are_left_out_and_it_is_said():

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 
 from blockmech.testing.strategies import mechanisms
+from tests.engines.test_impossible import CASES, SAMPLES
 from tests.wiring import EPS, amplification, chain, ruiz, same_bits, swept, toggle, watt
 
 FAR = 4 * EPS  # times the conditioning and the length of the chain of groups
@@ -26,22 +27,32 @@ def sines_agree(angles):
     )
 
 
-def assert_agreement(mech, **request):
+def assert_agreement(mech, engine, **request):
+    """What an engine says is what the scalar engine says."""
     request["on_gap"] = "mark"
-    one = mech.run(**request, engine="scalar")
-    many = mech.run(**request, engine="numpy")
+    one, many = (mech.run(**request, engine=name) for name in ("scalar", engine))
+    assert many.engine == engine
     angles = [c for n, c in one.samples.inputs.items() if n in one.plan.program.angles]
-    if all(sines_agree(np.asarray(c, float)) for c in angles):
+    if engine == "llvm" or all(sines_agree(np.asarray(c, float)) for c in angles):
         assert same_bits(one, many) == []
         assert one.quality.status == many.quality.status
         assert one.quality.flags == many.quality.flags
-        return
+        return many
     condition = amplification(many) * len(mech.structure.blocks)
     for name in one:
         a, b = np.atleast_1d(one[name]), np.atleast_1d(many[name])
         assert np.array_equal(np.isnan(a), np.isnan(b)), name
         size = np.nanmax(np.abs(a), initial=0.0)
         assert np.nanmax(np.abs(a - b), initial=0.0) <= FAR * condition * size, name
+    return many
+
+
+@pytest.fixture(params=["numpy", "llvm"], scope="module")
+def engine(request):
+    """Engines that are held against the scalar one."""
+    if request.param == "llvm":
+        pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+    return request.param
 
 
 @pytest.mark.parametrize("friction", ["none", "single", "successive", "newton"])
@@ -51,19 +62,35 @@ def assert_agreement(mech, **request):
     ids=["ruiz", "toggle", "watt", "chain"],
 )
 def test_engines_agree_to_the_last_bit_on_hand_made_graphs(make, friction):
-    assert_agreement(make().compile(), samples=60, friction=friction)
+    assert_agreement(make().compile(), "numpy", samples=60, friction=friction)
+
+
+@pytest.mark.parametrize("make", [toggle, lambda: watt(spring=2.0, friction=True)])
+def test_every_output_and_every_load_is_the_same_by_machine_code(make):
+    pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+    assert_agreement(make().compile(), "llvm", samples=60)
 
 
 @given(case=mechanisms())
-@settings(max_examples=15)
-def test_engines_agree_to_the_last_bit_on_random_graphs(case):
+@settings(max_examples=10)
+def test_engines_agree_to_the_last_bit_on_random_graphs(engine, case):
     mech = case.graph.compile()
-    assert_agreement(mech, **case.request)
-    assert_agreement(mech, **swept(case, 12))
+    want = "*" if engine == "numpy" else ("*.reaction", "*.drive", "*.alpha")
+    assert_agreement(mech, engine, **swept(case, 12), want=want)
+
+
+@pytest.mark.parametrize(
+    ("engine", "friction"),
+    [("numpy", "none"), ("numpy", "successive"), ("numpy", "newton"), ("llvm", "newton")],
+    indirect=["engine"],
+)
+@pytest.mark.parametrize("name", CASES)
+def test_engines_lose_the_same_impossible_values(engine, name, friction):
+    assert_agreement(CASES[name].compile(), engine, at=SAMPLES, friction=friction)
 
 
 def test_engines_agree_where_friction_is_decided_by_continuation():
-    assert_agreement(ruiz(radius=2.0).compile(), at=np.linspace(0.05, 6.2, 25))
+    assert_agreement(ruiz(radius=2.0).compile(), "numpy", at=np.linspace(0.05, 6.2, 25))
 
 
 def test_one_pose_is_a_batch_of_one():

@@ -21,19 +21,17 @@ SLOW = {"floating_drive_press", "scissor_lift", "parallelogram_chain", "n_four_b
 
 
 def request_of(mech):
-    """Two samples, at no round number."""
-    at = {d: np.array([0.5371, 0.6183]) for d in mech.drivers}
+    """A sample at no round number."""
+    at = {d: np.array([0.5371]) for d in mech.drivers}
     probe = mech.run(samples=7, on_gap="mark") if set(mech.scene.drive) >= set(at) else None
     if probe is not None:
         good = [k for k in range(6) if not {k, k + 1} & set(probe.quality.gaps)][1]
         at = {d: probe.drivers[mech.of_driver(d, "q")] for d in at}
-        at = {
-            d: q[good] + np.array([0.371, 0.618]) * (q[good + 1] - q[good]) for d, q in at.items()
-        }
+        at = {d: q[good] + np.array([0.371]) * (q[good + 1] - q[good]) for d, q in at.items()}
     return {
         "at": at,
-        "rates": {d: np.array([1.3, 0.9]) for d in at},
-        "accelerations": {d: np.array([0.7, -2.0]) for d in at},
+        "rates": {d: np.array([1.3]) for d in at},
+        "accelerations": {d: np.array([0.7]) for d in at},
     }
 
 
@@ -50,7 +48,7 @@ def test_derivatives_of_the_gallery_agree_with_60_digits(name):
     assert held(errors(mech, request_of(mech), seed=5))
 
 
-@pytest.mark.parametrize("seed", [*range(11), 12])  # friction locks number 11
+@pytest.mark.parametrize("seed", range(6))
 def test_derivatives_of_random_mechanisms_agree_with_60_digits(seed):
     options = Options(groups=(1, 3), kinds=EVERY, sizes=((2, 0),), twists=True)
     case = random_mechanism(Seeded(seed), options)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.wiring import EPS, off, same_bits, wire
+from tests.wiring import EPS, off, wire
 
 
 def linkage(crank=1.0, pivot=1.0, l_i=2.0, l_j=2.0, friction=True, spring=False):
@@ -44,19 +44,7 @@ CASES = {
     "out of reach": linkage(pivot=4.0, l_i=1.25, l_j=1.5),
 }
 SAMPLES = np.array([0.0, 0.3, 1.0, 2.0, -1e-9, 1e-8, 3.0])
-METHODS = pytest.mark.parametrize("friction", ["none", "single", "successive", "newton"])
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
-
-
-@METHODS
-@pytest.mark.parametrize("name", CASES)
-def test_engines_lose_the_same_values(name, friction):
-    mech = CASES[name].compile()
-    one = mech.run(at=SAMPLES, engine="scalar", friction=friction, on_gap="mark")
-    many = mech.run(at=SAMPLES, engine="numpy", friction=friction, on_gap="mark")
-    assert same_bits(one, many) == []
-    assert one.quality.status == many.quality.status
-    assert one.quality.flags == many.quality.flags
 
 
 @EACH_ENGINE

@@ -10,6 +10,7 @@ from blockmech.engines.numpy import NumpyEngine, Planar, primitives
 from tests.wiring import ruiz, toggle, watt
 
 SINGLE = float(np.finfo(np.float32).eps)
+DOUBLE = float(np.finfo(float).eps)
 EXTENDED = float(np.finfo(np.longdouble).eps)
 WIDTH = {"complex64": np.float32, "complex128": np.float64, "clongdouble": np.longdouble}
 MAKERS = {"ruiz": ruiz, "toggle": toggle, "watt": lambda: watt(spring=2.0, friction=True)}
@@ -76,22 +77,14 @@ def relative(found, exact):
 
 
 @EACH_GRAPH
-def test_single_precision_is_right_to_single_precision(name):
+@pytest.mark.parametrize(("precision", "eps"), [("complex64", SINGLE), ("clongdouble", DOUBLE)])
+def test_other_precisions_agree_with_double_to_the_coarser_one(name, precision, eps):
     mech = MAKERS[name]().compile()
     exact = mech.run(samples=9, engine="numpy")
-    found = mech.run(samples=9, precision="complex64")
+    found = mech.run(samples=9, precision=precision)
     worst = relative(found, exact)
-    assert max(worst.values()) <= ULPS * SINGLE, max(worst, key=worst.get)
+    assert max(worst.values()) <= ULPS * eps, max(worst, key=worst.get)
     assert found.quality.status == exact.quality.status
-
-
-@EACH_GRAPH
-def test_extended_precision_agrees_with_double_to_double(name):
-    mech = MAKERS[name]().compile()
-    exact = mech.run(samples=9, precision="clongdouble")
-    found = mech.run(samples=9, engine="numpy")
-    worst = relative(found, exact)
-    assert max(worst.values()) <= ULPS * np.finfo(float).eps, max(worst, key=worst.get)
 
 
 @pytest.mark.skipif(EXTENDED > 1e-18, reason="long double is no wider than double here")

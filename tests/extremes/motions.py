@@ -224,7 +224,7 @@ def long() -> Iterator[Motion]:
             return {"crank": last + many * mpf(way)}
 
         start = {d: (x.q, x.rate) for d, x in made.scene.initial.items()}
-        yield Motion(f"pump over 1e{k} s", g, start, 10.0**k, turned)
+        yield Motion(f"pump over 1e{k} s", g, start, 10.0**k, turned, k == 3)
 
 
 def all_motions() -> list[Motion]:

@@ -112,15 +112,6 @@ def test_just_below_a_limit_the_answer_lies_on_the_branch_from_zero_friction(q, 
         assert abs(found["crank.drive"][0] - wanted) <= abs(wanted) * 10 * EPS / below
 
 
-def test_newton_is_not_trusted_where_another_solution_is_nearer():
-    # at 6 rad and f' r = 1.2 m Newton alone converges to a solution 70 to 90 % off
-    mech = rough(1.2)
-    r = mech.run(at=6.0)
-    assert [f.code for f in r.quality.flags] == ["by-continuation"]
-    wanted = Twin(mech).judge([6.0], [10.0], [0.0]).forces.drivers["crank"]
-    assert abs(r["crank.drive"][0] - wanted) <= FORCES * abs(wanted)
-
-
 def test_certified_samples_carry_no_flag_and_a_contraction_below_one():
     r = rough(0.3).run(at=np.linspace(0.1, 6.1, 25))
     flagged = {f.sample for f in r.quality.flags if f.code == "by-continuation"}
@@ -128,28 +119,15 @@ def test_certified_samples_carry_no_flag_and_a_contraction_below_one():
         assert (k in flagged) == (bound >= 1)
 
 
-def test_answers_satisfy_coulombs_law_to_rounding():
-    for factor in (0.003, 0.3, 0.75):
-        r = rough(factor).run(at=np.linspace(0.1, 6.1, 25), on_gap="mark")
-        good = [s == "ok" for s in r.quality.status]
-        assert sum(good) >= 20
-        for pin in PINS:
-            couple = r[f"dyad.{pin}.friction"][good]
-            press = np.abs(r[f"dyad.{pin}.reaction"][good])
-            assert np.max(np.abs(np.abs(couple) - factor * press) / (factor * press)) < 1e-12
-            assert np.all(np.sign(couple) == -np.sign(r[f"dyad.{pin}.slip"][good]))
-
-
 # ---- successive approximations never pass off a wrong answer -----------------------------
 
 
-@pytest.mark.parametrize("tolerance", [1.0, STOP])
-def test_successive_approximations_agree_with_continuation_or_say_that_they_failed(tolerance):
+def test_successive_approximations_agree_with_continuation_or_say_that_they_failed():
     at, seen = np.linspace(0.05, 6.25, 21), Counter()
     for factor in (0.3, 0.7, 0.85, 1.0, 1.2, 1.44, 2.0):
         mech = rough(factor)
         exact = mech.run(at=at, on_gap="mark")
-        found = mech.run(at=at, on_gap="mark", friction="successive", tolerance=tolerance)
+        found = mech.run(at=at, on_gap="mark", friction="successive", tolerance=STOP)
         for k in range(len(at)):
             how = found.quality.status[k]
             seen[exact.quality.status[k], how] += 1
@@ -159,7 +137,7 @@ def test_successive_approximations_agree_with_continuation_or_say_that_they_fail
                 assert np.isnan(found["crank.drive"][k])
                 continue
             rho = min(found.quality.contraction["dyad"][k], 1 - 1e-9)
-            reach = tolerance * max(1.0, rho / (1 - rho))
+            reach = STOP * max(1.0, rho / (1 - rho))
             for pin in PINS:
                 mine, best = (abs(x[f"dyad.{pin}.reaction"][k]) for x in (found, exact))
                 # the contraction is observed at the end: it may still have grown a little
@@ -231,9 +209,3 @@ def test_slider_jams_where_the_rod_stands_within_the_friction_angle():
 def test_jammed_slider_raises_a_friction_error_with_the_reach():
     with pytest.raises(bm.FrictionError, match=r"\[jammed\] rod at .*solvable up to 0\.\d+ times"):
         slider_crank(5.0).run(at=2.0, rates=-1.0)
-
-
-def test_rounding_of_a_frictionless_answer_is_not_friction():
-    r = slider_crank(0.0).run(at=2.0, rates=1.0)
-    assert r["rod.S.friction"][0] == 0
-    assert abs(r["mechanism.friction_power"][0]) <= EPS

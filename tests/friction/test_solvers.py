@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blockmech.engines.binding import bind_functions
-from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction import equations, solvers
-from blockmech.friction.continuation import Outcome, continue_from_zero
-from tests.wiring import EPS
+from blockmech.friction.continuation import Outcome
+from tests.wiring import EPS, continue_from_zero
 
 REVOLUTE = (False,)
 ROUNDING = 50 * EPS  # some ten operations, and the condition 1 / (1 - P) below 5
@@ -104,18 +102,6 @@ def test_bound_of_the_contraction_is_never_below_the_spectral_radius(data, k):
     assert bound <= (A * np.array(k)).sum(axis=1).max() * (1 + 1e-9)  # sharper than one power
 
 
-@given(
-    A=st.lists(st.floats(-1.0, 1.0), min_size=9, max_size=9),
-    b=st.lists(st.floats(-5.0, 5.0), min_size=3, max_size=3),
-)
-def test_elimination_solves_diagonally_dominant_systems(A, b):
-    M = np.reshape(A, (3, 3)) + 4 * np.eye(3)
-    rows = np.column_stack([M, b]).tolist()
-    for pivoting in (False, True):
-        (x,), _ = equations.eliminate(rows, pivoting)
-        assert np.allclose(x, np.linalg.solve(M, b), rtol=0, atol=1e-13)
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_elimination_with_pivoting_solves_any_system_and_tells_its_determinant(seed):
     chance = np.random.default_rng(seed)
@@ -173,42 +159,6 @@ def test_impossible_sample_is_left_alone_whatever_its_factors():
             found = solve((k,), REVOLUTE, (nan,), ((1 + 0j,),), *more)
             assert math.isnan(found.t[0])
             assert not found.outcome > 0
-
-
-@pytest.mark.parametrize("edges", [(False, False), (True, True), (False, True)])
-def test_batch_is_its_samples(edges):
-    rng = np.random.default_rng(5)
-    n = 40
-    k = rng.uniform(-1.5, 1.5, (2, n))
-    f = rng.normal(size=(2, n, 2)) * 100
-    R = rng.normal(size=(2, 2, n, 2)) * 0.7
-    f[0, 3] = np.nan
-
-    def planar(z):
-        return Planar(z[..., 0], z[..., 1])
-
-    for name, more in (("newton", ()), ("successive", (1e-6, None)), ("single", ())):
-        function = getattr(solvers, name)
-        many = bind_functions({"f": function}, primitives(np.float64))["f"]
-        base = tuple(planar(x) for x in f)
-        rows = tuple(tuple(planar(x) for x in row) for row in R)
-        with np.errstate(all="ignore"):
-            batch = many(tuple(k), edges, base, rows, *more)
-        if name == "newton":
-            assert set(batch.outcome[np.isfinite(f[0, :, 0])]) > {Outcome.CERTIFIED, Outcome.FOLD}
-        for s in range(n):
-            one = function(
-                tuple(map(float, k[:, s])),
-                edges,
-                tuple(complex(*x[s]) for x in f),
-                tuple(tuple(complex(*x[s]) for x in row) for row in R),
-                *more,
-            )
-            for mine, theirs in zip((*one.t, *one.g), (*batch.t, *batch.g), strict=True):
-                assert mine == theirs[s] or (math.isnan(mine) and math.isnan(theirs[s]))
-            for what in ("iterations", "residual", "contraction", "outcome", "limit"):
-                mine, theirs = getattr(one, what), np.broadcast_to(getattr(batch, what), n)[s]
-                assert mine == theirs or (math.isnan(mine) and math.isnan(theirs)), what
 
 
 def test_guide_with_edges_is_pressed_by_the_larger_of_force_and_couple():

@@ -13,7 +13,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -26,6 +26,7 @@ from blockmech.mechanism import Mechanism
 from blockmech.model.document import read
 from blockmech.quality import OK
 from blockmech.result import Result
+from tests.codes import FILE_CODES, LINKAGE_CODES
 from tests.fuzz.mutants import Mutant, mutant
 
 LONGEST = 10.0  # [s] of the thread's processor time for one document
@@ -66,11 +67,14 @@ class Findings:
 
 def judged(text: str) -> Iterator[tuple[str, str, str]]:
     """(Stage, kind of finding, detail) of each stage that a document comes through."""
-    found = _answer(lambda: read(text, "mutant.json", _kind))
+    found = _answer(lambda: read(text, "mutant.json", _kind), FILE_CODES | set(LINKAGE_CODES))
     if found is None:
         yield "refused", "", ""
         return
     repr(found)
+    written = found.to_json()
+    if type(found).from_json(written).to_json() != written:
+        yield "read", "written otherwise when it is read again", written
     mechanism = _answer(found.compile)
     if mechanism is None:
         found.check()
@@ -96,11 +100,13 @@ def _kind(raw: dict[str, Any]) -> type[Opened]:
     return Linkage if "joints" in raw else Graph
 
 
-def _answer(ask: Callable[[], T]) -> T | None:
-    """What is asked for; None where blockmech refuses in its own words."""
+def _answer(ask: Callable[[], T], known: Collection[str] = ()) -> T | None:
+    """What is asked for; None where blockmech refuses in its own words, and by known codes."""
     try:
         return ask()
     except bm.BlockmechError as error:
+        if known and not {p.code for p in error.problems} <= set(known):
+            raise RuntimeError("a code that a file should not cause") from error
         if not all(p.code and p.found and str(p).isprintable() for p in error.problems):
             raise RuntimeError("an error without words, or with signs that are none") from error
         return None

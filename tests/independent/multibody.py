@@ -726,17 +726,3 @@ def _project(system: System, y: Array) -> Array:
         q = q - np.linalg.lstsq(gradients[:held], values[:held], rcond=None)[0]
     gradients = Instant(system, q.reshape(-1, 3)).rows()[1][:held]
     return np.concatenate([q, q_dot - np.linalg.lstsq(gradients, gradients @ q_dot, rcond=None)[0]])
-
-
-def mechanical_energy(system: System, poses: Array, rates: Array) -> tuple[Any, Any]:
-    """Kinetic energy, and potential energy of weight (zero at the origin) and springs [J]."""
-    instant = Instant(system, poses, rates)
-    kinetic = instant.q_dot @ instant.inertia()[0] @ instant.q_dot / 2
-    gravity, potential = np.array(system.gravity, instant.dtype), instant.dtype.type(0)
-    for name, link in system.links.items():
-        potential -= link.mass * gravity @ instant.point(name, link.cm).place
-    for load in system.loads.values():
-        if isinstance(load, Spring | TorsionSpring):
-            row, rest = instant.stretch(load)
-            potential += load.stiffness * (row.value - rest) ** 2 / 2
-    return kinetic, potential

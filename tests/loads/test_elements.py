@@ -65,15 +65,6 @@ def test_half_a_turn_from_rest_counts_as_positive(engine):
     assert angle(1 + 0j, -1 + 0j) == angle(-1 + 0j, 1 + 0j) == math.pi
 
 
-def test_linear_damper_resists_the_rate_of_its_length():
-    d = np.exp(1j * Q) - P
-    along = d / np.abs(d)
-    v = 1j * RATE * np.exp(1j * Q)
-    force = -5.0 * (v * along.conj()).real * along
-    found = moment(bm.Spring(stiffness=0.0, damping=5.0), POINTS)
-    assert close(found, (np.exp(-1j * Q) * force).imag)
-
-
 @ENGINES
 @pytest.mark.parametrize("free_length", [0.0, 0.4])
 def test_damper_whose_ends_meet_resists_their_relative_velocity(engine, free_length):

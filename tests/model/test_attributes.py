@@ -48,6 +48,17 @@ def test_setting_gravity_keeps_the_rest_of_the_scene():
     assert (list(g.scene.drive), list(g.scene.initial)) == (["crank"], ["crank"])
 
 
+@pytest.mark.parametrize(("make", "driver"), [(heavy_crank, "crank"), (heavy_link, "motor")])
+def test_a_document_that_was_read_is_changed_like_one_that_was_made(make, driver):
+    made = make()
+    for m in (made, type(made).from_json(made.to_json())):
+        m.gravity = (0.0, G)
+        m.start(driver, q=1.0)
+        m.stop(driver, high=2.0)
+        assert m.compile().simulate("time=0.1").motion.end == "time"
+        assert m.to_data() == made.to_data()
+
+
 REFUSED = {
     "gravty": (
         '[unknown-attribute] {cls}.gravty: there is no attribute "gravty" to set. '

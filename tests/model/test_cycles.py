@@ -24,7 +24,7 @@ def rings(number, size, hub=False):
 
 
 @pytest.mark.parametrize(
-    ("number", "size", "hub"), [(1, 3200, False), (2000, 2, False), (1, 490, True)]
+    ("number", "size", "hub"), [(1, 3200, False), (1000, 2, False), (1, 350, True)]
 )
 def test_rings_of_dyads_are_told_soon(number, size, hub):
     graph = rings(number, size, hub)

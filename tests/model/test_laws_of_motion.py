@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 import blockmech as bm
 from blockmech.errors import BlockmechError
-from tests.gallery import GRAPHS
 
 EPS = float(np.finfo(float).eps)
 rates = st.floats(0.1, 20.0)
@@ -109,15 +108,6 @@ def test_time_runs_forward_at_a_negative_rate():
     assert law.times(np.array([5.0, 3.0, 1.0])).tolist() == [0.0, 1.0, 2.0]
     assert law.at_times(np.array([0.0, 2.0]))[0].tolist() == [5.0, 1.0]
     assert law.duration() == 2.0
-
-
-def test_results_of_a_crank_that_turns_backwards_are_in_the_order_of_time():
-    law = bm.ConstantRate(rate=-2 * math.pi)
-    graph = bm.Graph.load(GRAPHS / "slider_crank.json")
-    graph.drive("crank", law)
-    run = graph.run(samples=5)
-    assert run.time == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
-    assert run["crank.q"] == pytest.approx(2 * math.pi * (1 - run.time), abs=1e-15)
 
 
 def test_cycloid_rises_without_jerk_at_its_ends_and_dwells_outside():

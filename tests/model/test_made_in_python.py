@@ -1,8 +1,5 @@
 """Blocks, links and laws made in Python: what they accept, what they refuse and how."""
 
-import copy
-import pickle
-
 import numpy as np
 import pytest
 
@@ -41,20 +38,6 @@ def test_all_mistakes_of_a_call_are_said_at_once():
     with pytest.raises(bm.GraphError) as caught:
         bm.RRR(l_i=-1, l_j="2", branch=0)
     assert [p.where for p in caught.value.problems] == ["RRR.l_i", "RRR.l_j", "RRR.branch"]
-
-
-def test_a_block_does_not_change_once_it_is_made():
-    dyad = bm.RRR(l_i=1, l_j=2)
-    with pytest.raises(bm.GraphError, match="does not change"):
-        dyad.l_i = 3.0
-    assert dyad.l_i == 1.0
-
-
-def test_blocks_are_pickled_and_copied_as_they_are():
-    dyad = bm.RRR(l_i=1, l_j=2, links={"i": bm.Link(mass=1, cm=(0.5, 0))})
-    assert pickle.loads(pickle.dumps(dyad)) == dyad
-    assert copy.deepcopy(dyad) == dyad
-    assert dyad.model_copy(update={"l_i": 3.0}).l_i == 3.0
 
 
 def test_numbers_and_arrays_of_numpy_are_numbers():

@@ -8,6 +8,28 @@ from blockmech.modes.closing import triad_modes
 from blockmech.modes.triad import Triad
 from tests.doors import graph_of as loads
 from tests.doors import linkage_of as linkages
+from tests.model.joints.machines import guide, joints_file, pin
+
+
+def graph(name, blocks, wires, drive):
+    """A graph file; wires as ``"marker joint"``."""
+    ends = (dict(zip(("from", "to"), wire.split(), strict=True)) for wire in wires)
+    head = {"format": "blockmech/graph", "version": 1, "name": name}
+    return head | {"blocks": blocks, "wires": list(ends), "scene": {"drive": drive}}
+
+
+def turning(start, end, rate=1.0):
+    return {"law": "constant_rate", "rate": rate, "from": start, "to": end}
+
+
+def place(z):
+    return [complex(z).real, complex(z).imag]
+
+
+def group(poses, pairs, drivers):
+    """A general group of links without masses."""
+    home = {"drivers": drivers, "poses": poses}
+    return {"type": "group.general", "links": {n: {} for n in poses}, "pairs": pairs, "home": home}
 
 
 def stephenson(lengths, pins, at, crank, pivots, home=4.0, mode=0):
@@ -21,37 +43,15 @@ def stephenson(lengths, pins, at, crank, pivots, home=4.0, mode=0):
         leg = found.o + found.e * p - g
         poses[f"leg_{n}"] = [g.real, g.imag, math.atan2(leg.imag, leg.real)]
         pairs[f"G{n}"] = {"type": "R", "link": f"leg_{n}"}
-        pairs[f"P{n}"] = {
-            "type": "R",
-            "links": [f"leg_{n}", "platform"],
-            "at": [[l, 0.0], [p.real, p.imag]],
-        }
+        pairs[f"P{n}"] = pin(f"leg_{n}", "platform", (l, 0.0), place(p))
     frame = {"A": at, "G2": pivots[0], "G3": pivots[1]}
-    markers = {n: {"at": [complex(z).real, complex(z).imag]} for n, z in frame.items()}
-    return {
-        "format": "blockmech/graph",
-        "version": 1,
-        "name": "stephenson",
-        "blocks": {
-            "frame": {"type": "frame", "markers": markers},
-            "crank": {"type": "driver.crank", "length": crank},
-            "triad": {
-                "type": "group.general",
-                "links": {name: {} for name in poses},
-                "pairs": pairs,
-                "home": {"drivers": {"crank": home}, "poses": poses},
-            },
-        },
-        "wires": [
-            {"from": "frame.A", "to": "crank.A"},
-            {"from": "crank.B", "to": "triad.G1"},
-            {"from": "frame.G2", "to": "triad.G2"},
-            {"from": "frame.G3", "to": "triad.G3"},
-        ],
-        "scene": {
-            "drive": {"crank": {"law": "constant_rate", "rate": 1.0, "from": home, "to": home + 1}}
-        },
+    blocks = {
+        "frame": {"type": "frame", "markers": {n: {"at": place(z)} for n, z in frame.items()}},
+        "crank": {"type": "driver.crank", "length": crank},
+        "triad": group(poses, pairs, {"crank": home}),
     }
+    wires = "frame.A crank.A", "crank.B triad.G1", "frame.G2 triad.G2", "frame.G3 triad.G3"
+    return graph("stephenson", blocks, wires, {"crank": turning(home, home + 1)})
 
 
 def overturned():
@@ -67,108 +67,55 @@ def of_joints(graph):
     home, pairs = blocks["triad"]["home"], blocks["triad"]["pairs"]
     q, frame = home["drivers"]["crank"], blocks["frame"]["markers"]
     joints = {
-        "O": {"type": "R", "links": ["crank", "frame"], "at": [[0, 0], frame["A"]["at"]]},
-        "A": {
-            "type": "R",
-            "links": ["crank", "leg_1"],
-            "at": [[blocks["crank"]["length"], 0], [0, 0]],
-        },
+        "O": pin("crank", "frame", (0, 0), frame["A"]["at"]),
+        "A": pin("crank", "leg_1", (blocks["crank"]["length"], 0), (0, 0)),
     }
     for n in (2, 3):
-        at = [frame[f"G{n}"]["at"], [0, 0]]
-        joints[f"G{n}"] = {"type": "R", "links": ["frame", f"leg_{n}"], "at": at}
+        joints[f"G{n}"] = pin("frame", f"leg_{n}", frame[f"G{n}"]["at"], (0, 0))
     joints |= {name: pair for name, pair in pairs.items() if "links" in pair}
-    poses = {"crank": [*frame["A"]["at"], q], **home["poses"]}
-    law = {"law": "constant_rate", "rate": 1.0, "from": -q, "to": 1 - q}
-    return {
-        "format": "blockmech/joints",
-        "version": 1,
-        "name": "stephenson",
-        "links": {name: {"pose": pose} for name, pose in poses.items()},
-        "joints": joints,
-        "drivers": {"motor": {"joint": "O", **law}},
-    }
+    document = joints_file({"crank": [*frame["A"]["at"], q], **home["poses"]}, joints, {})
+    return document | {"drivers": {"motor": {"joint": "O", **turning(-q, 1 - q)}}}
 
 
 def on_a_rocker(length=3.0):
     """A triad on the coupler point of a four-bar whose crank cannot turn fully."""
     document = overturned()
     blocks = document["blocks"]
-    blocks["frame"]["markers"]["D"] = {"at": [4.0, 0.0]}
-    blocks["crank"]["length"] = length
-    blocks["dyad"] = {"type": "dyad.rrr", "l_i": 3.0, "l_j": 2.0, "branch": 1}
-    wires = [w for w in document["wires"] if w["to"] != "triad.G1"]
-    wires += [
-        {"from": "crank.B", "to": "dyad.B"},
-        {"from": "frame.D", "to": "dyad.D"},
-        {"from": "dyad.C", "to": "triad.G1"},
-    ]
     pins = {"P1": 0, "P2": 2.0, "P3": 1.0 + 1.5j}
     frame = {"G2": 6 + 2j, "G3": 3 + 5j}
     lengths = {"P1": 1.5, "P2": 2.0, "P3": 2.2}
-    for name, z in frame.items():
-        blocks["frame"]["markers"][name] = {"at": [complex(z).real, complex(z).imag]}
+    blocks["frame"]["markers"] |= {n: {"at": place(z)} for n, z in {"D": 4.0, **frame}.items()}
+    blocks["crank"]["length"] = length
+    blocks["dyad"] = {"type": "dyad.rrr", "l_i": 3.0, "l_j": 2.0, "branch": 1}
     for name, z in pins.items():
-        at = [[lengths[name], 0.0], [complex(z).real, complex(z).imag]]
-        blocks["triad"]["pairs"][name]["at"] = at
-    return document | {"wires": wires}, (frame, pins, lengths)
+        blocks["triad"]["pairs"][name]["at"] = [[lengths[name], 0.0], place(z)]
+    document["wires"] = [w for w in document["wires"] if w["to"] != "triad.G1"]
+    for start, end in (("crank.B", "dyad.B"), ("frame.D", "dyad.D"), ("dyad.C", "triad.G1")):
+        document["wires"].append({"from": start, "to": end})
+    return document, (frame, pins, lengths)
 
 
 def sliding():
     """A slide drive, and a triad with a leg of each kind: a link, a guide on the platform,
     and a slider on a guide of the driven link."""
-    document = {
-        "format": "blockmech/graph",
-        "version": 1,
-        "name": "sliding",
-        "blocks": {
-            "frame": {
-                "type": "frame",
-                "markers": {
-                    "rail": {"at": [0.0, 0.0], "angle": 0.2},
-                    "G": {"at": [2.0, 0.3]},
-                    "H": {"at": [1.0, 2.0]},
-                },
-            },
-            "ram": {
-                "type": "driver.slide",
-                "links": {"slider": {"markers": {"guide": {"at": [0.1, 0.0], "angle": 1.3}}}},
-            },
-            "triad": {
-                "type": "group.general",
-                "links": {"platform": {}, "rod": {}, "sleeve": {}, "shoe": {}},
-                "pairs": {
-                    "G": {"type": "R", "link": "rod", "at": [0.2, 0.1]},
-                    "P1": {"type": "R", "links": ["platform", "rod"], "at": [[1, 0.2], [1.4, 0]]},
-                    "H": {"type": "R", "link": "sleeve", "at": [0.0, 0.15]},
-                    "P2": {
-                        "type": "P",
-                        "links": ["sleeve", "platform"],
-                        "at": [[0.3, 0.0], [0.4, 0.9]],
-                        "angle": [0.4, 0.1],
-                    },
-                    "shoe_guide": {
-                        "type": "P",
-                        "link": "shoe",
-                        "at": [0.05, 0.1],
-                        "angle": -0.3,
-                    },
-                    "P3": {"type": "R", "links": ["shoe", "platform"], "at": [[0.1, 0.0], [0, 0]]},
-                },
-                "home": {"drivers": {"ram": 0.1}, "poses": {}},
-            },
-        },
-        "wires": [
-            {"from": "frame.rail", "to": "ram.S"},
-            {"from": "frame.G", "to": "triad.G"},
-            {"from": "frame.H", "to": "triad.H"},
-            {"from": "ram.guide", "to": "triad.shoe_guide"},
-        ],
-        "scene": {"drive": {"ram": {"law": "constant_rate", "rate": 1.0, "from": 0.0, "to": 0.4}}},
+    markers = {"rail": {"at": [0, 0], "angle": 0.2}, "G": {"at": [2, 0.3]}, "H": {"at": [1, 2]}}
+    slider = {"markers": {"guide": {"at": [0.1, 0.0], "angle": 1.3}}}
+    pairs = {
+        "G": {"type": "R", "link": "rod", "at": [0.2, 0.1]},
+        "P1": pin("platform", "rod", (1, 0.2), (1.4, 0)),
+        "H": {"type": "R", "link": "sleeve", "at": [0.0, 0.15]},
+        "P2": guide("sleeve", "platform", (0.3, 0.0), (0.4, 0.9), (0.4, 0.1)),
+        "shoe_guide": {"type": "P", "link": "shoe", "at": [0.05, 0.1], "angle": -0.3},
+        "P3": pin("shoe", "platform", (0.1, 0.0), (0, 0)),
     }
     poses = {link: [0.0, 0.0, 0.0] for link in ("platform", "rod", "sleeve", "shoe")}
-    document["blocks"]["triad"]["home"]["poses"] = poses
-    return document
+    blocks = {
+        "frame": {"type": "frame", "markers": markers},
+        "ram": {"type": "driver.slide", "links": {"slider": slider}},
+        "triad": group(poses, pairs, {"ram": 0.1}),
+    }
+    wires = ("frame.rail ram.S", "frame.G triad.G", "frame.H triad.H", "ram.guide triad.shoe_guide")
+    return graph("sliding", blocks, wires, {"ram": turning(0.0, 0.4)})
 
 
 CYLINDERS = [1.9, 2.1, 2.0]  # [m] lengths at home
@@ -178,45 +125,28 @@ PINS = [0, 1.6, 0.7 + 1.1j]
 
 def on_cylinders():
     """A platform on three cylinders: 3-RPR, three drivers inside one group; no home yet."""
-    names = [f"{part}_{n}" for n in (1, 2, 3) for part in ("barrel", "rod")]
-    pairs = {}
-    for n, pin in enumerate(PINS, start=1):
-        barrel, rod, z = f"barrel_{n}", f"rod_{n}", complex(pin)
+    pairs, poses = {}, {"platform": [0.0, 0.0, 0.0]}
+    for n, pivot in enumerate(PINS, start=1):
+        barrel, rod = f"barrel_{n}", f"rod_{n}"
+        poses |= {barrel: [0.0, 0.0, 0.0], rod: [0.0, 0.0, 0.0]}
         pairs[f"G{n}"] = {"type": "R", "link": barrel}
-        pairs[f"q{n}"] = {
-            "type": "P",
-            "links": [barrel, rod] if n < 3 else [rod, barrel],
-            "at": [[0.2, 0], [0.1, 0]] if n < 3 else [[-0.1, 0], [-0.2, 0]],
-            "angle": [0.0, 0.0] if n < 3 else [3.141592653589793, 3.141592653589793],
-            "driven": True,
-        }
-        pairs[f"P{n}"] = {"type": "R", "links": [rod, "platform"], "at": [[0, 0], [z.real, z.imag]]}
-    poses = {name: [0.0, 0.0, 0.0] for name in ("platform", *names)}
+        bore = guide(barrel, rod, (0.2, 0), (0.1, 0))
+        if n == 3:  # said the other way round
+            bore = guide(rod, barrel, (-0.1, 0), (-0.2, 0), (math.pi, math.pi))
+        pairs[f"q{n}"] = bore | {"driven": True}
+        pairs[f"P{n}"] = pin(rod, "platform", (0, 0), place(pivot))
     home = {f"triad.q{n}": q for n, q in enumerate(CYLINDERS, start=1)}
-    markers = {f"G{n}": {"at": [complex(g).real, complex(g).imag]} for n, g in enumerate(FEET, 1)}
-    law = {"law": "constant_rate", "rate": 0.1, "from": 0.3, "to": 4.0}
-    return {
-        "format": "blockmech/graph",
-        "version": 1,
-        "name": "platform_on_cylinders",
-        "blocks": {
-            "frame": {"type": "frame", "markers": markers},
-            "triad": {
-                "type": "group.general",
-                "links": {name: {} for name in poses},
-                "pairs": pairs,
-                "home": {"drivers": home, "poses": poses},
-            },
-        },
-        "wires": [{"from": f"frame.G{n}", "to": f"triad.G{n}"} for n in (1, 2, 3)],
-        "scene": {"drive": {"triad.q1": law, "triad.q2": law, "triad.q3": law}},
-    }
+    markers = {f"G{n}": {"at": place(z)} for n, z in enumerate(FEET, start=1)}
+    frame = {"type": "frame", "markers": markers}
+    wires = [f"frame.G{n} triad.G{n}" for n in (1, 2, 3)]
+    blocks = {"frame": frame, "triad": group(poses, pairs, home)}
+    return graph("cylinders", blocks, wires, dict.fromkeys(home, turning(0.3, 4.0, 0.1)))
 
 
-def with_home(document, put, group="triad"):
+def with_home(document, put):
     """The document with another mode of a group: what `Modes` says to put there."""
     changed = copy.deepcopy(document)
-    changed["blocks"][group] |= json.loads(json.dumps(put))
+    changed["blocks"]["triad"] |= json.loads(json.dumps(put))
     return changed
 
 

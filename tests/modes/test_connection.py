@@ -15,7 +15,6 @@ from blockmech.errors import RequestError
 from blockmech.modes.closing import triad_modes
 from blockmech.modes.connection import connect
 from blockmech.modes.triad import Triad
-from blockmech.typing import Guide
 from tests.modes import chance
 from tests.modes.exact import count_exactly
 
@@ -216,50 +215,6 @@ def test_a_range_has_arcs_that_end_with_it():
     assert {end.how for arc in found.arcs for end in (arc.start, arc.end)} == {"range"}
     assert all((arc.start.q, arc.end.q) == (3.5, 4.5) for arc in found.arcs)
     assert len(found.arcs) == machine.exact(4.0) == 2
-
-
-def test_a_range_that_goes_past_a_dead_centre_agrees_with_the_turn():
-    machine = overturned()
-    turn = machine.connected()
-    found = machine.connected(low=2.0, high=5.5, ends="range")
-    ends = sorted(e.q for a in found.arcs for e in (a.start, a.end) if e.how == "dead centre")
-    whole = {e.q + n * TURN for a in turn.arcs for e in (a.start, a.end) for n in (-1, 0)}
-    assert len(ends) == 6
-    for q in ends:
-        assert min(abs(q - x) for x in whole) <= PLACE
-
-
-def test_the_driver_may_be_a_slide_and_a_leg_may_slide():
-    # Platform pin 1 on a guide at the height of the driver, the others on links.
-    pins, o = [0, 1, 0.4 + 0.8j], 0.2 + 1j
-    pivots = [0, 1.5, 0.5 + 3j]
-    lengths = [0, abs(o + pins[1] - pivots[1]), abs(o + pins[2] - pivots[2])]
-    triad = Triad(("PR", "RR", "RR"), pins, lengths)
-
-    def outer(q):
-        return Guide(1j * q, 1 + 0j), *pivots[1:]
-
-    found = connect(triad, outer, low=0.5, high=1.5, ends="range")
-    for n, arc in enumerate(found.arcs):
-        for end in (arc.start, arc.end):
-            if end.how == "dead centre":
-                assert any(m.double for m in triad_modes(triad, outer(end.q)))
-                assert n in (found.arcs[end.other].start.other, found.arcs[end.other].end.other)
-            else:
-                assert end.q in (0.5, 1.5)
-    at_one = triad_modes(triad, outer(1.0))
-    assert len(at_one) == sum(a.start.q < 1 < a.end.q for a in found.arcs) > 0
-
-
-def test_supports_that_exist_no_further_end_the_range():
-    machine = overturned()
-
-    def outer(q):  # like an earlier dyad that is stretched at 4.5 rad
-        return np.where(q <= 4.5, machine.outer(q)[0], np.nan), *machine.pivots
-
-    found = connect(machine.triad, outer, 3.5, 4.5, ends="range")
-    assert len(found.arcs) == 2
-    assert all(arc.end.how == "range" for arc in found.arcs)
 
 
 def test_an_empty_range_is_refused():

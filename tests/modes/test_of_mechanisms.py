@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.analysis import arcs
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import RequestError
 from blockmech.modes.closing import triad_modes
 from blockmech.modes.groups import outline
 from blockmech.typing import Guide
 from tests.doors import graph_of as loads
+from tests.gallery import GRAPHS
 from tests.modes import machines
 from tests.modes.exact import count_exactly
 from tests.wiring import ruiz, watt, wire
@@ -89,16 +91,6 @@ def test_after_a_turn_the_file_s_mode_may_be_another_one():
     assert chosen_now.after_turn == chosen_then == 2
     assert now.index(chosen_now) == 0
     assert "after a turn it is mode 3" in modes_at(2.8).text()
-
-
-def test_arcs_of_one_circuit_merge_in_pairs():
-    found = modes_at(None)["triad"]
-    for n, arc in enumerate(found.arcs):
-        for end in (arc.start, arc.end):
-            other = found.arcs[end.other]
-            assert other.circuit == arc.circuit
-            assert other.sign == -arc.sign
-            assert n in (other.start.other, other.end.other)
 
 
 def supports_of_sliding(q):
@@ -330,3 +322,26 @@ def test_json_holds_the_same_as_python():
         m.margin for m in found["triad"].samples[0]
     ]
     assert [a["start"]["q"] for a in group["arcs"]] == [a.start.q for a in found["triad"].arcs]
+
+
+def test_modes_call_a_drivers_coordinate_what_all_else_calls_it():
+    mechanism = bm.Linkage.load(GRAPHS / "joints" / "ruiz_fourbar.json").compile()
+    found, (name,) = mechanism.modes(1.0), mechanism.run(at=1.0, want="driver.*.q")
+    assert f"  {name} = 1 rad: 2 modes" in found.text()
+    assert f"  along {name}:" in found.text()
+    assert "prefix" not in found.to_dict()
+
+
+def test_a_group_is_looked_through_once_for_all_that_stand_on_it(monkeypatch):
+    """A chain of thirty was looked through from its first link on for each of them: 90 s."""
+    looked = []
+
+    def counted(*given):
+        looked.append(given)
+        return scan(*given)
+
+    scan = arcs.scan
+    monkeypatch.setattr(arcs, "scan", counted)
+    mech = watt().compile()
+    assert mech.modes(0.0).driver == "crank"
+    assert len(looked) == sum(block.closes for block in mech.structure.blocks.values()) == 2

@@ -1,6 +1,7 @@
 """`verify` catches every single mistake of a table, and none where there is none."""
 
 import json
+import os
 from functools import cache
 
 import pytest
@@ -11,7 +12,7 @@ from tests.gallery import GRAPHS
 from tests.mutations.mutations import MUTATIONS, made
 
 ALL = Options(groups=(1, 4), drivers=(1, 3), kinds=EVERY, twists=True)
-SEEDS = 60  # tests/campaigns/mistakes.py runs as many as wanted
+SEEDS = int(os.environ.get("BLOCKMECH_EXAMPLES", "30"))
 COULOMB = {"law": "coulomb", "coefficient": 0.1}
 BENCH = {
     "twist": {"type": "load.torsion_spring", "stiffness": 30.0, "rest_angle": 0.4, "damping": 2.0},

@@ -9,18 +9,21 @@ prints the seed. ``BLOCKMECH_PROOF=500`` takes five hundred; a part is in the de
 from __future__ import annotations
 
 import functools
+import json
 import os
 from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from tests.doors import linkage_of as loads
+from tests.independent import comparison
 from tests.independent import multibody as mb
-from tests.model.joints.against import Comparison
 from tests.model.joints.chance import WHOLE, document, judged
 
-SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "40")))
+SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "24")))
 FORMS = ("", "groups", "one")
 MOTION = 1e-14  # of the largest of their kind, times the conditioning: measured 2e-15
 FORCES = 1e-13  # of their own size, times the conditioning: measured 2e-15
@@ -36,6 +39,43 @@ def data_of(seed):
     # Poses do not count turns, so the start says in which turn of the drivers they are.
     starts = {name: float(home.coordinate(d).value) for name, d in system.drivers.items()}
     return found | {"initial": {name: {"q": q} for name, q in starts.items()}}
+
+
+@functools.cache
+def verdict(text, friction, move, seed):
+    """A request that moves the drivers a little from the pose of a document, and the judge's."""
+    chance = np.random.default_rng(seed)
+    system = judged(json.loads(text))
+    home = mb.Instant(system, system.home)
+    start = [float(home.coordinate(d).value) for d in system.drivers.values()]
+    moved, *given = (chance.uniform(-1, 1, len(start)) for _ in range(3))
+    values = np.array(start) + move * moved
+    poses = mb.assemble(system, system.home, values, follow=True, refine=True)
+    rows = zip(("at", "rates", "accelerations"), (values, *given), strict=True)
+    request = {k: dict(zip(system.drivers, x, strict=True)) for k, x in rows}
+    return request, comparison.verdict(system, poses, *given, friction)
+
+
+class Comparison:
+    """One sample of a document in a form; the judge is asked once for all forms."""
+
+    def __init__(self, data, general="", friction=True, move=0.05, seed=0):
+        self.data, text = data, json.dumps(data)
+        self.decomposed = loads(text).decompose(general)
+        self.mechanism = self.decomposed.compile()
+        request, self.judge = verdict(text, friction, move, seed)
+        how = "newton" if friction else "none"
+        self.run = self.mechanism.run(**request, friction=how, on_gap="mark")
+
+    def motion(self):
+        return comparison.motion(self.run, self.judge, "link.")
+
+    def forces(self):
+        yield from comparison.forces(self.run, self.judge, "joint.", "driver.")
+        largest = max(abs(float(w)) for row in self.judge.rates.values() for w in row)
+        for name, joint in self.judge.forces.joints.items():
+            off = abs(self.run[f"joint.{name}.slip"][0] - float(joint.slip))
+            yield f"{name}.slip", comparison.relative(off, largest, self.judge)
 
 
 @functools.cache
@@ -61,7 +101,8 @@ def outcome(seed, form):
 @pytest.mark.parametrize("form", FORMS, ids=["blocks", "groups", "one_group"])
 def test_motion_and_forces_are_the_judges(form):
     outcomes, worst = Counter(), Counter()
-    for seed in SEEDS:
+    seeds = SEEDS[::2] if form else SEEDS
+    for seed in seeds:
         said, errors, _ = outcome(seed, form)
         outcomes[said] += 1
         for kind, error in errors.items():
@@ -69,7 +110,7 @@ def test_motion_and_forces_are_the_judges(form):
             assert error <= allowed, f"seed {seed}: {kind} off by {error:.2g}"
             worst[kind] = max(worst[kind], error)
     print(form or "blocks", dict(outcomes), {k: f"{v:.1e}" for k, v in worst.items()})
-    assert outcomes["ok"] >= 0.8 * len(SEEDS)
+    assert outcomes["ok"] >= 0.8 * len(seeds)
     # Where blockmech gives no answer, the judge has none either.
     allowed = {"ok", "the judge loses its way", "near singular"}
     assert set(outcomes) <= allowed | {"self-locked, judge not", "jammed, judge not"}

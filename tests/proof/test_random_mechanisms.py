@@ -20,13 +20,11 @@ import pytest
 from blockmech.model.structure import JointRef, MarkerRef
 from blockmech.testing.strategies import EVERY, Case, Options, Seeded, random_mechanism
 from tests.blocks.twin import Comparison
-from tests.wiring import swept
 
 SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "80")))
 OPTIONS = Options(groups=(0, 5), drivers=(1, 2), twists=True, least_margin=1e-3)
 GENERAL = replace(OPTIONS, groups=(1, 4), kinds=EVERY)
 GENERAL_SEEDS = range(len(SEEDS) // 4)
-CHAINS = Options(kinds=("dyad.rrr",), groups=(1, 4))
 MOTION = 1e-14  # of the largest of their kind, times the conditioning: measured 7e-16
 FORCES = 1e-13  # of their own size, times the conditioning: measured 2e-15
 
@@ -77,6 +75,7 @@ def _meets_others(marker: MarkerRef, feeds: Mapping[JointRef, MarkerRef]) -> boo
 )
 def test_motion_and_forces_are_the_judges(options: Options, seeds: range, friction: bool) -> None:
     outcomes: Counter[str] = Counter()
+    seeds = seeds if friction else seeds[::2]  # motions are the same with and without
     for seed in seeds:
         found = compared(case(seed, options), friction)
         outcome = found.outcome()
@@ -88,22 +87,3 @@ def test_motion_and_forces_are_the_judges(options: Options, seeds: range, fricti
     assert outcomes["ok"] >= (0.9 if options is OPTIONS else 0.8) * len(seeds)
     # Both solvers agree on which cases have no friction solution.
     assert set(outcomes) <= {"ok", "self-locked, judge not", "jammed, judge not"}
-
-
-def test_agreement_lasts_towards_dead_centres() -> None:
-    """Of many poses of each random chain, the one that is nearest to a dead centre."""
-    margins = []
-    for seed in range(40):
-        made = case(seed, CHAINS)
-        mechanism, request = made.graph.compile(), swept(made, 60, seed)
-        margin = mechanism.run(**request, want="*.margin")
-        least = np.min([margin[name] for name in margin], axis=0)
-        nearest = int(np.argmin(np.where(least > 0, least, np.inf)))
-        at = {d: q[nearest] for d, q in request["at"].items()}
-        found = compared(replace(made, request={**made.request, "at": at}), True)
-        assert found.outcome() in ("ok", "self-locked, judge not")
-        if found.outcome() == "ok":
-            assert found.wrong(MOTION, FORCES) == {}, f"seed {seed}: {made!r}"
-        margins.append(least[nearest])
-    assert min(margins) < 1e-3
-    assert np.median(margins) < 0.1

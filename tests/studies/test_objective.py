@@ -41,11 +41,21 @@ def test_derivatives_of_every_reduction_are_those_of_differences(asked):
         assert (np.abs(exact[:, k] - near) <= allowed).all()
 
 
+def test_of_poses_that_tie_the_one_that_goes_ahead_counts():
+    f = mechanism("watt_sixbar").objective("first.Cmid.x", want="max_abs(crank.drive)", samples=7)
+    h = 1e-7 * f.start
+    ahead, behind = (f(f.start + h) - f(f.start)) / h, (f(f.start) - f(f.start - h)) / h
+    assert abs(ahead[0] - behind[0]) > 10.0
+    assert f.jacobian(f.start) == pytest.approx(ahead, rel=1e-5)  # of differences, their step's
+
+
 def test_a_design_that_does_not_assemble_or_that_a_file_refuses_is_infinitely_bad():
     f = mechanism("ruiz_fourbar").objective("dyad.l_i", want="max_abs(crank.drive)", over=TURN)
     assert np.isfinite(f([6.0]))
     assert f([9.0]) == f([-6.0]) == f([0.0]) == np.inf
-    assert f([6.0]) == f(f.start)
+    assert f([6.0]) == f(f.start) == f(6.0)
+    with pytest.raises(bm.RequestError, match="give those of"):
+        f([6.0, 3.0])
 
 
 def test_scipy_finds_the_best_place_of_a_mass():

@@ -92,6 +92,15 @@ def test_values_are_refused_as_in_a_file_all_at_once():
     assert "must be > 0 m, got -1" in str(error.value)
 
 
+def test_what_is_no_number_or_no_mapping_is_refused():
+    graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    for value in (np.array([6.1]), [6.1], "6.1", None, True, 6 + 0j):
+        with pytest.raises(bm.FormatError, match="l_i must be a number in m"):
+            graph.replace({"dyad.l_i": value})
+    with pytest.raises(bm.RequestError, match="give a mapping"):
+        graph.replace([("dyad.l_i", 6.1)])
+
+
 def test_a_mechanism_lists_its_numbers_with_units():
     known = mechanism("ruiz_fourbar").parameters()
     assert known["dyad.l_i"].unit == "m"

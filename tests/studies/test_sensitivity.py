@@ -189,7 +189,37 @@ def test_a_kink_has_two_derivatives():
     assert found.kinks("crank.tau_red").tolist() == [[False, True, False]]
     step = found.behind["crank.tau_red"] - found.ahead["crank.tau_red"]
     assert step[0, 1] == pytest.approx(2.0 - -1.0, rel=1e-12)
-    assert "one-sided at 1 of 3 samples" in found.text()
+    assert "one-sided at 1 of 3 samples: " in found.text()
+
+
+def rubbing():
+    """A slider-crank whose slider rubs; at no turn of the crank it rests, for an instant."""
+    data = bm.Graph.load(GRAPHS / "slider_crank.json").to_data()
+    data["blocks"]["piston"]["friction"] = {"S": {"law": "coulomb", "coefficient": 0.2}}
+    return bm.Graph.from_data(data).replace({"gas.force.y": -50.0}).compile()
+
+
+def test_where_a_number_sets_a_resting_pair_going_there_is_no_derivative():
+    mech, numbers = rubbing(), ["frame.O.y", "crank.length", "crank.q", "crank.rate"]
+    found = mech.sensitivity(["crank.drive", "piston.C.p"], numbers, at=[0.0, 0.3])
+    moves = [[True, False], [False, False], [True, False], [False, False]]
+    assert found.jumps["crank.drive"].tolist() == moves
+    assert not found.jumps["piston.C.p"].any()
+    said = "no derivative by frame.O.y, crank.q at 1 of 2 samples: a pair with friction rests"
+    assert said in found.text()
+    ahead, behind = mech.run(at=[1e-9, -1e-9], want="piston.S.friction")["piston.S.friction"]
+    assert ahead == pytest.approx(-behind, rel=1e-6)
+    assert abs(ahead) > 1.0
+    for number in ("frame.O.y", "crank.q"):  # the rest of the output has its derivative
+        without = mech.sensitivity("crank.drive", number, at=0.0, friction="none")
+        assert found["crank.drive", number][0] == without["crank.drive", number][0]
+
+
+def test_at_rest_it_is_the_rate_that_sets_all_pairs_going():
+    numbers = ["dyad.l_i", "crank.q", "crank.rate", "crank.acceleration"]
+    request = {"at": 0.3, "rates": 0.0, "accelerations": 0.0}
+    found = mechanism("ruiz_fourbar").sensitivity("crank.drive", numbers, **request)
+    assert found.jumps["crank.drive"][:, 0].tolist() == [False, False, True, False]
 
 
 def test_a_table_of_numbers_reads_back(tmp_path):
@@ -212,11 +242,23 @@ def test_a_table_of_numbers_reads_back(tmp_path):
         ("crank.drive", "scene.drive.crank.rate", "it says how the drivers move"),
         ("crank.drive", ["dyad.b*"], "dyad.branch: a whole number chooses"),
         ("mechanism.friction_efficiency", "dyad.l_i", "a number or a vector a sample"),
+        ("crank.drive", [], "give a name, or several"),
+        (None, "dyad.l_i", "give a name, or several"),
     ],
 )
 def test_what_has_no_derivative_is_refused(want, to, said):
     with pytest.raises(RequestError, match=said.replace("?", r"\?")):
         mechanism("ruiz_fourbar").sensitivity(want, to, at=0.3)
+
+
+def test_a_number_without_a_derivative_is_refused_beside_others_as_well():
+    mech = mechanism("engine")
+    to = ["crank.length", "blocks.gas.law.arguments[21]", "crank.sign"]
+    with pytest.raises(RequestError) as error:
+        mech.sensitivity("crank.drive", to, at=0.3)
+    assert {p.where for p in error.value.problems} == {"gas.law.arguments[21]", "crank.sign"}
+    found = mech.sensitivity("crank.drive", ["crank.length", "gas.law.arg*"], at=0.3)
+    assert list(found.parameters) == ["crank.length"]
 
 
 @pytest.mark.parametrize(
@@ -257,7 +299,13 @@ def test_a_tolerance_is_drawn_and_told(tmp_path):
     assert {line.split()[0] for line in said[3:]} == set(laws)
 
 
-@pytest.mark.parametrize("numbers", [{}, {"dyad.l_i": 6.0}])
+def test_designs_that_the_file_would_refuse_are_not_drawn():
+    laws = {"dyad.friction.C.coefficient": bm.normal(0.1, 0.1)}
+    with pytest.raises(bm.FormatError, match="coefficient must be >= 0, got -"):
+        mechanism("ruiz_fourbar").tolerance(laws, "crank.drive", at=0.3, count=100)
+
+
+@pytest.mark.parametrize("numbers", [None, ["dyad.l_i"], {}, {"dyad.l_i": 6.0}])
 def test_a_tolerance_needs_distributions(numbers):
     with pytest.raises(RequestError, match="no distribution"):
         mechanism("ruiz_fourbar").tolerance(numbers, "crank.drive")

@@ -70,6 +70,20 @@ def test_a_design_that_does_not_assemble_is_a_row_with_its_reason(fourbar):
     assert found["min(dyad.margin)"][0] < 0
 
 
+def test_the_engine_is_named_and_may_be_chosen(fourbar):
+    pytest.importorskip("llvmlite", reason="the extra fast is not installed")
+    request = {"over": TURN, "want": "poses(dyad.C.p)"}
+    lengths = [5.9, 6.1]
+    small = remade(fourbar, {}).study({"dyad.l_i": lengths}, **request)
+    made = fourbar.study({"dyad.l_i": lengths}, engine="llvm", **request)
+    assert (small.engine, made.engine) == ("numpy", "llvm")
+    for k, l_i in enumerate(lengths):
+        run = remade(fourbar, {"dyad.l_i": l_i}).run(at=TURN, want="dyad.C.p", engine="llvm")
+        np.testing.assert_array_equal(made["poses(dyad.C.p)"][k], run["dyad.C.p"])
+    with pytest.raises(bm.RequestError, match="the study did not keep it"):
+        made.unit("dyad.C.p")
+
+
 def test_self_locking_designs_say_so():
     fourbar = mechanism("ruiz_fourbar")
     values = {"dyad.friction.C.radius": [0.0075, 9.0]}
@@ -209,7 +223,15 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
         ({"want": {"dyad.C.p": "min"}}, "it is a vector"),
         ({"want": {"crank.driv": "min"}}, "no output has that name"),
         ({"want": "at(crank.drive, 0.1)"}, "the study has no such pose"),
-        ({"want": []}, "nothing is wanted"),
+        ({"want": {}}, "nothing is wanted"),
+        ({"want": []}, "want: got []. give a name, or several"),
+        ({"want": None}, "want: got None. give a name, or several"),
+        ({"want": {"crank.drive": 3}}, "want[crank.drive]: got 3"),
+        ({"vary": {"dyad.branch": [-1, 0.5, 1]}}, 'must be -1, 1 or "follow", got 0.5'),
+        ({"vary": {"dyad.l_i": [1.0, 0.0, 6.0]}}, "l_i must be > 0 m, got 0"),
+        ({"vary": {"dyad.l_i": bm.normal(6.0, 9.0)}, "count": 99}, "l_i must be > 0 m, got -"),
+        ({"vary": {"dyad.l_i": bm.normal(6.0, 0.1)}, "count": 9, "seed": -1}, "seed: got -1"),
+        ({"engine": "scalar"}, "engines: auto, numpy, llvm"),
         ({"want": "crank.drive"}, "how it is reduced is not said"),
     ],
 )  # fmt: skip

@@ -1,46 +1,11 @@
 """A page in a browser, and what a user does there."""
 
 import re
-import socket
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 AXE = Path(__file__).parents[2] / ".ci" / "node_modules" / "axe-core" / "axe.min.js"
-
-
-@contextmanager
-def served(page, make):
-    """Show what ``make()`` gives in a browser's page."""
-    import panel as pn
-    from playwright.sync_api import Error
-
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    server = pn.serve(
-        make, address="127.0.0.1", port=port, show=False, threaded=True, verbose=False
-    )
-    try:
-        for patience in (100, 300, 1000, 0):
-            try:
-                page.goto(f"http://127.0.0.1:{port}/")
-                break
-            except Error:  # the server has not begun
-                page.wait_for_timeout(patience)
-        yield
-        page.goto("about:blank")
-    finally:
-        server.stop()
-
-
-def wait_until(page, met):
-    """Let the page work until something holds, at most 8 s; the test says whether it does."""
-    for _ in range(160):
-        if met():
-            return
-        page.wait_for_timeout(50)
 
 
 def show(page, studio, what):
@@ -101,6 +66,16 @@ def drop(page, kind, x, y):
     blocks(page).nth(count).wait_for()
 
 
+def drag_block(page, name):
+    """Drag a block of the canvas a little down; all blocks then stay where they are."""
+    x, y = middle(page.locator(f'.react-flow__node[data-id="{name}"]'))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y + 20, steps=4)
+    page.mouse.up()
+    told(page, f"{name} moved")
+
+
 def connect(page, source, target):
     """Wire a joint in the form of its block."""
     edit(page, target.partition(".")[0])
@@ -117,6 +92,26 @@ def port(page, side, address):
 
 def wire_between(page, source, target):
     return page.locator(f'.react-flow__edge[data-id="{source} -> {target}"]')
+
+
+def hidden_wires(page):
+    """The wires that run behind a block on the canvas."""
+    return page.locator(".react-flow__viewport").evaluate(
+        """(view) => {
+            const areas = [...view.querySelectorAll(".react-flow__node")]
+                .map((node) => node.getBoundingClientRect());
+            const under = (path) => {
+                const [place, n] = [path.getScreenCTM(), path.getTotalLength()];
+                return Array.from({length: 200}, (_, k) => path.getPointAtLength(k * n / 199))
+                    .map((point) => point.matrixTransform(place))
+                    .some(({x, y}) => areas.some((area) => x > area.left + 1 && x < area.right - 1
+                        && y > area.top && y < area.bottom));
+            };
+            return [...view.querySelectorAll(".react-flow__edge")]
+                .filter((edge) => under(edge.querySelector(".react-flow__edge-path")))
+                .map((edge) => edge.dataset.id);
+        }"""
+    )
 
 
 def middle(locator):
@@ -140,7 +135,9 @@ def wire(page, source, target):
     from playwright.sync_api import expect
 
     expect(drag_wire(page, source, target)).to_have_class(re.compile("rf-handle-valid"))
-    page.mouse.move(*middle(port(page, "target", target)))
+    x, y = middle(port(page, "target", target))
+    page.mouse.move(x + 2, y)  # it is looked at again where the pointer moves
+    page.mouse.move(x, y)
     page.mouse.up()
     wire_between(page, source, target).wait_for(state="attached")
     told(page, f"{source} -> {target}")  # the server knows it, and what it changed was sent

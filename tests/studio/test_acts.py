@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from contextlib import suppress
 
 import pytest
 
@@ -12,7 +13,6 @@ from blockmech.studio.files import Filed
 from blockmech.studio.looks import DARK, LIGHT
 from blockmech.testing.files import gallery
 from tests.studio.page import (
-    accessible,
     add,
     blocks,
     choose,
@@ -20,6 +20,7 @@ from tests.studio.page import (
     drag_wire,
     edit,
     fill,
+    hidden_wires,
     port,
     press,
     save,
@@ -28,7 +29,8 @@ from tests.studio.page import (
     wire_between,
 )
 
-expect = pytest.importorskip("playwright.sync_api", reason="it is no browser's driver").expect
+tool = pytest.importorskip("playwright.sync_api", reason="it is no browser's driver")
+expect, Error = tool.expect, tool.Error
 
 ODD = '<img src=x onerror="window\u2024hurt=1">\u202e\'a'  # a name has no full stop
 
@@ -81,7 +83,9 @@ def test_a_closed_loop_is_told_at_its_blocks_and_ports(page, studio):
     add(page, "II RRR")
     connect(page, "rrr.C", "rrr_2.B")
     connect(page, "rrr_2.C", "rrr.B")
-    expect(page.locator(".react-flow__node.bm-bad")).to_have_count(2)
+    bad = page.locator(".react-flow__node.bm-bad")
+    expect(bad).to_have_count(2)
+    assert sorted(block.get_attribute("data-id") for block in bad.all()) == ["rrr", "rrr_2"]
     said = re.compile("the blocks wait for each other: rrr.C -> rrr_2.B, rrr_2.C -> rrr.B")
     for address in ("rrr.B", "rrr_2.B"):
         expect(port(page, "target", address)).to_have_attribute("aria-label", said)
@@ -93,16 +97,9 @@ def test_all_is_undone_and_done_again(page, studio):
     for word in ("frame", "crank"):
         add(page, word)
     fill(page, "length [m]", "2")
-    fill(page, "Name", "motor")
-    connect(page, "frame.frame", "motor.A")
+    connect(page, "frame.frame", "crank.A")
     save(page, "once.json")
-    steps = [
-        "frame added",
-        "crank added",
-        "length",
-        "crank renamed to motor",
-        "frame.frame -> motor.A",
-    ]
+    steps = ["frame added", "crank added", "length", "frame.frame -> crank.A"]
     for name, left in (("Undo", 0), ("Redo", 2)):
         for step in steps[:: 1 if name == "Redo" else -1]:
             press(page, name)
@@ -112,7 +109,7 @@ def test_all_is_undone_and_done_again(page, studio):
     save(page, "again.json")
     once, again = ((studio[1] / name).read_bytes() for name in ("once.json", "again.json"))
     assert once == again
-    assert b'"motor.A"' in once
+    assert b'"crank.A"' in once
 
 
 @pytest.mark.parametrize("name", gallery())
@@ -125,15 +122,16 @@ def test_a_sheet_saves_a_gallery_graph_unchanged(tmp_path, name):
     assert (tmp_path / "b.json").read_bytes() == path.read_bytes()
 
 
-@pytest.mark.parametrize("name", ["ruiz_fourbar", "engine", "watt_sixbar"])
+@pytest.mark.parametrize("name", ["engine", "watt_sixbar"])
 def test_a_gallery_graph_opens_plays_and_saves_unchanged(page, studio, name):
     given = studio[1] / f"{name}.json"
     shutil.copy(gallery()[name], given)
     show(page, studio, f"?open={given.name}")
     page.wait_for_function(EQUAL_SCALES)
+    assert hidden_wires(page) == []
     pose = page.get_by_role("slider").first
     page.get_by_text("▶ Play").click()
-    page.wait_for_timeout(400)
+    page.wait_for_function("at => at.ariaValueNow > 0", arg=pose.element_handle())
     page.get_by_text("❚❚ Pause").click()
     assert float(pose.get_attribute("aria-valuenow")) > 0
     save(page, f"{name}_b.json")
@@ -175,17 +173,26 @@ def test_a_file_that_another_changed_is_not_overwritten(page, studio):
     assert bm.Graph.load(path).title == "yours"
 
 
-def test_two_windows_on_one_file_show_one_sheet_that_a_reload_keeps(page, browser, studio):
+def test_two_windows_on_one_file_show_one_sheet_that_outlives_a_crash(page, browser, studio):
+    """Whoever leaves it unsaved is asked, also in a window that was opened after the change."""
     shutil.copy(gallery()["ruiz_fourbar"], studio[1] / "two.json")
     show(page, studio, "?open=two.json")
+    add(page, "spring")
     second = browser.new_page()
-    second.on("dialog", lambda dialog: dialog.accept())
     show(second, studio, "?open=two.json")
+    expect(blocks(second)).to_have_count(6)
     add(second, "spring")
-    blocks(page).nth(5).wait_for()
+    expect(blocks(page)).to_have_count(7)
+    with second.expect_event("dialog") as asked:
+        second.close(run_before_unload=True)
+    assert asked.value.type == "beforeunload"
+    asked.value.dismiss()
+    address = second.url
+    with second.expect_event("crash"), suppress(Error):
+        second.goto("chrome://crash")
     second.close()
-    page.reload()
-    blocks(page).nth(5).wait_for()
+    page.goto(address)
+    expect(blocks(page)).to_have_count(7)
     expect(page.get_by_role("button", name="Undo", exact=True)).to_be_enabled()
 
 
@@ -219,7 +226,8 @@ def test_a_mechanism_is_named_wired_and_saved_by_the_keyboard_alone(page, studio
     page.keyboard.press("Enter")
     blocks(page).get_by_text("motor").wait_for()
     tab_to(page, "wire to motor.A")
-    page.keyboard.type("frame.A")
+    for key in ("Space", "ArrowDown", "ArrowDown", "Enter"):  # an open list chooses once
+        page.keyboard.press(key)
     wire_between(page, "frame.A", "motor.A").wait_for(state="attached")
     for key, count in (("Undo", 0), ("Redo", 1)):
         tab_to(page, key)
@@ -234,20 +242,6 @@ def test_a_mechanism_is_named_wired_and_saved_by_the_keyboard_alone(page, studio
     made = bm.Graph.load(studio[1] / "keys.json")
     assert [str(wire) for wire in made.wires] == ["frame.A -> motor.A"]
     assert made.blocks["motor"].length == 2
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_gallery_empty_sheet_and_drawing_are_accessible(page, studio, theme):
-    page.goto(f"{studio[0]}?theme={theme}")
-    page.locator(".cards").wait_for()
-    accessible(page)
-    show(page, studio, f"?new&theme={theme}")
-    accessible(page)
-    page.get_by_text("Links and joints", exact=True).click()
-    press(page, "Begin a drawing of links and joints")
-    fill(page, "New pin at x, y [m]", "0.5, 0.5")
-    page.get_by_label("Pins").get_by_text("A", exact=True).wait_for(state="attached")
-    accessible(page)
 
 
 @pytest.mark.parametrize("colours", [LIGHT, DARK], ids=["light", "dark"])

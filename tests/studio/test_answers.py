@@ -9,7 +9,7 @@ import pytest
 from blockmech.builders import opened
 from blockmech.cli import main
 from blockmech.draw.curves import abscissa
-from blockmech.studio.answers import Answers, answer, wire_values
+from blockmech.studio.answers import Answers, answer, wire_text
 from blockmech.studio.curves import panels_of
 from blockmech.studio.edits import renamed
 from blockmech.studio.mechanism import MechanismView
@@ -31,11 +31,11 @@ def answers_of(name="ruiz_fourbar"):
 def test_wires_say_what_the_result_says(name):
     mechanism = opened(GRAPHS / f"{name}.json").compile()
     motion = turn(mechanism)
-    told = wire_values(motion.result.with_friction("newton"), 30)
+    result = motion.result.with_friction("newton")
     run = mechanism.run(samples=361, want=(), friction="newton", on_gap="mark")
-    assert set(told) == {f"{m} -> {j}" for j, m in mechanism.structure.feeds.items()}
-    for wire, text in told.items():
-        found = run.wire(wire)
+    for joint, marker in mechanism.structure.feeds.items():
+        wire = f"{marker} -> {joint}"
+        text, found = wire_text(result, 30, wire), run.wire(wire)
         for key in ("p", "v", "a", "F"):
             z = found[key][30]
             assert f"{key} = ({z.real:.6g}, {z.imag:.6g}) " in text
@@ -85,14 +85,14 @@ def test_the_csv_is_that_of_the_command_line(tmp_path):
 def test_curves_and_cursor_follow_the_sheet():
     answers = answers_of()
     (plot,) = answers.drawn
-    before = plot.source.data["crank"].copy()
+    (before,) = plot.source.data["ys"][:1]
     form = copy.deepcopy(answers.sheet.form)
     form["blocks"]["dyad"]["l_j"] = 3.2
     answers.sheet.change(form, "longer")
     assert answers.drawn == [plot]
-    assert not np.array_equal(plot.source.data["crank"], before)
+    assert not np.array_equal(plot.source.data["ys"][0], before)
     answers.view.pose = 30
-    assert plot.cursor.location == plot.source.data["x"][30]
+    assert plot.cursor.location == plot.source.data["xs"][0][30]
 
 
 def test_a_place_on_a_curve_is_a_pose_with_its_values():

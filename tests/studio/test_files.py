@@ -1,6 +1,7 @@
 """Files, edits and fields of the studio, without a browser."""
 
 import shutil
+import socket
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ from blockmech.model.schema import graph_schema
 from blockmech.studio import edits
 from blockmech.studio.fields import Shown, fields_of, item_at
 from blockmech.studio.files import Desk, Filed
+from blockmech.studio.form import Form
+from blockmech.studio.server import serve
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 
@@ -19,6 +22,21 @@ GRAPHS = Path(__file__).parents[2] / "graphs"
 def folder(tmp_path):
     shutil.copy(GRAPHS / "ruiz_fourbar.json", tmp_path / "a.json")
     return tmp_path
+
+
+def test_a_value_that_cannot_be_is_told_under_its_field():
+    sheet, said = Filed(bm.Graph.load(GRAPHS / "ruiz_fourbar.json")), []
+    form = Form(sheet, said.append)
+    form.selected = ("blocks", "crank")
+    before = sheet.form
+    form.rows["length",].widget.value = "-2"
+    wrong = "length must be &gt; 0 m, got -2"
+    assert wrong in form.rows["length",].wrong.object
+    assert said == [""]  # nothing is left to be told elsewhere
+    assert sheet.form is before
+    form.rows["length",].widget.value = "2.5"
+    assert sheet.form["blocks"]["crank"]["length"] == 2.5
+    assert form.rows["length",].wrong.object == ""
 
 
 def test_a_file_is_saved_as_it_was_read(folder):
@@ -39,6 +57,13 @@ def test_nothing_outside_of_the_folder_is_read_or_written(folder):
             sheet.open(name)
         with pytest.raises(bm.RequestError, match="outside of the folder"):
             sheet.save(name)
+
+
+def test_a_port_that_another_has_is_refused():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(bm.RequestError, match=rf"port: {port}: .*choose another"):
+            serve(print, "", port, print)
 
 
 def test_a_file_that_changed_since_is_not_overwritten_silently(folder):

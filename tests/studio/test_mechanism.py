@@ -1,6 +1,7 @@
 """The moving mechanism: poses as columns, gaps with their sentences, joints that are dragged."""
 
 import copy
+import re
 from pathlib import Path
 
 import numpy as np
@@ -36,9 +37,6 @@ def sheet_of(name="ruiz_fourbar", **lengths):
         form["blocks"]["dyad"][key] = x
     sheet.change(form, "lengths")
     return sheet
-
-
-EVERY = 40  # so many samples are as good as all
 
 
 EVERY = 40  # so many samples are as good as all
@@ -113,9 +111,39 @@ def test_no_name_stands_on_a_link():
     assert np.median(bad) <= 0.01
 
 
+def test_shapes_change_after_all_words():
+    """Bokeh cannot paint sources that it is about to change; see `MechanismFigure.draw`."""
+    view, told = MechanismView(sheet_of()), []
+    form = copy.deepcopy(view.sheet.form)
+    form["wires"] = [w for w in form["wires"] if w["to"] != "couple.on"]
+    view._said.on_change("text", lambda attr, old, new: told.append("words"))
+    for _, source in view.figure._layers:
+        source.on_change("data", lambda attr, old, new: told.append("xs" if "xs" in new else "x"))
+    view.sheet.change(form, "a load unwired")
+    assert told.count("words") == 1
+    assert told[0] == "words"
+    assert "xs" in told
+
+
+def test_friction_circles_say_how_much_larger_they_are_drawn():
+    view = MechanismView(sheet_of())
+    view.show = ["friction circles"]
+    said = view.figure._words.text
+    many = float(re.fullmatch(r"friction circles (\d+) times as large", said)[1])
+    drawn = next(
+        np.ptp(source.data["xs"][i]) / 2
+        for layer, source in view.figure._layers
+        for i, what in enumerate(layer.looks["name"])
+        if what.startswith("friction:dyad.C")
+    )
+    factor = view.sheet.document.blocks["dyad"].friction["C"].factor
+    assert drawn == pytest.approx(many * factor, rel=1e-2)  # a polygon of steps of 0.2 rad
+
+
 def test_a_gap_has_its_sentence_and_its_mark():
     view = MechanismView(sheet_of(l_i=3.2))
-    ((first, last, why),) = view.gaps
+    (gap,) = view.gaps
+    first, last, why = gap.first, gap.last, gap.why
     assert (first, last) == (101, 259)
     assert "too large" in why
     for pose, there in ((0, False), (first - 1, False), (first, True), (180, True)):
@@ -217,6 +245,12 @@ def test_a_driver_without_a_law_moves_over_its_arc():
     (arc,) = sheet.mechanism.limits().arcs
     assert travel(sheet.mechanism, "crank", {"crank": 0.0}) == (arc.start.q, arc.end.q)
     assert MechanismView(sheet).motion.feasible[1:-1].all()
+    small = sheet.graph.replace(
+        {name: 1e-3 * p.value for name, p in sheet.mechanism.parameters().items() if p.unit == "m"}
+    )
+    assert travel(small.compile(), "crank", {"crank": 0.0}) == pytest.approx(
+        (arc.start.q, arc.end.q), abs=1e-12
+    )
 
 
 # -- dragging ------------------------------------------------------------------------------
@@ -373,6 +407,7 @@ def test_a_mechanism_plays_and_is_dragged_in_the_browser(page, studio):
     page.mouse.click(*screen(page, "crank.q [rad]", np.pi / 2, 0))
     page.wait_for_function("at => Math.abs(at.ariaValueNow - 90) < 3", arg=pose.element_handle())
     k = int(float(pose.get_attribute("aria-valuenow")))
+    assert abs(k - 90) < 3
     run = sheet_of().mechanism.run(samples=361, want=["crank.drive", "dyad.C.p"])
     page.get_by_text(f"crank.drive = {run['crank.drive'][k]:.6g} N m").wait_for()
     C = run["dyad.C.p"][k]

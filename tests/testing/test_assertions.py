@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.testing import assert_graph
-from tests.wiring import ruiz, wire
+from tests.wiring import ruiz
 
 OWN_SIZE = 1e-11  # what the project promises of driving efforts with friction
 REACH = math.acos(9.25 / 22)  # crank angle at which the dyad of `short` is stretched
@@ -121,20 +121,6 @@ def test_a_driver_that_passes_a_dead_centre_is_told_where_it_is(short, start, en
     assert f"{REACH:.12g}"[:12] in text
 
 
-def test_a_gap_between_samples_is_not_missed():
-    """Out of reach within 1e-5 rad of q = pi only, which no list of samples would hit.
-
-    |BD|^2 = 17 - 8 cos q is over (5 - 4e-11)^2 where 4 (q - pi)^2 < 4e-10.
-    """
-    g = bm.Graph("narrow")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
-    g.add("crank", bm.Crank(length=1.0))
-    g.add("dyad", bm.RRR(l_i=3.0, l_j=2.0 - 4e-11))
-    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
-    assert_graph(g).closes_on("crank", -3.14, 3.14)
-    said(assert_graph(g).closes_on, "crank", 3.14, 3.15)
-
-
 # -- balances --------------------------------------------------------------------------------
 
 
@@ -165,16 +151,8 @@ def test_a_number_that_is_not_met_is_shown_with_all_that_matters(short):
     )
     head, *table = text.splitlines()
     assert head == "short: expected dyad.C.p within its tolerance, found 2 of 2 not met:"
-    heads = [
-        "output",
-        "sample: drivers [rad, m]",
-        "expected",
-        "got",
-        "error",
-        "tolerance",
-        "margin",
-    ]
-    assert re.split(" {2,}", table[0]) == heads
+    heads = "output|sample: drivers [rad, m]|expected|got|error|tolerance|margin"
+    assert re.split(" {2,}", table[0]) == heads.split("|")
     assert table[1].startswith("dyad.C.p [m]  1: crank = 3")
     assert "no-assembly (dyad)" in table[1]
     assert table[2].startswith("dyad.C.p [m]  0: crank = 0")

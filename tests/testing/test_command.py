@@ -41,16 +41,6 @@ def test_a_long_table_is_cut_with_the_worst_first(call, file):
     assert lines[-2].strip() == "... and 27 more"
 
 
-def test_a_graph_without_expectations_is_named(call, file):
-    path = file("arm.json")
-    said = call("test", path)
-    assert said.code == 0
-    assert said.out.splitlines() == [
-        f"-      {path}: no expectations",
-        "0 ok, 0 failed, 1 file without expectations",
-    ]
-
-
 def test_a_free_motion_is_not_passed_silently(call, file):
     motion = {"source": "by hand", "simulate": {"times": [0.0]}, "want": {"crank.q": [0.0]}}
     said = call("test", file("arm.json", {**motion, "atol": 1.0}))
@@ -118,10 +108,3 @@ def test_everything_is_there_as_data(call, file):
         (1, "a slip", False),
     ]
     assert [o["ok"] for o in only["entries"][1]["outcomes"]] == [True, False, True, True]
-
-
-def test_problems_are_there_as_data(call, tmp_path):
-    said = call("test", tmp_path / "missing.json", "--json")
-    assert (said.code, said.err) == (2, "")
-    (only,) = json.loads(said.out)["files"]
-    assert only["problems"][0]["code"] == "no-file"

@@ -61,6 +61,7 @@ def test_each_expectation_is_a_test(pytester, graphs):
 
 def test_a_failure_shows_the_numbers_and_no_traceback(pytester, graphs):
     said = run(pytester, "graphs")
+    assert said.ret == pytest.ExitCode.TESTS_FAILED
     said.stdout.fnmatch_lines(
         [
             "*1 of 4 numbers are not met (a slip)",
@@ -149,7 +150,7 @@ def test_a_folder_that_is_not_there_is_a_usage_error(pytester, graphs):
 
 
 def test_workers_of_xdist_run_the_same_tests(pytester, graphs):
-    pytest.importorskip("xdist")
+    pytest.importorskip("xdist", reason="it comes with the extra test")
     pytester.makeini("[pytest]\ntestpaths = tests\nblockmech_graphs = graphs\n")
     with_more_tests(pytester)
     run(pytester, "-n", "2").assert_outcomes(passed=2, failed=1)

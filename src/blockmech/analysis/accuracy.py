@@ -25,10 +25,11 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.analysis.reference_errors import (
     DOUBLE,
@@ -42,10 +43,11 @@ from blockmech.analysis.reference_errors import (
 from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import COMPILED_FROM, Compiled
-from blockmech.errors import listed, refused
+from blockmech.errors import as_names, listed, refused
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.told import as_data
+from blockmech.values import is_number
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples
@@ -143,12 +145,12 @@ def run_to(
     ``given`` that it is there to choose.
     """
     if said := [name for name, value in given.items() if value is not None]:
-        chosen, remedy = f"accuracy={accuracy:g} chooses it", "give the accuracy or the setting"
+        chosen, remedy = f"accuracy={accuracy!r:.60} chooses it", "give the accuracy or the setting"
         raise refused(listed(said), chosen, remedy, code="useless-setting")
-    if not 0 < accuracy < math.inf:
-        wrong = f"must be > 0, got {accuracy}"
+    if not (is_number(accuracy) and accuracy > 0):
+        wrong = f"must be > 0, got {accuracy!r:.60}"
         raise refused("accuracy", wrong, "try 1e-6", code="bad-value")
-    request = _Request(mechanism, want if isinstance(want, str) else tuple(want), static)
+    request = _Request(mechanism, as_names("want", want), static)
     kept = mechanism.once(_decisions)
     asked, samples = (request.want, static, accuracy, engine), _fingerprint(taken)
     decided, setting, judged = kept.get(asked, (b"", None, None))
@@ -156,7 +158,7 @@ def run_to(
         result = request.run(taken, setting, engine, chunk)
         result.accuracy = judged
         return result
-    probe = look(request, taken.at(taken.spread(PROBE)), accuracy)
+    probe = look(request, _probed(taken), accuracy)
     for setting in _settings(request, probe, taken.n, accuracy, engine):
         result = request.run(taken, setting, engine, chunk)
         judged = _judged(request, result, setting, probe, accuracy)
@@ -165,6 +167,19 @@ def run_to(
     result.accuracy = judged
     kept[asked] = samples, setting, judged
     return result
+
+
+def _probed(taken: Samples) -> Samples:
+    """Samples to probe: some of those asked for; of few of them also what lies roundings beside.
+
+    One sample alone may have none of the rounding that those next to it have.
+    """
+    index = taken.spread(PROBE)
+    each = math.ceil(PROBE / max(1, len(index)))
+    few = taken.at(np.repeat(index, each))
+    beside = 1 + DOUBLE * np.tile(np.arange(each), len(index))
+    inputs = {n: few.inputs[n] * (beside if n[:2] == "q_" else 1.0) for n in few.inputs}
+    return few if each == 1 else replace(few, inputs=inputs)
 
 
 def _decisions(mechanism: Compiled) -> dict[Any, tuple[bytes, Setting | None, Accuracy | None]]:
@@ -218,7 +233,7 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     """
     double = request.run(few, Setting("newton"))
     rubs = any(name.startswith("friction/") for name in double.plan.layout)
-    good = comparable(double, friction=False)
+    good = _known(double)
     smooth = request.run(few, Setting("none")) if rubs else double
     single = request.run(few, Setting("none", precision="complex64"))
     wide = request.run(few, Setting("none", precision="clongdouble")) if WIDER else None
@@ -252,6 +267,15 @@ def _kept_back(
     if request.mechanism.names is not None:  # made of a document
         ways.append(run_off_by_a_digit)
     return max(exact.error(way(request.mechanism, few, "clongdouble", how)) for way in ways)
+
+
+def _known(result: Result) -> NDArray[np.bool_]:
+    """(n,) samples that are judged: those near a dead centre where there are no others.
+
+    There precisions differ by more; beside others that would hide what is lost elsewhere.
+    """
+    good = comparable(result, friction=False)
+    return good if good.any() else comparable(result, friction=False, near=True)
 
 
 def _worst(columns: Mapping[str, Any], good: Any, least: float = 0.0) -> float:
@@ -306,7 +330,7 @@ def _judged(
     request: _Request, result: Result, setting: Setting, probe: Probe, accuracy: float
 ) -> Accuracy:
     """The estimate after the run, from its own residuals, contractions and margins."""
-    good = comparable(result, friction=False)
+    good = _known(result)
     nearer = max(1.0, probe.margin / max(_least_margin(result, good), 1e-300))
     rounding = SAFETY * probe.rounding[setting.precision] * nearer**1.5
     rubbing, words = 0.0, f"{rounding:.1g} from rounding"

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,8 +62,12 @@ class Nearest:
     margin: float
 
 
+Known: TypeAlias = dict[tuple[str, ...], tuple[list[Piece], Nearest | None]]
+"""What is known of groups taken one after the other, along one driver, the others held alike."""
+
+
 def closed_pieces(
-    closure: Closure, span: Span, samples: int
+    closure: Closure, span: Span, samples: int, known: Known
 ) -> tuple[tuple[Piece, ...], Nearest | None]:
     """All pieces where every group closes, in rising order.
 
@@ -72,20 +76,25 @@ def closed_pieces(
     closure : the groups' margins
     span : where to search
     samples : of a turn, to begin with
+    known : of the first groups, from searches before; more is added
 
     Returns
     -------
     the pieces, and, where there is none, what comes nearest
     """
     ends = (None, None) if span.turn else (Bound(span.low), Bound(span.high))
-    pieces = [Piece(span, *ends)]
+    pieces, nearest = [Piece(span, *ends)], None
     for k, block in enumerate(closure.blocks):
-        looked = [_Margin(closure, k, piece, samples) for piece in pieces]
-        pieces = [part for margin in looked for part in margin.parts()]
-        if not pieces:
-            return (), Nearest(block, *max((m.nearest() for m in looked), key=lambda m: m[1]))
-    pieces.sort(key=lambda p: p.start.q if p.start else 0.0)
-    return tuple(pieces), None
+        taken = closure.blocks[: k + 1]
+        if taken not in known:
+            looked = [_Margin(closure, k, piece, samples) for piece in pieces]
+            left = [part for margin in looked for part in margin.parts()]
+            most = None if left else max((m.nearest() for m in looked), key=lambda m: m[1])
+            known[taken] = left, most and Nearest(block, *most)
+        pieces, nearest = known[taken]
+        if nearest:
+            return (), nearest
+    return tuple(sorted(pieces, key=lambda p: p.start.q if p.start else 0.0)), None
 
 
 class _Margin:

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from blockmech.arguments import declared
 from blockmech.compiled import Compiled
-from blockmech.errors import listed
+from blockmech.errors import as_names, listed
 from blockmech.plan import Plan
 from blockmech.runnable import EVERYTHING
 from blockmech.typing import FrictionMethod
@@ -42,6 +43,7 @@ class Share:
     saves: int
 
 
+@declared
 def explain(
     mechanism: Compiled,
     want: Iterable[str] | str = EVERYTHING,
@@ -58,7 +60,7 @@ def explain(
     """
     how: dict[str, Any] = {"tolerance": tolerance, "iterations": iterations, "static": static}
     settings = how | {"friction": friction}
-    patterns = (want,) if isinstance(want, str) else tuple(want)
+    patterns = as_names("want", want)
     plan = mechanism.plan(patterns, **settings)
     rows = shares(mechanism, patterns, **settings)
     width = max([len(r.name) for r in rows] + [len("output")])
@@ -71,7 +73,7 @@ def explain(
 
 def shares(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> tuple[Share, ...]:
     """What each wanted output costs, the dearest first; many are told by quantity or pattern."""
-    patterns = (want,) if isinstance(want, str) else tuple(want)
+    patterns = as_names("want", want)
     whole = mechanism.plan(patterns, **settings)
     found = []
     for name, members in _groups(mechanism, patterns, whole, settings).items():

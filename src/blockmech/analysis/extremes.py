@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
-from blockmech.errors import listed, refused
+from blockmech.errors import held, listed, refused, shown
 from blockmech.told import DEGREES, Told
 from blockmech.typing import FrictionMethod
 
@@ -90,7 +90,7 @@ class Extremes(Told):
     ranges: Mapping[str, Range]
 
     def __getitem__(self, part: str) -> Range:
-        return self.ranges[part]
+        return held(self.ranges, part, "the output has no such part", "parts")
 
     @property
     def _main(self) -> Range:
@@ -168,6 +168,8 @@ def extremes(
 
 def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
     """The output and the parts of it that a name such as ``"dyad.C.p.x"`` means."""
+    if not isinstance(name, str):
+        raise refused("name", f"{shown(name)} is not a name", "name one output")
     output, part = name, ""
     head, _, tail = name.rpartition(".")
     if tail in PARTS and head in mechanism.outputs:

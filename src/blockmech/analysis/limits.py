@@ -24,10 +24,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from blockmech.analysis.arcs import Bound, Nearest, Piece, closed_pieces
+from blockmech.analysis.arcs import Bound, Known, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.analysis.scan import TINY, TURN
-from blockmech.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.arguments import declared
+from blockmech.errors import Problem, RequestError, among, listed, refused
 from blockmech.model.structure import Structure
 from blockmech.reach import shortfall
 from blockmech.series import DOUBLE_ROOT, SCANNED
@@ -168,6 +169,7 @@ class Limits(Told):
         return as_data(said | {name: getattr(self, name) for name in names})
 
 
+@declared
 def limits(
     mechanism: Compiled,
     driver: str | None = None,
@@ -201,13 +203,25 @@ def limits(
         raise refused("samples", f"got {samples}", f"give at least {FEWEST}")
     moved = _moved(mechanism, driver)
     held = _held(mechanism, moved, at or {})
+    return limits_of(mechanism, moved, held, blocks, {}, samples)
+
+
+def limits_of(
+    mechanism: Compiled,
+    moved: str,
+    held: Mapping[str, float],
+    blocks: Iterable[str] | None,
+    known: Known,
+    samples: int = SCANNED,
+) -> Limits:
+    """The feasible arcs of a driver; what is ``known`` of some groups serves for those after."""
     joint = mechanism.driver_joint(moved)
     closure = Closure(mechanism.of_blocks, moved, held, _groups(mechanism.structure, blocks))
     span = one_turn() if joint.rotary else travel(mechanism, moved)
-    pieces, nearest = closed_pieces(closure, span, samples)
+    pieces, nearest = closed_pieces(closure, span, samples, known)
     why = ""
     if nearest:
-        places = held | {moved: nearest.q}
+        places = {**held, moved: nearest.q}
         why = shortfall(mechanism, nearest.block, places, nearest.margin)
     return Limits(
         driver=moved,
@@ -268,7 +282,7 @@ def _end(closure: Closure, bound: Bound) -> End:
 def _groups(structure: Structure, blocks: Iterable[str] | None) -> tuple[str, ...]:
     """Groups in formation order: all, or the named ones and their ancestors."""
     kept = set(structure.blocks) if blocks is None else set()
-    for name in blocks or ():
+    for name in among(structure.blocks, "block", blocks or ()):
         kept |= structure.ancestors(name)
     return tuple(n for n, b in structure.blocks.items() if n in kept and b.closes)
 
@@ -282,23 +296,16 @@ def _moved(mechanism: Compiled, driver: str | None) -> str:
         found = f"the mechanism has {len(drivers)} drivers" if drivers else "it has no driver"
         remedy = f"name one of: {listed(drivers)}" if drivers else ""
         raise refused("limits", found, remedy)
-    if driver not in drivers:
-        valid = f"drivers: {listed(drivers)}" if drivers else ""
-        raise refused(driver, "there is no such driver", close_match(driver, drivers), valid)
-    return driver
+    return among(drivers, "driver", driver)[0]
 
 
 def _held(mechanism: Compiled, moved: str, at: Mapping[str, Any]) -> dict[str, float]:
     """Where the drivers stand that do not move: as asked, or where their motion begins."""
     others = [d for d in mechanism.drivers if d != moved]
     valid = f"held: {listed(others)}"
-    problems = [
-        _wrong(f"at[{d}]", "this driver is the one that moves", valid)
-        if d == moved
-        else _wrong(f"at[{d}]", "there is no such driver", valid)
-        for d in at
-        if d not in others
-    ]
+    why = {moved: "this driver is the one that moves"}
+    odd = [d for d in at if d not in others]
+    problems = [_wrong(f"at[{d}]", why.get(d, "there is no such driver"), valid) for d in odd]
     held = {}
     for d in others:
         q = at[d] if d in at else mechanism.scene.begin(d)

@@ -101,10 +101,11 @@ def compared(result: Result) -> list[str]:
     return plain or names
 
 
-def comparable(result: Result, friction: bool) -> NDArray[np.bool_]:
-    """(n,) samples with a sure answer, see `unsure_samples`."""
+def comparable(result: Result, friction: bool, near: bool = False) -> NDArray[np.bool_]:
+    """(n,) samples with a sure answer, see `unsure_samples`; or those ``near`` a dead centre."""
+    unsure = unsure_samples(result, friction)
     good = np.ones(result.n, dtype=bool)
-    good[list(unsure_samples(result, friction))] = False
+    good[[i for i, why in unsure.items() if not (near and why == "near-dead-centre")]] = False
     return good
 
 

@@ -26,6 +26,7 @@ from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turns import ALIKE, Signal, Turn, Turns, signal_of, turns_of
 from blockmech.errors import refused
 from blockmech.series import EPS, Floats, fit, panels
+from blockmech.told import DEGREES, Told
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -40,8 +41,8 @@ Path = Literal["scalar", "straight", "curved"]
 Velocity = Callable[[Floats], NDArray[np.complex128]]
 
 
-@dataclass(frozen=True)
-class Stroke:
+@dataclass(frozen=True, repr=False)
+class Stroke(Told):
     """A stroke between two extreme positions.
 
     Attributes
@@ -73,7 +74,9 @@ class Stroke:
             return None
         return max(self.out, self.back) / min(self.out, self.back)
 
-    def __str__(self) -> str:
+    def text(self, degrees: bool = DEGREES) -> str:
+        """The stroke as a sentence."""
+
         def place(at: Mapping[str, float]) -> str:
             return ", ".join(f"{d} = {q:.9g}" for d, q in at.items())
 

@@ -40,7 +40,10 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
     """A real output, or a part of a vector."""
 
     def read(s: Floats) -> Any:
-        return cycle.run(s, output)[output]
+        found = cycle.run(s, output)
+        values = np.array(found[output])
+        values[[*found.quality.gaps]] = np.nan  # a slider's angle is known where it cannot be
+        return values
 
     if part == "magnitude":
         return Signal(output, lambda s: np.abs(read(s)), lambda s: np.abs(read(s)) ** 2)

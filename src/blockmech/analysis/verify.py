@@ -18,6 +18,7 @@ from blockmech.analysis.evidence import TOLERANCE, Evidence, Part, Residual
 from blockmech.analysis.force_checks import blocks, frame, friction, links, reduction, whole
 from blockmech.analysis.load_checks import energies, loads
 from blockmech.analysis.motion_checks import closures, drivers, markers, modes
+from blockmech.arguments import declared
 from blockmech.model.structure import LinkRef
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
@@ -99,6 +100,7 @@ class Verification(Told):
 
 
 @np.errstate(all="ignore")  # a check that is not finite fails
+@declared
 def verify(
     mechanism: Compiled,
     at: Coordinates | None = None,

@@ -16,7 +16,7 @@ def studio(
     file: Annotated[
         str | None, typer.Argument(metavar="[FILE]", help="A file of this folder.")
     ] = None,
-    port: Annotated[int, typer.Option(help="Port; by default a free one.", min=0)] = 0,
+    port: Annotated[int, typer.Option(help="Port; by default a free one.", min=0, max=65535)] = 0,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Print the address, open nothing.")
     ] = False,

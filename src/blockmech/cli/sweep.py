@@ -23,8 +23,11 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import check_places, write_found
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
+from blockmech.compiled import Compiled
 from blockmech.errors import needed, refused
 from blockmech.model.parameters import named
+from blockmech.studies.family import parameters
+from blockmech.studies.reductions import TEXT
 from blockmech.studies.sampling import Distribution, normal, uniform
 
 Vary = Annotated[
@@ -79,7 +82,11 @@ def sweep(
     asked: dict[str, Any] = {"over": over, "samples": samples, "times": times(at_times)}
     asked |= {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     asked |= {"sampling": sampling, "count": count, "seed": seed, "static": static}
-    asked |= {"want": list(want), "out": out if in_parts else None, "workers": workers}
+    asked |= {
+        "want": [_reduction(mechanism, x) for x in want],
+        "out": out if in_parts else None,
+        "workers": workers,
+    }
     numbers = _varied(mechanism, vary)
     with progress_bar("running") as told, _client(dask) as client:
         found = mechanism.study(numbers, progress=told, client=client, **asked)
@@ -107,9 +114,19 @@ def _client(address: str | None) -> Iterator[Any]:
         yield client
 
 
-def _varied(mechanism: Any, given: list[str]) -> dict[str, list[float] | Distribution]:
+def _reduction(mechanism: Compiled, text: str) -> str:
+    """A reduction with its pose as a plain number: ``at(crank.drive, 60deg)`` at 1.047 rad."""
+    match = TEXT.fullmatch(text.strip())
+    if match is None or match["at"] is None or not mechanism.drivers:
+        return text
+    units = UNITS[mechanism.driver_joint(mechanism.drivers[0]).coordinate_unit]
+    (q,) = row(f"--want {text}", match["at"], units)
+    return f"{match['how']}({match['output']}, {q!r})"
+
+
+def _varied(mechanism: Compiled, given: list[str]) -> dict[str, list[float] | Distribution]:
     """Address -> values or distribution, from the ``--vary`` options."""
-    known = mechanism.parameters()
+    known = parameters(mechanism)
     found: dict[str, list[float] | Distribution] = {}
     for text in given:
         address, equals, values = text.partition("=")

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
+from blockmech.arguments import declared
 from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.boxes import graph_of
 from blockmech.draw.curves import Axis, abscissa, chosen_panels, pictures_of
@@ -20,7 +21,7 @@ from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.panels import draw_panels
 from blockmech.draw.paper import STILL, rendered, suffix_of, write_figure
 from blockmech.draw.schedule import draw_schedule
-from blockmech.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.errors import Problem, RequestError, as_names, close_match, listed, refused
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.model.graph import Graph
@@ -45,6 +46,7 @@ Subject: TypeAlias = Runnable
 KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING, "schedule": STILL}
 
 
+@declared
 def draw(
     subject: Subject,
     path: AnyPath,
@@ -99,16 +101,19 @@ def draw(
     return write_figure(draw_schedule(subject.compile().plan(want)), path, suffix)
 
 
+@declared
 def diagram_svg(subject: Subject) -> str:
     """The block diagram as SVG text; the same graph gives the same text."""
     return rendered(_diagram_figure(subject), ".svg").decode()
 
 
+@declared
 def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None = None) -> str:
     """The mechanism at poses as SVG text; see `draw` for the arguments and errors."""
     return rendered(_mechanism_figure(subject, at, trace, True), ".svg").decode()
 
 
+@declared
 def animate(
     subject: Subject | Result,
     path: AnyPath | None = None,
@@ -153,6 +158,7 @@ def animate(
     return made if path is None else made.save(path)
 
 
+@declared
 def run_pictures(
     result: Result, folder: AnyPath, *, over: Axis = "auto", degrees: bool = DEGREES
 ) -> list[Path]:
@@ -179,6 +185,7 @@ def run_pictures(
         ]
 
 
+@declared
 def plot(
     result: Result,
     path: AnyPath,
@@ -202,7 +209,7 @@ def plot(
     if names is None and len(result) == len(result.mechanism.outputs):
         panels = tuple(p for group in pictures_of(result).values() for p in group)
     else:
-        panels = chosen_panels(result, result if names is None else names)
+        panels = chosen_panels(result, result if names is None else as_names("names", names))
     return write_figure(draw_panels(panels, along), path, suffix)
 
 

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.arguments import declared
 from blockmech.draw import palette as ink
 from blockmech.draw.mechanism import caption, joint_labels, load_text, page_of, paths_of
 from blockmech.draw.motion import Complex, Motion
@@ -86,6 +87,9 @@ class Animation:
             self.names = [*map(crowd.place, joint_labels(self.page, stage))]
             self.shapes += [self.page.leader(p, len(good)) for p in self.names if p.far.any()]
 
+    def __repr__(self) -> str:
+        return f"<Animation of {self.motion.result.mechanism.name}: {len(self.order)} frames>"
+
     @cached_property
     def html(self) -> str:
         """The player as one HTML document that loads nothing from elsewhere."""
@@ -100,6 +104,7 @@ class Animation:
         """A GIF that repeats for ever."""
         return _gif(self)
 
+    @declared
     def save(self, path: AnyPath) -> Animation:
         """Write a .gif or .html file; raises the errors of `draw`."""
         suffix = suffix_of(path, "an animation", MOVING)

@@ -52,7 +52,7 @@ class PlottedModes(Pictured, Modes):
         bars = [bar for group in self.groups for bar in _of_group(self, group)]
         said = "Modes of one colour connect through dead centres; the dot: the file's mode."
         unit = self.units.get(self.driver, "")
-        return _figure(bars, f"{self.driver}.q", unit, said, degrees)
+        return _figure(bars, f"{self.prefix}{self.driver}.q", unit, said, degrees)
 
 
 limits = giving(PlottedLimits, found_limits)

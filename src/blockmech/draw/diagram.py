@@ -185,8 +185,8 @@ def _draw_drive(drawn: Diagram, r: Rectangle, labels: tuple[str, ...]) -> None:
 
 
 def _draw_wire(drawn: Diagram, i: int, wire: DrawnWire) -> None:
-    source, marker, target, port = wire.ends
-    what, way = f"{source}.{marker} -> {target}.{port}", drawn.placed.ways[i]
+    source, marker, *_ = wire.ends
+    what, way = str(wire.ends), drawn.placed.ways[i]
     if i in drawn.placed.made.backward:
         drawn.arrow(shortened(way, SIZES.port), "cycle", what)
     else:

@@ -32,7 +32,8 @@ class Box:
     """What the layout knows of a block.
 
     ``head`` rows stand above the first port, ``above`` rows over the box are kept
-    free; ``ports`` are the names on the left edge; ``width`` is in points.
+    free; ``ports`` are the names on the left edge; ``width`` is in points. Where all
+    ``markers`` stand on the right edge, no pin changes its place for its wire.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Box:
     head: int = 2
     above: int = 0
     first: bool = False  # stands in the first layer, alone
+    markers: tuple[str, ...] | None = None
 
 
 class Ends(NamedTuple):
@@ -50,6 +52,9 @@ class Ends(NamedTuple):
     marker: str
     target: str
     port: str
+
+    def __str__(self) -> str:
+        return f"{self.source}.{self.marker} -> {self.target}.{self.port}"
 
 
 @dataclass
@@ -75,7 +80,8 @@ class Layered:
         if not isinstance(node, str):
             return 1
         box, leaving = self.boxes[node], [wire.source for wire in self.wires].count(node)
-        return box.above + box.head + max(len(box.ports), leaving)
+        right = leaving if box.markers is None else len(box.markers)
+        return box.above + box.head + max(len(box.ports), right)
 
     def ends(self, step: tuple[Node, Node, int]) -> tuple[int, int]:
         """Rows of the two ends of a step."""
@@ -172,9 +178,15 @@ def _pins(made: Layered) -> None:
     place, steps, wires = _places(made.layers), made.steps, made.wires
     for name, box in made.boxes.items():
         came = {wires[w].port: place[a] for a, _, w in steps.in_edges(name, keys=True)}
-        order = sorted(box.ports, key=lambda port: came.get(port, len(place)))
+        order = list(box.ports)
+        if box.markers is None:
+            order.sort(key=lambda port: came.get(port, len(place)))
         made.ports |= {(name, port): k for k, port in enumerate(order)}
-    for name in made.boxes:
+    for name, box in made.boxes.items():
+        if box.markers is not None:
+            mine = {i: wire.marker for i, wire in enumerate(wires) if wire.source == name}
+            made.out |= {i: box.markers.index(marker) for i, marker in mine.items()}
+            continue
         leaving = sorted(
             (place[to], made.ports.get((to, wires[w].port), 0), w)
             for _, to, w in steps.out_edges(name, keys=True)

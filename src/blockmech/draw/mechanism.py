@@ -15,12 +15,12 @@ from blockmech.draw import palette as ink
 from blockmech.draw import shapes
 from blockmech.draw.labels import Label
 from blockmech.draw.motion import Complex, Motion, marker_place, moves
-from blockmech.draw.page import Page, Paths
+from blockmech.draw.page import Page, Paths, unit_of
 from blockmech.draw.palette import MOST, SIZES
 from blockmech.draw.paper import scaled_unit, shown_name, styled
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import among
 from blockmech.model.structure import MarkerRef
 from blockmech.told import DEGREES
 
@@ -92,8 +92,12 @@ def draw_mechanism(
 
 
 def page_of(sketch: Sketch, motion: Motion, paths: Paths, captions: Iterable[str]) -> Page:
-    """A page for all that is drawn of a mechanism at all samples."""
-    return Page(places_of(sketch, motion, paths), sketch.words > MANY, paths, captions)
+    """A page for all that is drawn of a mechanism at all samples, arrows of forces too."""
+    wide, places = sketch.words > MANY, places_of(sketch, motion, paths)
+    stage = Stage(sketch, motion, unit_of(places, wide))
+    ways = (shapes.load_ways(stage, load) for load in sketch.loads if load.unit == "N")
+    ends = np.concatenate([places, *(arrow.ravel() for way in ways for arrow in way)])
+    return Page(ends[np.isfinite(ends)], wide, paths, captions)
 
 
 def places_of(sketch: Sketch, motion: Motion, paths: Paths) -> Complex:
@@ -156,13 +160,8 @@ def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
     Raises `RequestError` for names of no marker of a moving link.
     """
     moving = _markers(motion.mechanism)
-    names = list(_usual_paths(motion.mechanism, moving) if names is None else names)
-    wrong = [n for n in names if n not in moving]
-    if wrong:
-        found, valid = "no marker of a moving link has that name", f"markers: {listed(moving, 16)}"
-        raise RequestError(
-            Problem("unknown-marker", n, found, valid, close_match(n, moving)) for n in wrong
-        )
+    names = _usual_paths(motion.mechanism, moving) if names is None else names
+    names = among(moving, "moving marker", names, "unknown-marker")
     return {n: motion.at(moving[n].on, marker_place(motion.structure, moving[n])) for n in names}
 
 

@@ -55,6 +55,18 @@ class Shape:
         return points if np.isfinite(points).all() else points[:0]
 
 
+def columns_of(wide: bool) -> float:
+    """Width [pt] of a page of one column or two."""
+    return 2 * ink.COLUMN + 14.0 if wide else ink.COLUMN
+
+
+def unit_of(places: Complex, wide: bool) -> float:
+    """What a point of a page that places fill is on the ground [m/pt]."""
+    room = columns_of(wide) - SIZES.left - SIZES.right - 2 * SIZES.edge
+    x, y = float(np.ptp(places.real)), float(np.ptp(places.imag))
+    return max(x / room, y / (SIZES.heights[1] - 2 * SIZES.edge), (max(x, y) or 1.0) / room / 3)
+
+
 class Page:
     """Axes in metres at equal aspect, with paths of markers, and room for captions above.
 
@@ -63,15 +75,12 @@ class Page:
     """
 
     def __init__(self, places: Complex, wide: bool, paths: Paths, captions: Iterable[str]) -> None:
-        columns = 2 * ink.COLUMN + 14.0 if wide else ink.COLUMN
+        columns = columns_of(wide)
         self.wide = wide
         self.width = columns - SIZES.left - SIZES.right
         low = complex(places.real.min(), places.imag.min())
         size = complex(places.real.max(), places.imag.max()) - low
-        room = self.width - 2 * SIZES.edge
-        smallest = (max(size.real, size.imag) or 1.0) / room / 3
-        tallest = SIZES.heights[1] - 2 * SIZES.edge
-        self.unit = max(size.real / room, size.imag / tallest, smallest)
+        self.unit = unit_of(places, wide)
         self.height = float(np.clip(size.imag / self.unit + 2 * SIZES.edge, *SIZES.heights))
         self.corner = low + size / 2 - complex(self.width, self.height) * self.unit / 2
         rows = max((len(self.lines(text)) for text in captions), default=0)

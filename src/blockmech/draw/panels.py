@@ -102,7 +102,7 @@ def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
     pair = len(panel.curves) == len(panel.without) == 1
     for i, (name, y) in enumerate(panel.curves.items()):
         look = {**ink.curve_style(i), "lw": 1.2, "zorder": 2.5, "marker": "o"}
-        label = "with friction" if pair else shown_name(name)
+        label = f"{shown_name(name)} with friction".lstrip() if pair else shown_name(name)
         _line(axes, x, factor * y[order], label=label, **look)
     for i, name in enumerate(panel.curves):
         if name in panel.without:

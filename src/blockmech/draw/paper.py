@@ -146,10 +146,14 @@ def scaled_unit(unit: str, largest: float) -> tuple[float, str]:
     return 10.0**-power, PREFIXES[power] + unit
 
 
-def rendered(figure: Any, suffix: str, dpi: int = DPI) -> bytes:
+def rendered(figure: Any, suffix: str, dpi: float = DPI) -> bytes:
     """The picture as the bytes of a .png, .svg or .pdf file; the same for the same picture."""
+    from PIL import Image
+
     date = {".svg": {"Date": None}, ".pdf": {"CreationDate": None, "ModDate": None}}
-    buffer = io.BytesIO()
+    buffer, (width, height) = io.BytesIO(), figure.get_size_inches()
+    if suffix == ".png":  # less sharp where Pillow would warn of its size
+        dpi = min(dpi, math.sqrt((Image.MAX_IMAGE_PIXELS or math.inf) / (width * height)))
     with styled():  # how text and identities are written is settled now, not while drawing
         figure.savefig(buffer, format=suffix[1:], dpi=dpi, metadata=date.get(suffix))
     return buffer.getvalue()

@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from blockmech.arguments import declared
 from blockmech.draw.paper import rendered, suffix_of, write_figure
 from blockmech.errors import BlockmechError
 from blockmech.files import AnyPath
@@ -20,6 +21,7 @@ class Pictured(ABC):
     def figure(self) -> Any:
         """matplotlib's figure. Raises `RequestError` where there is nothing to draw."""
 
+    @declared
     def plot(self, path: AnyPath) -> Path:
         """Write the picture (png, svg or pdf).
 

@@ -174,10 +174,11 @@ def way_between(
         y = max((r.y + r.height for r in boxes), default=max(y1, y2)) + ROW + aside
         return [start, (out, y1), (out, y), (into, y), (into, y2), end]
     ways = [[start, (x, y1), (x, y2), end] for x in ((out + into) / 2, out, into)]
-    return min(ways, key=lambda way: sum(_runs_through(way, r) for r in boxes))
+    return min(ways, key=lambda way: sum(runs_through(way, r) for r in boxes))
 
 
-def _runs_through(way: Sequence[Point], r: Rectangle) -> bool:
+def runs_through(way: Sequence[Point], r: Rectangle) -> bool:
+    """Whether a way runs through a box, or too near beside it."""
     near = SIZES.stub / 3  # so that ports beside the wire stay free
     return any(
         min(xa, xb) < r.x + r.width + near

@@ -28,7 +28,7 @@ class PlottedSensitivity(Pictured, Sensitivity):
             f"{shown_name(self.result.mechanism.name, 40)}: largest change of an output over "
             f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
             "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
-        )
+        ) + self.said_of(ranked)
         with captioned(said, sum(heights) + ink.ROW / 2) as figure:
             panels = figure.subplots(len(ranked), height_ratios=heights, squeeze=False)[:, 0]
             for axes, (name, effects) in zip(panels, ranked.items(), strict=True):

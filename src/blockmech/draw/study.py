@@ -41,8 +41,8 @@ class PlottedStudy(Pictured, Study):
             found = "poses are arrays, and no other number was kept"
             raise refused("plot", found, "keep e.g. a max_abs as well")
         numbers = self.table()[: len(self.vary)][:CELLS]
-        grid = len(self.vary) if self.sampling == "grid" else 0
-        mapped = grid == 2 and min(self.shape) > 1
+        grid = len(self.vary) if self.designs.sampling == "grid" else 0
+        mapped = grid == 2 and min(self.designs.shape) > 1
         if mapped:
             columns = min(len(results), 2)
             size = -(-len(results) // columns) * 1.25 * PANEL, columns * ink.COLUMN
@@ -51,9 +51,9 @@ class PlottedStudy(Pictured, Study):
         else:
             wide = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
             size = len(results) * CELL + 3 * ink.TEXT, wide
-        missing = self.n - self.status.count("ok")
+        missing, mark = self.n - self.status.count("ok"), "hatched" if mapped else "crosses"
         said = f"{shown_name(self.name, 40)}: {self.n} designs"
-        said += f", {missing} without an answer" if missing else ""
+        said += f", {missing} without an answer ({mark})" if missing else ""
         with captioned(f"{said}.", size[0] + ink.ROW / 2, size[1]) as figure:
             if mapped:
                 _maps(figure, self, results, numbers)
@@ -65,29 +65,16 @@ class PlottedStudy(Pictured, Study):
 study = giving(PlottedStudy, studied)
 
 
-def _scaled(column: Column) -> tuple[Any, str]:
-    """Values and unit as they read well."""
-    sizes = np.abs(column.values[np.isfinite(column.values)])
-    factor, unit = scaled_unit(column.unit, float(sizes.max(initial=0.0)))
-    return column.values * factor, unit
-
-
 def _label(name: str, unit: str, room: float) -> str:
     """A name and its unit, on two lines where one has not the room [pt]."""
     whole = f"{name} [{unit or '–'}]"
     if text_width(whole, ink.TEXT) <= room:
         return whole
-    breaks = [k for k, sign in enumerate(whole) if sign in "(. " and k]
-    at = min(breaks, key=lambda k: abs(k - len(whole) / 2))
-    return f"{whole[:at]}\n{whole[at:].lstrip()}"
-
-
-def _marked(axes: Any, x: Any) -> None:
-    """Designs without an answer, at the foot of a panel."""
-    if len(x):
-        foot = np.full(len(x), FOOT)
-        place = axes.get_xaxis_transform()
-        axes.scatter(x, foot, marker="x", s=8, lw=0.6, color=ink.ALARM, transform=place, zorder=3)
+    breaks = [whole.rindex(" [") + 1, whole.find("(") + 1]
+    breaks += [k for k, sign in enumerate(whole) if sign == "."]
+    texts = [f"{whole[:k]}\n{whole[k:]}" for k in breaks if k]
+    fits = (t for t in texts if max(text_width(x, ink.TEXT) for x in t.split("\n")) <= room)
+    return next(fits, texts[-1])
 
 
 def _maps(figure: Any, study: Study, results: Sequence[Column], numbers: Sequence[Column]) -> None:
@@ -99,24 +86,19 @@ def _maps(figure: Any, study: Study, results: Sequence[Column], numbers: Sequenc
     for axes in panels[len(results) :]:
         axes.remove()
     for axes, column in zip(panels, results, strict=False):
-        low, high = np.nanpercentile(column.values, ENDS) if missing(column) < study.n else (0, 1)
+        known = column.values[np.isfinite(column.values)]
+        low, high = np.percentile(known, ENDS) if len(known) else (0, 1)
         factor, unit = scaled_unit(column.unit, max(abs(low), abs(high)))
-        z = np.full(int(np.prod(study.shape)), np.nan)
-        z[: study.n] = factor * column.values
+        z = factor * study.filled(column.values, np.nan)
         axes.patch.set(facecolor=ink.PAPER, hatch="////", edgecolor=ink.PALE)
         drawn = axes.pcolormesh(
-            x, y, z.reshape(study.shape), cmap="cividis", shading="nearest", rasterized=True,
+            x, y, z, cmap="cividis", shading="nearest", rasterized=True,
             vmin=factor * low, vmax=factor * high,
         )  # fmt: skip
         bar = figure.colorbar(drawn, ax=axes, pad=0.02, extend="both")
         bar.set_label(_label(column.name, unit, PANEL), labelpad=2)
         axes.set_xlabel(_label(first.name, first.unit, ink.COLUMN * 0.7), labelpad=1)
         axes.set_ylabel(_label(second.name, second.unit, PANEL), labelpad=2)
-
-
-def missing(column: Column) -> int:
-    """Designs without the number."""
-    return int(np.count_nonzero(~np.isfinite(column.values)))
 
 
 def _matrix(
@@ -127,14 +109,18 @@ def _matrix(
     panels = figure.subplots(len(results), len(numbers), sharex="col", sharey="row", squeeze=False)
     over, beside = (ink.COLUMN, PANEL * 0.8) if curves else (CELL * 0.9, CELL * 0.9)
     for row, column in zip(panels, results, strict=True):
-        y, unit = _scaled(column)
+        sizes = np.abs(column.values[np.isfinite(column.values)])
+        factor, unit = scaled_unit(column.unit, float(sizes.max(initial=0.0)))
+        y = factor * column.values
         for axes, number in zip(row, numbers, strict=True):
             if curves:
                 axes.plot(number.values, y, color=ink.FORWARD, marker="." if study.n <= 1 else "")
             else:
                 axes.scatter(number.values, y, s=DOT, lw=0, color=ink.FORWARD, rasterized=True)
                 axes.locator_params(nbins=4)
-            _marked(axes, number.values[bad])
+            foot, place = np.full(bad.sum(), FOOT), axes.get_xaxis_transform()
+            style = {"marker": "x", "s": 8, "lw": 0.6, "color": ink.ALARM, "zorder": 3}
+            axes.scatter(number.values[bad], foot, transform=place, **style)
             axes.grid(True)
         row[0].set_ylabel(_label(column.name, unit, beside), labelpad=2)
     for axes, number in zip(panels[-1], numbers, strict=True):

@@ -33,6 +33,7 @@ class PlottedTolerance(Pictured, Tolerance):
             "deviations, a vector by its length; below the deviation, filled by the shares of the "
             "numbers in the variance"
         ) + (", dots by Monte Carlo." if self.sampled else ".")
+        said += self.sensitivity.said_of(names)
         with captioned(said, 2 * len(names) * PANEL + 2.5 * ink.ROW) as figure:
             panels = figure.subplots(2 * len(names), sharex=True, squeeze=False)[:, 0]
             for k, name in enumerate(names):
@@ -50,9 +51,11 @@ tolerance = giving(PlottedTolerance, found_of)
 def _band(axes: Any, found: Tolerance, name: str, x: Any) -> None:
     y, deviation = values(found.sensitivity.result, name), found[name]
     factor, unit = scaled_unit(found.sensitivity.result.unit(name), float(np.nanmax(np.abs(y))))
-    low, high = (factor * (y + side * BAND * deviation) for side in (-1.0, 1.0))
-    axes.fill_between(x, low, high, color=ink.LINK_FILLS[0], lw=0)
-    axes.plot(x, factor * y, color=ink.FORWARD, lw=0.8)
+    y, band = factor * y, factor * BAND * deviation
+    if len(x) == 1:
+        axes.errorbar(x, y, band, fmt=".", color=ink.FORWARD, capsize=3)
+    axes.fill_between(x, y - band, y + band, color=ink.LINK_FILLS[0], lw=0)
+    axes.plot(x, y, color=ink.FORWARD, lw=0.8)
     axes.set_ylabel(f"{shown_name(name)} [{unit or '–'}]", labelpad=2)
     axes.grid(True)
 
@@ -63,7 +66,12 @@ def _shares(axes: Any, found: Tolerance, name: str, x: Any, order: Any) -> None:
     rows = [factor * deviation * shares[j] for j in order]
     addresses = list(found.laws)
     labels = [addresses[j] for j in order]
-    axes.stackplot(x, rows, labels=labels, colors=ink.LINK_FILLS, lw=0)
+    if len(x) == 1:
+        axes.set_xticks(x)
+        for k, label in enumerate(labels):
+            axes.bar(x, rows[k], bottom=sum(rows[:k]), label=label, color=ink.LINK_FILLS[k])
+    else:
+        axes.stackplot(x, rows, labels=labels, colors=ink.LINK_FILLS, lw=0)
     axes.plot(x, factor * deviation, color=ink.INK, lw=0.8)
     if name in found.sampled:
         axes.plot(x, factor * found.sampled[name].deviation, ".", ms=3, color=ink.ALARM)

@@ -7,7 +7,7 @@ backwards from the standstill, whose place is moved until the energies fit.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -61,12 +61,12 @@ class Ahead:
         self.road, self.n, self.rounding = road, road.n, rounding
         self.system, self.tolerance = road.system, road.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
-        self.longest = math.inf  # [rad or m] that may be smooth: twice what was, after halvings
+        self.longest = math.inf  # [rad or m] that may be smooth: twice what was, if not all
 
     def panel(self, at: At, piece: Piece, end: float) -> Panels | Obstacle:
         """The next panel towards a place."""
-        q, sign = at.q, at.sign
-        end, self.longest = q + sign * min(abs(end - q), self.longest), math.inf
+        q, sign, whole = at.q, at.sign, abs(end - at.q)
+        end, self.longest = q + sign * min(whole, self.longest), math.inf
         free = self.system.friction is None  # to move on: no self-locking where the motion is
         stop: float | None = None
         while True:
@@ -95,8 +95,8 @@ class Ahead:
             elif known:
                 found = self._resolved(at, piece, lies, acting, K, inertia)
                 if found is not None:
+                    self.longest = 2 * abs(end - q) if abs(end - q) < whole else math.inf
                     return found
-            self.longest = abs(end - q)
             end = q + 0.5 * (end - q)
             rough = inertia.min() < ROUGH * piece.data.largest[J]
             if rough and self._shortened(at, piece, abs(end - q)):
@@ -162,7 +162,7 @@ class Ahead:
         friction = self.system.friction
         if friction is None:
             return None
-        J0 = float(self.system.sample(np.array([at.q])).J[0])
+        J0 = float(self.system.at(at.q).J[0])
         rate = at.sign * math.sqrt(2 * at.K / J0)
         found = friction.at(at.q, rate, 0.0, friction.sides(at.q, at.sign))
         if not found.locked:
@@ -242,13 +242,14 @@ class Ahead:
             return panel
         return self.panel(at, piece, kink)
 
-    def _first_kink(self, at: At, lies: Spans, loads: Floats) -> float | None:
+    def _first_kink(self, at: At, lies: Spans, loads: Any) -> float | None:
         """Where a guide is pressed by another side or edge, or a pin by its other side."""
         assert self.system.friction is not None
         found: list[float] = []
         r, (way,) = rule(self.n), lies.way
         near = max(math.sqrt(EPS), CLOSE * abs(at.q / way))  # one at an end, but for rounding
-        for F, guide in zip(loads.T, self.system.friction.guides, strict=True):
+        for load, guide in zip(loads, self.system.friction.guides, strict=True):
+            F = load.real + 1j * load.imag
             across, largest = np.zeros(self.n), float(np.abs(F).max())
             if guide:
                 N, C = F.real, F.imag

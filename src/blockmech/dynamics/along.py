@@ -87,7 +87,7 @@ def _with_friction(system: System, q: float, qd: float, t: float) -> float:
     """q'' of the only driver; none at a standstill that friction holds."""
     friction = system.friction
     assert friction is not None
-    way = int(np.sign(qd)) or friction.rest(q, t, system.load_size(q)).moves
+    way = int(np.sign(qd)) or friction.rest(q, t).moves
     return friction.at(q, qd, t, friction.sides(q, way)).qdd if way else 0.0
 
 
@@ -126,7 +126,9 @@ def result_along(
 
 
 def _margin_at_end(mechanism: Compiled, motion: Motion) -> float:
-    return System(mechanism).acceleration(motion.q_end, motion.qd_end, motion.t_end)[1]
+    system, q = System(mechanism), motion.q_end
+    alone = len(system.drivers) == 1
+    return system.one(q).margin if alone else system.terms(q, motion.qd_end).margin
 
 
 def frictionless(mechanism: Compiled, want: Sequence[str], samples: Samples) -> Result:

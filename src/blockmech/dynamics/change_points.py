@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,8 +20,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from blockmech.dynamics.motion import Floats
+from blockmech.dynamics.panels import basis, rule
+from blockmech.dynamics.place import MARGIN, TAU, J, PlaceData, place
 from blockmech.dynamics.system import One, Sample, Source, System
-from blockmech.series import coefficients, nodes
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series; even, so that none is at the change point
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side
@@ -32,44 +32,8 @@ ENDED = 1e-13  # end of a series, relative: what poses a tenth of a radian away 
 USED = 0.5  # share of the reach within which the series is read: its ends are less exact
 
 
-@dataclass(frozen=True)
-class Series:
-    """Inertia and effort at rest through a change point.
-
-    place : [rad or m] the change point
-    reach : [rad or m] of the series on either side
-    margin : [-] the smaller one at the ends of what is read
-    coefficients : (2, n) of J and tau
-    """
-
-    place: float
-    reach: float
-    margin: float
-    coefficients: Floats
-
-    @property
-    def n(self) -> int:
-        """Number of poses."""
-        return int(self.coefficients.shape[1])
-
-    @cached_property
-    def nodes(self) -> Floats:
-        """Driver coordinates (n,) of the poses that the series goes through."""
-        return self.place + self.reach * nodes(self.n)
-
-    @cached_property
-    def slope(self) -> Floats:
-        """Coefficients of dJ/dq: it loses fewer digits than that of poses."""
-        return chebyshev.chebder(self.coefficients[0]) / self.reach
-
-    def weights(self, offset: Floats) -> Floats:
-        """Weights (m, n) of the poses at distances (m,) [rad or m] from the change point."""
-        polynomials = chebyshev.chebvander(offset / self.reach, self.n - 1)
-        return np.asarray(polynomials @ coefficients(np.eye(self.n)).T)
-
-
-def series_through(compiled: Source) -> tuple[Series, ...]:
-    """The series of all change points; none where no dyad follows the motion.
+def pieces_through(compiled: Source) -> tuple[PlaceData, ...]:
+    """Series through all change points, which are their middles; none where no dyad follows.
 
     Where no smooth series is found, the change point stays a dead centre.
     """
@@ -93,35 +57,42 @@ def period_through(compiled: Source, period: float | None) -> float | None:
     return math.tau * math.lcm(2, round(period / math.tau))
 
 
-def _longest(plain: System, place: float, points: Sequence[float]) -> Series | None:
+def _longest(plain: System, point: float, points: Sequence[float]) -> PlaceData | None:
     """The longest series that is smooth."""
     rotary = plain.rotary[0]
     scale = 1.0 if rotary else plain.span / math.tau
     reach = REACH * scale
     for other in [*points, *plain.knots]:
-        d = other - place
+        d = other - point
         d = math.remainder(d, plain.period or math.tau) if rotary else d
         reach = min(reach, APART * abs(d)) if d else reach
     while reach >= SHORTEST * scale:
         for n in SIZES:
-            found = _series(plain, place, reach, n)
+            found = _piece(plain, point, reach, n)
             if found is not None:
                 return found
         reach /= 2
     return None
 
 
-def _series(plain: System, place: float, reach: float, n: int) -> Series | None:
-    """The series of one reach through n poses; None where they are too few or not possible."""
-    used = USED * reach
-    sample = plain.sample(np.concatenate([place + reach * nodes(n), [place - used, place + used]]))
+def _piece(plain: System, point: float, reach: float, n: int) -> PlaceData | None:
+    """The series of one reach through n poses; None where they are too few or not possible.
+
+    Its rows: J, tau at rest, the least margin at the ends of what is read, and dJ/dq, which loses
+    fewer digits than that of poses.
+    """
+    low, high, used = point - reach, point + reach, USED * reach
+    q = place(low, high, 0, rule(n).v)
+    sample = plain.sample(np.append(q, [point - used, point + used]))
     if not sample.possible.all():
         return None
-    found = coefficients(np.array([sample.J, sample.tau])[:, :n])
-    size = np.abs(found)
+    rows = np.array([sample.J[:n], sample.tau[:n], np.full(n, sample.margin[n:].min())])
+    series = PlaceData(low, high, 0, rows).series
+    size = np.abs(series[:MARGIN])
     if not (size[:, -2:].max(axis=1) <= ENDED * size.max(axis=1)).all():
         return None
-    return Series(place, reach, float(sample.margin[n:].min()), found)
+    slope = basis(rule(n).v, n - 1) @ chebyshev.chebder(series[J]) / reach
+    return PlaceData(low, high, 0, np.vstack([rows, slope]))
 
 
 class FollowingSystem(System):
@@ -139,56 +110,52 @@ class FollowingSystem(System):
         """Period [rad] of everything that depends on the driver's coordinate."""
         return period_through(self.compiled, super().period)
 
-    @property
-    def series(self) -> tuple[Series, ...]:
-        """Those of its change points."""
-        return self.compiled.once(series_through)
+    @cached_property
+    def pieces(self) -> tuple[PlaceData, ...]:
+        """Series through its change points."""
+        return self.compiled.once(pieces_through)
 
-    def _offset(self, q: Any, series: Series) -> Any:
-        """Distance from a change point, or from the nearest of its images."""
-        d = q - series.place
+    def _offset(self, q: Any, piece: PlaceData) -> Any:
+        """Distance from a change point, or from the nearest of its images, per reach."""
+        half = piece.length / 2
+        d = q - (piece.low + half)
         whole = self.period or math.tau
-        return d - whole * np.round(d / whole) if self.rotary[0] else d
+        return (d - whole * np.round(d / whole) if self.rotary[0] else d) / half
 
     def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:
         """J, tau and margin at states of any shape."""
         flat = q.ravel()
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
-        away = flat.copy()
-        near = []
-        for series in self.series:
-            d = self._offset(flat, series)
-            mask = np.abs(d) < USED * series.reach
-            away[mask] += USED * series.reach - d[mask]
-            near.append((series, mask, d[mask]))
-        found = [np.array(x) for x in super().sample(away, rates, t)]
-        for series, mask, d in near:
-            if mask.any():
-                tau = self._effort(series, d, rates[mask], t)
-                J = chebyshev.chebval(d / series.reach, series.coefficients[0])
-                for column, value in zip(found, (J, tau, series.margin), strict=True):
-                    column[mask] = value
+        away, near = flat.copy(), []
+        for piece in self.pieces:
+            d = self._offset(flat, piece)
+            mask = np.abs(d) < USED
+            away[mask] += (USED - d[mask]) * piece.length / 2
+            near.append((piece, mask, d[mask]))
+        found = np.array(super().sample(away, rates, t))
+        for piece, mask, d in near:
+            if d.size:
+                found[:, mask] = self._rows(piece, d, rates[mask], t)[: MARGIN + 1]
         return Sample(*(x.reshape(q.shape) for x in found))
 
-    def _effort(self, series: Series, d: Floats, qd: Floats, t: float) -> Floats:
-        """tau (m,) at distances from a change point: of rates and times, between the poses."""
-        if self.depends_on <= {"q"}:
-            return np.asarray(chebyshev.chebval(d / series.reach, series.coefficients[1]))
-        nodes = np.tile(series.nodes, d.size)
-        there = super().sample(nodes, np.repeat(qd, series.n), t)
-        return np.asarray((there.tau.reshape(d.size, -1) * series.weights(d)).sum(axis=1))
+    def _rows(self, piece: PlaceData, d: Floats, qd: Floats, t: float) -> Floats:
+        """Rows of a piece (4, m); the effort of rates and times is read between its poses."""
+        n = piece.rows.shape[1]
+        values = basis((d + 1) / 2, n)
+        rows: Floats = piece.series @ values.T
+        if not self.depends_on <= {"q"}:
+            nodes = np.tile(place(piece.low, piece.high, 0, rule(n).v), d.size)
+            tau = super().sample(nodes, np.repeat(qd, n), t).tau.reshape(d.size, n)
+            rows[TAU] = (tau * (values @ rule(n).to_series)).sum(axis=1)
+        return rows
 
     def one(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
         """One state."""
-        for series in self.series:
-            d = float(self._offset(q, series))
-            if abs(d) < USED * series.reach:
-                x = d / series.reach
-                J, dJ = (
-                    float(chebyshev.chebval(x, c)) for c in (series.coefficients[0], series.slope)
-                )
-                tau = float(self._effort(series, np.array([d]), np.array([qd]), t)[0])
-                return One(J, tau, dJ, series.margin)
+        for piece in self.pieces:
+            d = float(self._offset(q, piece))
+            if abs(d) < USED:
+                J, tau, margin, dJ = self._rows(piece, np.array([d]), np.array([qd]), t)[:, 0]
+                return One(float(J), float(tau), float(dJ), float(margin))
         return super().one(q, qd, t)
 
 

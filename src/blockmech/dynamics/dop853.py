@@ -7,7 +7,8 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 199
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from scipy.integrate import DOP853
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.system import REPORTED
-from blockmech.engines.stages import Scheme
+from blockmech.engines.stages import Scheme, Steps
 
 
 @cache
@@ -42,50 +43,71 @@ class Dop853(DOP853):  # type: ignore[misc]
         super().__init__(equation, t0, y0, bound, **how)
         self.equation = equation
 
-    def steps(self) -> list[Step]:
-        """The next steps by machine code; none where it has none for the next one."""
+    def steps(self, road: tuple[float, float]) -> Taken | None:
+        """The next steps by machine code, up to one that may leave a road; None without any."""
         code, by = self.equation.code, scheme()
         if code is None:
-            return []
+            return None
         tolerances = np.array([self.rtol + 0 * self.y, self.atol + 0 * self.y])
-        begin, ends = (self.t, self.y, self.f), (self.t_bound, self.max_step)
+        begin, ends = (self.t, self.y), (self.t_bound, self.max_step)
         left = (self.equation.most - self.equation.spent) / len(by.C)
         most = int(min(REPORTED, left + 1))
-        found = code.steps(by, begin, self.h_abs, ends, tolerances, most)
+        found = code.steps(by, begin, self.h_abs, ends, road, tolerances, most)
         many = len(found.K)
-        self.equation.took(found.tried * (self.n_stages) + many * (len(by.C) - self.n_stages - 1))
-        if many:
-            self.t_old, self.t = found.t[-2:].tolist()
-            self.y_old, self.y = found.y[-2:]
-            self.h_abs, self.f = found.h, found.K[-1, self.n_stages]
-            self.h_previous = self.t - self.t_old
-            self.status = "finished" if self.t >= self.t_bound else "running"
-        t = found.t.tolist()
-        return [*map(Step, t, t[1:], found.y, found.y[1:], found.K)]
+        more = len(by.C) - self.n_stages - 1
+        self.equation.took(1 + found.tried * self.n_stages + many * more)
+        if not many:
+            return None
+        self.t_old, self.t = found.t[-2:].tolist()
+        self.y_old, self.y = found.y[-2:]
+        self.h_abs, self.f = found.h, found.K[-1, self.n_stages].copy()
+        self.h_previous = self.t - self.t_old
+        self.status = "finished" if self.t >= self.t_bound else "running"
+        return Taken(found.t, found.y, Dense.of(found), found.calm)
 
 
-class Step(NamedTuple):
-    """A step and its dense output, of which nothing is worked out before it is asked for."""
+class Taken(NamedTuple):
+    """Steps, one after the other.
 
-    t_old: float
-    t: float
-    y_old: Floats
+    t : (m + 1,) [s], y : (m + 1, n) where they begin, and where the last ends
+    dense : states (n, ...) at times (...): at one, or (p,)
+    calm : in how many, the first ones, nothing happens for sure
+    """
+
+    t: Floats
     y: Floats
-    K: Floats
+    dense: Callable[[Any], Any]
+    calm: int = 0
+
+    def part(self, first: int, end: int) -> Taken:
+        """Some of them."""
+        return self._replace(t=self.t[first : end + 1], y=self.y[first : end + 1])
+
+    def until(self, t: float, y: Any) -> Taken:
+        """The same, the last to another end."""
+        return self._replace(t=np.append(self.t[:-1], t), y=np.vstack([self.y[:-1], y]))
+
+
+@dataclass(frozen=True)
+class Dense:
+    """Dense output: ``series`` (8, m, n) times powers of the share x of a step and of x (1 - x)."""
+
+    t: Floats
+    series: Floats
+
+    @classmethod
+    def of(cls, steps: Steps) -> Dense:
+        """From the rates at their stages."""
+        t, y, K = steps[:3]
+        h, moved, series = t[1:] - t[:-1], y[1:] - y[:-1], np.empty((8, *y[1:].shape))
+        ways = h[:, None] * K[:, [0, DOP853.n_stages]].swapaxes(0, 1)
+        series[:4] = h[:, None] * (DOP853.D[::-1] @ K).swapaxes(0, 1)
+        series[4:] = 2 * moved - ways[1] - ways[0], ways[0] - moved, moved, y[:-1]
+        return cls(t, series)
 
     def __call__(self, t: Any) -> Floats:
-        """States (n, ...) at times."""
-        times = np.reshape(t, (1, -1))
-        return np.asarray(between([self], times)[0].reshape(-1, *np.shape(t)))
-
-
-def between(steps: Sequence[Step], t: Floats) -> Floats:
-    """States (m, n, p) in some steps (m,) at times (m, p), p of each."""
-    t_old, t_new, y_old, y, K = map(np.array, zip(*steps, strict=True))
-    h, moved = (t_new - t_old)[:, None], y - y_old
-    first, last = h * K[:, 0], h * K[:, DOP853.n_stages]
-    rest = h * (DOP853.D @ K).swapaxes(0, 1)
-    x, total = ((t - t_old[:, None]) / h)[:, None], np.zeros((*y.shape, 1))
-    for i, part in enumerate([*rest[::-1], 2 * moved - last - first, first - moved, moved]):
-        total = (total + part[..., None]) * (1 - x if i % 2 else x)
-    return np.asarray(y_old[..., None] + total)
+        i = self.t[1:-1].searchsorted(t)
+        x = (t - self.t[i]) / (self.t[i + 1] - self.t[i])
+        z = x * (1 - x)
+        powers = np.array([z * z * z * x, z * z * z, z * z * x, z * z, z * x, z, x, 1 + 0 * x])
+        return np.asarray(np.einsum("k...,k...n->n...", powers, self.series[:, i]))

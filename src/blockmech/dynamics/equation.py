@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from blockmech.dynamics.friction import Resisted
 
 
+LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
+
+
 class TooMany(Exception):
     """More evaluations than allowed."""
 
@@ -43,7 +46,6 @@ class Equation:
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
     _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
-    _rows: tuple[Any, ...] = ()  # places, what it says there
 
     @cached_property
     def drivers(self) -> int:
@@ -101,10 +103,11 @@ class Equation:
             if not self.sides:
                 return None
             k = friction.factors(self.sides)
+        least = LEAST_INERTIA * self.typical
         kept, key = self.system.kept, ("rates", self.system.method)
         if key not in kept:
             kept[key] = rates_of(self.system.equation_program, friction)
-        return None if kept[key] is None else Stages(kept[key], (0.0, 1.0, *k))
+        return None if kept[key] is None else Stages(kept[key], (0.0, 1.0, least, *k))
 
     def took(self, states: int) -> None:
         """Count states that machine code was asked for."""
@@ -116,15 +119,6 @@ class Equation:
         """What machine code says of a state, see `rates`; None where it says nothing."""
         code = self.code
         return None if code is None else code.at(t, y)
-
-    def rows(self, q: Floats) -> Floats | None:
-        """What machine code says at places (m,), for the rate 1: (rows, m)."""
-        code = self.code
-        if code is not None and not (self._rows and np.array_equal(self._rows[0], q)):
-            y = np.zeros((4 if self.sides else 3, q.size))
-            y[0], y[1] = q, 1.0
-            self._rows = q, code.rows(y)
-        return None if code is None else self._rows[1]
 
     # -- one state ------------------------------------------------------------
 
@@ -153,21 +147,16 @@ class Equation:
         """Loads on the pairs with friction."""
         row = self.row(t, y)
         if row is not None:
-            parts = row[6 + len(self.sides) :]
-            return [complex(*z) for z in zip(parts[::2], parts[1::2], strict=False)]
+            parts = row[6 : 6 + 2 * len(self.sides)]
+            return [complex(*z) for z in zip(parts[::2], parts[1::2], strict=True)]
         return self.resisted(float(y[0]), float(y[1]), t).loads
 
     def slips(self, q: Any) -> Any:
-        """Relative rates of the pairs with friction per unit driver rate, at one place or more."""
+        """Relative rates of the pairs with friction per unit driver rate."""
         assert self.system.friction is not None
-        if np.ndim(q):
-            rows = self.rows(q)
-            return (
-                self.system.friction.slips(q).T if rows is None else rows[6 : 6 + len(self.sides)]
-            )
         if self._slips[0] != q:
-            row = self.row(0.0, (q, 1.0, 0.0, 0.0))
-            known = None if row is None else row[6 : 6 + len(self.sides)]
+            row, m = self.row(0.0, (q, 1.0, 0.0, 0.0)), len(self.sides)
+            known = None if row is None else row[9 + 2 * m : 9 + 3 * m]
             self._slips = q, known or self.system.friction.slips(np.array([q]))[0]
         return self._slips[1]
 
@@ -176,12 +165,8 @@ class Equation:
         self._last = q, margin, J
 
     def closeness(self, y: Floats) -> tuple[Any, Any]:
-        """Margin, and inertia relative to a typical one, of one driver, at a state or some."""
+        """Margin, and inertia relative to a typical one, of one driver, at a state."""
         k = self.drivers
-        if y.ndim > 1:
-            rows, n = self.rows(y[0]), len(y)
-            J, _, margin = self.system.sample(y[0]) if rows is None else rows[[n + 1, n, n]]
-            return margin, J / self.typical
         here = float(y[0]) if k == 1 else tuple(y[:k])
         if self._last[0] != here:
             row = None if k > 1 else self.row(0.0, (float(y[0]), *[0.0] * (y.size - 1)))
@@ -197,8 +182,8 @@ class Equation:
 
     @cached_property
     def typical(self) -> float:
-        """See `typical_inertia`."""
-        return typical_inertia(self.system, self.q0)
+        """See `System.typical_inertia`."""
+        return self.system.typical_inertia(self.q0)
 
     def inertia(self, y: Floats) -> Floats:
         """Inertia (k, k) on the drivers."""
@@ -211,15 +196,6 @@ class Equation:
         """Kinetic energy [J]."""
         qd = y[self.drivers : 2 * self.drivers]
         return 0.5 * float(qd @ self.inertia(y) @ qd)
-
-
-def typical_inertia(system: System, q: float) -> float:
-    """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
-    if system.usual[0] != q:
-        J = system.sample(q + system.span * np.linspace(0.0, 1.0, 8, endpoint=False)).J
-        good = J[np.isfinite(J) & (J > 0)]
-        system.usual = q, float(np.median(good)) if good.size else 1.0
-    return system.usual[1]
 
 
 def scales(equation: Equation, t: float, y: Floats) -> tuple[float, float]:

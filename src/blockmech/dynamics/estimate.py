@@ -1,9 +1,10 @@
 """Estimates of errors, one rule for all methods (numerics 14).
 
 A run at the target and a finer one: the finer is returned, their difference is its stated error,
-with what rounding leaves unknown of both. It is refined until that meets the target or stops
-falling. Two runs that end differently, or differ as two motions do, did not reach what was asked:
-the motion is given as far as both agree, and says so.
+with what rounding leaves unknown of both. It is refined until that meets the target or nothing
+finer is left: the last two tell it, not the two that agree best. Two runs that end differently,
+or differ as two motions do, did not reach what was asked: the motion is given as far as both
+agree, and says so.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.equation import typical_inertia
-from blockmech.dynamics.motion import Floats, Motion
+from blockmech.dynamics.motion import Floats, Motion, State
 from blockmech.plane import EPS
+from blockmech.series import GOLDEN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -41,19 +42,27 @@ class Difference(NamedTuple):
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
         nowhere further apart than ``near``
     near : [rad or m] within which each driver's runs are one motion, a number or (k,)
+    times, states : the common times, and what the finer one says there
     """
 
     q: float
     t: float
     agree: bool
     near: Any
+    times: Floats
+    states: State
 
 
 def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
     """Times [s] at which two runs are compared."""
     last = min(a.t_end, b.t_end)
-    spread = np.linspace(a.t_start, last, COMPARED)
-    return np.union1d(spread, [t for t in wanted if a.t_start <= t <= last])
+    return np.union1d(spread(a.t_start, last), [t for t in wanted if a.t_start <= t <= last])
+
+
+def spread(start: float, end: float) -> Floats:
+    """Times (n,) over a run that keep no step with its swings, which stand still together."""
+    shares = np.sort(np.arange(COMPARED - 1) * GOLDEN % 1.0)
+    return np.asarray(start + (end - start) * np.append(shares, 1.0))
 
 
 def difference(
@@ -61,7 +70,7 @@ def difference(
 ) -> Difference:
     """How far two runs of one motion are apart; ``rotary`` (k,): whose coordinate is an angle."""
     times = common_times(coarse, fine, wanted)
-    q, qd = fine.at(times)
+    q, qd = states = fine.at(times)
     apart = np.abs(coarse.at(times).q - q).max(axis=0)
     same = coarse.end == fine.end and coarse.status == fine.status
     if same:
@@ -71,27 +80,38 @@ def difference(
     longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
     near = PARTED * np.minimum(np.ptp(q, axis=0), longest) + ROUNDING * size
     close = bool((apart <= near).all()) and late <= PARTED * span
-    return Difference(float(apart.max()), late, same and (close or span == 0), near)
+    agree = same and (close or span == 0)
+    return Difference(float(apart.max()), late, agree, near, times, states)
 
 
-def with_rounding(system: System, motion: Motion, target: float | None) -> Motion:
+def with_rounding(
+    system: System, motion: Motion, target: float | None, by: Difference | None = None
+) -> Motion:
     """The motion; its error with what rounding leaves unknown of all runs alike.
 
     A coordinate is rounded itself. Inertia and loads, known to rounding or to the `noise` of the
     system, set the time of all; where a motion starts with a small inertia, that has the
-    rounding of a usual one.
+    rounding of a usual one, and where it starts from rest by a small effort, that of its parts.
+    ``by``: where its states are known already.
     """
     if motion.error < math.inf and motion.t_end > motion.t_start:
-        states = motion.at(motion.times(COMPARED))
-        q, qd = (float(np.abs(x).max()) for x in states)
+        if by is None or not by.agree or by.times[-1] < motion.t_end:
+            times = spread(motion.t_start, motion.t_end)
+            states = motion.at(times)
+        else:
+            times, states = by.times, by.states
         share = ROUNDING + system.noise
-        if len(system.drivers) == 1 and states.qd[0]:
-            J = float(system.sample(states.q[:1]).J[0])
-            share *= max(1.0, typical_inertia(system, float(states.q[0])) / J) if J > 0 else 1.0
-        late = share * max(abs(motion.t_end), motion.t_end - motion.t_start)
-        unsure = motion.time_error + (0.0 if motion.end == "time" else late)
-        error = motion.error + ROUNDING * q + late * qd
-        motion = replace(motion, error=error, time_error=unsure)
+        if len(system.drivers) == 1:
+            q, qd = (float(x[0]) for x in states)
+            share *= system.inertia_rounding(q) if qd else 1.0
+            share = max(share, 0.0 if qd else system.push_rounding(q, motion.t_start))
+        late = share * np.maximum(np.abs(times), times - motion.t_start)
+        off = (late * np.abs(states.qd).T).T
+        if (off[1:] > np.abs(np.diff(states.q, axis=0))).any():  # of speeds without bound
+            off = np.abs(states.q - motion.at(np.maximum(times - late, motion.t_start)).q)
+        off += ROUNDING * np.abs(states.q)
+        unsure = motion.time_error + (0.0 if motion.end == "time" else float(late[-1]))
+        motion = replace(motion, error=motion.error + float(off.max()), time_error=unsure)
     return motion if target is None else missed(motion, target)
 
 
@@ -117,21 +137,20 @@ def refined(
     before there is one), None where there is none.
     """
     coarse, setting, best = run(first), first, None
-    smallest = math.inf
+    off = math.inf
     while True:
         if coarse.end in (ends.INTERRUPTED, ends.TOO_MANY):
             return stopped(coarse, best)
-        following = finer(setting, smallest)
+        following = finer(setting, off)
         if following is None:
             break
         fine = run(following)
         if fine.end in (ends.INTERRUPTED, ends.TOO_MANY) and fine.t_end < coarse.t_end:
             return stopped(fine, best or coarse)
         apart = difference(coarse, fine, rotary, wanted)
-        if best is not None and apart.agree and not apart.q < smallest:
-            break  # rounding is all that is left
+        off = apart.q
         if apart.agree or best is None or best.end == ends.UNDECIDED:
-            best, smallest = judged(coarse, fine, apart, wanted), apart.q
+            best = judged(coarse, fine, apart, wanted)
         if apart.agree and best.error <= target:
             break
         coarse, setting = fine, following

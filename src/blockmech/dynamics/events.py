@@ -16,6 +16,8 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.equation import LEAST_INERTIA
+from blockmech.dynamics.friction import bearing
 from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, Watch
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
 Value: TypeAlias = Callable[[Any, Any], Any]
 
 PARTS = 8  # of a step, at whose ends an event is looked at: steps take up to a swing
-LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
 NEAR = 0.1  # margin, a transmission angle of 18 degrees, below which a dip within a step counts
 PER_SWING = 64  # samples of a swing or period among which a user's event is looked for
 
@@ -41,8 +42,9 @@ class EventRule:
     terminal : whether the integration stops there (to end, or to go on with another equation)
     parts : of a step that are looked at; 1: only its end, of values that cost kernels
     dips : whether it also happens where the value only dips below zero
-    many : whether the value takes many times and states (n, m) at once
     index : of the pair with friction that it is about
+    place : [rad or m] of the only driver that it is about
+    own : whether it is a user's
     """
 
     kind: str
@@ -51,15 +53,9 @@ class EventRule:
     terminal: bool = True
     parts: int = PARTS
     dips: bool = False
-    many: bool = False
     index: int = -1
-
-    def among(self, t: Floats, y: Floats) -> list[float]:
-        """Values at times (m,) and states (n, m)."""
-        if self.many and t.size:
-            found: list[float] = self.value(t, y).tolist()
-            return found
-        return [self.value(s, x) for s, x in zip(t.tolist(), y.T, strict=True)]
+    place: float = math.nan
+    own: bool = False
 
 
 class Hit(NamedTuple):
@@ -74,7 +70,7 @@ class Hit(NamedTuple):
 
 def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> EventRule:
     """A driver's coordinate reaches q [rad or m]."""
-    return EventRule(kind, lambda t, y: y[driver] - q, direction, many=True)
+    return EventRule(kind, lambda t, y: y[driver] - q, direction, place=q)
 
 
 def general_rules(
@@ -89,7 +85,7 @@ def general_rules(
         def above(t: Any, y: Any, i: int = i, least: float = least) -> Any:
             return closeness(y)[i] - least
 
-        found.append(EventRule(kind, above, -1, parts=1, dips=True, many=k == 1))
+        found.append(EventRule(kind, above, -1, parts=1, dips=True))
     for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
         kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {driver}"
         pairs = zip(between, (-1, 1), strict=True)
@@ -98,7 +94,7 @@ def general_rules(
         return found
     found += [driver_at(ends.GOAL, q) for q in request.places]
     ends_run = request.standstills < math.inf or system.friction is not None
-    return [*found, EventRule(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run, many=True)]
+    return [*found, EventRule(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run)]
 
 
 def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventRule]:
@@ -123,25 +119,15 @@ def friction_rules(
     def slip(j: int) -> Value:
         return lambda t, y: slips(y[0])[j]
 
-    def load(j: int, part: Callable[[complex], float]) -> Value:
-        return lambda t, y: part(complex(loads(t, y)[j]))
+    def side(j: int, part: int) -> Value:
+        return lambda t, y: bearing(complex(loads(t, y)[j]))[part]
 
     for j, guide in enumerate(guides):
-        found.append(EventRule(ends.REVERSAL, slip(j), parts=PARTS // 2, many=True, index=j))
-        if guide:  # of its load N + 2i C/L the larger part counts: kinks where either changes
-            kind, parts = ends.GUIDE_SIDE, (_side, _larger)
-            found += [EventRule(kind, load(j, part), parts=1, index=j) for part in parts]
+        found.append(EventRule(ends.REVERSAL, slip(j), parts=PARTS // 2, index=j))
+        if guide:
+            kind = ends.GUIDE_SIDE
+            found += [EventRule(kind, side(j, part), parts=1, index=j) for part in range(2)]
     return found
-
-
-def _side(load: complex) -> float:
-    """Changes sign with the side on which a guide bears."""
-    return load.real if abs(load.real) >= abs(load.imag) else load.imag
-
-
-def _larger(load: complex) -> float:
-    """Changes sign where force and couple are as large as one another."""
-    return abs(load.real) - abs(load.imag)
 
 
 def user_rule(watch: Watch, k: int) -> EventRule:
@@ -152,7 +138,7 @@ def user_rule(watch: Watch, k: int) -> EventRule:
             return watch.surface(t, float(y[0]), float(y[1]))
         return watch.surface(t, y[:k], y[k : 2 * k])
 
-    return EventRule(watch.name, value, watch.direction, watch.terminal)
+    return EventRule(watch.name, value, watch.direction, watch.terminal, own=True)
 
 
 # -- finding them --------------------------------------------------------------------------
@@ -169,7 +155,7 @@ class Lookout:
     rules: Sequence[EventRule]
     parts: int
     spans: Sequence[float]
-    y: Floats  # state at the end of the last step, and the rules' values there
+    t: float  # [s] at the end of the last step, and the rules' values there
     values: list[float]
 
     @classmethod
@@ -188,36 +174,50 @@ class Lookout:
         for i, r in enumerate(rules):
             if (r.kind, r.index) in happened:
                 values[i] = 0.0 if r.kind != ends.KINK or abs(values[i]) <= near else values[i]
-        return cls(rules, parts, spans, y, values)
+        return cls(rules, parts, spans, t, values)
 
     @property
     def simple(self) -> bool:
         """Whether all rules of more than ends are those of the only driver."""
-        of_driver = (r.parts == 1 or (r.many and r.index < 0) for r in self.rules)
+        of_driver = (r.parts == 1 or not (r.own or r.index >= 0) for r in self.rules)
         return len(self.spans) == 1 and all(of_driver)
 
-    def in_step(self, t0: float, t1: float, y1: Floats, dense: Callable[[Any], Any]) -> list[Hit]:
-        """Events of a step in order, up to the first that stops the integration."""
-        values, before, self.y = self.values, self.y, y1
-        self.values = [rule.value(t1, y1) for rule in self.rules]
-        ways = [abs(a - b) / s for a, b, s in zip(y1, before, self.spans, strict=False)]
+    def road(self, q: float) -> tuple[float, float]:
+        """The next places of the only driver, below and above one, at which there are events."""
+        places = [rule.place for rule in self.rules]
+        below, above = (p for p in places if p < q), (p for p in places if p > q)
+        return max(below, default=-math.inf), min(above, default=math.inf)
+
+    def within(self, steps: Floats, states: Floats, dense: Callable[[Any], Any]) -> list[Hit]:
+        """Events within steps, in no order: of one, or of some if all rules are a user's.
+
+        steps : (m + 1,) [s], states : (m + 1, n) where they begin, and where the last ends
+        """
+        if not self.rules:
+            return []
+        t0, t1, y0, y1 = float(steps[0]), float(steps[-1]), states[0], states[-1]
+        values = self.values
+        if t0 != self.t:  # steps before it were not looked at: nothing happens in them
+            values = [rule.value(t0, y0) for rule in self.rules]
+        self.t, self.values = t1, [rule.value(t1, y1) for rule in self.rules]
+        ways = [abs(a - b) / s for a, b, s in zip(y1, y0, self.spans, strict=False)]
         near = min(NEAR, PARTS * math.tau * max(ways))  # no margin falls by more on so short a way
         quiet = (
-            not _turned(a, b, rule.direction) and not (rule.dips and min(a, b) < near)
+            not turned(a, b, rule.direction) and not (rule.dips and min(a, b) < near)
             for rule, a, b in zip(self.rules, values, self.values, strict=True)
         )
-        ends = self.parts == 1 or (self.simple and self._steady(t1 - t0, before, y1))
-        if ends and all(quiet):
+        alike = self.parts == 1 or (self.simple and self._steady(t1 - t0, y0, y1))
+        if alike and all(quiet):
             return []
         found: list[Hit] = []
-        t: Floats = t0 + (t1 - t0) / self.parts * np.arange(self.parts + 1.0)
-        t[-1] = t1
-        inner = np.asarray(dense(t[1:-1]))
+        shares = np.arange(self.parts) / self.parts
+        t = np.append(steps[:-1, None] + np.diff(steps)[:, None] * shares, t1)
+        inner = list(zip(t[1:-1].tolist(), np.asarray(dense(t[1:-1])).T, strict=True))
         for rule, low, high in zip(self.rules, values, self.values, strict=True):
             dips = rule.dips and min(low, high) < near
             parts = min(max(rule.parts, PARTS // 2 if dips else 1), self.parts)
             each = self.parts // parts
-            row = [low, *rule.among(t[each:-1:each], inner[:, each - 1 :: each]), high]
+            row = [low, *(rule.value(s, y) for s, y in inner[each - 1 :: each]), high]
             if (min(row) > 0 or max(row) < 0) and not dips:
                 continue
 
@@ -228,7 +228,7 @@ class Lookout:
             if dips and not times:
                 times = _dip(t[::each], row, value)
             found += [Hit(rule, s) for s in times]
-        return until_terminal(found)
+        return found
 
     @staticmethod
     def _steady(h: float, y0: Floats, y1: Floats) -> bool:
@@ -252,21 +252,27 @@ def crossings(
     return [
         float(b) if high == 0 else _root(value, float(a), float(b))
         for a, b, low, high in zip(t, t[1:], values, values[1:], strict=False)
-        if _turned(low, high, direction)
+        if turned(low, high, direction)
     ]
 
 
-def _turned(low: float, high: float, direction: int) -> bool:
-    """Whether a value changes its sign in a direction that counts; it may end on zero."""
-    rises, falls = low < 0 <= high, low > 0 >= high
-    return (rises and direction >= 0) or (falls and direction <= 0)
+def turned(low: Any, high: Any, direction: Any) -> Any:
+    """Whether values change their sign in a direction that counts; they may end on zero."""
+    rises, falls = (low < 0) & (high >= 0), (low > 0) & (high <= 0)
+    return (rises & (direction >= 0)) | (falls & (direction <= 0))
 
 
 def _root(value: Callable[[float], float], low: float, high: float) -> float:
-    """Where a value changes sign; rounding may put that at an end."""
-    if value(low) * value(high) > 0:
+    """Where a value leaves its side, by zero or as no number; rounding may put that at an end."""
+    first, last = value(low), value(high)
+    if first * last > 0:
         return high
-    return float(brentq(value, low, high, xtol=EPS, rtol=4 * EPS))
+
+    def side(t: float) -> float:
+        found = value(t)
+        return last if math.isnan(found) else found
+
+    return float(brentq(side, low, high, xtol=EPS, rtol=4 * EPS))
 
 
 def _dip(t: Floats, values: Sequence[float], value: Callable[[float], float]) -> list[float]:

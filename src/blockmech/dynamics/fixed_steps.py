@@ -9,75 +9,23 @@ r"""Two teaching aids: schemes of fixed steps as in the textbooks, for compariso
     xi_i = (tau(q_i, w_i, t_i) - w_i^2 (J_{i+1} - J_i) / (2 d)) / J_i
     w_{i+1}^2 = w_i^2 + 2 xi_i d,    t_{i+1} = t_i + 2 d / (w_i + w_{i+1})
 
-The error is told by a second run with half the step.
-
 Sources: [D14] Durango et al. 2014, Eq. 2 and Fig. 1, steps ii to v (euler_q).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.integrate import DenseOutput, OdeSolver
 
-from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.estimate import difference, stopped
 from blockmech.dynamics.events import NEAR
-from blockmech.dynamics.motion import EVALUATIONS, Floats, Motion
-from blockmech.dynamics.request import SimulationRequest
+from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.track import AT_ONCE
-from blockmech.errors import refused
 
 STEP = 1e-3  # [rad], or of the span, of euler_q; of 200 ms, of rk4, where the time is not known
-# Stated error over the difference of step and half step. Order 1 differs by half; from rest, where
-# steps of the coordinate are not of equal time, two differ from four by a third under an effort
-# that grows with the time or its square, by a quarter under one that grows with its root.
-DOUBT = 4.0
-
-
-def checked_step(step: float, whole: float) -> float:
-    """The step; refused where it makes more of them than can be made. Both [rad or m, or s]."""
-    if math.isfinite(whole) and whole / step > EVALUATIONS:
-        found = f"{step:.3g} makes {whole / step:.3g} steps, at most {EVALUATIONS:,} can be made"
-        raise refused("step", found, "give a larger one")
-    return step
-
-
-def judged_by_half(
-    request: SimulationRequest,
-    rotary: tuple[bool, ...],
-    step: float,
-    run: Callable[[float], Motion],
-    way: Callable[[Motion], float],
-) -> Motion:
-    """The motion of the step that was asked for, else of one that meets the target.
-
-    One step and two say little of each other: of the whole ``way`` the finer run makes four.
-    """
-    motion, target = run(step), request.accuracy
-    while motion.end != ends.INTERRUPTED and motion.status != "failed":
-        step = min(step, way(motion) / 2 or step)
-        finer = run(step / 2)
-        if finer.end == ends.INTERRUPTED:
-            return stopped(finer, motion)
-        apart = difference(motion, finer, rotary, request.times)
-        same = motion.end == finer.end and motion.status == finer.status
-        known = same and motion.end != ends.NO_INERTIA  # of speeds without bound nothing is
-        off, late = (DOUBT * x if known else math.inf for x in (apart.q, apart.t))
-        if motion.end == ends.DEAD_CENTRE:  # to which euler_q comes as near as its last step
-            off += motion.facts.get("coordinate_step", 0.0)
-        late = 0.0 if motion.end == "time" else late + motion.time_error
-        motion = replace(motion, error=off, time_error=late)
-        enough = request.step is not None or target is None or off <= target
-        if enough or finer.status == "failed" or finer.cost.evaluations > EVALUATIONS:
-            break
-        motion, step = finer, step / 2
-    return motion
 
 
 class RungeKutta4(OdeSolver):  # type: ignore[misc]

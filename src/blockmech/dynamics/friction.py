@@ -28,22 +28,32 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.dynamics.place import NOTHING
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.llvm import OneByOne
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import loads as pair_loads
-from blockmech.model.structure import Structure
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction, Program
-from blockmech.plane import EPS, mul
+from blockmech.plan import Friction, Program, Schedule
+from blockmech.plane import EPS, mul, where
 
 Floats: TypeAlias = NDArray[np.float64]
 Vectors: TypeAlias = NDArray[np.complex128]
 Sides: TypeAlias = tuple[int, ...]
+Row: TypeAlias = list[Any]  # the program's values at a state, or at n of them
 GIVEN = Friction(friction.GIVEN)
+
+
+def bearing(load: Any) -> tuple[Any, Any]:
+    """Of a load N + 2i C/L on a guide the larger part, and what the first is larger by.
+
+    Friction has kinks where either changes its sign.
+    """
+    N, C = load.real, load.imag
+    return where(abs(N) >= abs(C), N, C), abs(N) - abs(C)
 
 
 @dataclass(frozen=True)
@@ -56,14 +66,13 @@ class MotionProgram:
     names: tuple[str, ...]  # (m,) pairs with friction
     factors: Floats  # (m,) f' r [m] or mu [-]
     guides: tuple[bool, ...]  # (m,) whether the load is the larger component of (N, 2 C / L)
-    rotary: bool
     program: Program
-    rate_loads: bool  # whether a load follows the rate or the time
 
     @classmethod
-    def of(cls, structure: Structure, scene: Any, rate_loads: bool) -> MotionProgram | None:
+    def of(cls, compiled: Any) -> MotionProgram | None:
         """The program of a mechanism; None where no pair has friction that can act."""
-        s = schedule(structure, scene, GIVEN)
+        structure = compiled.structure
+        s = schedule(structure, compiled.scene, GIVEN)
         joints = s.ask(friction.given_joints)
         if not joints:
             return None
@@ -74,17 +83,14 @@ class MotionProgram:
             assert pair is not None  # such a block is active
             values.append(pairs.measure(s, ref, pair))
         values += [s.ask(forward.slip, ref) for ref in joints]
-        closing = [e.block for e in s.entries if e.stage == "position"]
-        values += [s.ask(forward.margin, b) for b in closing if structure.blocks[b].closes]
+        values += margins(s)
         laws = [structure.blocks[ref.block].friction[ref.name] for ref in joints]
         kinds = [structure.joint(ref).kind for ref in joints]
         return cls(
             tuple(map(str, joints)),
             np.array([law.factor for law in laws]),
             tuple(kind == "P" for kind in kinds),
-            structure.driver_joint(driver).rotary,
             s.program(values),
-            rate_loads,
         )
 
     @cached_property
@@ -98,6 +104,12 @@ class MotionProgram:
         return OneByOne(self.program)
 
 
+def margins(s: Schedule) -> list[str]:
+    """Margins of the groups whose poses the schedule needs."""
+    found = [e.block for e in s.entries if e.stage == "position"]
+    return [s.ask(forward.margin, b) for b in found if s.structure.blocks[b].closes]
+
+
 class State(NamedTuple):
     """One column of inputs of the program, besides q: what is let act."""
 
@@ -106,64 +118,6 @@ class State(NamedTuple):
     share: float = 0.0  # of the applied loads
     pair: int = -1  # the one with a unit of friction; -1: none
     t: float = 0.0
-
-
-class Values(NamedTuple):
-    """What the program gives at n samples."""
-
-    drive: Any  # (n,)
-    F: Any  # (n, m) complex loads on the pairs
-    slip: Any  # (n, m)
-    margin: Any  # (n,)
-
-
-class Responses(NamedTuple):
-    """What depends on the place alone, at n places."""
-
-    J: Any  # (n,)
-    s: Any  # (n, m)
-    g: Any  # (n, m)
-    R: Any  # (n, m, m)
-
-
-class Loads(NamedTuple):
-    """What the loads and the rate do at n states, without friction and without q''."""
-
-    push: Any  # (n,) effort less J' q'^2 / 2
-    F: Any  # (n, m)
-
-
-class Placed(NamedTuple):
-    """What `JointFriction.rows` says at n places."""
-
-    responses: Responses
-    rest: Loads
-    square: Loads  # per unit of q'^2
-
-    @classmethod
-    def of(cls, rows: Floats, m: int) -> Placed:
-        """The rows read."""
-        J, tau = rows[:2]
-        s, square = rows[3 + m : 3 + 2 * m].T, rows[3 + 2 * m]
-        vectors = rows[4 + 2 * m :]
-        half = len(vectors) // 2
-        F = (vectors[:half] + 1j * vectors[half:]).reshape(3 + m, m, -1)
-        F = np.moveaxis(F, 2, 1)  # (states, n, m)
-        responses = Responses(J, s, F[2], np.moveaxis(F[3:], 0, -1))
-        return cls(responses, Loads(tau, F[0]), Loads(square, F[1]))
-
-    def loads(self, qd2: Floats) -> Loads:
-        """Loads of the place alone at squares (n,) of the rate."""
-        push = self.rest.push + self.square.push * qd2
-        return Loads(push, self.rest.F + self.square.F * qd2[:, None])
-
-
-class Found(NamedTuple):
-    """Solved friction at n states; NaN where no solution is known."""
-
-    effort: Any  # (n,) push and friction together: J q''
-    t: Any  # (n, m) friction on the later links [N m or N]
-    F: Any  # (n, m) loads on the pairs, friction included
 
 
 class Resisted(NamedTuple):
@@ -183,12 +137,14 @@ class Resisted(NamedTuple):
 
 
 class Resistance(NamedTuple):
-    """What friction does at one state, as numbers of any engine.
+    """What friction does, as numbers or batches of any engine.
 
+    effort : [N m or N] of loads and friction together, J q''
     slips : (m,) relative rates of the pairs per unit rate of the driver
     taken : [N m or N] magnitude of the effort of friction
     """
 
+    effort: Any
     qdd: Any
     solution: solvers.Solution
     slips: Any
@@ -197,7 +153,7 @@ class Resistance(NamedTuple):
 
 
 def resistance(rows: Any, k: Any, guides: Any, solve: Any, options: Any) -> Resistance:
-    """Friction at one state, from the program's values, with signed Coulomb factors (m,).
+    """Friction from the program's values, with signed Coulomb factors (m,).
 
     ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction.
     """
@@ -214,7 +170,14 @@ def resistance(rows: Any, k: Any, guides: Any, solve: Any, options: Any) -> Resi
     effort, taken = push, 0.0
     for x, t in zip(s, found.t, strict=True):
         effort, taken = effort + x * t, taken + abs(x * t)
-    return Resistance(effort / J, found, s, taken, pair_loads(found.t, base, matrix))
+    F = pair_loads(found.t, base, matrix)
+    return Resistance(effort, effort / J, found, s, taken, F)
+
+
+def at_square(rest: Row, square: Row, qd2: Any) -> Row:
+    """A row at a square of the rate, from the one at rest and what a unit of it adds."""
+    loads = (a + mul(b, qd2) for a, b in zip(rest[1:], square[1:], strict=True))
+    return [rest[0] + square[0] * qd2, *loads]
 
 
 class Rest(NamedTuple):
@@ -224,11 +187,13 @@ class Rest(NamedTuple):
         where it may start both ways
     moves : -1 or +1, the direction in which it starts; 0 where it stays
     ambiguous : whether it may start in either direction
+    rounding : relative, of the effort by which it starts
     """
 
     holding: tuple[float, float]
     moves: int
     ambiguous: bool
+    rounding: float = 0.0
 
     @property
     def rests(self) -> bool:
@@ -239,25 +204,35 @@ class Rest(NamedTuple):
 class JointFriction:
     """Friction of all pairs of a mechanism with one driver.
 
-    ``count`` is told of evaluations (samples, whether they are a batch), and says whether single
-    states are machine code's.
+    ``count`` is told of evaluations (samples, whether they are a batch); ``compiled`` says whether
+    single states are machine code's; ``rounding`` [N m or N] is what that leaves unknown at a
+    place of the effort of the loads; ``rate_loads``: whether one follows the rate or the time.
     """
 
     def __init__(
-        self, program: MotionProgram, method: Friction, count: Callable[[int, bool], bool]
+        self,
+        program: MotionProgram,
+        method: Friction,
+        count: Callable[[int, bool], None],
+        compiled: Callable[[], bool],
+        rounding: Callable[[Any], Any],
+        rate_loads: bool,
     ) -> None:
-        self.program, self._count = program, count
+        self.program, self._count, self._compiled = program, count, compiled
+        self._rounding, self.rate_loads = rounding, rate_loads
         self.names = program.names
         self.guides = program.guides
         solver, options = solvers.SOLVERS[method.method]
         self.options = tuple(getattr(method, name) for name in options)
         self.solver = solver
-        self._batch = bind_functions({"solve": solver}, primitives(np.float64))["solve"]
+        kernels: Any = {"solve": solver, "resistance": resistance, "at_square": at_square}
+        self._bound = bind_functions(kernels, primitives(np.float64))
+        self.at_square = self._bound["at_square"]
 
     # -- data of the force pass ------------------------------------------------------
 
-    def _columns(self, q: Floats, states: list[State]) -> Values:
-        """The program at n places in each of some states: arrays (states, n, ...)."""
+    def _columns(self, q: Floats, states: list[State]) -> list[Row]:
+        """The program at n places in each of some states."""
         m, n, size = len(self.names), q.size, len(states) * q.size
         self._count(size, True)
         given = {
@@ -272,40 +247,54 @@ class JointFriction:
         program = self.program.program
         with np.errstate(all="ignore"):
             values = self.program.batch.run({x: given[x] for x in program.inputs}, size)
-            margin = np.minimum.reduce([np.ones(size), *values[1 + 2 * m :]])
-        shape = (len(states), n)
-        F = np.stack([_complex(z) for z in values[1 : 1 + m]], axis=-1)
-        slip = np.stack(values[1 + m : 1 + 2 * m], axis=-1)
-        return Values(
-            np.reshape(values[0], shape),
-            F.reshape(*shape, m),
-            slip.reshape(*shape, m),
-            margin.reshape(shape),
-        )
 
-    def loads(self, q: Floats, qd: Any, t: float = 0.0) -> Loads:
+        def each(x: Any) -> list[Any]:
+            """A value in each state."""
+            if isinstance(x, Planar):
+                return list(map(Planar, each(x.real), each(x.imag)))
+            return list(np.reshape(x, (len(states), n)))
+
+        return [list(row) for row in zip(*map(each, values), strict=True)]
+
+    def acting(self, q: Floats, qd: Any, t: float = 0.0) -> Row:
         """What loads and rates do at states (n,)."""
-        found = self._columns(q, [State(qd=qd, share=1.0, t=t)])
-        return Loads(-found.drive[0], found.F[0])
+        return self._columns(q, [State(qd=qd, share=1.0, t=t)])[0]
 
     def rows(self, q: Floats) -> Floats:
         """All that depends on the place, as real rows (r, n): J, tau, margin, slips, the rest.
 
-        `Placed` reads them. The loads are those at rest, and what a unit of q'^2 adds.
+        `responses` reads them. The loads are those at rest, and what a unit of q'^2 adds. What
+        is rounding is none, as it is not smooth: of a load beside the others or the effort that
+        its friction meets, of the effort beside its parts, of J' over these places beside J.
         """
         m = len(self.names)
         acting = [State(share=1.0), State(qd=1.0), State(qdd=1.0)]
         found = self._columns(q, [*acting, *(State(pair=k) for k in range(m))])
-        drive, F = found.drive, np.moveaxis(found.F, 2, 1)  # (states, m, n)
-        vectors = F.reshape(-1, q.size)
-        margin = found.margin.min(axis=0)
-        real = [drive[2], -drive[0], margin, *found.slip[1].T, *-drive[3:], -drive[1]]
-        return np.concatenate([real, vectors.real, vectors.imag])
+        margin = np.minimum.reduce([np.ones(q.size), *(x for r in found for x in r[1 + 2 * m :])])
+        slips, drives = np.array(found[1][1 + m : 1 + 2 * m]), np.array([row[0] for row in found])
+        F = [[[x.real, x.imag] for x in row[1 : 1 + m]] for row in found]
+        parts = np.array(F).transpose(2, 0, 1, 3)  # (2, states, m, n)
+        with np.errstate(all="ignore"):
+            least = NOTHING / margin
+            drives[0, np.abs(drives[0]) <= self._rounding(q)] = 0.0
+            drives[1, np.abs(drives[1]) * np.ptp(q) <= least * drives[2]] = 0.0
+            rubbed = np.nanmax(np.abs(self.program.factors[:, None] * slips), initial=0.0)
+            size = np.fmax(np.abs(parts).max(axis=(0, 2)), np.abs(drives) / rubbed)
+            parts[np.abs(parts) <= (least * size)[:, None]] = 0.0
+        rest = np.concatenate([drives, parts.reshape(-1, q.size)])
+        return np.concatenate([[drives[2], -drives[0], margin], slips, rest])
+
+    def responses(self, rows: Floats) -> list[Row]:
+        """Rows of the force pass, from `rows`: loads at rest, units of q'^2, q'', frictions."""
+        m = len(self.names)
+        drives, vectors = rows[3 + m : 6 + 2 * m], rows[6 + 2 * m :]
+        F = vectors.reshape(2, 3 + m, m, -1)
+        return [[x, *map(Planar, *F[:, i])] for i, x in enumerate(drives)]
 
     def slips(self, q: Floats) -> Floats:
-        """Relative rates (n, m) of the pairs per unit rate of the driver."""
-        slip: Floats = self._columns(q, [State(qd=1.0)]).slip[0]
-        return slip
+        """Relative rates (n, m) of the pairs per unit driver rate."""
+        m = len(self.names)
+        return np.transpose(self._columns(q, [State(qd=1.0)])[0][1 + m : 1 + 2 * m])
 
     def sides(self, q: float, direction: int) -> Sides:
         """Signs (m,) of the relative rates just beyond q in a direction of motion.
@@ -327,33 +316,22 @@ class JointFriction:
 
     # -- solutions ------------------------------------------------------------
 
-    def solve(self, r: Responses, loads: Loads, sides: Sides, moving: bool = True) -> Found:
-        """Friction at n states with these directions of slip; at rest q'' is zero."""
-        push = np.asarray(loads.push)
-        if moving:
-            with np.errstate(all="ignore"):
-                share = r.s / r.J[:, None]
-                base = loads.F + r.g * (push / r.J)[:, None]
-            rows = r.R + r.g[:, :, None] * share[:, None, :]
-        else:
-            base, rows = loads.F, r.R
-        m, n = len(sides), push.size
-        k = tuple(np.full(n, x) for x in -np.array(sides) * self.program.factors)
-        columns = tuple(_planar(base[:, j]) for j in range(m))
-        matrix = tuple(tuple(_planar(rows[:, j, i]) for i in range(m)) for j in range(m))
+    def solve(self, rows: list[Row], sides: Sides) -> Resistance:
+        """Friction at n states with these directions of slip, see `resistance`."""
+        n = np.size(rows[0][0])
+        k = tuple(np.full(n, x) for x in self.factors(sides))
+        solve, resist = self._bound["solve"], self._bound["resistance"]
         with np.errstate(all="ignore"):
-            found = self._batch(k, self.guides, columns, matrix, *self.options)
-            t = np.stack([np.broadcast_to(x, n) for x in found.t], axis=-1)
-            effort = push + (r.s * t).sum(axis=1)
-        F = base + np.einsum("njk,nk->nj", rows, t)
-        return Found(effort, t, F)
+            found: Resistance = resist(rows, k, self.guides, solve, self.options)
+        return found
 
     def at(self, q: float, qd: float, t: float, sides: Sides) -> Resisted:
         """One state."""
         m = len(self.names)
         states = [State(qd=qd, share=1.0, t=t), State(qdd=1.0)]
         states += [State(pair=k) for k in range(m)]
-        engine = self.program.single.engine(self._count(m + 2, False))
+        self._count(m + 2, False)
+        engine = self.program.single.engine(self._compiled())
         rows = [engine.one(self._inputs(q, state)) for state in states]
         margin = min([1.0, *rows[0][1 + 2 * m :]], key=lambda x: (x == x, x))
         try:
@@ -377,31 +355,23 @@ class JointFriction:
         pair = f"friction_{state.pair}"
         return [given.get(x, float(x == pair)) for x in inputs]
 
-    def rest(self, q: float, t: float = 0.0, size: float = 0.0) -> Rest:
-        """What a standstill at q leads to; ``size`` [N m or N] is that of the loads' efforts."""
-        place = np.array([q])
-        r = Placed.of(self.rows(place), len(self.names)).responses
-        loads = self.loads(place, 0.0, t)
+    def rest(self, q: float, t: float = 0.0) -> Rest:
+        """What a standstill at q leads to."""
+        place, least = np.array([q]), self._rounding(q)
+        states = [State(share=1.0, t=t), *(State(pair=k) for k in range(len(self.names)))]
+        acting, *pairs = self._columns(place, states)
+        still = [1.0, *[0j] * len(pairs)]  # a unit of q'' changes no load
         holding = []
         for direction in (-1, 1):
-            found = self.solve(r, loads, self.sides(q, direction), moving=False)
+            found = self.solve([acting, still, *pairs], self.sides(q, direction))
             start = -float(found.effort[0])
-            size += float(np.abs(r.s * found.t).sum()) if math.isfinite(start) else 0.0
+            if math.isfinite(start):
+                least += 8 * EPS * float(found.taken[0])  # as of that of the loads
             holding.append(start if math.isfinite(start) else direction * math.inf)
         low, high = holding
-        least = 8 * EPS * size  # rounding of a sum of some ten terms
         forward, backward = high < -least, low > least
         if forward and backward:
             return Rest((low, high), 0, True)
-        return Rest((low, high), 1 if forward else -1 if backward else 0, False)
-
-
-def _complex(z: Any) -> Vectors:
-    """A batch of planar vectors as complex numbers."""
-    found: Vectors = np.asarray(z.real) + 1j * np.asarray(z.imag)
-    return found
-
-
-def _planar(z: Vectors) -> Planar:
-    """Complex numbers as a batch of planar vectors."""
-    return Planar(np.ascontiguousarray(z.real), np.ascontiguousarray(z.imag))
+        if not (forward or backward):
+            return Rest((low, high), 0, False)
+        return Rest((low, high), 1 if forward else -1, False, least / max(low, -high))

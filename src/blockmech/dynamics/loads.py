@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.scalar import BySize
 from blockmech.loads.actuators import Motor
 from blockmech.loads.constant import Force
 from blockmech.loads.contract import VELOCITY_READS, Element, Following, read_by
@@ -135,8 +134,9 @@ def time_periods(structure: Structure) -> list[float]:
 # -- kinks ---------------------------------------------------------------------------------
 
 
-def knots_of(structure: Structure, scene: Any, driver: str) -> tuple[float, ...]:
-    """Driver coordinates [rad or m] of kinks: of one period from 0, or within reach."""
+def knots(compiled: Any) -> tuple[float, ...]:
+    """Coordinates [rad or m] of the only driver at kinks: of one period from 0, or within reach."""
+    structure, scene, driver = compiled.structure, compiled.scene, compiled.structure.drivers[0]
     period = period_of(structure, driver)
     span = math.tau if structure.driver_joint(driver).rotary else largest_length(structure)
     low, high = (0.0, period) if period else (-REACH * span, REACH * span)
@@ -208,13 +208,12 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
     """Driver coordinates at which a measure passes one of its kinks, between samples."""
     if program.inputs != ("q_0",):
         return []
-    single = ScalarEngine(program)
-    values = np.asarray(NumpyEngine(program).run({"q_0": q}, q.size)[0])
-    found = []
+    measure, found = BySize(program), []
+    values = np.asarray(measure.run({"q_0": q}, q.size)[0])
     for level in kinks:
 
         def above(x: float, level: float = level) -> float:
-            d = float(single.one([x])[0]) - level
+            d = float(measure.run({"q_0": [x]}, 1)[0][0]) - level
             return math.remainder(d, math.tau) if turning else d
 
         with np.errstate(all="ignore"):
@@ -231,9 +230,10 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
 # -- size ----------------------------------------------------------------------------------
 
 
-def load_size(structure: Structure, scene: Any, driver: str) -> Callable[[float], float]:
-    """q -> sum of the magnitudes of the contributions to tau, at rest and time 0."""
-    s = schedule(structure, scene, FREE)
+def load_size(compiled: Any) -> Callable[[Any], Any]:
+    """q (n,) -> sums (n,) of the magnitudes of the contributions to tau, at rest and time 0."""
+    structure, driver = compiled.structure, compiled.structure.drivers[0]
+    s = schedule(structure, compiled.scene, FREE)
     terms = []
     for link in structure.links:
         force = s.ask(weight_on, link) if link != structure.frame_link else NOTHING
@@ -254,10 +254,10 @@ def load_size(structure: Structure, scene: Any, driver: str) -> Callable[[float]
             if v not in (ZERO, NOUGHT):
                 terms.append(s.line(size_of, f"{ref}_size"))
     program = s.program([s.sum(terms, "size")])
-    engine = ScalarEngine(program)
+    engine = BySize(program)
 
-    def size(q: float) -> float:
-        given = {"q_0": q}
-        return float(engine.one([given.get(name, 0.0) for name in program.inputs])[0])
+    def size(q: Any) -> Any:
+        given = {name: q if name == "q_0" else 0.0 * q for name in program.inputs}
+        return engine.run(given, q.size)[0]
 
     return size

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,11 +23,10 @@ from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest
 from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.steady import steady_motion
-from blockmech.dynamics.time import SOLVERS, in_fixed_steps, in_time
+from blockmech.dynamics.system import System, solved
+from blockmech.dynamics.textbook import in_fixed_steps
+from blockmech.dynamics.time import SOLVERS, in_time
 from blockmech.errors import RequestError, close_match, listed, refused
-
-if TYPE_CHECKING:
-    from blockmech.dynamics.system import System
 
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
@@ -167,10 +166,11 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
 def _push(system: System, request: SimulationRequest, i: int) -> float:
     """Which way a driver at rest would start."""
     if system.friction is not None:
-        q = float(request.start.q)
-        return system.friction.rest(q, request.start.t, system.load_size(q)).moves
-    qdd, _ = system.acceleration(*request.start)
-    return float(np.atleast_1d(qdd)[i])
+        return system.friction.rest(float(request.start.q), request.start.t).moves
+    if len(system.drivers) == 1:
+        return system.one(*request.start).tau
+    M, c, Q, _ = system.terms(*request.start)
+    return float(solved(M, Q - c)[i])
 
 
 # -- running -------------------------------------------------------------------------------
@@ -209,9 +209,8 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     motion = along_path(system, replace(request, why=why))
     unsure = motion.end in (ends.TOO_MANY, ends.UNDECIDED) or not motion.error < math.inf
     unsure |= not motion.reached and motion.error > TARGET
-    swings_on = (
-        motion.end == ends.TOO_MANY and motion.status == "failed"
-    )  # no other method is quicker
+    # A motion that failed because it swings on and on: no other method is quicker.
+    swings_on = motion.end == ends.TOO_MANY and motion.status == "failed"
     if unsure and not swings_on and motion.end != ends.INTERRUPTED:
         why = f"along the path: {motion.end}, error {motion.error:.1e}"
         other = in_time(system, replace(request, why=why), "dop853")

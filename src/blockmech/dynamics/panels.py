@@ -41,15 +41,16 @@ def basis(v: Any, n: int) -> Any:
     half of them is the half before it times one power.
     """
     v = np.asarray(v)
-    z = (2 * v - 1) + 2j * np.sqrt(v * (1 - v))
-    found = np.empty((*v.shape, n), dtype=z.dtype)
-    found[..., 0] = 1
+    flat = v.ravel()
+    z = (2 * flat - 1) + 2j * np.sqrt(flat * (1 - flat))
+    found = np.empty((n, flat.size), dtype=z.dtype)  # places side by side: most are many
+    found[0] = 1
     done = 1
     while done < n:
         more = min(done, n - done)
-        np.multiply(found[..., :more], z[..., None], out=found[..., done : done + more])
+        np.multiply(found[:more], z, out=found[done : done + more])
         z, done = z * z, 2 * done
-    return np.ascontiguousarray(found.real)
+    return np.ascontiguousarray(found.real.T).reshape(*v.shape, n)
 
 
 def node_places(n: int, kind: Any = np.float64) -> Any:
@@ -173,10 +174,6 @@ class Spans:
         ways = np.where(self.kind[:, None] == PLAIN, v, v * v)
         return np.asarray(self.anchor[:, None] + self.way[:, None] * ways)
 
-    def of(self, which: Any) -> Spans:
-        """Some of them."""
-        return Spans(*(x[which] for x in (self.begin, self.end, self.energy, self.kind)))
-
     def slopes(self, n: int) -> Floats:
         """dK/dw (m, n + 1, n) at the nodes, and at the end that is not known."""
         return np.asarray(self.way[:, None, None] * rule(n).energy[self.kind])
@@ -251,8 +248,9 @@ class Panels:
 
     def first(self, count: int) -> Panels:
         """The first ones of them."""
-        parts = (x[:count] for x in (self.w, self.K, self.J, self.lost))
-        return Panels(self.t0, self.spans.of(slice(count)), *parts)
+        x, w, K, J, lost = self.spans, self.w, self.K, self.J, self.lost
+        spans = Spans(x.begin[:count], x.end[:count], x.energy[:count], x.kind[:count])
+        return Panels(self.t0, spans, w[:count], K[:count], J[:count], lost[:count])
 
     def smooth(self, J0: Floats, tolerance: float, work: bool, largest: Any) -> NDArray[np.bool_]:
         """Whether the time of each (m,), and its work, are smooth enough for its nodes.
@@ -301,7 +299,7 @@ class Panels:
 
     def _found(self, t: Floats) -> tuple[Ints, Floats, Floats]:
         """At times (k,): the panels, v, and dt/dv, by Newton's method kept within a bracket."""
-        i = np.clip(np.searchsorted(self.times, t, "right") - 1, 0, len(self.w) - 1)
+        i = np.searchsorted(self.times[1:-1], t, "right")
         duration = self.clock.sum(axis=1)[i]
         since = np.where(self.spans.backward[i], self.times[i + 1] - t, t - self.times[i])
         since = np.clip(since, 0.0, duration)

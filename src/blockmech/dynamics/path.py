@@ -27,19 +27,19 @@ from blockmech.dynamics.ahead import Ahead, At, Obstacle
 from blockmech.dynamics.estimate import ROUNDING, TARGET, difference, judged, stopped, with_rounding
 from blockmech.dynamics.motion import Event, Motion, Status, Still
 from blockmech.dynamics.panels import Panels, joined
+from blockmech.dynamics.place import RESOLVED
 from blockmech.dynamics.repetition import Repetition, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.road import CLOSE, Piece, Road
+from blockmech.dynamics.singular import time_left
 from blockmech.dynamics.swing import Swing
 from blockmech.dynamics.track import Leg, PathTrack, Pattern
-from blockmech.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
-    from blockmech.dynamics.system import Sample, System
+    from blockmech.dynamics.system import System
 
 COARSE, FINE = 32, 48  # nodes of a panel of the two runs
-RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
 MOST = 8_000  # panels of a run; ten seconds of work and more
 
 
@@ -53,7 +53,6 @@ class PathRun:
 
     system: System
     request: SimulationRequest
-    start: Sample
     n: int
     beside: bool = False
     t: float = 0.0
@@ -71,6 +70,7 @@ class PathRun:
     standstills: int = 0
     count: int = 0  # of panels
     gained: float = math.inf  # [J] in the last turn, without its sign
+    left: float = 0.0  # [s] to a dead centre that the run stops short of
     mark: tuple[int, At] | None = None  # panel and state where a pattern may begin
 
     def __post_init__(self) -> None:
@@ -89,7 +89,7 @@ class PathRun:
         """Go on until something ends the run."""
         rate = float(self.request.start.rate) * (1 + self.off)
         try:
-            self.K = float(self.start.J[0]) * rate**2 / 2
+            self.K = float(self.system.at(*self.request.start).J[0]) * rate**2 / 2
             if self.K > 0:  # not of a rate whose square is below all numbers
                 self.sign = 1 if rate > 0 else -1
                 self.mark = (0, self.at)
@@ -122,7 +122,7 @@ class PathRun:
         q, system = self.q, self.system
         self.K = 0.0
         if system.friction is not None:
-            found = system.friction.rest(q, 0.0, system.load_size(q))
+            found = system.friction.rest(q)
             if found.ambiguous:
                 self.stop(ends.AMBIGUOUS, "ended")
             elif found.rests:
@@ -130,13 +130,13 @@ class PathRun:
                 self.rest(ends.REST)
             self.sign = found.moves
         else:
-            tau = float((system.sample(np.array([q])) if self.count else self.start).tau[0])
-            if balanced(system, q, tau):
+            q = q if self.count else float(self.request.start.q)
+            if balanced(system, q):
                 kind, facts, notes = equilibrium(system, q)
                 self.facts.update(facts)
                 self.notes += [kind, *notes]
                 self.rest(kind)
-            self.sign = 1 if tau > 0 else -1
+            self.sign = 1 if system.at(q).tau[0] > 0 else -1
         self.mark = (len(self.panels), self.at)
 
     def rest(self, kind: str) -> None:
@@ -147,7 +147,7 @@ class PathRun:
             self.t = self.request.span
             self.stop("time", "reached")
         else:
-            self.stop(kind, "rest")
+            self.stop(kind, "ended" if self.panels or self.legs else "rest")
 
     def advance(self) -> None:
         """One panel further."""
@@ -257,7 +257,7 @@ class PathRun:
 
     def rate(self) -> float:
         """Rate of the driver."""
-        J = float(self.system.sample(np.array([self.q])).J[0])
+        J = float(self.system.at(self.q).J[0])
         return self.sign * math.sqrt(2 * self.K / J)
 
     def stand(self) -> None:
@@ -286,10 +286,13 @@ class PathRun:
 
     def arrive(self, what: str) -> None:
         """The end of the road."""
+        rubs = self.system.friction is not None
+        rate = self.rate() if rubs or what != ends.DEAD_CENTRE else 0.0
         if what == ends.DEAD_CENTRE:
-            self.facts["dead_centre_time"] = self.request.start.t + self.t
+            self.left = time_left(self.system, what, self.q, rate) if rate else 0.0
+            if self.left < math.inf:
+                self.facts["dead_centre_time"] = self.request.start.t + self.t + self.left
         self.regime = what
-        rate = 0.0 if what == ends.DEAD_CENTRE else self.rate()
         self.events.append(Event(what, self.t, self.q, rate))
         self.stop(what, "failed" if what == ends.UNDECIDED else "ended")
 
@@ -369,6 +372,7 @@ class PathRun:
             notes=tuple(self.notes),
             facts=dict(self.facts),
             error=math.inf if legs else 0.0,
+            time_error=2 * self.left,
         )
 
 
@@ -378,19 +382,18 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     Of two runs the coarser has fewer nodes and is some roundings beside, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
-    start = system.sample(np.array([float(request.start.q)]), float(request.start.rate))
-    run = PathRun(system, request, start, FINE)
+    run = PathRun(system, request, FINE)
     run.run()
     fine = run.motion()
     if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
         return stopped(fine, None)
     if not run.panels and not run.legs:
         return fine
-    run = PathRun(system, request, start, COARSE, True)
+    run = PathRun(system, request, COARSE, True)
     run.run()
     coarse = run.motion()
     if coarse.end in (ends.INTERRUPTED, ends.TOO_MANY) and coarse.t_end < fine.t_end:
         return stopped(coarse, fine)
     apart = difference(coarse, fine, system.rotary, request.times)
     found = judged(coarse, fine, apart, request.times)
-    return with_rounding(system, found, request.accuracy or TARGET)
+    return with_rounding(system, found, request.accuracy or TARGET, apart)

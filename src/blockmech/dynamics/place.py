@@ -21,6 +21,7 @@ from blockmech.dynamics.panels import Floats, basis, node_places, roots, rule
 from blockmech.plane import EPS
 from blockmech.series import tail
 
+RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
 NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero
 SHORT = 8  # a piece is made anew if what happens in it needs no more than this part of it
 # A series of n terms that touches zero is, by Bernstein's inequality, below (pi / 2 f)^2 / 2 of
@@ -79,12 +80,6 @@ class PlaceData:
         """Chebyshev coefficients (r, n)."""
         found: Floats = self.rows @ rule(self.rows.shape[1]).to_series.T
         return found
-
-    def over_all(self, sign: int) -> Floats:
-        """J and tau (2, n + 1) at the nodes in a direction, and where it begins."""
-        found, series = self.rows[: TAU + 1], self.series[: TAU + 1]
-        begin = series.sum(axis=1) if sign < 0 else series[:, ::2].sum(1) - series[:, 1::2].sum(1)
-        return np.column_stack([found[:, ::sign], begin])
 
     @cached_property
     def largest(self) -> Floats:

@@ -2,24 +2,26 @@ r"""The right-hand side of one driver as machine code: what `equation` says, a s
 
 A row of numbers tells of a state (q, q', W), with joint friction (q, q', W, F):
 
-    the rates of the state, margin, J, and of each pair: slip, real and imaginary part of the load
+    the rates of the state, margin, J, real and imaginary part of the load on each pair, and what
+    is watched: margin and J above the least that counts, q', slips of the pairs, sides of guides
 
-Given are 0, 1 (states of the force pass are made of them; nothing is folded) and the signed
-Coulomb factors. The text is made of the programs that are interpreted otherwise, so both say
-the same to rounding.
+Given are 0, 1 (states of the force pass are made of them; nothing is folded), the least J and the
+signed Coulomb factors. The text is made of the programs that are interpreted otherwise, so both
+say the same to rounding.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from blockmech.dynamics.friction import resistance
+from blockmech.dynamics.friction import bearing, resistance
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import Rates
 from blockmech.engines.trace import PRIMITIVES
 from blockmech.errors import MissingEngineError
 from blockmech.plane import NAN, minimum, where
+from blockmech.quality import NEAR as LEAST_MARGIN
 from blockmech.typing import Real
 
 if TYPE_CHECKING:
@@ -27,10 +29,16 @@ if TYPE_CHECKING:
     from blockmech.plan import Program
 
 
-def free(values: Any, qd: Real, zero: Real) -> tuple[Real, ...]:
+def free(values: Any, qd: Real, zero: Real, least: Real) -> tuple[Real, ...]:
     """The row of a state without friction, from J, tau, dJ/dq and the margins."""
     J, tau, dJ, *margins = values
-    return (*_rates(_least(margins, zero), J, qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd),)
+    margin = _least(margins, zero)
+    rates = _rates(margin, J, qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd)
+    return (*rates, *_watched(margin, J, qd, least))
+
+
+def _watched(margin: Real, J: Real, qd: Real, least: Real) -> tuple[Real, ...]:
+    return margin - LEAST_MARGIN, J - least, qd
 
 
 def _rates(margin: Real, J: Real, qd: Real, qdd: Real, *powers: Real) -> tuple[Real, ...]:
@@ -47,18 +55,21 @@ def _least(margins: Any, zero: Real) -> Real:
     return least
 
 
-def rubbing(rows: Any, inert: Any, solved: Any, qd: Real, zero: Real) -> tuple[Real, ...]:
+def rubbing(
+    rows: Any, inert: Any, solved: Any, guides: Any, qd: Real, zero: Real, least: Real
+) -> tuple[Real, ...]:
     """The row of a state with friction, from rows of the force pass and what friction does.
 
     ``inert`` is the row at the same rate without loads.
     """
     m = len(solved.slips)
-    tau = inert[0] - rows[0][0]
+    tau, J = inert[0] - rows[0][0], rows[1][0]
     margin = _least(rows[0][1 + 2 * m :], zero)
     power = solved.taken * abs(qd)
-    rates = _rates(margin, rows[1][0], qd, solved.qdd, tau * qd, power)
+    rates = _rates(margin, J, qd, solved.qdd, tau * qd, power)
     parts = [x for F in solved.loads for x in (F.real, F.imag)]
-    return (*rates, *solved.slips, *parts)
+    sides = [x for F, guide in zip(solved.loads, guides, strict=True) if guide for x in bearing(F)]
+    return (*rates, *parts, *_watched(margin, J, qd, least), *solved.slips, *sides)
 
 
 def rates_of(program: Program, friction: JointFriction | None) -> Rates | None:
@@ -72,21 +83,25 @@ def rates_of(program: Program, friction: JointFriction | None) -> Rates | None:
 def _free(program: Program) -> Rates:
     row = bind_functions({"free": free}, PRIMITIVES)["free"]
 
-    def body(run: Any, q: Any, qd: Any, _: Any, t: Any, zero: Any, one: Any) -> Any:
+    def body(run: Any, q: Any, qd: Any, _: Any, t: Any, zero: Any, one: Any, least: Any) -> Any:
         given = {"q_0": q, "qd_0": qd, "t": t}
-        return row(run(*(given[x] for x in program.inputs)), qd, zero)
+        return row(run(*(given[x] for x in program.inputs)), qd, zero, least)
 
-    return Rates(program, body, 3, 2)
+    return Rates(program, body, 3, 3, 3)
 
 
 def _rubbing(friction: JointFriction) -> Rates:
     own = friction.program
     m, inputs = len(own.names), own.program.inputs
-    functions = {"resistance": resistance, "rubbing": rubbing, "solve": friction.solver}
+    functions: dict[str, Any] = {
+        "resistance": resistance,
+        "rubbing": rubbing,
+        "solve": friction.solver,
+    }
     bound = bind_functions(functions, PRIMITIVES)
 
     def body(
-        run: Any, q: Any, qd: Any, _: Any, __: Any, t: Any, zero: Any, one: Any, *k: Any
+        run: Any, q: Any, qd: Any, _: Any, __: Any, t: Any, zero: Any, one: Any, least: Any, *k: Any
     ) -> Any:
         def state(rate: Any, qdd: Any, share: Any, pair: int = -1) -> Any:
             given = {"q_0": q, "qd_0": rate, "qdd_0": qdd, "t": t, "load_share": share}
@@ -96,6 +111,7 @@ def _rubbing(friction: JointFriction) -> Rates:
         rows = [state(qd, zero, one), state(zero, one, zero)]
         rows += [state(zero, zero, zero, i) for i in range(m)]
         solved = bound["resistance"](rows, k, own.guides, bound["solve"], friction.options)
-        return bound["rubbing"](rows, state(qd, zero, zero), solved, qd, zero)
+        inert = state(qd, zero, zero)
+        return bound["rubbing"](rows, inert, solved, own.guides, qd, zero, least)
 
-    return Rates(own.program, body, 4, 2 + m)
+    return Rates(own.program, body, 4, 3 + m, 3 + m + 2 * sum(own.guides))

@@ -111,8 +111,10 @@ def _starts(turn: Pattern, request: SimulationRequest, tolerance: float, told: A
     else:
         most = MOST_TURNS if request.span < math.inf else 2
     starts, reached = [np.zeros(1)], turn.t0
-    for first in range(0, most, AT_ONCE):
-        energies = np.arange(first, min(first + AT_ONCE, most), dtype=np.float64) * turn.gain
+    first, some = 0, 1
+    while first < most:  # twice as many each time, as most runs end soon
+        energies = np.arange(first, min(first + some, most), dtype=np.float64) * turn.gain
+        first, some = first + some, min(2 * some, AT_ONCE)
         starts.append(starts[-1][-1] + np.cumsum(turn.durations(energies)))
         reached = turn.t0 + float(starts[-1][-1])
         told(reached)

@@ -275,7 +275,7 @@ def _number(given: Any) -> float:
     """A number; NaN where it is none."""
     try:
         return float(given)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return math.nan
 
 
@@ -285,7 +285,7 @@ def times_of(times: Any) -> Floats | None:
         return None
     try:
         column = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise refused("times", "not a row of numbers", "give times like 0:2:201") from None
     if column.ndim != 1 or not len(column) or not np.isfinite(column).all() or column.min() < 0:
         found = "not a row of finite times from 0 s on"

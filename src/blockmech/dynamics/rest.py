@@ -25,7 +25,7 @@ STEP = EPS ** (1 / 5)
 def failed_start(system: System, request: SimulationRequest) -> Motion | None:
     """The motion of one driver that cannot start, with the reason; None where it can."""
     q, rate, t = request.start
-    J, tau, margin = (float(x[0]) for x in system.sample(np.array([q]), rate, t))
+    J, tau, margin = (float(x[0]) for x in system.at(q, rate, t))
     if not (margin > 0 and math.isfinite(J)):
         end = ends.IMPOSSIBLE
     elif J > 0 and math.isfinite(tau):
@@ -37,10 +37,9 @@ def failed_start(system: System, request: SimulationRequest) -> Motion | None:
     return replace(still, status="failed", end=end)
 
 
-def balanced(system: System, q: float, tau: float | None = None) -> bool:
-    """Whether the loads do not push a driver that stands at q; ``tau`` if it is known there."""
-    effort = float(system.sample(np.array([q])).tau[0]) if tau is None else tau
-    return abs(effort) <= 8 * EPS * system.load_size(q)  # rounding of a sum of some ten efforts
+def balanced(system: System, q: float) -> bool:
+    """Whether the loads do not push a driver that stands at q."""
+    return bool(abs(float(system.at(q).tau[0])) <= system.rounding(q))
 
 
 def equilibrium(system: System, q: float) -> tuple[str, dict[str, float], tuple[str, ...]]:
@@ -51,14 +50,14 @@ def equilibrium(system: System, q: float) -> tuple[str, dict[str, float], tuple[
     h = STEP * (1.0 if system.rotary[0] else system.span)
     sample = system.sample(q + h * np.array([-2.0, -1.0, 0.0, 1.0, 2.0]))
     a, b, _, c, d = sample.tau.tolist()
-    J = float(sample.J[2])
-    slope = (a - 8 * b + 8 * c - d) / (12 * h)
-    if a == d == 0:
+    rise, unknown = (a - 8 * b + 8 * c - d) / 12, system.rounding(q)
+    if max(abs(a), abs(d)) <= unknown:
         return "indifferent equilibrium", {}, ()
-    if slope < 0:
-        return "stable equilibrium", {"frequency": math.sqrt(-slope / J)}, ()
-    if slope > 0:
-        rate = math.sqrt(slope / J)
+    slope = rise / h / float(sample.J[2])
+    if rise < -unknown:
+        return "stable equilibrium", {"frequency": math.sqrt(-slope)}, ()
+    if rise > unknown:
+        rate = math.sqrt(slope)
         note = f"it stays there only in theory: any disturbance grows as exp({rate:.6g} t)"
         return "unstable equilibrium", {"rate": rate}, (note,)
     return "equilibrium", {}, ()
@@ -73,11 +72,11 @@ def released(
     Holding: (lowest, highest) driving effort [N m or N]; it moves forward where the highest is
     negative, backward where the lowest is positive.
     """
-    friction, size = system.friction, system.load_size(q)
+    friction = system.friction
     assert friction is not None
 
     def holding(s: float) -> tuple[float, float]:
-        return friction.rest(q, s, size).holding
+        return friction.rest(q, s).holding
 
     def beyond(s: float) -> float:
         low, high = holding(s)

@@ -29,6 +29,7 @@ from blockmech.dynamics.place import (
     possible,
 )
 from blockmech.plane import EPS
+from blockmech.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -185,7 +186,8 @@ class Road:
     def _limit(self, sign: int, what: str) -> int:
         """Direction in which a piece runs into a dead centre in its own variable.
 
-        With friction it does not: before a dead centre the friction has no solution.
+        With friction it does not: what is left of digits there is not enough to solve it. Such a
+        road ends at the margin at which integrators end.
         """
         return sign if what == ends.DEAD_CENTRE and self.system.friction is None else 0
 
@@ -232,8 +234,13 @@ class Road:
         return rows
 
     def _values(self, q: Floats) -> Floats:
-        friction = self.system.friction
-        return np.array(self.system.sample(q)) if friction is None else friction.rows(q)
+        if self.system.friction is not None:
+            rows = self.system.friction.rows(q)
+            rows[MARGIN] -= self.least
+            return rows
+        rows = np.array(self.system.sample(q))
+        rows[TAU, np.abs(rows[TAU]) <= self.system.rounding(q)] = 0.0
+        return rows
 
     def _last_possible(self, q: float, far: float) -> tuple[float, str]:
         """The last place from q on at which there is a pose and a load, and what ends there."""
@@ -254,15 +261,22 @@ class Road:
                 good = float(x[-1])
         return good, self._why(good, bad)
 
+    @property
+    def least(self) -> float:
+        """Margin at which the road ends."""
+        return 0.0 if self.system.friction is None else LEAST_MARGIN
+
     def _possible_at(self, q: Floats) -> Any:
-        return self.system.sample(q).possible
+        sample = self.system.sample(q)
+        return sample.possible & (sample.margin > self.least)
 
     def _why(self, good: float, bad: float) -> str:
         """What ends the road between a possible place and the next that is not."""
         sample = self.system.sample(np.array([good, bad]))
-        if sample.margin[1] > 0 and np.isfinite(sample.J[1]):
+        margins = sample.margin - self.least
+        if margins[1] > 0 and np.isfinite(sample.J[1]):
             return ends.NO_INERTIA if np.isfinite(sample.tau[1]) else ends.UNDEFINED_LOAD
-        return ends.DEAD_CENTRE if sample.margin[0] <= math.sqrt(EPS) else ends.IMPOSSIBLE
+        return ends.DEAD_CENTRE if margins[0] <= math.sqrt(EPS) else ends.IMPOSSIBLE
 
     def _touched(self, data: PlaceData, sign: int) -> tuple[float, str] | None:
         """Where a margin or the inertia touches zero inside a piece; None if neither does."""

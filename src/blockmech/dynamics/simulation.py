@@ -122,10 +122,8 @@ def simulate(
         _start(starts), goal, target, method, size, tuple(shown.tolist()), events
     )
     system = system_of(mechanism, stops=bounds, method=how, progress=told, engine=engine)
-    if (
-        engine == "llvm" != system.engine_of_states.name
-    ):  # who asks for it by name is told where it cannot be
-        compiled_program(system.equation_program)
+    if engine == "llvm" and system.engine_of_states.name != engine:
+        compiled_program(system.equation_program)  # says why it cannot be
     motion = with_undefined_loads(mechanism, _moved(system, request))
     motion = replace(motion, notes=(*motion.notes, *_remarks(system, motion, goal)))
     return _at_times(mechanism, motion, wanted, want, settings)

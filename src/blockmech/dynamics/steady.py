@@ -8,9 +8,9 @@
 | the place alone                 | every motion is its own                                 |
 
 Both maps are Poincare maps of the same flow in time; their fixed points are found in
-`blockmech.dynamics.periodic`. With one driver orbits cannot cross, so a motion moves along its
-return map in one direction, to the next fixed point there: the map is sampled ahead, further
-and further, until it points back.
+`blockmech.dynamics.periodic`, the first of them stands in `blockmech.dynamics.forcing`. With one
+driver orbits cannot cross, so a motion moves along its return map in one direction, to the next
+fixed point there: the map is sampled ahead, further and further, until it points back.
 
 Sources: Guckenheimer & Holmes, Nonlinear Oscillations, 1983, sections 1.5 and 1.8.
 """
@@ -18,19 +18,29 @@ Sources: Guckenheimer & Holmes, Nonlinear Oscillations, 1983, sections 1.5 and 1
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
-from blockmech.dynamics import ends, loads
+from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
+from blockmech.dynamics.forcing import (
+    COMMON,
+    ELSEWHERE,
+    INWARD,
+    SETTLING,
+    Lost,
+    Orbit,
+    Stroboscope,
+    forcing_period,
+    no_steady,
+    unfound,
+)
 from blockmech.dynamics.motion import Floats, Motion
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.periodic import (
@@ -47,27 +57,15 @@ from blockmech.dynamics.periodic import (
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.rest import failed_start
 from blockmech.dynamics.time import SOLVERS, Run, in_time
-from blockmech.errors import RequestError, listed, refused
-from blockmech.loads.contract import Following
-from blockmech.loads.laws import Polynomial
-from blockmech.model.structure import Structure
-from blockmech.plane import EPS
+from blockmech.errors import listed
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 LOOSE = 1e-8  # tolerance of the flow by which a motion is followed
-SETTLING = 30  # periods of flow before a root is looked for (numerics 14)
-TIMES = 3  # as often
-PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried
-INWARD = 0.6  # factor by which amplitudes or speeds are sampled ahead; outward its inverse
 SMALL = 1e-4  # amplitude, relative to the span or to that of the start, that counts as rest
-COMMON = 1000  # periods of one load in the common one at most
 FAR = 1e4  # spans that a driver without turns may go without a standstill, or a search
 TURN = "turn"
-TIMED = 'ask for "time=<s>" to see how it goes on'
-ELSEWHERE = f"start elsewhere, or {TIMED}"
-GIVE = 'give the period of the loads: "steady=<s>"'
 OWN = "all loads depend on the coordinate alone, so every motion is its own, and none attracts"
 FAMILY = (
     "no load dissipates, so every motion near by is periodic too: this is the one from the "
@@ -77,24 +75,6 @@ CYCLIC = (
     "nothing depends on the coordinate of a driver: its rate repeats, and the coordinate advances "
     "by what it advances in a period"
 )
-
-
-class Lost(Exception):
-    """A motion ended on the way, by something named: "dead centre", "end stop" ..."""
-
-    def __init__(self, end: str, t: float = math.nan) -> None:
-        super().__init__(end)
-        self.end, self.t = end, t
-
-    def after(self, clock: float) -> RequestError:
-        """What ends the motion from the start, and when."""
-        when = f" after {clock + self.t:.6g} s" if math.isfinite(self.t) else ""
-        return no_steady(f"the motion from the start ends{when}: {self.end}", ELSEWHERE)
-
-
-def no_steady(why: str, remedy: str = TIMED) -> RequestError:
-    """The error that says why there is no steady state, or why none was found."""
-    return refused("until", f'"steady": {why}', remedy, code="until")
 
 
 def steady_motion(system: System, request: SimulationRequest) -> Motion:
@@ -245,116 +225,6 @@ class Flow:
 # -- loads of the time ---------------------------------------------------------------------
 
 
-def forcing_period(structure: Structure, given: float) -> float:
-    """The shortest time [s] after which all loads of the time repeat.
-
-    ``given`` [s] is the period that the user names for loads whose law does not tell it.
-    """
-    whole, first = given, "steady"
-    for name, element in structure.elements.items():
-        law: Any = element.law if isinstance(element, Following) else None
-        if law is None or "time" not in law.variables():
-            continue
-        if isinstance(law, Polynomial) and not any(law.coefficients[1:]):
-            continue
-        period = getattr(law, "whole", None)
-        if period:
-            whole, first = _common(whole, first, float(period), name), name
-        elif period is not None or isinstance(law, Polynomial):
-            raise no_steady(f"the load {name} follows the time and does not repeat")
-        elif not given:
-            raise no_steady(f"the load {name} follows the time by a law that tells no period", GIVE)
-    if not whole:
-        raise no_steady("the loads follow the time, and their period is not known", GIVE)
-    return whole
-
-
-def _common(one: float, first: str, other: float, second: str) -> float:
-    """The least common multiple of two periods [s]; ``one`` may be 0: not known."""
-    ratio = Fraction(other / one if one else 1.0).limit_denominator(COMMON)
-    fits = 0 < ratio.numerator <= COMMON and abs(float(ratio) * one / other - 1) <= NONE
-    if one and not fits:
-        raise no_steady(
-            f"the loads {first} and {second} repeat after {one:.9g} s and {other:.9g} s, "
-            "which have no common multiple, so nothing repeats"
-        )
-    return one * ratio.numerator or other
-
-
-class Orbit(NamedTuple):
-    """A periodic motion under loads that repeat, from where a period of them begins."""
-
-    point: FixedPoint
-    periods: int  # of the loads in one of it
-    seen: bool  # to come from the start
-
-
-class Stroboscope:
-    """The state after a period T of the loads, and its fixed points.
-
-    turns : (2k,) periods of the coordinates; 0 where there is none
-    cyclic : drivers on whose coordinates nothing depends; free : parts that must repeat
-    """
-
-    def __init__(self, flow: Flow, T: float) -> None:
-        self.flow, self.T = flow, T
-        k, system = flow.k, flow.system
-        self.turns = np.zeros(2 * k)
-        for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
-            if not any(map(math.isfinite, between)):
-                self.turns[i] = loads.period_of(system.compiled.structure, driver) or 0.0
-        self._check_period()
-        self.cyclic = [i for i in range(k) if self._is_cyclic(i)]
-        self.free = [i for i in range(2 * k) if i not in self.cyclic]
-
-    def _check_period(self) -> None:
-        """Look whether the loads really are the same a period later."""
-        flow, T = self.flow, self.T
-        for t in np.linspace(0.0, 0.9 * T, SETTLING).tolist():
-            here, later = flow.acceleration(flow.x, t), flow.acceleration(flow.x, t + T)
-            largest = float(np.abs([here, later]).max()) + flow.speed**2
-            if not np.abs(later - here).max() <= NONE * largest:
-                raise no_steady(f"the loads are not the same again after {T:.9g} s", GIVE)
-
-    def _is_cyclic(self, i: int) -> bool:
-        flow = self.flow
-        x = flow.x + flow.size * (np.arange(2 * flow.k) >= flow.k)
-        radian = flow.system.span / math.tau * np.eye(2 * flow.k)[i]  # or as much of a slide
-        here = flow.acceleration(x)
-        there = [flow.acceleration(x + j * radian) for j in (1, 2, 3)]
-        return bool(np.abs(np.array(there) - here).max() <= NONE * (np.abs(here).max() + EPS))
-
-    def wrapped(self, step: Floats) -> Floats:
-        """A change of the state (2k,), whole turns left out."""
-        return step - self.turns * np.round(step / np.where(self.turns, self.turns, 1.0))
-
-    def away(self, x: Floats, other: Floats) -> float:
-        """How far two states are apart, relative to a motion's size."""
-        return float(np.abs(self.wrapped(other - x) / self.flow.size)[self.free].max())
-
-    def orbits(self) -> Iterator[Orbit]:
-        """Orbits near the start and near what it settles to."""
-        x = self.flow.x
-        if self.away(x, self.flow.after(x, self.T, FLOWS)) <= NONE / 100:
-            yield from self._near(x, (1,))
-        for _ in range(TIMES):
-            for _ in range(SETTLING):
-                x = self.flow.after(x, self.T)
-            x[self.cyclic] = self.flow.x[self.cyclic]
-            yield from self._near(x, PERIODS)
-
-    def _near(self, x: Floats, periods: Sequence[int]) -> Iterator[Orbit]:
-        for n in periods:
-
-            def change(x: Floats, n: int = n) -> Floats:
-                return self.wrapped(self.flow.after(x, n * self.T, FLOWS) - x)
-
-            with suppress(Lost):
-                point = fixed_point(change, x, self.free, self.flow.size)
-                if point is not None:
-                    yield Orbit(point, n, self.away(x, point.x) <= INWARD)
-
-
 def _forced(flow: Flow) -> Motion:
     """A periodic motion under loads of the time, after some periods of flow."""
     flow.name = "stroboscopic map"
@@ -369,26 +239,13 @@ def _forced(flow: Flow) -> Motion:
     except Lost as lost:
         raise lost.after(0.0) from None
     if best is None:
-        raise _unfound(map_)
-    return _forced_motion(map_, best)
+        raise unfound(map_)
+    return _forced_motion(flow, map_, best)
 
 
-def _unfound(map_: Stroboscope) -> RequestError:
-    x, T = map_.flow.x, map_.T
-    if map_.flow.k == len(map_.cyclic) == 1:
-        gain = float(map_.flow.after(x, T, FLOWS)[1] - x[1])
-        why = f"in every {T:.9g} s the loads change the rate by {gain:.6g}, whatever it is"
-        return no_steady(why, "add a damper or a motor curve")
-    return no_steady(
-        "no periodic motion was found; it may be chaotic, or have a period of its own beside that "
-        f"of the loads; tried: {SETTLING * TIMES} periods of the motion from the start",
-        ELSEWHERE,
-    )
-
-
-def _forced_motion(map_: Stroboscope, orbit: Orbit) -> Motion:
+def _forced_motion(flow: Flow, map_: Stroboscope, orbit: Orbit) -> Motion:
     """The motion of an orbit; a driver that goes on for ever must not come to a stop."""
-    flow, point = map_.flow, orbit.point
+    point = orbit.point
     once = flow.once(point.x, Until("time", orbit.periods * map_.T))
     step = np.append(once.q_end, once.qd_end) - point.x
     whole = step - map_.wrapped(step)

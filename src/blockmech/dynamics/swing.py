@@ -8,20 +8,17 @@ at the same time.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics.ahead import ROUGH, Ahead, At
 from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, Floats, Panels, Spans, basis, rule
-from blockmech.dynamics.place import SHORT, TAU, J, PlaceData
+from blockmech.dynamics.place import SHORT, TAU, J
 from blockmech.dynamics.road import CLOSE, Piece
 from blockmech.plane import EPS
-
-Key: TypeAlias = tuple[float, float, int]  # where a panel begins and ends, and its kind
 
 
 class Swing:
@@ -37,12 +34,6 @@ class Swing:
         self.at, self.stands = at, False
         self.edges = [at.q, *(p.end(at.sign) for p in pieces[:-1]), end]
         self.pieces = list(pieces)
-        self.known: dict[Key, Floats] = {}
-        whole = [
-            x for x in pieces if x.end(-at.sign) in self.edges and x.end(at.sign) in self.edges
-        ]
-        keys = [(x.end(-at.sign), x.end(at.sign), PLAIN) for x in whole]
-        self._know(keys, (x.data.over_all(at.sign) for x in whole), (x.data for x in whole))
 
     def panels(self) -> Panels | None:
         """The panels, or the first ones of them: those that need no shorter road."""
@@ -86,40 +77,25 @@ class Swing:
         spans = Spans(edges[:-1], edges[1:], np.zeros(m), kind)
         rows = self._rows(spans)
         inertia, w = rows[:, J], rows[:, TAU, :-1]
-        gains = (spans.slopes(n) @ w[..., None])[..., 0]
+        gains = spans.way[:, None] * (rule(n).energy[kind] @ w[..., None])[..., 0]
         more = gains[:, -1] + self.rounding * np.abs(spans.way) * np.abs(w).mean(axis=1)
         energy = self.at.K + np.append(0.0, np.cumsum(more[:-1]))
         if self.stands:
             energy[-1] = 0.0
-        panels = Panels(
-            self.at.t,
-            replace(spans, energy=energy),
-            w,
-            energy[:, None] + gains,
-            inertia[:, :-1],
-            np.zeros((m, n)),
-        )
+        lies, K = replace(spans, energy=energy), energy[:, None] + gains
+        panels = Panels(self.at.t, lies, w, K, inertia[:, :-1], np.zeros((m, n)))
         return panels, inertia[:, -1]
 
     def _rows(self, spans: Spans) -> Floats:
         """Inertia and effort (m, 2, n + 1) at the nodes and the anchors of panels."""
-        keys = list(zip(spans.begin.tolist(), spans.end.tolist(), spans.kind.tolist(), strict=True))
-        new = [i for i, key in enumerate(keys) if key not in self.known]
-        if new:
-            data = [self.pieces[i].data for i in new]
-            low = np.array([self.pieces[i].end(-1) for i in new])
-            length = np.array([x.length for x in data])
-            v = np.append(rule(self.n).v, 0.0)
-            share = (spans.of(new).places(v) - low[:, None]) / length[:, None]
-            series = np.array([x.series[: TAU + 1].T for x in data])
-            rows = np.swapaxes(basis(np.clip(share, 0.0, 1.0), self.n) @ series, 1, 2)
-            self._know([keys[i] for i in new], rows, data)
-        return np.array([self.known[key] for key in keys])
-
-    def _know(self, keys: Iterable[Key], rows: Iterable[Floats], data: Iterable[PlaceData]) -> None:
-        for key, row, piece in zip(keys, rows, data, strict=True):
-            row[J] += self.rounding * piece.largest[J]
-            self.known[key] = row
+        data = [x.data for x in self.pieces]
+        low = np.array([x.end(-1) for x in self.pieces])[:, None]
+        share = spans.places(np.append(rule(self.n).v, 0.0)) - low
+        share /= np.array([x.length for x in data])[:, None]
+        series = np.array([x.series[: TAU + 1].T for x in data])
+        rows: Floats = np.swapaxes(basis(np.clip(share, 0.0, 1.0), self.n) @ series, 1, 2)
+        rows[:, J] += self.rounding * np.array([x.largest[J] for x in data])[:, None]
+        return rows
 
     def _stopped(self, panels: Panels, i: int) -> bool:
         """Whether a panel was cut at its standstill; not where that needs a shorter road."""

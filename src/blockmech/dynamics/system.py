@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
@@ -25,24 +25,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.friction import JointFriction, MotionProgram
+from blockmech.dynamics.friction import JointFriction, MotionProgram, margins
 from blockmech.dynamics.motion import Cost, Floats
 from blockmech.dynamics.table import PlaceTable
 from blockmech.engines.llvm import WORTH, LlvmEngine, OneByOne
 from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.scalar import BySize, ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.passes import forward, reduction
+from blockmech.passes import reduction
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction, Program, Schedule
+from blockmech.plan import Friction, Program
+from blockmech.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.typing import Progress
 
 T = TypeVar("T")
 FREE = Friction("none")
-REPORTED = 64  # evaluations between two words of progress: some milliseconds of work
+REPORTED = 256  # evaluations between two words of progress: some milliseconds of work
 
 
 class Source(Protocol):
@@ -90,63 +91,27 @@ class Terms(NamedTuple):
     margin: float
 
 
-class Programs:
-    """The programs of a mechanism's equations of motion, each made when it is first asked for."""
-
-    def __init__(self, compiled: Source) -> None:
-        self.structure, self.scene = compiled.structure, compiled.scene
-        self.kept: dict[Any, Any] = {}  # what methods keep of it between runs
-        self.drivers = self.structure.drivers
-
-    def _schedule(self) -> Schedule:
-        return schedule(self.structure, self.scene, FREE)
-
-    @cached_property
-    def reduced(self) -> tuple[Program, NumpyEngine]:
-        """J, tau, then the margins, of one driver in batches; no acceleration is computed."""
-        s = self._schedule()
-        (driver,) = self.drivers
-        values = [s.ask(reduction.inertia, driver, driver), s.ask(reduction.reduced_load, driver)]
-        program = s.program([*values, *margins(s)])
-        return program, NumpyEngine(program)
-
-    @cached_property
-    def equation(self) -> OneByOne:
-        """M, Q, c (one driver: dJ/dq), then the margins, at one state."""
-        s = self._schedule()
-        drivers = self.drivers
-        M = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
-        Q = [s.ask(reduction.reduced_load, k) for k in drivers]
-        rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
-        c = [s.ask(rule, k) for k in drivers]
-        return OneByOne(s.program([*M, *Q, *c, *margins(s)]))
-
-    @cached_property
-    def friction(self) -> MotionProgram | None:
-        """Reactions in motion, of one driver; None where no joint has friction."""
-        rates = loads.depends_on(self.structure) != {"q"}
-        return MotionProgram.of(self.structure, self.scene, rates)
-
-    @cached_property
-    def load_size(self) -> Callable[[float], float]:
-        """q -> sum of the magnitudes of the contributions to tau at rest."""
-        return loads.load_size(self.structure, self.scene, self.drivers[0])
-
-    @cached_property
-    def knots(self) -> tuple[float, ...]:
-        """Driver coordinates of kinks of the loads."""
-        return loads.knots_of(self.structure, self.scene, self.drivers[0])
+def reduced(compiled: Source) -> BySize:
+    """J, tau, then the margins, of one driver; no acceleration is computed."""
+    s = schedule(compiled.structure, compiled.scene, FREE)
+    (driver,) = compiled.structure.drivers
+    values = [s.ask(reduction.inertia, driver, driver), s.ask(reduction.reduced_load, driver)]
+    return BySize(s.program([*values, *margins(s)]))
 
 
-def margins(s: Schedule) -> list[str]:
-    """Margins of the groups whose poses the schedule needs."""
-    found = [e.block for e in s.entries if e.stage == "position"]
-    return [s.ask(forward.margin, b) for b in found if s.structure.blocks[b].closes]
+def equation(compiled: Source) -> OneByOne:
+    """M, Q, c (one driver: dJ/dq), then the margins, at one state."""
+    s, drivers = schedule(compiled.structure, compiled.scene, FREE), compiled.structure.drivers
+    M = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
+    Q = [s.ask(reduction.reduced_load, k) for k in drivers]
+    rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
+    c = [s.ask(rule, k) for k in drivers]
+    return OneByOne(s.program([*M, *Q, *c, *margins(s)]))
 
 
-def inputs(program: Program, given: Mapping[str, Any]) -> list[Any]:
-    """The inputs of a program in its order."""
-    return [given[name] for name in program.inputs]
+def kept(compiled: Source) -> dict[Any, Any]:
+    """What methods keep of a mechanism from one run to the next."""
+    return {}
 
 
 @dataclass
@@ -170,11 +135,11 @@ class System:
     calls: int = 0
     singles: int = 0
     states: int = 0  # of integrations, from whatever they are
-    usual: tuple[float, float] = (math.nan, math.nan)  # place, inertia about it
-    _programs: Programs = field(init=False, repr=False)
+    _typical: tuple[float, float] = (math.nan, math.nan)  # place, inertia about it
+    _single_state: tuple[Any, Any] = (None, None)  # asked for last, and what it yields
+    _rounding: tuple[float, float] = (math.nan, math.nan)  # place, see `rounding`
 
     def __post_init__(self) -> None:
-        self._programs = self.compiled.once(Programs)
         if not self.stops:
             self.stops = ((-math.inf, math.inf),) * len(self.drivers)
 
@@ -203,7 +168,7 @@ class System:
     @property
     def knots(self) -> tuple[float, ...]:
         """Kinks of loads [rad or m]: of one period from 0, or within reach."""
-        return self._programs.knots
+        return self.compiled.once(loads.knots)
 
     @cached_property
     def span(self) -> float:
@@ -232,25 +197,38 @@ class System:
     @property
     def equation_program(self) -> Program:
         """The program of the equation of motion at one state."""
-        return self._programs.equation.program
+        return self.compiled.once(equation).program
 
     @property
     def kept(self) -> dict[Any, Any]:
-        """What methods keep of a mechanism from one run to the next."""
-        return self._programs.kept
+        """What methods keep of the mechanism from one run to the next."""
+        return self.compiled.once(kept)
 
-    @property
-    def load_size(self) -> Callable[[float], float]:
-        """q -> sum of the magnitudes of the contributions to tau at rest."""
-        return self._programs.load_size
+    def load_size(self, q: Floats) -> Any:
+        """Sums (n,) of the magnitudes of the contributions to tau at rest [N m or N]."""
+        return self.compiled.once(loads.load_size)(q)
+
+    def rounding(self, q: Any) -> Any:
+        """What rounding leaves unknown of tau at rest [N m or N]: a sum of some ten efforts.
+
+        A number, or (n,) at n places.
+        """
+        if np.ndim(q):
+            return 8 * EPS * self.load_size(q)
+        if self._rounding[0] != q:
+            self._rounding = q, 8 * EPS * float(self.load_size(np.array([q]))[0])
+        return self._rounding[1]
 
     @cached_property
     def friction(self) -> JointFriction | None:
         """Joint friction in motion; None where there is none or it is left out."""
         if self.method is None or self.method.method == "none":
             return None
-        program = self._programs.friction
-        return None if program is None else JointFriction(program, self.method, self._count)
+        program = self.compiled.once(MotionProgram.of)
+        if program is None:
+            return None
+        states, rates = (lambda: self.compiled_states), self.depends_on != {"q"}
+        return JointFriction(program, self.method, self._count, states, self.rounding, rates)
 
     @property
     def cost(self) -> Cost:
@@ -261,30 +239,36 @@ class System:
 
     def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:
         """J, tau and margin of one driver at states of any shape."""
-        program, engine = self._programs.reduced
-        self._count(q.size, True)
-        flat = q.ravel()
-        rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
-        given = {"q_0": flat, "qd_0": rates, "t": np.full(flat.shape, t)}
-        with np.errstate(all="ignore"):
-            J, tau, *rest = engine.run({n: given[n] for n in program.inputs}, flat.size)
-            margin = np.minimum.reduce([np.ones(flat.size), *rest])
+        J, tau, *margins = self._batch(self.compiled.once(reduced), q, qd, t)
+        margin = np.minimum.reduce([np.ones(q.size), *margins])
         return Sample(*(np.asarray(x).reshape(q.shape) for x in (J, tau, margin)))
+
+    def at(self, q: float, qd: float = 0.0, t: float = 0.0) -> Sample:
+        """The same (1,) of a single state; the start of a run is asked for by whoever sees it."""
+        state = float(q), float(qd), float(t)
+        if self._single_state[0] != state:
+            self._single_state = state, self.sample(np.array(state[:1]), qd, t)
+        found: Sample = self._single_state[1]
+        return found
+
+    def with_slopes(self, q: Floats) -> Floats:
+        """J, tau at rest, dJ/dq and the margin (4, n) at places (n,)."""
+        values = self._batch(NumpyEngine(self.equation_program), q)
+        margin = np.minimum.reduce([np.ones(q.size), *values[3:]])
+        return np.array([*(np.broadcast_to(x, q.size) for x in values[:3]), margin])
+
+    def _batch(self, engine: BySize | NumpyEngine, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Any:
+        """Values (n,) of a program at states of one driver, flat."""
+        self._count(q.size, True)
+        rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
+        given = {"q_0": q.ravel(), "qd_0": rates, "t": np.full(q.size, t)}
+        with np.errstate(all="ignore"):
+            return engine.run({n: given[n] for n in engine.program.inputs}, q.size)
 
     def one(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
         """One state of one driver."""
         J, tau, dJ, *rest = self._single({"q_0": q, "qd_0": qd, "t": t})
         return One(J, tau, dJ, least(rest))
-
-    def with_slopes(self, q: Floats) -> Floats:
-        """J, tau at rest, dJ/dq and the margin (4, n) at places (n,)."""
-        program = self.equation_program
-        self._count(q.size, True)
-        given = {"q_0": q, "qd_0": np.zeros(q.size), "t": np.zeros(q.size)}
-        with np.errstate(all="ignore"):
-            values = NumpyEngine(program).run({n: given[n] for n in program.inputs}, q.size)
-            margin = np.minimum.reduce([np.ones(q.size), *values[3:]])
-        return np.array([*(np.broadcast_to(x, q.size) for x in values[:3]), margin])
 
     def terms(self, q: Floats, qd: Floats, t: float = 0.0) -> Terms:
         """The equation of motion of several drivers at one state."""
@@ -297,32 +281,38 @@ class System:
         Q, c = np.array(values[k * k : k * k + k]), np.array(values[k * k + k : k * k + 2 * k])
         return Terms(M, c, Q, least(values[k * k + 2 * k :]))
 
-    def acceleration(
-        self, q: Any, qd: Any, t: float, sides: tuple[int, ...] | None = None
-    ) -> tuple[Any, float]:
-        """q'' and the margin: floats, or an array (k,) with several drivers.
+    def typical_inertia(self, q: float) -> float:
+        """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
+        if self._typical[0] != q:
+            J = self.sample(q + self.span * np.linspace(0.0, 1.0, 8, endpoint=False)).J
+            good = J[np.isfinite(J) & (J > 0)]
+            self._typical = q, float(np.median(good)) if good.size else 1.0
+        return self._typical[1]
 
-        ``sides``: directions of slip of the pairs with friction, see `JointFriction`. Where
-        there is no acceleration (no inertia, no pose, self-locking) it is NaN.
+    def inertia_rounding(self, q: float) -> float:
+        """How many times the rounding of the inertia of the only driver at a place is its own.
+
+        It is a sum of squares of rates, which are rounded like those of a usual place.
         """
-        if sides is not None and self.friction is not None:
-            found = self.friction.at(q, qd, t, sides)
-            return found.qdd, found.margin
-        if len(self.drivers) == 1:
-            J, tau, dJ, margin = self.one(q, qd, t)
-            return ((tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan), margin
-        M, c, Q, margin = self.terms(q, qd, t)
-        return solved(M, Q - c), margin
+        J = float(self.at(q).J[0])
+        return max(1.0, math.sqrt(self.typical_inertia(q) / J)) if J > 0 else 1.0
+
+    def push_rounding(self, q: float, t: float) -> float:
+        """Relative rounding of the effort by which the only driver starts from rest."""
+        if self.friction is not None:
+            return self.friction.rest(q, t).rounding
+        tau = abs(float(self.at(q, 0.0, t).tau[0]))
+        return self.rounding(q) / tau if tau > 0 else 0.0
 
     def _single(self, given: Mapping[str, float]) -> tuple[Any, ...]:
         """Values of the program of the equation of motion at one state."""
         self._count(1, False)
-        return self.engine_of_states.one(inputs(self.equation_program, given))
+        return self.engine_of_states.one([given[name] for name in self.equation_program.inputs])
 
     @property
     def engine_of_states(self) -> ScalarEngine | LlvmEngine:
         """What says the equation of motion at single states."""
-        return self._programs.equation.engine(self.compiled_states)
+        return self.compiled.once(equation).engine(self.compiled_states)
 
     @property
     def compiled_states(self) -> bool:
@@ -330,7 +320,7 @@ class System:
         worth = self.engine == "auto" and self.singles + self.states > WORTH
         return worth or self.engine == "llvm"
 
-    def _count(self, samples: int, batch: bool) -> bool:
+    def _count(self, samples: int, batch: bool) -> None:
         before = self.samples + self.singles
         if batch:
             self.samples += samples
@@ -340,7 +330,6 @@ class System:
         after = self.samples + self.singles
         if self.progress is not None and before // REPORTED != after // REPORTED:
             self.progress("computing", float(after), None)
-        return self.compiled_states
 
 
 def solved(M: Floats, Q: Floats) -> Floats:

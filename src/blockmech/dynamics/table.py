@@ -11,21 +11,19 @@ series end in rounding. What is not so (kinks, dead centres, no inertia) asks th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from bisect import bisect_right
 from functools import cache
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from blockmech.dynamics.place import MARGIN, RESOLVED, SLIPS, TAU, J, PlaceData, mesh
 from blockmech.plane import EPS
-from blockmech.series import Floats, coefficients, nodes
+from blockmech.series import Floats
 
-NODES = 12  # of a cell
-CUTS = (64, 4, 4)  # cells of a period, and what a poor one is cut into again and again
-ENDED = 64 * EPS  # of the least inertia or the largest effort: rounding of a sum of ten terms
+CELLS, NODES = 64, 12  # of a period to begin with, of a cell: a hundred operations a state
 FAST = 1 / math.sqrt(EPS)  # [rad/s] at which what follows the rate hides the rest
-Cell: TypeAlias = tuple[tuple[tuple[float, ...], ...], float]  # of powers falling; least margin
 
 
 @cache
@@ -43,68 +41,42 @@ class PlaceTable:
     def __init__(self, system: Any, period: float) -> None:
         self._system, self._period = system, period
         self._rates = "rate" in system.depends_on
-        self._kinks = np.array([x % period for x in system.knots])
-        self._largest = 0.0  # effort
         if "cells" not in system.kept:
-            cells = self._made(np.zeros(1), period, CUTS)
-            system.kept["cells"] = [*cells, cells[0]]  # rounding may put a place on the end
-        self._cells = system.kept["cells"]
+            kinks = np.array([x % period for x in system.knots])
+            edges = np.union1d(np.linspace(0.0, period, CELLS + 1), kinks)
+            made = mesh(self._values, edges, NODES, RESOLVED)
+            system.kept["cells"] = [x.low for x in made], [self._cell(x) for x in made]
+        self._lows, self._cells = system.kept["cells"]
 
-    def _made(self, begin: Floats, width: float, cuts: tuple[int, ...]) -> list[Any]:
-        """Cells of what begins at some places; of a poor one a list of its parts, or None.
+    def _cell(self, piece: PlaceData) -> tuple[float, float, float, Any, float]:
+        """Low and high end, half the length, coefficients of powers, the least margin."""
+        rows = [J, TAU, *range(SLIPS, len(piece.rows))]
+        powers = (piece.series[rows] @ to_powers()).T.tolist()
+        return piece.low, piece.high, piece.length / 2, powers, float(piece.rows[MARGIN].min())
 
-        Its margin is no trouble where it changes by less than itself.
-        """
-        width /= cuts[0]
-        low = (begin[:, None] + width * np.arange(float(cuts[0]))).ravel()
-        q = (low[:, None] + width / 2 * (nodes(NODES) + 1)).ravel()
-        J, tau, dJ, margins = self._system.with_slopes(q)
-        rows = [J, dJ, tau]
+    def _values(self, q: Floats) -> Floats:
+        J, tau, dJ, margin = self._system.with_slopes(q)
+        rows = [J, tau, margin, dJ]
         if self._rates:
             rows.append((self._system.sample(q, FAST).tau - tau) / FAST)
-        values = np.reshape(rows, (len(rows), low.size, NODES))
-        margins = margins.reshape(low.size, NODES)
-        margin = margins.min(axis=1)
-        self._largest = self._largest or float(np.nanmax(np.abs(tau), initial=0.0))
-        scale = np.abs(values).max(axis=2)
-        least = values[0].min(axis=1)
-        scale[:3] = least, np.maximum(scale[1], least), np.maximum(scale[2], self._largest)
-        c = coefficients(values)
-        left = np.abs(c[:, :, -(NODES // 4) :]).max(axis=2)
-        kinked = (self._kinks >= low[:, None]) & (self._kinks <= low[:, None] + width)
-        good = (left <= ENDED * scale).all(axis=0) & (margins.max(axis=1) < 2 * margin)
-        good &= ~kinked.any(axis=1)
-        parts: Iterator[list[Any]] = iter(())
-        if len(cuts) > 1 and not good.all():
-            made = self._made(low[~good], width, cuts[1:])
-            parts = (made[i : i + cuts[1]] for i in range(0, len(made), cuts[1]))
-        series = (tuple(map(tuple, x)) for x in (c @ to_powers()).transpose(1, 2, 0).tolist())
-        return [
-            (x, m) if ok else next(parts, None)
-            for x, m, ok in zip(series, margin.tolist(), good.tolist(), strict=True)
-        ]
+        return np.array(rows)
 
     def one(self, q: float, qd: float, t: float) -> tuple[float, float, float, float]:
         """J, tau, dJ/dq and a margin at a state, see `System.one`."""
-        turns = q / self._period
-        if turns - turns != 0.0:
+        if q - q != 0.0:
             return math.nan, math.nan, math.nan, math.nan
-        x = (turns - math.floor(turns)) * CUTS[0]
-        i = int(x)
-        cell, x = self._cells[i], x - i
-        while type(cell) is list:
-            x *= len(cell)
-            i = int(x)
-            cell, x = cell[i], x - i
-        if cell is None:
+        x = q - self._period * math.floor(q / self._period)
+        i = bisect_right(self._lows, x) - 1
+        if i < 0 or x > self._cells[i][1]:
             J, tau, dJ, margin = self._system.one(q, qd, t)
             return J, tau, dJ, margin
-        x = 2.0 * x - 1.0
+        low, _, half, powers, margin = self._cells[i]
+        x = (x - low) / half - 1.0
         J = dJ = tau = damping = 0.0
         if self._rates:
-            for a, b, c, d in cell[0]:
-                J, dJ, tau, damping = J * x + a, dJ * x + b, tau * x + c, damping * x + d
-            return J, tau + damping * qd, dJ, cell[1]
-        for a, b, c in cell[0]:
-            J, dJ, tau = J * x + a, dJ * x + b, tau * x + c
-        return J, tau, dJ, cell[1]
+            for a, b, c, d in powers:
+                J, tau, dJ, damping = J * x + a, tau * x + b, dJ * x + c, damping * x + d
+            return J, tau + damping * qd, dJ, margin
+        for a, b, c in powers:
+            J, tau, dJ = J * x + a, tau * x + b, dJ * x + c
+        return J, tau, dJ, margin

@@ -8,17 +8,16 @@ the state is looked at.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from scipy.integrate import LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.dop853 import Dop853, Step, between
+from blockmech.dynamics.dop853 import Dop853, Taken
 from blockmech.dynamics.equation import Equation, TooMany, scales
-from blockmech.dynamics.estimate import COMPARED, TARGET, refined, with_rounding
+from blockmech.dynamics.estimate import TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
     PARTS,
     EventRule,
@@ -27,16 +26,10 @@ from blockmech.dynamics.events import (
     friction_rules,
     general_rules,
     kink_rules,
+    until_terminal,
 )
-from blockmech.dynamics.fixed_steps import (
-    STEP,
-    EulerQ,
-    RungeKutta4,
-    checked_step,
-    judged_by_half,
-)
+from blockmech.dynamics.fixed_steps import EulerQ, RungeKutta4
 from blockmech.dynamics.motion import EVALUATIONS, Event, Floats, Motion, State, Status, Still
-from blockmech.dynamics.quiet import looked_over
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import released
 from blockmech.dynamics.singular import AHEAD, PAST, End, time_left, what_is_ahead
@@ -51,6 +44,7 @@ FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
 SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
 FOREVER = 1 / EPS  # [s] for goals without a time
+ANYWHERE = (-math.inf, math.inf)
 
 
 class Verdict(NamedTuple):
@@ -58,19 +52,6 @@ class Verdict(NamedTuple):
 
     status: Status
     end: str
-
-
-class Taken(NamedTuple):
-    """A step of SciPy's solvers and its dense output."""
-
-    t_old: float
-    t: float
-    y: Floats
-    dense: Callable[[Any], Any]
-
-    def __call__(self, t: Any) -> Floats:
-        """States (n, ...) at times."""
-        return np.asarray(self.dense(t))
 
 
 @dataclass(frozen=True)
@@ -82,15 +63,8 @@ class Steps:
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
-        y, k = self._at(t), self.drivers
+        y, k = np.asarray(self.solution(t)), self.drivers
         return State(y[0], y[1]) if k == 1 else State(y[:k].T, y[k : 2 * k].T)
-
-    def _at(self, t: Floats) -> Floats:
-        times, pieces = self.solution.ts, self.solution.interpolants
-        which = np.clip(np.searchsorted(times, t) - 1, 0, len(pieces) - 1)
-        steps = [pieces[i] for i in which.tolist()]
-        at_once = steps and all(isinstance(step, Step) for step in steps)
-        return between(steps, t[:, None])[..., 0].T if at_once else np.asarray(self.solution(t))
 
 
 @dataclass
@@ -151,8 +125,6 @@ class Run:
         k, y = self.equation.drivers, self.y
         q, qd = (float(y[0]), float(y[1])) if k == 1 else (y[:k], y[k : 2 * k])
         self._balance(start)
-        if self.asked == "euler_q" and self.method != self.asked:  # so near it comes itself
-            self.left += self.longest
         if verdict.end in (ends.SELF_LOCKED, ends.AMBIGUOUS):
             self.notes.append(f"{verdict.end}: t = {self.t:.9g} s, q = {q:.9g}, rate = {qd:.9g}")
         if self.method != self.asked and verdict.status == "reached":
@@ -227,9 +199,10 @@ class Run:
         if self.equation.drivers > 1:
             length = loads.largest_length
             spans = [math.tau if turns else length(structure) for turns in self.system.rotary]
-        lookout = Lookout.at(self._rules(), parts, spans, self.t, self.y, self._happened())
+        rules, here = self._rules(), (parts, spans, self.t, self.y, self._happened())
+        lookouts = [Lookout.at([r for r in rules if r.own is x], *here) for x in (False, True)]
         self.fired = None
-        hit = self._integrated(lookout, bound)
+        hit = self._integrated(bound, *lookouts)
         if isinstance(hit, Verdict):
             return hit
         return None if hit is None else self._met(hit)
@@ -260,88 +233,88 @@ class Run:
             solver.newton_tol = max(solver.newton_tol, math.sqrt(EPS / rtol))
         return solver
 
-    def _stepped(self, solver: Any) -> Sequence[Any]:
-        """One more step, or some of them at once by machine code; empty where there is none."""
+    def _stepped(self, solver: Any, road: tuple[float, float] = ANYWHERE) -> Taken | None:
+        """One more step, or some of them at once by machine code; None where there is none."""
         try:
             with np.errstate(all="ignore"):
-                if self.method == "dop853" and (found := solver.steps()):
-                    return list(found)
+                if self.method == "dop853" and (found := solver.steps(road)):
+                    return cast(Taken, found)
+                y = solver.y
                 solver.step()
                 self.equation.closeness(solver.y)
-                good = solver.status != "failed" and np.isfinite(solver.y).all()
-                step = solver.t_old, solver.t, solver.y
-                return [Taken(*step, solver.dense_output())] if good else []
+                if solver.status == "failed" or not np.isfinite(solver.y).all():
+                    return None
+                t = np.array([solver.t_old, solver.t])
+                return Taken(t, np.array([y, solver.y]), solver.dense_output())
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-            return []
+            return None
 
-    def _integrated(self, lookout: Lookout, bound: float) -> Hit | Verdict | None:
+    def _integrated(self, bound: float, lookout: Lookout, own: Lookout) -> Hit | Verdict | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
         slope = np.asarray(self.equation(self.t, self.y), dtype=np.float64)
         if not np.isfinite(slope).all():  # from which SciPy's would never come back
             return self._given_up()
         solver = self._solver(bound, self.t, self.y, self.max_step)
         while solver.status == "running":
-            steps = self._stepped(solver)
-            if not steps:
+            steps = self._stepped(solver, lookout.road(float(solver.y[0])))
+            if steps is None:
                 return self._given_up()
-            met = self._over(steps, lookout) if solver.t > solver.t_old else None
+            met = self._over(steps, lookout, own) if solver.t > solver.t_old else None
             if met is not None:
                 return met
         return None
 
-    def _over(self, steps: Sequence[Any], lookout: Lookout) -> Hit | None:
-        """Go over steps, to the first terminal event in them."""
-        doubtful, first = [0], 0
-        if len(steps) > 1:
-            doubtful, states, values = looked_over(lookout, steps)
-        for i in (*doubtful, len(steps)):
-            if i > first:  # nothing happens up to there
-                self._took(steps[i - 1].t, steps[i - 1].y, *steps[first:i])
-                lookout.y, lookout.values = states[:, i], values[:, i].tolist()
-            for step in steps[i : i + 1]:
-                hits = lookout.in_step(step.t_old, step.t, step.y, step)
-                self._note(hits, step)
-                if hits and hits[-1].rule.terminal:
-                    self._took(*self._exactly(hits[-1], step.t_old, self.y, step))
-                    return hits[-1]
-                self._took(step.t, step.y, step)
-            first = i + 1
-        return None
+    def _over(self, steps: Taken, lookout: Lookout, own: Lookout) -> Hit | None:
+        """Go over steps, to the first terminal event in them; ``own`` looks for a user's."""
+        m = len(steps.t) - 1
+        found = own.within(*steps[:3])
+        if steps.calm < m:
+            found += lookout.within(*steps.part(m - 1, m)[:3])
+        hits = until_terminal(found)
+        self._note(hits, steps.dense)
+        if not (hits and hits[-1].rule.terminal):
+            self._took(steps)
+            return None
+        i = max(int(np.searchsorted(steps.t, hits[-1].t)) - 1, 0)
+        if i:
+            self._took(steps.part(0, i))
+        for taken in self._exactly(hits[-1], steps.part(i, i + 1)):
+            self._took(taken)
+        return hits[-1]
 
-    def _exactly(self, hit: Hit, t0: float, y0: Floats, dense: Any) -> tuple[Any, ...]:
-        """Time and state of an event, and steps that end there.
+    def _exactly(self, hit: Hit, step: Taken) -> list[Taken]:
+        """Steps that end at an event in a step.
 
         The step beyond it is coarser in between, and has seen what a kink is for.
         """
-        t, there, steps = hit.t, np.asarray(dense(hit.t)), list[Any]()
+        t, t0, y0, steps = hit.t, float(step.t[0]), step.y[0], list[Taken]()
+        coarse = [step.until(t, step.dense(t))]
         if not t > t0:
-            return t, there, dense
+            return coarse
         finer = math.isfinite(self.max_step)  # not the one step of the coarser run again
         solver = self._solver(t, t0, y0, SHORTER * (t - t0) if finer else math.inf)
         while solver.status == "running":
             more = self._stepped(solver)
-            if not more:
-                return t, there, dense
-            steps += more
+            if more is None:
+                return coarse
+            steps.append(more)
         y = np.array(solver.y)
         slope, ahead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
         here = hit.rule.value(t, y)
         rise = (hit.rule.value(t + ahead, y + ahead * slope) - here) / ahead
-        late = min(-here / rise, dense.t - t) if rise else math.nan  # not beyond its step
+        late = min(-here / rise, step.t[1] - t) if rise else math.nan  # not beyond its step
         moved = y + late * slope
         known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
-        return (t + late, moved, *steps) if known else (t, y, *steps)
+        return [*steps[:-1], steps[-1].until(t + late, moved)] if known else steps
 
-    def _took(self, t: float, y: Floats, *steps: Any) -> None:
-        """Go on to a state, over steps of which an event may cut off the last."""
-        if t > self.times[-1]:
-            self.times += [*(step.t for step in steps[:-1]), float(t)]
-            self.pieces += steps
-        self.longest = max(self.longest, *(min(step.t, t) - step.t_old for step in steps))
-        self.t, self.y, work = float(t), np.array(y), 2 * self.equation.drivers
-        self.turned = max(
-            self.turned, *(abs(float(x[work])) for x in (*(s.y for s in steps[:-1]), y))
-        )
+    def _took(self, steps: Taken) -> None:
+        """Go on over steps."""
+        self.t, self.y = float(steps.t[-1]), np.array(steps.y[-1])
+        if self.t > self.times[-1]:
+            self.times.append(self.t)
+            self.pieces.append(steps.dense)
+        self.longest = max(self.longest, float(np.diff(steps.t).max()))
+        self.turned = max(self.turned, float(np.abs(steps.y[1:, 2 * self.equation.drivers]).max()))
         if self.system.progress is not None:
             self.system.progress(self.name, *self._far())
 
@@ -420,7 +393,7 @@ class Run:
         """Which way a driver at rest with friction starts; what ends the run if it does not."""
         friction, q = self.system.friction, float(self.y[0])
         assert friction is not None
-        found = friction.rest(q, self.t, self.system.load_size(q))
+        found = friction.rest(q, self.t)
         low, high = found.holding
         if found.ambiguous:
             return Verdict("failed", ends.AMBIGUOUS)
@@ -433,8 +406,8 @@ class Run:
                 return Verdict("ended" if self.pieces else "rest", ends.REST)
             until = self.t_max if until is None else until
             still = self.y.copy()
-            held = Taken(until, until, still, lambda t: np.multiply.outer(still, np.ones_like(t)))
-            self._took(until, still, held)
+            times, states = np.array([until, until]), np.array([still, still])  # no step at all
+            self._took(Taken(times, states, lambda t: np.multiply.outer(still, np.ones_like(t))))
         self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
         return None
 
@@ -455,9 +428,6 @@ class Run:
         if end.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA) and math.isfinite(end.left):
             self.facts[f"{end.kind.replace(' ', '_')}_time"] = self.t + end.left
         return end.kind
-
-
-# -- the methods ---------------------------------------------------------------------------
 
 
 def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
@@ -483,28 +453,3 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
     first = max(target / 10, FLOOR * FINER)
     found = refined(run, first, finer, target, system.rotary, request.times)
     return with_rounding(system, found, target)
-
-
-def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> Motion:
-    """The motion by a scheme of the textbooks, its error told by a second run of half the step."""
-    if method == "rk4":
-        whole = request.span
-        step = request.step or 5 * STEP * (whole if math.isfinite(whole) else 1.0)
-        unit = "time_step"
-    else:
-        whole = max((abs(q - request.start.q) for q in request.places), default=math.inf)
-        step = request.step or STEP * (1.0 if system.rotary[0] else system.span)
-        unit = "coordinate_step"
-    checked_step(step, whole)
-
-    def run(h: float) -> Motion:
-        motion = Run(system, request, method, TARGET, method, 0.0, step=h).motion()
-        return replace(motion, facts={**motion.facts, unit: h})
-
-    def way(motion: Motion) -> float:
-        if method == "rk4":
-            return motion.t_end - motion.t_start
-        return float(np.ptp(motion.at(motion.times(COMPARED)).q))
-
-    found = judged_by_half(request, system.rotary, step, run, way)
-    return with_rounding(system, found, request.accuracy)

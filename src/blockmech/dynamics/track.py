@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from blockmech.dynamics.motion import State
-from blockmech.dynamics.panels import Floats, P, Panels, rule
+from blockmech.dynamics.panels import Floats, P, Panels, joined, rule
 
 AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte or two
 
@@ -59,13 +59,12 @@ class Pattern:
             rest = since - self.starts[k.astype(int)]
         back = (k % 2 == 1) & self.mirrored
         rest = np.where(back, self.duration - rest, rest)
-        if self.gain:
-            q, qd = np.empty_like(t), np.empty_like(t)
-            for index in np.unique(k):
-                here = k == index
-                q[here], qd[here] = self.repetition(int(index)).state(rest[here])
-        else:
-            q, qd = self.panels.state(rest)
+        panels = self.panels
+        if self.gain:  # those that are asked for, one after the other
+            asked, which = np.unique(k, return_inverse=True)
+            panels = joined([self.repetition(int(index)) for index in asked])
+            rest = rest + panels.times[:: len(self.panels.w)][which]
+        q, qd = panels.state(rest)
         return q + k * self.step, np.where(back, -qd, qd)
 
     def taken(self, t: float) -> float:
@@ -105,10 +104,11 @@ class PathTrack:
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
         since = t - self.t_start
-        starts = np.array([leg.t0 for leg in self.legs])
-        which = np.clip(np.searchsorted(starts, since, "right") - 1, 0, None)
+        which = np.searchsorted([leg.t0 for leg in self.legs[1:]], since, "right")
         q, qd = np.empty_like(since), np.empty_like(since)
-        for i in np.unique(which).tolist():
-            for here in np.split(np.flatnonzero(which == i), range(AT_ONCE, since.size, AT_ONCE)):
-                q[here], qd[here] = self.legs[i].state(since[here])
+        for i in set(which.tolist()):
+            here = np.flatnonzero(which == i)
+            for k in range(0, here.size, AT_ONCE):
+                some = here[k : k + AT_ONCE]
+                q[some], qd[some] = self.legs[i].state(since[some])
         return State(q, qd)

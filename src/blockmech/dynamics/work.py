@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.friction import JointFriction, Placed, Sides
+from blockmech.dynamics.friction import JointFriction, Sides
 from blockmech.dynamics.panels import SMALLEST, Floats, Spans
 from blockmech.dynamics.place import TAU
 from blockmech.plane import EPS
@@ -29,7 +29,7 @@ class Acting(NamedTuple):
 
     w : (n,) dK/dq
     lost : (n,) magnitude of dW/dq that friction takes
-    loads : (n, m) on the pairs with friction
+    loads : (m,) vectors (n,) on the pairs with friction
     """
 
     w: Floats
@@ -52,19 +52,18 @@ def of_rate(system: System, q: Floats, J: Floats, sign: int) -> Work:
 
 def of_friction(friction: JointFriction, q: Floats, rows: Floats, sign: int, sides: Sides) -> Work:
     """Joint friction, with loads of the place and perhaps of the rate."""
-    placed = Placed.of(rows, len(sides))
-    r = placed.responses
+    rest, square, *responses = friction.responses(rows)
+    J = rows[0]
 
     def work(K: Floats) -> Acting:
-        qd2 = 2 * K / r.J  # beyond a standstill it goes on smoothly, with a negative square
-        if friction.program.rate_loads:
+        qd2 = 2 * K / J  # beyond a standstill it goes on smoothly, with a negative square
+        if friction.rate_loads:
             rate = np.maximum(np.sqrt(np.maximum(qd2, 0.0)), SLOWEST)
-            acting = friction.loads(q, sign * rate)
+            acting = friction.acting(q, sign * rate)
         else:
-            acting = placed.loads(qd2)
-        found = friction.solve(r, acting, sides)
-        lost = -sign * (r.s * found.t).sum(axis=1)
-        return Acting(found.effort - placed.square.push * qd2, lost, found.F)
+            acting = friction.at_square(rest, square, qd2)
+        found = friction.solve([acting, *responses], sides)
+        return Acting(found.effort + square[0] * qd2, found.taken, found.loads)
 
     return work
 

@@ -128,7 +128,7 @@ class Text:
 
     def _stored(self, row: int, node: Node) -> list[str]:
         lines, name = [], self._name(node)
-        if node.truth:
+        if is_truth(node):
             lines, name = (
                 [f"%o{row}.real = uitofp {self.truths} {name} to {self.reals}"],
                 f"%o{row}.real",
@@ -164,7 +164,7 @@ class Text:
         both = list(zip(loop.state, loop.first, loop.ahead, strict=True))
         for state, first, _ in both:
             name, kind = self._name(state), self._kind(state)
-            at_first = self._name(first, state.truth)
+            at_first = self._name(first, is_truth(state))
             lines.append(
                 f"{name} = phi {kind} [ {at_first}, %{before} ], [ {name}.next, %body{k} ]"
             )
@@ -180,7 +180,7 @@ class Text:
             lines += self._statement(node)
         for state, _, ahead in both:
             name, kind = self._name(state), self._kind(state)
-            new = f"{kind} {self._name(ahead, state.truth)}"
+            new = f"{kind} {self._name(ahead, is_truth(state))}"
             lines.append(f"{name}.next = select {self.truths} {going}, {new}, {kind} {name}")
         return [*lines, f"%n{k}.next = add i64 %n{k}, 1", f"br label %test{k}", f"after{k}:"]
 
@@ -226,7 +226,7 @@ class Text:
         if op == "where":
             condition, a, b = node.args
             kind = self._kind(node)
-            if_true, if_false = (f"{kind} {self._name(x, node.truth)}" for x in (a, b))
+            if_true, if_false = (f"{kind} {self._name(x, is_truth(node))}" for x in (a, b))
             chosen = f"{self.truths} {self._name(condition)}, {if_true}, {if_false}"
             return [f"{me} = select {chosen}"]
         if op == "is nan":

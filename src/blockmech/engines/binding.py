@@ -76,10 +76,20 @@ def _copy(function: FunctionType, space: Space) -> FunctionType:
 
 
 def bind(
-    program: Any, primitives: Mapping[str, Any], constants: Mapping[str, Any]
+    program: Any,
+    primitives: Mapping[str, Any],
+    constants: Mapping[str, Any],
+    foreign: Callable[[Any], Any] = lambda function: function,
 ) -> Callable[..., tuple[Any, ...]]:
-    """A `blockmech.plan.Program` as a function of its inputs and parameters, on one number type."""
-    space: Space = {**primitives, **constants, **bind_functions(program.functions, primitives)}
+    """A `blockmech.plan.Program` as a function of its inputs and parameters, on one number type.
+
+    ``foreign`` says what stands for a function that is no kernel.
+    """
+    bound = bind_functions(program.functions, primitives)
+    for name, f in program.functions.items():
+        if bound[name] is f and not isinstance(f, FunctionType | type):
+            bound[name] = foreign(f)
+    space: Space = {**primitives, **constants, **bound}
     exec(program.code, space)
     run: Callable[..., tuple[Any, ...]] = space["program"]
     return run

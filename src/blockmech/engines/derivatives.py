@@ -11,9 +11,7 @@ functions).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
-from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -24,7 +22,7 @@ from blockmech.engines import numpy as plain
 from blockmech.engines.binding import bind
 from blockmech.engines.dual import TANGENTS, Dual, slope, value, values
 from blockmech.engines.numpy import CHUNK, Planar, each_part
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import RequestError, refused
 from blockmech.plan import Program
 from blockmech.plane import EPS, REST_SHARE, cross, dot, primitives_of
 
@@ -220,7 +218,7 @@ def _linear(function: Any, at: Array, y: Array, way: Array) -> Array:
 
 
 def _no_derivative(where: str, found: str, remedy: str) -> RequestError:
-    return RequestError(Problem("no-derivative", where, found, "", remedy))
+    return refused(where, found, remedy, code="no-derivative")
 
 
 @primitives_of.register(Dual)
@@ -238,11 +236,7 @@ class DualEngine:
 
     def __init__(self, program: Program) -> None:
         self.program = program
-        functions = {
-            name: f if isinstance(f, FunctionType | type) else _ByValue(f)
-            for name, f in program.functions.items()
-        }
-        self._program = bind(replace(program, functions=functions), PRIMITIVES, CONSTANTS)
+        self._program = bind(program, PRIMITIVES, CONSTANTS, _by_value)
 
     def run(
         self, inputs: Mapping[str, Any], parameters: Sequence[Any], n: int, m: int
@@ -253,42 +247,31 @@ class DualEngine:
         (m, 1), in the order of the program's.
         """
         chunk = max(CHUNK // (m + 1), 1)
-        given = tuple(map(_pair, parameters))
+        given = each_part(_double, tuple(parameters))
+        whole = [
+            x if isinstance(x, Dual) else np.asarray(x)
+            for x in map(inputs.get, self.program.inputs)
+        ]
         done = []
         with np.errstate(all="ignore"):
             for k in range(0, max(n, 1), chunk):
                 part = slice(k, min(k + chunk, n))
-                columns = (_part(inputs[name], part) for name in self.program.inputs)
+                columns = (column[part] for column in whole)
                 found = self._program(*columns, given)
                 size = part.stop - part.start
                 done.append(each_part(lambda x, size=size: _whole(x, m, size), found))
         return tuple(each_part(_joined, *columns) for columns in zip(*done, strict=True))
 
 
-class _ByValue:
+def _by_value(function: Any) -> Any:
     """A function that is no kernel, such as a general group's path from home, asked by value."""
-
-    def __init__(self, function: Any) -> None:
-        self.function = function
-        self.__name__ = function.__name__
-
-    def __call__(self, *given: Any) -> Any:
-        return self.function(*values(given))
+    return lambda *given: function(*values(given))
 
 
-def _pair(parameter: Any) -> Any:
-    if isinstance(parameter, tuple):
-        made = [_pair(x) for x in parameter]
-        return type(parameter)(*made) if hasattr(parameter, "_fields") else tuple(made)
-    if isinstance(parameter, complex):
-        return Planar(np.float64(parameter.real), np.float64(parameter.imag))
-    return parameter if isinstance(parameter, Planar | Dual) else np.float64(parameter)
-
-
-def _part(column: Any, part: slice) -> Any:
-    if isinstance(column, Dual):
-        return Dual(column.x[part], column.d[:, part])
-    return np.asarray(column)[part]
+def _double(x: Any) -> Any:
+    if isinstance(x, complex):
+        return Planar(np.float64(x.real), np.float64(x.imag))
+    return x if isinstance(x, Dual) else np.float64(x)
 
 
 def _whole(x: Any, m: int, n: int) -> Dual:

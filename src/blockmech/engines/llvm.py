@@ -15,9 +15,10 @@ from __future__ import annotations
 import ctypes
 import functools
 import os
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,9 @@ from numpy.typing import NDArray
 from blockmech.engines import assembly, lapack
 from blockmech.engines.assembly import LANES
 from blockmech.engines.nodes import Node, Untraceable
-from blockmech.engines.numpy import CHUNK, Planar, leaves
+from blockmech.engines.numpy import CHUNK, Planar, each_part, leaves
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.engines.trace import Trace, filled, numbers
+from blockmech.engines.trace import Trace, filled
 from blockmech.errors import MissingEngineError, needed
 from blockmech.plan import Program
 
@@ -58,11 +59,15 @@ class LlvmEngine:
         self._row = {node: row for row, node in enumerate(rows)}
         self._asked, self._inputs = trace.asked, len(program.inputs) + trace.answers
         text = assembly.Text().fill(self._inputs, rows)
-        self._fill = machine_code(text, "fill", FILL).function
-        self._numbers = np.array([*numbers(program.parameters.values()), 0.0])  # never empty
+        (self._fill,) = machine_code(text, ("fill", FILL))
+        self._numbers = row_of(program)
         self._parameters = self._numbers.ctypes.data
-        self._room = ctypes.c_double * (LANES * (self._inputs + len(rows)))
         self._places = ctypes.c_void_p * (self._inputs + 1)  # never empty
+        self._room = (ctypes.c_double * (LANES * (self._inputs + len(rows))))()
+        first = ctypes.addressof(self._room)
+        self._in_room = self._places(*range(first, first + LINE * self._inputs, LINE))
+        self._out = first + LINE * self._inputs
+        self._alone = threading.Lock()
         self._read_one = eval(f"lambda x, row: {self._text(trace.values)}")
 
     def _text(self, value: Any) -> str:
@@ -77,14 +82,13 @@ class LlvmEngine:
 
     def one(self, inputs: Sequence[float]) -> tuple[Any, ...]:
         """Values of one sample: float or complex each, NaN or infinite where impossible."""
-        room = self._room()  # inputs, then rows; the other lanes compute with zeros, for nobody
         inputs = self._answered(inputs) if self._asked else inputs
         k = LANES * len(inputs)
-        room[0:k:LANES] = list(inputs)
-        first = ctypes.addressof(room)
-        places = self._places(*range(first, first + LINE * len(inputs), LINE))
-        self._fill(places, self._parameters, first + LINE * len(inputs), LANES, LANES, 0, 1)
-        found: tuple[Any, ...] = self._read_one(inputs, room[k::LANES])
+        with self._alone:  # inputs, then rows; the other lanes compute with zeros, for nobody
+            self._room[0:k:LANES] = list(inputs)
+            self._fill(self._in_room, self._parameters, self._out, LANES, LANES, 0, 1)
+            row = self._room[k::LANES]
+        found: tuple[Any, ...] = self._read_one(inputs, row)
         return found
 
     def _columns(self, inputs: Sequence[Any], n: int) -> list[Array]:
@@ -102,8 +106,8 @@ class LlvmEngine:
         """Inputs, numbers or columns, and behind them what functions that are no kernels say."""
         found = [*inputs]
         for function, places in self._asked:
-            places_of = iter([inputs[k] for k in numbers(places)]).__next__
-            found += numbers([function(*filled(places, places_of))])
+            places_of = iter([inputs[k] for k in leaves(places)]).__next__
+            found += leaves(function(*filled(places, places_of)))
         return found
 
     def run(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
@@ -111,15 +115,8 @@ class LlvmEngine:
         them for more."""
         if n == 1:
             return self.one([float(inputs[x][0]) for x in self.program.inputs])
-        columns = self._columns([inputs[x] for x in self.program.inputs], n)
-        out = self._samples(columns, n)
-
-        def read(x: Any) -> Array:
-            if not isinstance(x, Node):
-                return np.broadcast_to(np.float64(x), (n,))
-            return columns[x.args[0]] if x.op == "input" else out[self._row[x], :n]
-
-        return tuple(_mapped(x, read) for x in self.values)
+        found = self._together(inputs, n, self._numbers[None])
+        return tuple(each_part(lambda x: x[0], x) for x in found)
 
     def run_designs(
         self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]
@@ -129,48 +126,41 @@ class LlvmEngine:
         ``values`` are those of `Program.values`, numbers of designs as columns (m, 1); inputs
         are (n,). A design's numbers are those that it has alone.
         """
-        rows = [*numbers(values), 0.0]
-        m = max(np.size(x) for x in rows)
-        slots = np.empty((m, len(rows)))
+        rows = [*leaves(values), 0.0]
+        slots = np.empty((max(np.size(x) for x in rows), len(rows)))
         for k, x in enumerate(rows):
             slots[:, k] = x if np.size(x) == 1 else np.ravel(x)
         n = max((np.size(inputs[x]) for x in self.program.inputs), default=1)
-        given = self._columns([inputs[x] for x in self.program.inputs], n)
-        blocks = -(-n // LANES)
-        columns = [_whole_blocks(c) for c in given]
-        out = np.empty((max(1, len(self._row)), m, blocks * LANES))
+        return self._together(inputs, n, slots)
+
+    def _together(self, inputs: Mapping[str, Any], n: int, slots: Array) -> tuple[Any, ...]:
+        """Values (m, n) at n samples, each with the slots (m, k) of numbers."""
+        columns = self._columns([inputs[x] for x in self.program.inputs], n)
+        columns = [_whole_blocks(c) for c in columns]
+        m, blocks = len(slots), -(-n // LANES)
+        width = blocks * LANES
+        # An odd number of cache lines: rows do not fall on the same sets of the cache.
+        out = np.empty((max(1, len(self._row)), LANES * (m * blocks | 1)))
 
         def part(first: int, last: int) -> None:
-            self._call(columns, out[:, first], blocks * LANES, slots[first:last])
+            if m > 1:  # of the designs
+                self._call(columns, out[:, first * width :], width, slots[first:last])
+            else:
+                here = slice(first * LANES, last * LANES)
+                given = [c[here] for c in columns]
+                self._call(given, out[:, here], (last - first) * LANES, slots)
 
-        self._threads(part, m, m * n >= PARALLEL)
+        self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
+        found = out[:, : m * width].reshape(-1, m, width)[..., :n]
 
         def read(x: Any) -> Array:
             if not isinstance(x, Node):
                 return np.broadcast_to(np.float64(x), (m, n))
             if x.op == "input":
                 return np.broadcast_to(columns[x.args[0]][:n], (m, n))
-            return out[self._row[x], :, :n]
+            return np.asarray(found[self._row[x]])
 
-        return tuple(_mapped(x, read) for x in self.values)
-
-    def _samples(self, columns: list[Array], n: int) -> Array:
-        """The rows of numbers (rows, at least n)."""
-        blocks = -(-n // LANES)
-        # An odd number of cache lines: rows do not fall on the same sets of the cache.
-        out = np.empty((max(1, len(self._row)), LANES * (blocks | 1)))
-        whole = n // LANES
-
-        def part(first: int, last: int) -> None:
-            here = slice(first * LANES, last * LANES)
-            given = [c[here] for c in columns]
-            self._call(given, out[:, here], (last - first) * LANES, self._numbers)
-
-        self._threads(part, whole, n >= PARALLEL)
-        if whole < blocks:  # the last samples beside copies of the last one
-            rest = [_whole_blocks(c[whole * LANES :]) for c in columns]
-            self._call(rest, out[:, whole * LANES :], LANES, self._numbers)
-        return out
+        return tuple(each_part(read, x) for x in self.values)
 
     def _threads(self, part: Callable[[int, int], None], count: int, many: bool) -> None:
         """Do a count of things in parts, side by side where they are many."""
@@ -187,9 +177,8 @@ class LlvmEngine:
     def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> None:
         places = self._places(*(c.ctypes.data for c in columns))
         stride = out.strides[0] // out.itemsize
-        designs = slots.shape[0] if slots.ndim > 1 else 1
-        data = out.ctypes.data, stride, n, slots.shape[-1], designs
-        self._fill(places, slots.ctypes.data, *data)
+        designs, count = slots.shape
+        self._fill(places, slots.ctypes.data, out.ctypes.data, stride, n, count, designs)
 
 
 def _whole_blocks(column: Array) -> Array:
@@ -198,11 +187,9 @@ def _whole_blocks(column: Array) -> Array:
     return np.concatenate([column, np.full(missing, column[-1])]) if missing else column
 
 
-def _mapped(value: Any, read: Any) -> Any:
-    if isinstance(value, tuple):
-        parts = [_mapped(x, read) for x in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return Planar(read(value.real), read(value.imag)) if isinstance(value, Planar) else read(value)
+def row_of(program: Program) -> Array:
+    """The numbers of a program in the order of its trace; never none."""
+    return np.array([*leaves(tuple(program.parameters.values())), 0.0])
 
 
 class OneByOne:
@@ -228,16 +215,9 @@ class OneByOne:
 # -- machine code ------------------------------------------------------------------
 
 
-class Code(NamedTuple):
-    """A compiled module; its function lives as long as what holds it."""
-
-    function: Any
-    held: tuple[Any, ...]
-
-
 @functools.lru_cache
-def machine_code(text: str, name: str, kind: Any) -> Code:
-    """A function of a module; compiled once for all mechanisms of one structure."""
+def machine_code(text: str, *kinds: tuple[str, Any]) -> tuple[Any, ...]:
+    """Functions of a module, by name; compiled once for all mechanisms of one structure."""
     if text.count("\n") > LONGEST:
         raise Untraceable(f"it has more than {LONGEST} operations")
     llvm = _package()
@@ -256,7 +236,10 @@ def machine_code(text: str, name: str, kind: Any) -> Code:
     passes.getModulePassManager().run(module, passes)
     engine = llvm.create_mcjit_compiler(module, target)
     engine.finalize_object()
-    return Code(kind(engine.get_function_address(name)), (engine, target))
+    functions = tuple(kind(engine.get_function_address(name)) for name, kind in kinds)
+    for f in functions:
+        f.held = engine, target  # the code lives as long as who may call it, not as the cache
+    return functions
 
 
 @functools.cache

@@ -43,14 +43,6 @@ class Node:
         self.number = len(trace.nodes)
         trace.nodes.append(self)
 
-    @property
-    def truth(self) -> bool:
-        """Whether it is a truth value."""
-        if self.op in ("state", "after"):
-            loop, i = self.args
-            return is_truth(loop.first[i])
-        return self.op in TRUTHS or (self.op == "where" and is_truth(self.args[1]))
-
     def __bool__(self) -> NoReturn:
         raise Untraceable("it branches on a number of the sample")
 
@@ -67,7 +59,12 @@ class Node:
 
 def is_truth(x: Any) -> bool:
     """Whether a node or number of the text is a truth value."""
-    return x.truth if isinstance(x, Node) else isinstance(x, bool)
+    if not isinstance(x, Node):
+        return isinstance(x, bool)
+    if x.op in ("state", "after"):
+        loop, i = x.args
+        return is_truth(loop.first[i])
+    return x.op in TRUTHS or (x.op == "where" and is_truth(x.args[1]))
 
 
 class Loop:

@@ -172,7 +172,7 @@ def leaves(value: Any) -> list[Any]:
     """The real batches in a nested tuple of batches, those of a vector one after the other."""
     if isinstance(value, tuple):
         return [leaf for x in value for leaf in leaves(x)]
-    return [value.real, value.imag] if isinstance(value, Planar) else [value]
+    return [value.real, value.imag] if isinstance(value, complex | Planar) else [value]
 
 
 @cache

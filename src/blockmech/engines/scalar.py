@@ -51,6 +51,20 @@ class ScalarEngine:
         return tuple(_number(value) for value in self._arrays.run(columns, 1))
 
 
+class BySize:
+    """A program of real values: by Python's numbers for one sample, by NumPy's arrays for more."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self._one, self._many = ScalarEngine(program), NumpyEngine(program)
+
+    def run(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
+        """Values (n,) of n samples."""
+        if n > 1:
+            return self._many.run(inputs, n)
+        return tuple(np.array([x]) for x in self._one.run(inputs, n))
+
+
 def _number(value: Any) -> complex | float:
     """A batch of one as a Python number."""
     if isinstance(value, Planar):

@@ -5,9 +5,11 @@
         off = norm of h sum_j E_j K_j, in tolerances, of two estimates
         the step is taken where off < 1, else it is tried again with a shorter h
 
-The first rate of the state and what is ``watched`` of it end the steps where they change their
-sign. The rates are those of a traced program of one lane (`blockmech.engines.assembly`), asked by
-a body: they are worked out state by state, hundreds of times in what a call from Python takes.
+A step in which something may happen is the last: its first component leaves the ``road``, or what
+is ``watched`` changes its sign at a stage of the step. Of the first two, which may also dip to zero
+between two stages, a stage may not differ from the end by a third of it either: then none is twice
+another. The rates are those of a traced program of one lane (`blockmech.engines.assembly`), asked
+by a body: they are worked out state by state, hundreds of times in what a call from Python takes.
 
 Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.1, II.4
 (control of the step: safety 0.9, factors from 0.2 to 10 as in SciPy) and II.10 (the estimates).
@@ -23,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.assembly import Text
-from blockmech.engines.llvm import FILL, machine_code
+from blockmech.engines.llvm import FILL, machine_code, row_of
 from blockmech.engines.nodes import Untraceable
-from blockmech.engines.trace import FOLLOWED, Body, Trace, numbers
+from blockmech.engines.trace import FOLLOWED, Body, Trace
 from blockmech.plan import Program
 
 Floats = NDArray[np.float64]
@@ -109,17 +111,21 @@ start:
   %longest.at = getelementptr double, ptr %control, i64 2
   %longest = load double, ptr %longest.at
   %tried.at = getelementptr double, ptr %control, i64 3
+  %road.low.at = getelementptr double, ptr %control, i64 4
+  %road.low = load double, ptr %road.low.at
+  %road.high.at = getelementptr double, ptr %control, i64 5
+  %road.high = load double, ptr %road.high.at
   %block = mul i64 %all, %width
   %end = sub i64 %ends, 1
   %end.place = mul i64 %end, %width
   %bytes = mul i64 %n, 8
   %row.bytes = mul i64 %width, 8
-  %n.more = add i64 %n, 1
+  %column.first = sub i64 %width, %watched
   %components = sitofp i64 %n to double
   %E.third = getelementptr double, ptr %E, i64 %ends
   br label %step
 step:
-  %m = phi i64 [ 0, %start ], [ %m.next, %watch ]
+  %m = phi i64 [ 0, %start ], [ %m.next, %kept ]
   %t.at = getelementptr double, ptr %times, i64 %m
   %t = load double, ptr %t.at
   %reached = fcmp oge double %t, %bound
@@ -225,25 +231,47 @@ accepted:
   call void @llvm.memcpy.p0.p0.i64(ptr %K.next, ptr %slope, i64 %row.bytes, i1 0)
   br label %watch
 watch:
-  %w = phi i64 [ 0, %accepted ], [ %w.next, %same ]
-  %w.more = icmp sle i64 %w, %watched
-  br i1 %w.more, label %watches, label %step
-watches:
-  %is.rate = icmp eq i64 %w, 0
-  %behind = add i64 %n.more, %w
-  %column = select i1 %is.rate, i64 0, i64 %behind
-  %first.at = getelementptr double, ptr %K, i64 %column
-  %first = load double, ptr %first.at
+  %w = phi i64 [ 0, %accepted ], [ %w.next, %calm ]
+  %w.more = icmp slt i64 %w, %watched
+  %falls = icmp slt i64 %w, 2
+  %column = add i64 %column.first, %w
   %last.at = getelementptr double, ptr %slope, i64 %column
+  br i1 %w.more, label %scan, label %on.road
+scan:
+  %s = phi i64 [ 0, %watch ], [ %s.next, %seen ]
   %last = load double, ptr %last.at
-  %signs = fmul double %first, %last
-  %turned = fcmp olt double %signs, 0.0
-  br i1 %turned, label %stopped, label %same
-same:
+  %s.row = mul i64 %s, %width
+  %s.place = add i64 %s.row, %column
+  %seen.at = getelementptr double, ptr %K, i64 %s.place
+  %seen.now = load double, ptr %seen.at
+  %apart = fsub double %seen.now, %last
+  %apart.size = call double @llvm.fabs.f64(double %apart)
+  %thrice = fmul double %apart.size, 3.0
+  %near = fcmp olt double %thrice, %last
+  %signs = fmul double %seen.now, %last
+  %same = fcmp ogt double %signs, 0.0
+  %zero = fcmp oeq double %seen.now, 0.0
+  %alike = or i1 %same, %zero
+  %keeps = select i1 %falls, i1 %near, i1 %alike
+  br i1 %keeps, label %seen, label %doubtful
+seen:
+  %s.next = add i64 %s, 1
+  %s.more = icmp slt i64 %s.next, %all
+  br i1 %s.more, label %scan, label %calm
+calm:
   %w.next = add i64 %w, 1
   br label %watch
-stopped:
-  ret i64 %m.next
+on.road:
+  %place = load double, ptr %y.next
+  %above = fcmp ogt double %place, %road.low
+  %below = fcmp olt double %place, %road.high
+  %inside = and i1 %above, %below
+  br i1 %inside, label %kept, label %doubtful
+kept:
+  br label %step
+doubtful:
+  %in.doubt = sub i64 0, %m.next
+  ret i64 %in.doubt
 done:
   ret i64 %m
 }
@@ -266,30 +294,32 @@ class Rates:
     """A body of a program, as machine code for states and for steps.
 
     Its inputs are the components of the state, the time, and ``more`` numbers that are given; its
-    values their rates, two more, and what is watched: as many as are given but two.
+    values their rates, and last what is ``watched``.
     """
 
-    def __init__(self, program: Program, body: Body, dimension: int, more: int) -> None:
+    def __init__(
+        self, program: Program, body: Body, dimension: int, more: int, watched: int
+    ) -> None:
         """Raises `Untraceable` for what is more than flat arithmetic, and
         `MissingEngineError` without llvmlite."""
-        self.dimension, self.inputs = dimension, dimension + 1 + more
+        self.dimension, self.inputs, self.watched = dimension, dimension + 1 + more, watched
         trace = Trace(program, body, self.inputs)
         if trace.asked:
             raise Untraceable(FOLLOWED)
         self.rows: list[Any] = [*trace.values]
         text = Text(1).fill(self.inputs, self.rows) + STEPS
-        self.at = machine_code(text, "fill", FILL)
-        self.steps = machine_code(text, "steps", KIND)
-        self.numbers = np.array([*numbers(program.parameters.values()), 0.0])  # never empty
+        self.at, self.steps = machine_code(text, ("fill", FILL), ("steps", KIND))
+        self.numbers = row_of(program)
 
 
 class Steps(NamedTuple):
     """Some steps, one after the other.
 
     t : (m + 1,) [s], y : (m + 1, n) where they begin, and where the last ends
-    K : (m, s, n) rates at their stages
+    K : (m, s, n) rates at their stages, until the next steps are made
     h : [s] the step to try next
     tried : how many steps were tried
+    calm : in how many, the first ones, nothing happens: all, or all but the last
     """
 
     t: Floats
@@ -297,6 +327,7 @@ class Steps(NamedTuple):
     K: Floats
     h: float
     tried: int
+    calm: int
 
 
 class Stages:
@@ -304,18 +335,13 @@ class Stages:
 
     def __init__(self, rates: Rates, given: Sequence[float]) -> None:
         self._rates = rates
-        self._given = np.array(given, dtype=np.float64)
         self._parameters = rates.numbers.ctypes.data
         self._state = np.array([0.0] * (rates.dimension + 1) + [*given])
         self._row = np.zeros(len(rates.rows))
-        self._x = self._columns(self._state)
         self._room = np.zeros((0, 0, 0))
-
-    def _columns(self, x: Floats) -> Any:
-        """Addresses of the inputs: numbers (inputs,), or columns (inputs, m)."""
-        first, stride = x.ctypes.data, x.strides[0]
-        count = self._rates.inputs
-        return (ctypes.c_void_p * count)(*range(first, first + stride * count, stride))
+        first, count = self._state.ctypes.data, rates.inputs
+        size = self._state.itemsize
+        self._x = (ctypes.c_void_p * count)(*range(first, first + size * count, size))
 
     def steps(
         self,
@@ -323,12 +349,14 @@ class Stages:
         begin: Any,
         h: float,
         ends: tuple[float, float],
+        road: tuple[float, float],
         tolerances: Floats,
         most: int,
     ) -> Steps:
-        """Steps from ``begin`` (t, y, y'), at most so many.
+        """Steps from ``begin`` (t, y), at most so many.
 
         ends : [s] where they end, and the longest one
+        road : between which the first component is to stay
         tolerances : (2, n) relative and absolute ones
         """
         r, n, width = self._rates, self._rates.dimension, self._row.size
@@ -336,30 +364,23 @@ class Stages:
         if len(self._room) <= most:
             self._room = np.zeros((most + 1, stages, width))
         K, t, y = self._room, np.zeros(most + 1), np.zeros((most + 1, n))
-        K[0, 0] = 0.0
-        t[0], y[0], K[0, 0, :n] = begin
-        control = np.array([h, *ends, 0.0])
+        t[0], y[0] = begin
+        K[0, 0] = self.at(*begin)
+        control = np.array([h, *ends, 0.0, *road])
         arrays = K, y, self._state, by.A, by.C, by.E, tolerances, control, t
         places = (x.ctypes.data for x in arrays)
-        sizes = most, n, width, by.E.shape[1], stages, self._given.size - 2
-        m = r.steps.function(self._x, self._parameters, *places, *sizes)
+        found = r.steps(
+            self._x, self._parameters, *places, most, n, width, by.E.shape[1], stages, r.watched
+        )
+        m = abs(found)
+        calm = m if found > 0 else max(m - 1, 0)
         tried = int(control[3])
-        return Steps(t[: m + 1], y[: m + 1], K[:m, :, :n].copy(), float(control[0]), tried)
+        return Steps(t[: m + 1], y[: m + 1], K[:m, :, :n], float(control[0]), tried, calm)
 
     def at(self, t: float, y: Sequence[float]) -> list[float]:
         """What the program says of a state."""
         r, n = self._rates, self._rates.dimension
         self._state[:n], self._state[n] = y, t
-        r.at.function(self._x, self._parameters, self._row.ctypes.data, 1, 1, 0, 1)
+        r.at(self._x, self._parameters, self._row.ctypes.data, 1, 1, 0, 1)
         found: list[float] = self._row.tolist()
         return found
-
-    def rows(self, y: Floats) -> Floats:
-        """What it says of states (n, m), at the time 0: (rows, m)."""
-        n, m = y.shape
-        x = np.zeros((self._rates.inputs, m))
-        x[:n], x[n + 1 :] = y, self._given[:, None]
-        out = np.empty((self._row.size, m))
-        where = self._columns(x), self._parameters, out.ctypes.data
-        self._rates.at.function(*where, m, m, 0, 1)
-        return out

@@ -10,11 +10,10 @@ Walther, Evaluating Derivatives, 2008, ch. 6.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable
 from functools import partial
-from types import FunctionType
 from typing import Any, NamedTuple
 
 from blockmech.engines.binding import bind
@@ -34,17 +33,6 @@ class Asked(NamedTuple):
 
     function: Callable[..., Any]
     places: tuple[Any, ...]
-
-
-class _Foreign:
-    """Stands for a function that is no kernel while a program is traced."""
-
-    def __init__(self, name: str, answer: Callable[..., Any]) -> None:
-        self.__name__, self.answer = name, answer
-
-    def __call__(self, *given: Any) -> Any:
-        """What it says of nodes."""
-        return self.answer(*given)
 
 
 class Trace:
@@ -69,15 +57,14 @@ class Trace:
         self._open = False  # whether a loop is being traced
         given = range(len(program.inputs) if body is None else inputs)
         leafs = [self._leaf("input", i, SAMPLE) for i in given]
-        count = iter(range(len(numbers(program.parameters.values()))))
+        count = itertools.count()
 
         def slot() -> Node:
             return self._leaf("parameter", next(count), PARAMETER)
 
         slots = tuple(filled(value, slot) for value in program.parameters.values())
         self._inputs = self._given = len(leafs)
-        functions = {name: self._bindable(f) for name, f in program.functions.items()}
-        bound = bind(replace(program, functions=functions), PRIMITIVES, CONSTANTS)
+        bound = bind(program, PRIMITIVES, CONSTANTS, self._foreign)
 
         def run(*x: Any) -> tuple[Any, ...]:
             return bound(*x, slots)
@@ -100,16 +87,14 @@ class Trace:
         """Number of inputs that are answers."""
         return self._inputs - self._given
 
-    def _bindable(self, function: Any) -> Any:
-        """A kernel, or what stands for a function that is none."""
-        if isinstance(function, FunctionType | type):
-            return function
+    def _foreign(self, function: Any) -> Any:
+        """What stands for a function that is no kernel while a program is traced."""
 
         def answer(*given: Any) -> Any:
             zeros = filled(given, float)
             return self.answer(function, given, function(*zeros))
 
-        return _Foreign(function.__name__, answer)
+        return answer
 
     def answer(self, function: Any, given: tuple[Any, ...], like: Any) -> Any:
         """What a function of inputs alone says: inputs of their own, worked out beforehand.
@@ -142,21 +127,6 @@ class Trace:
         self._open = False
         after = (Node(self, "after", (made, i), SAMPLE) for i in range(len(made.state)))
         return filled(state, lambda: next(after))
-
-
-def numbers(parameters: Iterable[Any]) -> list[Any]:
-    """Parameters as a row of numbers (or of arrays of designs), records and tables in order."""
-    return [x for value in parameters for x in _plain(value)]
-
-
-def _plain(value: Any) -> Iterator[Any]:
-    if isinstance(value, tuple):
-        for x in value:
-            yield from _plain(x)
-    elif isinstance(value, complex | Planar):
-        yield from (value.real, value.imag)
-    else:
-        yield value
 
 
 def filled(value: Any, fresh: Callable[[], Any], pair: Callable[..., Any] = Planar) -> Any:

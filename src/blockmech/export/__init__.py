@@ -8,19 +8,30 @@ from __future__ import annotations
 
 from typing import Any
 
+from blockmech.arguments import declared
 from blockmech.export.columns import AnyPath, Column, Labelled, columns
 from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz
 from blockmech.export.schema import result_schema
 from blockmech.export.spreadsheet import csv_chunks, csv_of, to_csv, write_csv
-from blockmech.export.tables import aligned, gap_lines, html_table, leading, table
+from blockmech.export.tables import (
+    aligned,
+    counted,
+    flag_lines,
+    gap_lines,
+    html_table,
+    leading,
+    table,
+)
 
 __all__ = [
     "Column",
     "Exported",
     "aligned",
     "columns",
+    "counted",
     "csv_chunks",
     "csv_of",
+    "flag_lines",
     "gap_lines",
     "html_table",
     "json_chunks",
@@ -42,10 +53,15 @@ class Exported(Labelled):
         """The whole result as JSON data; see `blockmech.export`."""
         return to_dict(self)
 
-    def to_csv(self, path: AnyPath | None = None, separator: str = ",") -> str:
-        """CSV text, one column per component, units in the head; written if a path is given."""
-        return to_csv(self, path, separator)
+    @declared
+    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
+        """CSV text, one column per component, units in the head; written if a path is given.
 
+        ``separator=";", decimal=","`` is what spreadsheets of many countries open.
+        """
+        return to_csv(self, path, separator, decimal)
+
+    @declared
     def to_npz(self, path: AnyPath) -> None:
         """Write all arrays to one NumPy file."""
         to_npz(self, path)

@@ -53,6 +53,10 @@ def _word(text: str) -> str:
     return f"'{line}" if line.startswith(FORMULA) else line
 
 
+def _number(x: Any, decimal: str) -> str:
+    return "" if x is None or x != x else str(x).replace(".", decimal)
+
+
 def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
     """Write CSV text atomically; marked as UTF-8 for spreadsheets if it is not ASCII."""
     with writing(path) as stream:
@@ -67,16 +71,18 @@ def csv_of(
     rows: Iterable[Iterable[Any]],
     path: AnyPath | None = None,
     separator: str = ",",
+    decimal: str = ".",
 ) -> str:
     """CSV text of a table, written if a path is given; a cell without a number is empty.
 
-    Numbers read back to the last bit, words are no formulas. Raises `RequestError` where the
-    place cannot be written.
+    Numbers read back to the last bit, words are no formulas. Raises `RequestError` for a
+    separator that would tear numbers, or where the place cannot be written.
     """
+    _check(separator, decimal)
     stream = io.StringIO(newline="")
     write = csv.writer(stream, delimiter=separator, lineterminator="\n")
     for row in (head, *rows):
-        write.writerow([_word(x) if isinstance(x, str) else "" if x != x else x for x in row])
+        write.writerow(_word(x) if isinstance(x, str) else _number(x, decimal) for x in row)
     if path is not None:
         write_csv([stream.getvalue()], path)
     return stream.getvalue()

@@ -105,7 +105,7 @@ def gap_lines(result: Labelled, degrees: bool = DEGREES) -> list[str]:
     if not gaps:
         return []
     drivers = [c for c in driver_columns(result, degrees) if c.output in result.drivers]
-    lines = [f"no answer at {len(gaps)} of {_count(result.n, 'sample')}:"]
+    lines = [f"no answer at {len(gaps)} of {counted(result.n, 'sample')}:"]
     found = groupby(
         enumerate(gaps), lambda g: (g[1] - g[0], quality.status[g[1]], quality.blame[g[1]])
     )
@@ -117,9 +117,9 @@ def gap_lines(result: Labelled, degrees: bool = DEGREES) -> list[str]:
         ]
         said = [f"{c.name} = {at} {c.unit}" for c, at in zip(drivers, places, strict=True)]
         place = f" at {result.mechanism.said(block)}" if block else ""
-        lines.append(f"  {word}{place}, {_count(len(run), 'sample')}: {', '.join(said)}")
+        lines.append(f"  {word}{place}, {counted(len(run), 'sample')}: {', '.join(said)}")
     if len(runs) > LINES:
-        lines.append(f"  and {_count(len(runs) - LINES, 'stretch', 'stretches')} more")
+        lines.append(f"  and {counted(len(runs) - LINES, 'stretch', 'stretches')} more")
     return lines
 
 
@@ -215,7 +215,7 @@ def _title(result: Labelled, outputs: int) -> str:
     settings = result.settings
     name, rubs = result.mechanism.name, bool(result.mechanism.frictional_joints)
     how = f"; friction {settings['friction']}" * rubs + "; static" * bool(settings["static"])
-    return f"{name}: {_count(result.n, 'sample')}, {_count(outputs, 'output')}{how}"
+    return f"{name}: {counted(result.n, 'sample')}, {counted(outputs, 'output')}{how}"
 
 
 def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
@@ -228,24 +228,26 @@ def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
     if len(shown.rows) < result.n:
         yield f"{len(shown.rows)} of {result.n} samples shown"
     yield from gap_lines(result, degrees)
-    yield from _flag_lines(result)
+    yield from flag_lines(result)
     yield from (f"note: {text}" for text in result.notes())
     if shown.more:
         rest = ", ..." if len(shown.more) > LINES else ""
-        yield f"{_count(len(shown.more), 'more output')}: {', '.join(shown.more[:LINES])}{rest}"
+        yield f"{counted(len(shown.more), 'more output')}: {', '.join(shown.more[:LINES])}{rest}"
 
 
-def _flag_lines(result: Labelled) -> Iterator[str]:
+def flag_lines(result: Labelled) -> Iterator[str]:
+    """The flags of a result by kind and place."""
     flags = result.quality.flags
     counts = Counter((flag.code, flag.where) for flag in flags)
     for (code, where), count in list(counts.items())[:LINES]:
         first = next(f.sample for f in flags if (f.code, f.where) == (code, where))
-        yield f"flag {code} at {where}: {_count(count, 'sample')}, first {first}"
+        yield f"flag {code} at {where}: {counted(count, 'sample')}, first {first}"
     if len(counts) > LINES:
         yield f"and flags of {len(counts) - LINES} more kinds, see quality"
 
 
-def _count(n: int, one: str, many: str = "") -> str:
+def counted(n: int, one: str, many: str = "") -> str:
+    """So many of something, in words."""
     return f"{n} {one if n == 1 else many or one + 's'}"
 
 

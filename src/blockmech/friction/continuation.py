@@ -127,8 +127,8 @@ class Path(NamedTuple):
     corrections: Real
 
 
-def continue_from_zero(k: Any, edges: Any, base: Any, rows: Any) -> Path:
-    """Follow the frictionless solution to full friction.
+def course_from_zero(asked: Real, k: Any, edges: Any, base: Any, rows: Any) -> Course:
+    """The path of the frictionless solution to full friction, of the samples asked for.
 
     Parameters
     ----------
@@ -136,16 +136,7 @@ def continue_from_zero(k: Any, edges: Any, base: Any, rows: Any) -> Path:
     edges : m flags, True for a pair whose load is the larger component
     base : m loads [N] without friction
     rows : m x m influences of unit friction on the loads
-
-    Returns
-    -------
-    Path with friction t [N m] or [N], or the reason why there is none
     """
-    return end_of(course_from_zero(True, k, edges, base, rows), k, edges, base, rows)
-
-
-def course_from_zero(asked: Real, k: Any, edges: Any, base: Any, rows: Any) -> Course:
-    """The whole course, of the samples that it is asked for."""
     zero = 0.0 * abs(k[0])
     v = (*(zero for _ in k), zero + 1.0, zero)
     row = (*(zero for _ in k), zero, zero + 1.0)

@@ -72,13 +72,10 @@ def contraction_bound(k: Any, edges: Any, rows: Any) -> Real:
     ]
     if len(A) == 1:
         return A[0][0]
-    for _ in range(2):
-        columns = list(zip(*A, strict=True))
-        A = [
-            [sum(a * b for a, b in zip(row, column, strict=True)) for column in columns]
-            for row in A
-        ]
-    return sqrt(sqrt(largest_of([sum(row) for row in A])))
+    sums = [along(row, [1.0] * len(row)) for row in A]
+    for _ in range(3):  # powers of the matrix on a row of ones, never their products
+        sums = [along(row, sums) for row in A]
+    return sqrt(sqrt(largest_of(sums)))
 
 
 def slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:

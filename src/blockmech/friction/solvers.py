@@ -50,9 +50,9 @@ class Solution(NamedTuple):
     limit: Real  # [-] scale of the friction factors up to which a solution exists
 
 
-def _known(base: Any, edges: Any) -> Real:
-    """Whether the loads are numbers; they are not where a later group cannot close."""
-    return 0.0 * largest_of(norms(base, edges)) == 0.0
+def _known(g: Any) -> Real:
+    """Whether loads are numbers; they are not where a later group cannot close."""
+    return 0.0 * largest_of(g) == 0.0
 
 
 def direct(k: Any, edges: Any, base: Any) -> Solution:
@@ -93,7 +93,7 @@ def successive(
     solution = Solution(t, last.g, *more)
     if iterations is not None:
         return solution
-    unproved = (P >= 1.0) & _known(base, edges)
+    unproved = (P >= 1.0) & _known(g)
     course = course_from_zero(unproved, k, edges, base, rows)
     data = course, k, edges, base, rows, enough(last.g, asked)
     found, _ = repeat(confirmed, (solution, unproved), 1, *data)
@@ -156,15 +156,15 @@ def confirmed(
 
 def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     """Newton from the second successive iterate, certified sample by sample."""
-    t = coulomb(k, norms(base, edges))
-    t = coulomb(k, norms(loads(t, base, rows), edges))
+    at_first = norms(base, edges)
+    t = coulomb(k, norms(loads(coulomb(k, at_first), base, rows), edges))
     P = contraction_bound(k, edges, rows)
     start = (t, 0.0 * P, P < 1.0)
     t, count, _ = repeat(newton_step, start, NEWTON_CAP, k, edges, base, rows)
     g = norms(loads(t, base, rows), edges)
     residual = misfit(t, k, g)
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
-    unproved = ((P >= 1.0) & _known(base, edges)) | (residual > SETTLED * EPS)
+    unproved = ((P >= 1.0) & _known(at_first)) | (residual > SETTLED * EPS)
     course = course_from_zero(unproved, k, edges, base, rows)
     settled, _ = repeat(replaced, (solution, unproved), 1, course, k, edges, base, rows)
     return differentiable(settled, k, edges, base, rows)

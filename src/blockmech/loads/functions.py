@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, get_args
 
-from blockmech.errors import Problem, RequestError, shown
+from blockmech.errors import RequestError, refused, shown
 from blockmech.plane import each
 from blockmech.typing import Argument, Real
 from blockmech.values import mistake
@@ -82,4 +82,4 @@ class Function:
         remedy = f"give a number, or {math.nan} where there is no answer: "
         remedy += "a load is also asked where the motion may never come"
         where = f"{name}({', '.join(self.of)})"
-        return RequestError(Problem("user-function", where, f"{found}, at {at}", "", remedy))
+        return refused(where, f"{found}, at {at}", remedy, code="user-function")

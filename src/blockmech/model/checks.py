@@ -147,7 +147,7 @@ def _target_problems(
         found = f"already fed by {fed.source}, cannot also take {wire.source}"
         remedy = f"remove one of: {fed}; {wire}"
         yield Problem("double-wire", wire.target, found, "a joint has one source", remedy)
-    if wire.source.split(".")[0] == wire.target.split(".")[0]:
+    if str(wire.source).split(".")[0] == wire.target.split(".")[0]:
         found = f"fed by {wire.source} of the same block"
         valid = "a joint is fed by an earlier block"
         yield Problem("self-wire", wire.target, found, valid, "wire it to another block")

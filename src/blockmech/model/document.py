@@ -9,6 +9,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
+from blockmech.arguments import declared
 from blockmech.errors import FormatError, GraphError, Problem, close_match, in_file, listed
 from blockmech.model.form import Draft, Form
 from blockmech.model.parameters import Path, named, parameters_of, replaced
@@ -33,6 +34,7 @@ class Document:
 
     form: ClassVar[Form]
 
+    @declared
     def __init__(self, name: str = "mechanism", *, title: str = "") -> None:
         self.name = name
         self.title = title
@@ -42,6 +44,7 @@ class Document:
     # -- files ------------------------------------------------------------
 
     @classmethod
+    @declared
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read a file.
 
@@ -53,6 +56,7 @@ class Document:
         return cls.from_json(text_of(path), os.fspath(path))
 
     @classmethod
+    @declared
     def from_json(cls, text: str, file: str = "") -> Self:
         """Read the text of a file; ``file`` is its name in messages. Raises like `load`."""
         return read(text, file, lambda raw: cls)
@@ -68,6 +72,7 @@ class Document:
         made.file = file
         return made
 
+    @declared
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the canonical file, whole or not at all.
 
@@ -110,7 +115,10 @@ class Document:
         """
         sections = self.sections()
         given = named(parameters_of(sections), values)
-        numbers = {p.path: x.item() if hasattr(x, "item") else x for p, x in given.items()}
+        numbers = {
+            p.path: x.item() if getattr(x, "ndim", 1) == 0 and hasattr(x, "item") else x
+            for p, x in given.items()
+        }
         data = self._written(replaced(sections, numbers))
         data.pop("expect", None)
         return self.from_data(data, (), self.file)

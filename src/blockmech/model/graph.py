@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from blockmech.arguments import declared
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.errors import MOST, GraphError, Problem
@@ -43,6 +44,7 @@ class Graph(Document):
     wires: list[Wire]
     _scene: Scene
 
+    @declared
     def __init__(
         self,
         name: str = "mechanism",
@@ -176,6 +178,7 @@ class Graph(Document):
         """
         self._give("stops", driver, Stops(**{"from": low, "to": high}))
 
+    @declared
     def _give(self, section: str, driver: str, item: Any) -> None:
         given = {**getattr(self.scene, section), driver: item}
         self.scene = self.scene.model_copy(update={section: given})

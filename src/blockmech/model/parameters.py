@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from pydantic.fields import FieldInfo
 
-from blockmech.errors import Problem, RequestError, close_match, listed, path_text
+from blockmech.errors import Problem, RequestError, close_match, listed, path_text, refused
 from blockmech.model.scene import Scene
 from blockmech.plane import apply
 from blockmech.validation_errors import field_order
@@ -124,6 +124,8 @@ def named(known: Mapping[str, Parameter], given: Mapping[str, T]) -> dict[Parame
 
     Raises `RequestError` for addresses of nothing, all at once.
     """
+    if not isinstance(given, Mapping):
+        raise refused("numbers", f"got {given!r:.60}", 'give a mapping, e.g. {"dyad.l_i": 6.1}')
     as_written: dict[str, Parameter] = {}
     if not known.keys() >= given.keys():
         for p in known.values():

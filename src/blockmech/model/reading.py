@@ -12,11 +12,13 @@ import math
 import os
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
 from blockmech.errors import MOST, FormatError, Problem, in_file, path_text
+from blockmech.validation_errors import number_in
 
 LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
 HIGHEST = 1e75  # of a number: a term of mechanics is the product of at most four
@@ -128,11 +130,51 @@ def _syntax(text: str, error: json.JSONDecodeError) -> Problem:
     return Problem("syntax", place(text, at), found, "", remedy)
 
 
+VALUES = 'a value is a number, "text", true, false, null, [..] or {..}'
+QUOTES = "'`\u2018\u2019\u201c\u201d\u201e"
+RUN = re.compile(r'[^\s,:;\[\]{}"]([^,:;\[\]{}"\n]*[^\s,:;\[\]{}"])?')
+"""What may be meant as one value: no sign of JSON is in it."""
+OTHERS = {"True": "true", "False": "false", "None": "null"}
+"""How other languages write a value -> how JSON does."""
+
+
+def _meant(value: str) -> str:
+    """A value that is written as elsewhere, in JSON; empty for what is none."""
+    for read in (float, lambda word: int(word, 0)):
+        with suppress(ValueError):
+            if math.isfinite(number := read(value)):
+                return json.dumps(number)
+    return OTHERS.get(value) or number_in(value, "")
+
+
+def _not_closed(text: str) -> tuple[str, str]:
+    """The bracket at the end of a text that is open, and its place."""
+    inside: list[tuple[str, int]] = []
+    for token in TOKEN.finditer(text):
+        if token.group() in "{[":
+            inside.append((token.group(), token.start()))
+        elif token.group() in "}]":
+            inside.pop()
+    bracket, at = inside[-1]
+    return bracket, place(text, at)
+
+
 def _slip(text: str, at: int, before: str, message: str) -> tuple[str, str]:
     """What stands at the place of a syntax error, and what to do about it."""
     word = re.match(r'"[^"\n]{,20}"?|\w{1,20}|.', text[at:], re.DOTALL)
     sign = word.group() if word else ""
     sign = sign if sign.startswith('"') else json.dumps(sign, ensure_ascii=False)
+    line = text.rfind("\n", 0, at) + 1
+    if text.startswith(("//", "/*", "#"), at):
+        return "a comment", 'JSON has none: write it to "notes"'
+    if text[at] in QUOTES:
+        kind = "single" if text[at] == "'" else "typographic"
+        return f"a {kind} quotation mark", 'texts and keys stand in double ones: "..."'
+    run = next((r for r in RUN.finditer(text, line) if r.end() > at), None)
+    if run and (run.start() < at or (run.start() == at and message.startswith("Expecting value"))):
+        meant, value = _meant(run.group()), json.dumps(run.group()[:20], ensure_ascii=False)
+        if meant or not re.search(r"\s", run.group()):
+            return f"{value} is not a value", f"write {meant}" if meant else VALUES
     comma = re.search(r"\d,$", before)
     if comma and re.match(r"\d+\s*[,}]", text[at:]):
         return "a comma inside of a number", "numbers have a point: 2.0"
@@ -142,16 +184,18 @@ def _slip(text: str, at: int, before: str, message: str) -> tuple[str, str]:
         return "a text runs over the end of its line", 'close it, or write "\\n" for a new line'
     if "escape" in message:
         return "a backslash that starts no known sign", 'write "\\\\" for a backslash'
-    if text[at] == "'":
-        return "a single quotation mark", 'texts and keys stand in double ones: "..."'
-    if text[at] == "/" or text[at] == "#":
-        return "a comment", 'JSON has none: write it to "notes"'
     if "delimiter" in message:
+        bracket, opened = _not_closed(text[:at])
+        closing = {"{": "}", "[": "]"}[bracket]
+        if text[at] in "]}":
+            return f'{sign} closes the "{bracket}" of {opened}', f'close it with "{closing}"'
+        if text[at] == ":" and bracket == "[":
+            return f"a key in the list that begins at {opened}", "keys stand in {...}"
         wanted = "colon" if "':'" in message else "comma"
         return f"{sign} where a {wanted} should stand", f"add the {wanted}"
     if before.endswith(("{", ",")) and "property name" in message:
         return f"{sign} where a key should stand", 'a key is a text in double quotes: "key"'
-    return f"{sign} is not a value", 'a value is a number, "text", true, false, null, [..] or {..}'
+    return f"{sign} is not a value", VALUES
 
 
 # What the parser of the standard library takes as it comes: duplicate keys, numbers out of

@@ -28,7 +28,7 @@ import networkx as nx
 import numpy as np
 
 from blockmech.analysis.scan import Span
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import refused
 from blockmech.modes.closing import (
     DELTA,
     LONGEST,
@@ -122,7 +122,7 @@ def connect(
     """
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         wrong = f"a range of the driver is needed, got {low} to {high}"
-        raise RequestError(Problem("bad-request", "connect", wrong))
+        raise refused("connect", wrong)
     made: TriadAt = (lambda _: triad) if isinstance(triad, Triad) else triad
     span = Span(low, high, turn=ends == WHOLE)  # in which supports are smooth again at its ends
 
@@ -224,7 +224,7 @@ class _Line:
         if any(double for f in found for double in f.double):
             told = "the modes of the triad could not be followed along the driver without doubt"
             remedy = "ask for a shorter range of the driver"
-            raise RequestError(Problem("not-followed", "modes", told, "", remedy))
+            raise refused("modes", told, remedy, code="not-followed")
         back, ahead = (p + d if self.turn else np.clip(p + d, 0, TURN) for d in (-DELTA, DELTA))
         misses = [self.held(q).rows(row).conditions(x)[0] for q in (back, ahead)]
         rate = solved(rows, (misses[0] - misses[1]) / (ahead - back)[row, None])

@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import refused
 from blockmech.modes.triad import Floats, Placed, Vectors
 from blockmech.plane import EPS, cross, dot
 
@@ -96,7 +96,7 @@ def coefficients(held: Placed) -> Vectors:
         told = "the platform can move although its supports stand"
         valid = "three legs hold it if none is the same as another or all are parallel guides"
         remedy = "leave one leg out, or place its joints elsewhere"
-        raise RequestError(Problem("bad-triad", "legs", told, valid, remedy))
+        raise refused("legs", told, remedy, valid, "bad-triad")
     return np.asarray((found + found[:, ::-1].conj()) / 2)
 
 

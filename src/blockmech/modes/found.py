@@ -10,7 +10,7 @@ from itertools import chain
 from typing import Any
 
 from blockmech.analysis.scan import TINY
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import among
 from blockmech.told import DEGREES, Told, as_data
 
 TURN = 2 * math.pi
@@ -128,22 +128,19 @@ class Modes(Told):
     units : of their coordinates
     driver : the one along which the arcs are, or ""
     groups : in formation order
+    prefix : what names of outputs put before the driver's, "driver." in a document of joints
     """
 
     drivers: Mapping[str, tuple[float, ...]]
     units: Mapping[str, str]
     driver: str
     groups: tuple[GroupModes, ...]
+    prefix: str = ""
 
     def __getitem__(self, group: str) -> GroupModes:
         """The modes of one group. Raises `RequestError` for an unknown name."""
-        for found in self.groups:
-            if found.group == group:
-                return found
-        names = [g.group for g in self.groups]
-        valid = f"groups: {listed(names)}"
-        told = "there is no such group"
-        raise RequestError(Problem("bad-request", group, told, valid, close_match(group, names)))
+        groups = {found.group: found for found in self.groups}
+        return groups[among(groups, "group", group)[0]]
 
     def text(self, degrees: bool = DEGREES) -> str:
         """The modes as lines of text."""
@@ -152,6 +149,7 @@ class Modes(Told):
     def to_dict(self) -> dict[str, Any]:
         """The modes as a JSON object; null stands for infinity."""
         plain = as_data(self)
+        del plain["prefix"]
         for group in plain["groups"]:
             for mode in chain.from_iterable(group["samples"]):
                 if mode["residual"] is None:
@@ -170,14 +168,14 @@ def _lines(modes: Modes, degrees: bool) -> Iterator[str]:
             yield f"  {group.note}"
         for n, found in enumerate(group.samples):
             where = ", ".join(
-                f"{d}.q = {_coordinate(row[n], modes.units[d], degrees)}"
+                f"{modes.prefix}{d}.q = {_coordinate(row[n], modes.units[d], degrees)}"
                 for d, row in modes.drivers.items()
             )
             yield f"  {where}: {_count(found, group)}" if where else f"  {_count(found, group)}"
             for k, mode in enumerate(found, start=1):
                 yield from _mode_lines(k, mode, modes, degrees)
         if group.arcs:
-            yield f"  along {modes.driver}.q:"
+            yield f"  along {modes.prefix}{modes.driver}.q:"
             yield from _arc_lines(group, modes.units[modes.driver], degrees)
 
 

@@ -10,15 +10,17 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.analysis.limits import Limits, limits
+from blockmech.analysis.arcs import Known
+from blockmech.analysis.limits import Limits, limits_of
+from blockmech.arguments import declared
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import Mode, branches, dyad_modes
-from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.errors import Problem, RequestError, among, refused
 from blockmech.model.joints.layout import Pose
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.closing import NEAR, triad_modes
@@ -58,6 +60,7 @@ class _On(NamedTuple):
     later: int | None
 
 
+@declared
 def modes(
     mechanism: Compiled,
     at: Coordinates | None = None,
@@ -93,16 +96,15 @@ def modes(
     taken = make_samples(mechanism.drivers, mechanism.scene, at, rates=still)
     rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(drivers)}
     samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
-    _known("driver", [] if driver is None or not arcs else [driver], drivers)
+    among(drivers, "driver", () if driver is None or not arcs else driver)
     moved = (driver or (drivers[0] if len(drivers) == 1 else "")) if arcs else ""
     blocks = mechanism.structure.blocks.items()
     said = {mechanism.said(name): name for name, block in blocks if block.closes}
-    wanted = set(said if groups is None else groups)
-    _known("group", sorted(wanted), tuple(said))
+    wanted = among(said, "group", said if groups is None else groups)
     lister = _Lister(mechanism, tuple(Standing(mechanism, q) for q in samples), moved)
     found = tuple(lister.group(block) for name, block in said.items() if name in wanted)
     units = {d: mechanism.driver_joint(d).coordinate_unit for d in drivers}
-    return Modes(rows, units, moved, found)
+    return Modes(rows, units, moved, found, mechanism.driver_prefix)
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,7 @@ class _Lister:
     mechanism: Compiled
     samples: tuple[Standing, ...]
     driver: str
+    known: Known = field(default_factory=dict)
 
     def group(self, name: str) -> GroupModes:
         """All modes of a group."""
@@ -186,7 +189,7 @@ class _Lister:
         self, name: str, block: Any, every: Sequence[Sequence[Mode]]
     ) -> tuple[list[Arc], list[list[_On | None]], str]:
         """The arcs of each branch where the dyad closes."""
-        around = limits(self.mechanism.of_blocks, self.driver, self._fixed(), blocks=[name])
+        around = self._limits([name])
         arcs: list[Arc] = []
         for arc in around.arcs:
             passed = tuple(p.q for p in arc.change_points if p.block == name)
@@ -226,7 +229,7 @@ class _Lister:
         """All modes connected over the stretches of the driver where earlier groups close."""
         structure, fixed = self.mechanism.structure, self._fixed()
         earlier = [block for block in structure.supports(name) if block != structure.frame]
-        around = limits(self.mechanism.of_blocks, self.driver, fixed, blocks=earlier)
+        around = self._limits(earlier)
         arcs: list[Arc] = []
         located: list[list[_On | None]] = [[None] * len(modes) for modes in every]
         stretches = self._stretches(around)
@@ -253,6 +256,11 @@ class _Lister:
             arcs += [arc.after(len(arcs), circuits) for arc in found.arcs]
         return arcs, located, "" if stretches else around.sentence()
 
+    def _limits(self, blocks: Sequence[str]) -> Limits:
+        """Where some groups, and those on which they stand, close."""
+        mechanism = self.mechanism.of_blocks
+        return limits_of(mechanism, self.driver, self._fixed(), blocks, self.known)
+
     def _stretches(self, around: Limits) -> list[tuple[float, float, str]]:
         """Where the groups that hold a triad close: low, high, and what ends it."""
         if around.whole_turn:
@@ -265,8 +273,9 @@ class _Lister:
                 a, b = sorted((law.start, law.end))
                 low, high, how = max(low, a), min(high, b), RANGE
             if not (math.isfinite(low) and math.isfinite(high)):
-                told = f"{self.driver}.q has no range: give it a law of motion by coordinate"
-                raise RequestError(Problem("bad-request", self.driver, told))
+                name = self.mechanism.of_driver(self.driver, "q")
+                told = f"{name} has no range: give it a law of motion by coordinate"
+                raise refused(self.driver, told)
             if low < high:
                 found.append((low, high, how))
         return found
@@ -358,15 +367,3 @@ def _located(
         turns = TURN * round((q - place) / TURN)
         located[k] = _On(number, turns, None if then is None else same.get(then))
     return located
-
-
-def _known(kind: str, wanted: Iterable[str], known: Sequence[str]) -> None:
-    """Refuse unknown names."""
-    valid = f"{kind}s: {listed(known)}" if known else ""
-    problems = [
-        Problem("bad-request", name, f"there is no such {kind}", valid, close_match(name, known))
-        for name in wanted
-        if name not in known
-    ]
-    if problems:
-        raise RequestError(problems)

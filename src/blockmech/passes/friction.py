@@ -17,7 +17,7 @@ from blockmech.passes.forward import (
 )
 from blockmech.passes.resultants import active
 from blockmech.plan import REST, ZERO, Schedule
-from blockmech.plane import maximum, sign, where
+from blockmech.plane import EPS, maximum, sign, where
 from blockmech.typing import Real
 
 GIVEN = "given"  # method: the friction of every pair is an input of the program
@@ -70,8 +70,11 @@ def resisting(slip_speed: Real, top: Real, factor: Real, slip_rate: Real, rest: 
 
 
 def at_rest(slip_speed: Real, top: Real, rest: Real) -> Real:
-    """1 where a pair counts as at rest, else 0."""
-    return where(slip_speed <= rest * top, 1.0 + 0.0 * slip_speed, 0.0 * slip_speed)
+    """1 where a pair counts as at rest, else 0; its tangent is the share of the top speed that
+    a pair at rest is set to.
+    """
+    share = slip_speed / maximum(top, EPS)
+    return where(slip_speed <= rest * top, 1.0 + share, 0.0 * slip_speed)
 
 
 def top_speed(s: Schedule, block: str) -> str:

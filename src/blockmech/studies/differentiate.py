@@ -17,17 +17,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual, slope
 from blockmech.errors import Problem, RequestError
-from blockmech.model.parameters import Parameter, named, parameters_of
+from blockmech.model.parameters import Parameter, named
 from blockmech.plan import Output, Plan
+from blockmech.plane import REST_SHARE
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
-from blockmech.studies.family import sections_of
+from blockmech.studies.family import parameters
 from blockmech.studies.sampling import as_sequence
-from blockmech.studies.sensitivity import Sensitivity
+from blockmech.studies.sensitivity import Sensitivity, size_of
 from blockmech.studies.variation import GIVEN, Variation, moves_drivers
 from blockmech.typing import Coordinates, FrictionMethod, Numbers, OnGap
 
@@ -35,6 +37,7 @@ Array = NDArray[Any]
 INPUTS = {"q": "q", "rate": "qd", "acceleration": "qdd"}  # output of a driver -> program input
 
 
+@declared
 def sensitivity(
     mechanism: Compiled,
     want: Iterable[str] | str,
@@ -72,24 +75,13 @@ def sensitivity(
     RequestError for unknown names, and for outputs or numbers without a derivative
     AssemblyError, SingularError, FrictionError at gaps, unless marked
     """
-    names, to = _differentiable(mechanism, as_sequence(want)), as_sequence(to)
-    result = mechanism.run(
-        at,
-        samples=samples,
-        times=times,
-        rates=rates,
-        accelerations=accelerations,
-        want=names,
-        friction=friction,
-        tolerance=tolerance,
-        iterations=iterations,
-        static=static,
-        on_gap=on_gap,
-    )
-    asked = _asked(mechanism, result, to)
+    names, to = _differentiable(mechanism, as_sequence("want", want)), as_sequence("to", to)
+    poses = {"samples": samples, "times": times, "rates": rates, "accelerations": accelerations}
+    how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
+    given: dict[str, Any] = {**poses, **how}
+    result = mechanism.run(at, want=names, on_gap=on_gap, **given)
+    asked, alone = _asked(mechanism, result, to)
     left_out = {a: why for a, p in asked.items() if (why := _without(p))}
-    if wrong := [a for a in left_out if a in to]:
-        raise RequestError([Problem("no-derivative", a, left_out[a]) for a in wrong])
     chosen = {a: p for a, p in asked.items() if a not in left_out}
     near = Variation.of(mechanism, chosen.values())
     plan, seeds = near.general.plan(names, **result.settings), np.eye(len(chosen))
@@ -98,13 +90,19 @@ def sensitivity(
         left_out |= dict.fromkeys(bad, "the pieces of its table follow it by no formula")
         seeds = seeds[[a not in bad for a in chosen]]
         chosen = {a: p for a, p in chosen.items() if a not in bad}
-    if not chosen:
-        raise RequestError([Problem("no-derivative", a, why) for a, why in left_out.items()])
-    ahead, behind = (
-        {name: side * d for name, d in _derived(plan, near, side * seeds, chosen, result).items()}
-        for side in (1.0, -1.0)
-    )
-    return Sensitivity(result, chosen, ahead, behind, left_out)
+    if wrong := left_out.keys() & alone if chosen else left_out.keys():
+        raise RequestError(
+            [Problem("no-derivative", a, why) for a, why in left_out.items() if a in wrong]
+        )
+    ahead, going = _derived(plan, near, seeds, chosen, result)
+    behind, _ = _derived(plan, near, -seeds, chosen, result)
+    none = np.zeros((len(chosen), result.n), bool)
+    jumps = dict.fromkeys(ahead, none)
+    if any(x.any() for x in going.values()):
+        for name in ahead:  # whose own plan tells which friction it follows
+            own = near.general.plan([name], **result.settings).layout
+            jumps[name] = np.any([none, *(x for rest, x in going.items() if rest in own)], axis=0)
+    return Sensitivity(result, chosen, ahead, {x: -d for x, d in behind.items()}, jumps, left_out)
 
 
 def _numbers(plan: Plan, near: Variation, seeds: Array) -> tuple[Any, ...]:
@@ -124,8 +122,11 @@ def _varies(plan: Plan, near: Variation, seeds: Array) -> bool:
 
 def _derived(
     plan: Plan, near: Variation, seeds: Array, chosen: Mapping[str, Parameter], result: Result
-) -> dict[str, Array]:
-    """Derivatives (k, n) of the outputs of a result, each in the direction of a chosen number."""
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Derivatives (k, n) of the outputs of a result, each in the direction of a chosen number.
+
+    And of pairs with friction, whether (k, n) they rest and the number sets them going.
+    """
     shape = len(chosen), result.n
     given, own = result.samples.given(plan.program.inputs), result.mechanism.drivers
     inputs = dict(given)
@@ -144,7 +145,10 @@ def _derived(
         with np.errstate(all="ignore"):
             d = _read(outputs[name], columns, shape)
         found[name] = np.where(np.isnan(result[name]), np.nan, d)
-    return found
+    sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])[:, None]
+    rests = (name for name in plan.layout if name.startswith("rest/"))
+    slips = {name: slope(values[plan.layout[name][0]]) for name in rests}
+    return found, {name: np.abs(d) * sizes > REST_SHARE for name, d in slips.items()}
 
 
 def _read(output: Output, columns: list[Any], shape: tuple[int, int]) -> Array:
@@ -165,16 +169,21 @@ def _differentiable(mechanism: Compiled, patterns: Sequence[str]) -> tuple[str, 
     return tuple(names)
 
 
-def _asked(mechanism: Compiled, result: Result, patterns: Sequence[str]) -> dict[str, Parameter]:
-    """The numbers that addresses and patterns name."""
-    known = parameters_of(sections_of(mechanism))
+def _asked(
+    mechanism: Compiled, result: Result, patterns: Sequence[str]
+) -> tuple[dict[str, Parameter], set[str]]:
+    """The numbers that addresses and patterns name, and which are named one by one."""
+    known = parameters(mechanism)
     every = {**known, **_of_drivers(mechanism, result)}
     found: dict[str, Parameter] = {}
+    alone: set[str] = set()
     for pattern in patterns:
         near = known if pattern in EVERYTHING else every
         fits = {a: p for a, p in near.items() if a != pattern and fnmatch.fnmatchcase(a, pattern)}
-        found |= fits or {p.address: p for p in named(every, {pattern: None})}
-    return found
+        one = {} if fits else {p.address: p for p in named(every, {pattern: None})}
+        found |= fits or one
+        alone |= one.keys()
+    return found, alone
 
 
 def _of_drivers(mechanism: Compiled, result: Result) -> dict[str, Parameter]:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.errors import GraphError
+from blockmech.errors import FormatError, GraphError, Problem
 from blockmech.export import aligned
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import Varied
@@ -44,16 +44,12 @@ class Parameters(dict[str, Parameter]):
         return "\n".join(aligned(("parameter", "value", "unit"), rows))
 
 
-def sections_of(mechanism: Compiled) -> dict[str, Any]:
-    """The models that the user gave, of a graph or a linkage."""
-    if mechanism.document is not None:
-        return mechanism.document.sections()
-    return graph_sections(mechanism)
-
-
 def parameters(mechanism: Compiled) -> Parameters:
     """Every number of the mechanism's graph or linkage, as its file calls it."""
-    return Parameters(parameters_of(sections_of(mechanism)))
+    given = mechanism.document
+    return Parameters(
+        parameters_of(graph_sections(mechanism) if given is None else given.sections())
+    )
 
 
 def remade(mechanism: Compiled, values: Mapping[str, float]) -> Compiled:
@@ -83,11 +79,26 @@ class Family:
     def __init__(self, mechanism: Compiled, addresses: Iterable[str]) -> None:
         """Raises `RequestError` for addresses of nothing."""
         self.mechanism = mechanism
-        known = parameters_of(sections_of(mechanism))
-        self.parameters = tuple(named(known, dict.fromkeys(addresses)))
-        self.alone = ""
+        self.parameters = tuple(named(parameters(mechanism), dict.fromkeys(addresses)))
+        self._taken = {p: (p.value, p.value) for p in self.parameters}
         self.general = mechanism
         self.alone = self._why_alone()
+
+    def problems(self, p: Parameter, x: float) -> Iterable[Problem]:
+        """What the file says against a number by itself.
+
+        What it takes are intervals, sometimes without zero; of whole numbers some.
+        """
+        low, high = self._taken[p]
+        inside = low <= x <= high and x and not isinstance(p.value, int)
+        if self.mechanism.document is None or inside:
+            return ()
+        try:
+            self.mechanism.document.replace({p.address: as_said(p, x)})
+        except (FormatError, GraphError) as error:
+            return error.problems
+        self._taken[p] = min(low, x), max(high, x)
+        return ()
 
     def _why_alone(self) -> str:
         for p in self.parameters:

@@ -13,12 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.arguments import declared
 from blockmech.compiled import Compiled
-from blockmech.errors import BlockmechError, Problem, RequestError, refused
+from blockmech.errors import Problem, RequestError, listed, refused
+from blockmech.plane import REST_SHARE
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, remade
 from blockmech.studies.reductions import WHOLE, Wanted
 from blockmech.studies.runner import Runner
+from blockmech.studies.sampling import as_sequence
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 Array = NDArray[Any]
@@ -40,15 +43,17 @@ class Objective:
         self._runner = runner
         self._over = over
         self._planned = runner.prepared(1)
-        self._box = np.stack([self.start, self.start])  # values that the file takes
+
+    def __repr__(self) -> str:
+        return f"<Objective of {self.mechanism.name}: by {listed(self.addresses, 3)}>"
 
     def __call__(self, x: Any) -> Any:
         """One number, or all that is kept (r,): of a vector its x, then its y."""
-        if not self._taken(self.numbers(x)):
-            rows = [np.full(len(row), np.inf) for row in self._rows(self.start)]
-        else:
-            rows = self._rows(np.asarray(x, float))
-        whole = np.where(np.isfinite(found := np.concatenate(rows)), found, np.inf)
+        family, numbers = self._runner.family, self.numbers(x)
+        given = dict(zip(family.parameters, numbers.values(), strict=True))
+        bad = any(problem for p in given for problem in family.problems(p, given[p]))
+        found = self._rows(self.start if bad else np.array([*numbers.values()]))
+        whole = np.where(np.isfinite(found) & (not bad), found, np.inf)
         return float(whole[0]) if len(whole) == 1 else whole
 
     def jacobian(self, x: Any) -> Array:
@@ -64,29 +69,24 @@ class Objective:
         return whole[0] if len(whole) == 1 else whole
 
     def numbers(self, x: Any) -> dict[str, float]:
-        """Address -> number, for `Graph.replace`."""
-        return dict(zip(self.addresses, np.asarray(x, float).tolist(), strict=True))
+        """Address -> number, for `Graph.replace`. Raises `RequestError` where they are not k."""
+        try:
+            row = np.atleast_1d(np.asarray(x, float))
+        except (TypeError, ValueError, OverflowError):
+            raise refused("x", f"got {x!r:.60}", "give a row of numbers") from None
+        if row.shape != self.start.shape:
+            found = f"has shape {row.shape} where there are {len(self.addresses)} numbers"
+            raise refused("x", found, f"give those of {listed(self.addresses)}")
+        return dict(zip(self.addresses, row.tolist(), strict=True))
 
-    def _rows(self, x: Array) -> list[Array]:
+    def _rows(self, x: Array) -> Array:
         columns = {p: x[k : k + 1] for k, p in enumerate(self._runner.family.parameters)}
         found = self._runner.block(self._planned, columns).values
-        return [_parts(np.atleast_1d(found[w.label][0])) for w in self._runner.want]
-
-    def _taken(self, numbers: Mapping[str, float]) -> bool:
-        """Whether the file takes these numbers: each by itself, and what it takes are intervals."""
-        document = self.mechanism.document
-        for k, (address, x) in enumerate(numbers.items()):
-            low, high = self._box[:, k]
-            if document is None or low <= x <= high:
-                continue
-            try:
-                document.replace({address: x})
-            except BlockmechError:
-                return False
-            self._box[:, k] = min(low, x), max(high, x)
-        return True
+        rows = [_parts(np.atleast_1d(found[w.label][0])) for w in self._runner.want]
+        return np.concatenate(rows)
 
 
+@declared
 def objective(
     mechanism: Compiled,
     to: Iterable[str],
@@ -110,9 +110,7 @@ def objective(
     Raises `RequestError` for unknown names, or settings that do not fit.
     """
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
-    family = Family(mechanism, (to,) if isinstance(to, str) else to)
-    if not family.parameters:
-        raise refused("to", "no numbers", "name some addresses")
+    family = Family(mechanism, as_sequence("to", to))
     poses: dict[str, Any] = {"at": over, "samples": samples, "times": times}
     runner = Runner.of(family, want, poses, how)
     if whole := [w.label for w in runner.want if w.how == WHOLE]:
@@ -122,29 +120,29 @@ def objective(
 
 
 def _parts(row: Array) -> Array:
-    """A row of real numbers: of vectors all x, then all y."""
+    """Rows of real numbers: of vectors all x, then all y."""
     return np.concatenate([row.real, row.imag]) if np.iscomplexobj(row) else row
 
 
 def _reduced(w: Wanted, y: Array, d: Array) -> Array:
     """Derivatives (r, k) of a reduction of an output y (n,) with derivatives d (k, n)."""
-    if w.vector and w.how in ("max_abs", "rms"):
-        size = np.abs(y)
-        y, d = size, (y.conj() * d).real / size
-    low, high = int(np.argmin(y.real)), int(np.argmax(y.real))
-    far = int(np.argmax(np.abs(y)))
+    size = np.abs(y)
+    grows = (y.conj() * d).real / np.where(size > 0.0, size, 1.0)
     rules: Mapping[str, Callable[[], Any]] = {
-        "min": lambda: d[:, low],
-        "max": lambda: d[:, high],
-        "max_abs": lambda: np.sign(y[far]) * d[:, far],
-        "range": lambda: d[:, high] - d[:, low],
+        "min": lambda: -_of_largest(-y, -d),
+        "max": lambda: _of_largest(y, d),
+        "max_abs": lambda: _of_largest(size, grows),
+        "range": lambda: _of_largest(y, d) + _of_largest(-y, -d),
         "mean": lambda: d.mean(axis=1),
-        "rms": lambda: (y * d).mean(axis=1) / np.sqrt(np.mean(y * y)),
+        "rms": lambda: (size * grows).mean(axis=1) / (np.sqrt(np.mean(size**2)) or 1.0),
         "at": lambda: d[:, w.sample],
         "poses": lambda: d,
     }
-    found = np.asarray(rules[w.how]())
-    columns = found.T if found.ndim > 1 else found[None, :]
-    if np.iscomplexobj(columns):
-        return np.concatenate([columns.real, columns.imag])
-    return columns
+    found: Array = rules[w.how]()
+    return _parts(np.atleast_2d(found.T))
+
+
+def _of_largest(y: Array, d: Array) -> Array:
+    """Derivatives (k,) of the largest of y (n,): of several but for rounding, that which leads."""
+    found: Array = d[:, np.isclose(y, y.max(), rtol=REST_SHARE, atol=0.0)].max(axis=1)
+    return found

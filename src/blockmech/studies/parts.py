@@ -1,7 +1,8 @@
-"""Parts of a study in a folder: Parquet files that are written whole or not at all.
+"""What a study keeps of its designs, in memory or in a folder of parts.
 
-A part that exists is complete, so a study that was interrupted does the missing ones only.
-Their names begin with a fingerprint of the question: parts of another one are refused.
+Parts are Parquet files that are written whole or not at all: one that exists is complete, so a
+study that was interrupted does the missing ones only. Their names begin with a fingerprint of
+the question: parts of another one are refused.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,37 @@ from numpy.typing import NDArray
 from blockmech.errors import needed
 from blockmech.files import AnyPath, cannot_write, folder, writing
 from blockmech.quality import WORDS
-from blockmech.studies.block import Block
 from blockmech.studies.reductions import POSES, Wanted, components
 
 Array = NDArray[Any]
-Span = tuple[int, int]  # the first design of a part, and the first one behind it
+Span = tuple[int, int]  # the first design of some, and the first one behind them
 SUFFIX = ".parquet"
 WITHOUT = "to_csv needs nothing"
+
+
+class Block(NamedTuple):
+    """What a study keeps of m designs.
+
+    values : column's label -> (m,), or (m, n) of poses
+    word : (m,) index in `blockmech.quality.WORDS`: why a design has no answer, 0 if it has
+    place : (m,) the block of the mechanism that fails first
+    pose : (m,) the first pose without an answer, -1 without one
+    poses : (m,) number of such poses
+    """
+
+    values: dict[str, Array]
+    word: Array
+    place: Array
+    pose: Array
+    poses: Array
+
+    @staticmethod
+    def joined(blocks: list[Block]) -> Block:
+        """All their designs, one after the other."""
+        labels = blocks[0].values
+        values = {label: np.concatenate([b.values[label] for b in blocks]) for label in labels}
+        rest = zip(*(b[1:] for b in blocks), strict=True)
+        return Block(values, *map(np.concatenate, rest))
 
 
 @dataclass(frozen=True)
@@ -35,14 +60,12 @@ class Parts:
     ----------
     place : the folder
     question : fingerprint of what is asked
-    addresses : what varies
     want : what is kept
     spans : the designs of the parts
     """
 
     place: Path
     question: str
-    addresses: tuple[str, ...]
     want: tuple[Wanted, ...]
     spans: tuple[Span, ...]
 
@@ -72,7 +95,7 @@ class Parts:
         arrow = needed("pyarrow", "out", "study", WITHOUT)
         columns: list[tuple[str, Any, str | None]] = [(a, x, None) for a, x in vary.items()]
         for w in self.want:
-            parts = components(w, found.values[w.label])
+            parts = components(w.label, found.values[w.label])
             columns += [(name, x, w.unit or None) for name, x in parts]
         status = arrow.DictionaryArray.from_arrays(arrow.array(found.word), list(WORDS))
         block = arrow.array(found.place.tolist(), arrow.string()).dictionary_encode()
@@ -81,32 +104,20 @@ class Parts:
         write_parquet(self.path(span), columns, "out")
 
     @cached_property
-    def vary(self) -> Mapping[str, Array]:
-        """Address -> its values (m,)."""
-        return {a: self._read(a)[a].to_numpy() for a in self.addresses}
-
-    @cached_property
     def found(self) -> Block:
         """What was kept of the designs."""
         values = {w.label: self._column(w) for w in self.want}
         table = self._read("status", "block", "pose", "poses")
-        words = [
-            np.array([WORDS.index(word) for word in chunk.dictionary.to_pylist()], np.int8)[
-                chunk.indices.to_numpy()
-            ]
-            for chunk in table["status"].chunks
-        ]
-        place = table["block"].to_numpy()
-        numbers = (table[name].to_numpy() for name in ("pose", "poses"))
-        return Block(values, np.concatenate(words), place, *numbers)
+        word = np.array([WORDS.index(x) for x in table["status"].to_pylist()], np.int8)
+        return Block(values, word, *(table[name].to_numpy() for name in ("block", "pose", "poses")))
 
     def _column(self, w: Wanted) -> Array:
-        names = [name for name, _ in components(w, np.empty(0))]
+        kind = complex if w.kind == "vector" else float
+        names = [name for name, _ in components(w.label, np.empty(0, kind))]
         table = self._read(*names)
+        rows = [table[name].to_numpy() for name in names]
         if w.how == POSES:
-            rows = [_rows(table[name]) for name in names]
-        else:
-            rows = [table[name].to_numpy() for name in names]
+            rows = [np.stack(column) for column in rows]
         return np.asarray(rows[0] if len(rows) == 1 else rows[0] + 1j * rows[1])
 
     def _read(self, *names: str) -> Any:
@@ -141,9 +152,3 @@ def _array(arrow: Any, x: Any) -> Any:
     if np.ndim(x) == 1:
         return arrow.array(x)
     return arrow.FixedSizeListArray.from_arrays(arrow.array(x.ravel()), x.shape[1])
-
-
-def _rows(column: Any) -> Array:
-    """Rows of poses (m, n) of a column."""
-    parts = [np.stack(chunk.to_numpy(zero_copy_only=False)) for chunk in column.chunks]
-    return np.concatenate(parts)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,7 +22,7 @@ from blockmech.samples import Samples
 from blockmech.studies.sampling import as_sequence
 
 Array = NDArray[Any]
-TEXT = re.compile(r"(?P<how>\w+)\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
+TEXT = re.compile(r"(?P<how>\w+)\s*\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
 AT = re.compile(r"at\(\s*(?P<at>[^()]+)\s*\)")
 WHOLE, POSES = "value", "poses"
 
@@ -87,11 +87,10 @@ class Wanted:
         return np.array(x[:, self.sample]) if self.how == "at" else SIMPLE[self.how](x)
 
 
-def components(w: Wanted, values: Array) -> list[tuple[str, Array]]:
+def components(name: str, values: Array) -> list[tuple[str, Array]]:
     """A column as columns of real numbers: those of a vector are two."""
-    if w.kind != "vector":
-        return [(w.label, values)]
-    return [(w.label + ".x", values.real), (w.label + ".y", values.imag)]
+    vector = np.iscomplexobj(values)
+    return [(f"{name}.x", values.real), (f"{name}.y", values.imag)] if vector else [(name, values)]
 
 
 def _finite(x: Any) -> Array:
@@ -126,18 +125,13 @@ def _pairs(want: Any, problems: list[Problem]) -> Iterator[tuple[str, str]]:
     """Names of outputs, each with its reduction."""
     if isinstance(want, Mapping):
         for name, hows in want.items():
-            for how in as_sequence(hows):
+            for how in as_sequence(f"want[{name}]", hows):
                 yield str(name), how
         return
-    texts: Iterable[str] = as_sequence(want)
-    for text in texts:
+    for text in as_sequence("want", want):
         match = TEXT.fullmatch(text.strip())
-        if match is None:
-            yield text.strip(), WHOLE
-        elif match["at"] is None:
-            yield match["output"].strip(), match["how"]
-        else:
-            yield match["output"].strip(), f"{match['how']}({match['at']})"
+        at = f"({match['at']})" if match and match["at"] else ""
+        yield (match["output"].strip(), match["how"] + at) if match else (text.strip(), WHOLE)
 
 
 def _column(output: Output, how: str, samples: Samples, drivers: Sequence[str]) -> Wanted:

@@ -18,19 +18,18 @@ from numpy.typing import NDArray
 
 from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.engines.numpy import CHUNK, Planar
-from blockmech.errors import BlockmechError
+from blockmech.errors import BlockmechError, FormatError
 from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
 from blockmech.quality import NO_ASSEMBLY, WORDS, at_most_one, failures
 from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_switch, friction_asked
-from blockmech.studies.block import Block
 from blockmech.studies.family import Family, as_said, remade
+from blockmech.studies.parts import Block, Span
 from blockmech.studies.reductions import POSES, WHOLE, Wanted, wanted
 from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
-UNDEFINED = ""
 
 
 @dataclass(frozen=True)
@@ -43,12 +42,14 @@ class Runner:
     want : what is kept of them
     over : the poses, as `blockmech.samples.make_samples` takes them
     settings : friction, tolerance, iterations and static, as those of a run
+    engine : name of the engine, or "auto"
     """
 
     family: Family
     want: tuple[Wanted, ...]
     over: Mapping[str, Any]
     settings: Mapping[str, Any]
+    engine: str = "auto"
 
     @classmethod
     def of(
@@ -59,6 +60,24 @@ class Runner:
         friction_asked(*(settings[key] for key in ("friction", "tolerance", "iterations")))
         m, own = family.mechanism, cls(family, (), over, settings)
         return replace(own, want=wanted(want, family.general.outputs, own.samples(m), m.drivers))
+
+    def checked(self, chosen: Designs) -> tuple[Span, ...]:
+        """The parts of designs. Raises `FormatError` for values that the file would refuse.
+
+        What it takes of a number are intervals: so tried are the smallest and the largest value,
+        zero, and one that is not whole.
+        """
+        spans = self.spans(chosen.count, self.samples(self.family.mechanism).n)
+        tried: dict[Parameter, Array] = {}
+        for columns in chosen.given(spans):
+            for p, x in zip(self.family.parameters, columns.values(), strict=True):
+                y = np.append(x, tried.get(p, ()))
+                tried[p] = np.unique([y.min(), y.max(), *y[y == 0.0][:1], *y[y % 1.0 != 0.0][:1]])
+        values = ((p, x) for p, row in tried.items() for x in row.tolist())
+        found = [problem for p, x in values for problem in self.family.problems(p, x)]
+        if found:
+            raise FormatError(dict.fromkeys(found))
+        return spans
 
     def samples(self, mechanism: Compiled) -> Samples:
         """The poses. Raises `RequestError` where they are wrong."""
@@ -72,9 +91,14 @@ class Runner:
         """Designs handed out at a time: so many samples are work enough to start something."""
         return self.size(n) * max(1, COMPILED_FROM // CHUNK)
 
+    def spans(self, count: int, n: int) -> tuple[Span, ...]:
+        """The parts of so many designs at n poses."""
+        size = self.part(n)
+        return tuple((k, min(k + size, count)) for k in range(0, count, size))
+
     def prepared(self, count: int) -> _Planned:
         """The plan that serves all of so many designs, or that of the first one."""
-        return _Planned(self, self.family.general, count)
+        return _Planned(self, self.family.general, 1 if self.family.alone else count)
 
     def blocks(self, planned: _Planned, chosen: Designs) -> Iterator[Block]:
         """All blocks of a part, one after the other."""
@@ -104,7 +128,7 @@ class Runner:
             shape = (1, n) if column.how == POSES else (1,)
             nothing = complex(np.nan, np.nan) if column.kind == "vector" else np.nan
             values[column.label] = np.full(shape, nothing)
-        said = f"{NO_ASSEMBLY}: {error.problems[0].where}"
+        said = f"{error.problems[0].where} ({error.problems[0].found})"
         word = np.array([WORDS.index(NO_ASSEMBLY)], np.int8)
         return Block(values, word, np.array([said], object), np.array([0]), np.array([n]))
 
@@ -118,7 +142,8 @@ class _Planned:
         self.samples = runner.samples(mechanism)
         names = tuple(dict.fromkeys(column.output for column in runner.want))
         self.plan: Plan = mechanism.plan(names, **runner.settings)
-        self.engine = mechanism.engine_of_designs(self.plan, count * self.samples.n)
+        samples = count * self.samples.n
+        self.engine = mechanism.engine_of_designs(self.plan, samples, runner.engine)
         self.together = 1 if runner.family.alone else self.engine.designs_together // CHUNK
         self.inputs = self.samples.given(self.plan.program.inputs)
         self.weights = self.samples.weights(len(mechanism.drivers))
@@ -163,12 +188,8 @@ class _Planned:
         following = frozenset(self.mechanism.structure.followed)
         why = failures(margins, outcomes, bad, self.prismatic, following)
         m, failing = np.arange(shape[0]), why.word > 0
-        if not failing.any():
-            none = np.zeros(shape[0], np.int64)
-            return why.word[:, 0], np.full(shape[0], UNDEFINED, object), none - 1, none
-        count = failing.sum(axis=1)
-        first = failing.argmax(axis=1)
-        places = np.array([self.mechanism.said(b) if b else UNDEFINED for b in why.blocks], object)
+        count, first = failing.sum(axis=1), failing.argmax(axis=1)
+        places = np.array([self.mechanism.said(b) if b else "" for b in why.blocks], object)
         return (
             why.word[m, first],
             places[why.block[m, first]],

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
@@ -19,7 +19,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import Problem, RequestError, listed, refused
+from blockmech.errors import Problem, RequestError, as_names, listed, refused
 from blockmech.values import is_count, is_number
 
 Floats = NDArray[np.float64]
@@ -106,7 +106,7 @@ class Designs:
     first : of a part of a study: the place of its first design
     """
 
-    vary: Mapping[str, Floats | Distribution]
+    vary: Mapping[str, Any]
     sampling: Sampling
     count: int
     seed: int = 0
@@ -117,7 +117,14 @@ class Designs:
         """Sizes of the grid, or the number of designs."""
         if self.sampling != "grid":
             return (self.count,)
-        return tuple(np.size(x) for x in self.vary.values())  # type: ignore[arg-type]
+        return tuple(np.size(x) for x in self.vary.values())
+
+    def given(self, spans: Iterable[tuple[int, int]]) -> Iterator[Mapping[str, Any]]:
+        """All values of each number, of distributions those of some designs after the other."""
+        if self.sampling in OF_ARRAYS:
+            yield self.vary
+        else:
+            yield from (self.columns(*span) for span in spans)
 
     def part(self, start: int, stop: int) -> Designs:
         """Some of the designs by themselves, no larger than it takes to make them."""
@@ -128,18 +135,15 @@ class Designs:
     def columns(self, start: int, stop: int) -> dict[str, Floats]:
         """Values (stop - start,) of each number in some of the designs."""
         if self.sampling == "paired":
-            return {a: x[start:stop] for a, x in self.vary.items()}  # type: ignore[index]
+            return {a: x[start:stop] for a, x in self.vary.items()}
         start, stop = self.first + start, self.first + stop
         if self.sampling == "grid":
             places = np.unravel_index(np.arange(start, stop), self.shape)
-            rows = zip(self.vary.items(), places, strict=True)
-            return {a: x[k] for (a, x), k in rows}  # type: ignore[index]
+            return {a: x[k] for (a, x), k in zip(self.vary.items(), places, strict=True)}
         tiny = np.finfo(float).eps / 2  # the ends of a normal distribution are far out
         points = np.clip(self._points(start, stop), tiny, 1.0 - tiny)
-        return {
-            address: law.quantile(points[:, k])  # type: ignore[union-attr]
-            for k, (address, law) in enumerate(self.vary.items())
-        }
+        rows = zip(self.vary.items(), points.T, strict=True)
+        return {a: law.quantile(x) for (a, law), x in rows}
 
     def _points(self, start: int, stop: int) -> Floats:
         """Shares (stop - start, k) between 0 and 1, the same for the same seed."""
@@ -168,26 +172,33 @@ class Designs:
 
 def designs(vary: Mapping[str, Any], sampling: str | None, count: int | None, seed: int) -> Designs:
     """The designs that a request names. Raises `RequestError` for what is wrong, all at once."""
-    problems: list[Problem] = []
     if not isinstance(vary, Mapping) or not vary:
         raise refused("vary", f"got {vary!r:.60}", 'give e.g. {"dyad.l_i": [5.9, 6.0, 6.1]}')
+    problems: list[Problem] = []
+    if seed != 0 and not is_count(seed):
+        problems.append(_problem("seed", f"got {seed!r}", "give a whole number from 0 on"))
     drawn = [a for a, x in vary.items() if isinstance(x, Distribution)]
     valid = OF_DISTRIBUTIONS if drawn else OF_ARRAYS
     if drawn and len(drawn) < len(vary):
         rest = listed(a for a in vary if a not in drawn)
         problems.append(_problem(rest, "values beside distributions", "give uniform(low, high)"))
-    how = sampling or ("latin" if drawn else "grid")
+    how = sampling or valid[0]
     if how not in valid:
         found = f'no sampling "{how}" of {"distributions" if drawn else "arrays"}'
         problems.append(Problem("bad-value", "sampling", found, f"valid: {listed(valid)}", ""))
     given = {a: x if a in drawn else _row(a, x, problems) for a, x in vary.items()}
     n = 0
-    if drawn:
-        problems += _counted(how, count)
-        n = int(count or 0)
-    elif count is not None:
+    if not drawn and count is not None:
         problems.append(_problem("count", "has no meaning for arrays", "leave it out"))
-    if not drawn and not problems:
+    elif drawn and not is_count(count):
+        found = f"must be a whole number, got {count!r}"
+        problems.append(_problem("count", found, "say how many designs"))
+    elif drawn:
+        n = int(count)  # type: ignore[arg-type]
+        if how == "sobol" and n & (n - 1):
+            found, power = f"{n} Sobol points are out of balance", 1 << n.bit_length()
+            problems.append(_problem("count", found, f"give a power of two, e.g. {power}"))
+    elif not problems:
         sizes = {a: len(x) for a, x in given.items()}
         if how == "paired" and len(set(sizes.values())) > 1:
             said = listed(f"{a} has {k}" for a, k in sizes.items())
@@ -196,18 +207,6 @@ def designs(vary: Mapping[str, Any], sampling: str | None, count: int | None, se
     if problems:
         raise RequestError(problems)
     return Designs(given, how, n, seed)  # type: ignore[arg-type]
-
-
-def _counted(how: str, count: object) -> list[Problem]:
-    """What is wrong with a number of designs."""
-    if not is_count(count):
-        return [_problem("count", f"must be a whole number, got {count!r}", "say how many designs")]
-    n = int(count)  # type: ignore[call-overload]
-    if how == "sobol" and n & (n - 1):
-        power = 1 << n.bit_length()
-        found = f"{n} Sobol points are out of balance"
-        return [_problem("count", found, f"give a power of two, e.g. {power}")]
-    return []
 
 
 def _row(address: str, raw: Any, problems: list[Problem]) -> Floats:
@@ -230,6 +229,8 @@ def _problem(where: str, found: str, remedy: str) -> Problem:
     return Problem("bad-request", where, found, "", remedy)
 
 
-def as_sequence(x: str | Iterable[str]) -> Sequence[str]:
-    """One word or several."""
-    return (x,) if isinstance(x, str) else tuple(x)
+def as_sequence(where: str, x: Any) -> Sequence[str]:
+    """One word or several, and not none. Raises `RequestError` for anything else."""
+    if not (words := as_names(where, x)):
+        raise refused(where, f"got {x!r:.60}", "give a name, or several")
+    return words

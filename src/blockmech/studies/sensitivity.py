@@ -5,19 +5,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import NotComputedError, Problem, close_match, listed
-from blockmech.export import Column, aligned, csv_of
+from blockmech.arguments import declared
+from blockmech.errors import held, listed
+from blockmech.export import Column, aligned, counted, csv_of, flag_lines
 from blockmech.export.columns import AnyPath, driver_columns
 from blockmech.model.parameters import Parameter
 from blockmech.plane import EPS
 from blockmech.result import Result
+from blockmech.studies.reductions import components
 
 Array = NDArray[Any]
 SHOWN = 12  # numbers of a ranking that are shown
@@ -57,6 +59,8 @@ class Sensitivity(Mapping[str, Array]):
     parameters : address -> the number, m of them
     ahead, behind : output -> derivatives (m, n) for growing and for shrinking numbers; they
         differ at kinks
+    jumps : output -> whether (m, n) a number sets a pair going that rests, so that its friction
+        jumps: what stands there is the derivative of the rest
     left_out : address -> why it has no derivative
     """
 
@@ -64,19 +68,16 @@ class Sensitivity(Mapping[str, Array]):
     parameters: Mapping[str, Parameter]
     ahead: Mapping[str, Array]
     behind: Mapping[str, Array]
+    jumps: Mapping[str, Array]
     left_out: Mapping[str, str]
 
     def __getitem__(self, name: Any) -> Array:
         output, *address = (name,) if isinstance(name, str) else name
-        asked = ((output, self.ahead), *((x, self.parameters) for x in address))
-        for x, known in asked:
-            if x not in known:
-                found, valid = "it was not asked for", f"there: {listed(known, 16)}"
-                remedy = close_match(x, known)
-                raise NotComputedError(Problem("not-wanted", x, found, valid, remedy))
-        whole = self.ahead[output]
-        found_: Array = whole[list(self.parameters).index(address[0])] if address else whole
-        return found_
+        whole = held(self.ahead, output, "it was not asked for", "there")
+        for x in address:
+            held(self.parameters, x, "it was not asked for", "there")
+            whole = whole[list(self.parameters).index(x)]
+        return whole
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.ahead)
@@ -91,7 +92,7 @@ class Sensitivity(Mapping[str, Array]):
 
     def kinks(self, output: str) -> Array:
         """Whether (m, n) the derivatives of the two sides differ, by more than half the digits."""
-        a, b = self.ahead[output], self.behind[output]
+        a, b = self[output], self.behind[output]
         size = np.nanmax(np.abs(a), axis=1, initial=0.0, keepdims=True)
         return np.asarray(np.abs(a - b) > np.sqrt(EPS) * size)
 
@@ -100,24 +101,40 @@ class Sensitivity(Mapping[str, Array]):
         whole, found = self[output], []
         for (address, p), row in zip(self.parameters.items(), whole, strict=True):
             k = int(np.nanargmax(np.abs(row))) if np.isfinite(row).any() else 0
-            change = float(abs(row[k])) * PERCENT * self._size(p)
+            change = float(abs(row[k])) * PERCENT * size_of(p, self.parameters.values())
             found.append(Effect(p, row[k], self.unit(output, address), k, change))
         return sorted(found, key=lambda e: (-np.nan_to_num(e.change), e.parameter.address))
 
-    def _size(self, p: Parameter) -> float:
-        alike = (abs(x.value) for x in self.parameters.values() if x.unit == p.unit != "")
-        return abs(p.value) or max(alike, default=0.0) or 1.0
+    def doubts(self, output: str) -> Iterator[str]:
+        """Where an output has no derivative of both sides, in words."""
+        n = counted(self.result.n, "sample")
+        if kinks := int(self.kinks(output).any(axis=0).sum()):
+            yield f"one-sided at {kinks} of {n}: the output has a kink there"
+        if jumps := int(self.jumps[output].any(axis=0).sum()):
+            names = np.array(list(self.parameters))[self.jumps[output].any(axis=1)]
+            yield (
+                f"no derivative by {listed(names, 4)} at {jumps} of {n}: "
+                "a pair with friction rests there, and begins to slip"
+            )
+
+    def said_of(self, outputs: Iterable[str]) -> str:
+        """The doubts of some outputs as sentences behind a caption."""
+        return "".join(f" {name}: {said}." for name in outputs for said in self.doubts(name))
 
     # -- shown ------------------------------------------------------------------------
 
     def text(self, shown: int = SHOWN) -> str:
-        """For each output a table of its numbers, ranked."""
-        return "\n\n".join("\n".join(self._table(output, shown)) for output in self)
+        """For each output a table of its numbers, ranked; then the flags of the run."""
+        tables = ["\n".join(self._table(output, shown)) for output in self]
+        flags = "\n".join(flag_lines(self.result))
+        return "\n\n".join([*tables, flags] if flags else tables)
 
-    def __repr__(self) -> str:
-        return self.text()
+    __repr__ = text
 
     def _table(self, output: str, shown: int) -> Iterator[str]:
+        if not np.isfinite(self[output]).any():
+            yield f"{output}: no answer"
+            return
         unit, effects = self.result.unit(output), self.ranked(output)
         rows = [
             (
@@ -132,9 +149,7 @@ class Sensitivity(Mapping[str, Array]):
         yield from aligned(("number", "value", "largest derivative", "by 1 %"), rows)
         if len(effects) > shown:
             yield f"and {len(effects) - shown} numbers that do less"
-        kinks = int(self.kinks(output).any(axis=0).sum())
-        if kinks:
-            yield f"one-sided at {kinks} of {self.result.n} samples: the output has a kink there"
+        yield from self.doubts(output)
         if self.left_out:
             yield f"without a derivative: {listed(self.left_out, 4)}"
 
@@ -155,10 +170,12 @@ class Sensitivity(Mapping[str, Array]):
                 ]
                 for output in self
             },
+            "doubts": {output: list(self.doubts(output)) for output in self},
             "left_out": dict(self.left_out),
         }
 
-    def to_csv(self, path: AnyPath | None = None) -> str:
+    @declared
+    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
         """CSV text: a row an output (component) and sample, a column a number, units in the head.
 
         Written if a path is given. Raises `RequestError` where the place cannot be written.
@@ -167,19 +184,18 @@ class Sensitivity(Mapping[str, Array]):
         heads = [Column(a, p.unit, np.empty(0), a).head for a, p in self.parameters.items()]
         rows = (
             [name, self.result.unit(name), *(c.values[k] for c in drivers), *row]
-            for name, whole in self._real()
+            for output, both in self.ahead.items()
+            for name, whole in components(output, both)
             for k, row in enumerate(whole.T.tolist())
         )
         head = ["output", "unit", *(c.head for c in drivers), *(f"per {h}" for h in heads)]
-        return csv_of(head, rows, path)
+        return csv_of(head, rows, path, separator, decimal)
 
-    def _real(self) -> Iterator[tuple[str, Array]]:
-        for name, whole in self.ahead.items():
-            if np.iscomplexobj(whole):
-                yield f"{name}.x", whole.real
-                yield f"{name}.y", whole.imag
-            else:
-                yield name, whole
+
+def size_of(p: Parameter, others: Iterable[Parameter]) -> float:
+    """A number's own size; of a zero the largest of its unit, or 1."""
+    alike = (abs(x.value) for x in others if x.unit == p.unit != "")
+    return abs(p.value) or max(alike, default=0.0) or 1.0
 
 
 def _parts(x: Any) -> Any:
@@ -187,4 +203,5 @@ def _parts(x: Any) -> Any:
 
 
 def _shown(x: Any) -> str:
+    x = x + 0.0  # no -0
     return f"({x.real:.4g}, {x.imag:.4g})" if isinstance(x, complex) else f"{x:.6g}"

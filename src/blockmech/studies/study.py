@@ -1,29 +1,29 @@
 """A study: designs of one mechanism, each run over the same poses and reduced to numbers.
 
-By this process it is one loop over blocks; by others, or into a folder, it goes by parts.
+Designs go out in parts: to this process, or to others, their answers into memory or a folder.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from blockmech.arguments import declared
 from blockmech.compiled import Compiled
-from blockmech.errors import FormatError, GraphError, Problem, needed
+from blockmech.errors import needed
 from blockmech.files import AnyPath
-from blockmech.studies.block import Block, Rows
-from blockmech.studies.family import Family, as_said
-from blockmech.studies.parts import WITHOUT, Parts
+from blockmech.studies.family import Family
+from blockmech.studies.parts import WITHOUT, Block, Parts, Span
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
 from blockmech.studies.workers import Work, fingerprint, hands
-from blockmech.typing import Coordinates, FrictionMethod, Numbers, Progress
+from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Progress
 
 
+@declared
 def study(
     mechanism: Compiled,
     vary: Mapping[str, Numbers | Distribution],
@@ -39,6 +39,7 @@ def study(
     tolerance: float | None = None,
     iterations: int | None = None,
     static: bool = False,
+    engine: EngineName = "auto",
     progress: Progress | None = None,
     out: AnyPath | None = None,
     workers: int | None = None,
@@ -60,6 +61,7 @@ def study(
         "sobol" or "random"
     count, seed : of distributions, how many designs, and which
     friction, tolerance, iterations, static : as those of a run
+    engine : "numpy", "llvm" for machine code (extra ``fast``), or "auto" by size
     progress : told how far it is: ``progress(what, done, whole)``
     out : folder
         Where what is done is kept as Parquet files: asked again, a study that was interrupted
@@ -78,111 +80,64 @@ def study(
     ------
     RequestError for unknown addresses, outputs or reductions, or settings that do not fit
     FormatError for values that the file would refuse
-    MissingEngineError without pyarrow (extra ``study``) or distributed (extra ``cluster``)
+    MissingEngineError without pyarrow (extra ``study``), distributed (``cluster``) or llvmlite
+        (``fast``)
     """
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     chosen = designs(vary, sampling, count, seed)
     family = Family(mechanism, vary)
-    _check_values(family, chosen)
-    poses = {"at": over, "samples": samples, "times": times}
-    runner = Runner.of(family, want, poses, how)
+    runner = Runner.of(family, want, {"at": over, "samples": samples, "times": times}, how)
+    spans = runner.checked(chosen)
+    runner = replace(runner, engine=engine)
+    runner = replace(runner, engine=runner.prepared(chosen.count).engine.name)  # the same for all
     taken = runner.samples(mechanism)
-    rows: Rows | Parts
-    if out is None and workers is None and client is None:
-        rows = _in_memory(runner, chosen, taken.n, progress)
-    else:
-        place = None if out is None else Path(out)
-        rows = _in_parts(runner, chosen, taken.n, progress, place, workers, client)
     return Study(
         mechanism.name,
         dict(zip(vary, family.parameters, strict=True)),
         runner.want,
-        rows,
-        chosen.shape,
+        chosen,
+        _rows(runner, chosen, spans, progress, out, workers, client),
         {mechanism.of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(mechanism.drivers)},
-        chosen.sampling,
         family.alone,
+        runner.engine,
     )
 
 
-def _check_values(family: Family, chosen: Designs) -> None:
-    """Refuse values that the file would refuse: what it takes of a number are intervals.
-
-    So the smallest and the largest value are tried, and zero, which is sometimes left out.
-    """
-    document = family.mechanism.document
-    if document is None:
-        return
-    problems: list[Problem] = []
-    columns = chosen.columns(0, chosen.count)
-    for (address, values), p in zip(columns.items(), family.parameters, strict=True):
-        tried = {float(values.min()), float(values.max()), *values[values == 0.0][:1].tolist()}
-        for x in sorted(tried):
-            try:
-                document.replace({address: as_said(p, x)})
-            except (FormatError, GraphError) as error:
-                problems += error.problems
-    if problems:
-        raise FormatError(dict.fromkeys(problems))
-
-
-def _in_memory(runner: Runner, chosen: Designs, n: int, say: Progress | None) -> Rows:
-    """All designs, or those before Ctrl-C."""
-    blocks: list[Block] = []
-    done, size = 0, runner.part(n)
-    try:
-        planned = runner.prepared(chosen.count)
-        for start in range(0, chosen.count, size):
-            part = chosen.part(start, min(start + size, chosen.count))
-            for block in runner.blocks(planned, part):
-                blocks.append(block)
-                done += len(block.word)
-                _tell(say, done, chosen.count)
-    except KeyboardInterrupt:
-        if not blocks:
-            raise
-    return Rows(chosen.columns(0, done), Block.joined(blocks))
-
-
-def _in_parts(
+def _rows(
     runner: Runner,
     chosen: Designs,
-    n: int,
+    spans: tuple[Span, ...],
     say: Progress | None,
-    place: Path | None,
+    out: AnyPath | None,
     workers: int | None,
     client: Any,
-) -> Rows | Parts:
+) -> Block | Parts:
     """All designs, or those that were done in a row before Ctrl-C; parts that exist are done."""
-    size = runner.part(n)
-    starts = range(0, chosen.count, size)
-    spans = tuple((start, min(start + size, chosen.count)) for start in starts)
     parts, left = None, list(spans)
-    if place is not None:
+    if out is not None:
         needed("pyarrow", "out", "study", WITHOUT)
         question = fingerprint(runner, chosen)
-        parts = Parts(place, question, tuple(chosen.vary), runner.want, spans)
+        parts = Parts(Path(out), question, runner.want, spans)
         left = parts.missing()
-    ask = hands(Work(runner, chosen, parts), workers, client)
-    found: dict[tuple[int, int], Block | None] = dict.fromkeys(set(spans) - set(left))
+    found: dict[Span, Block | None] = dict.fromkeys(set(spans) - set(left))
     done = chosen.count - sum(stop - start for start, stop in left)
-    answers = ask(left)
+    answers = hands(Work(runner, chosen, parts), workers, client)(left)
     try:
         for span, block in answers:
             found[span] = block
             done += span[1] - span[0]
-            _tell(say, done, chosen.count)
+            if say is not None:
+                say(f"{done} of {chosen.count} designs", done, chosen.count)
     except KeyboardInterrupt:
         answers.close()
-        if spans[0] not in found:
+        if not any(start == 0 for start, _ in found):
             raise
-    whole = tuple(takewhile(lambda span: span in found, spans))
+    whole: list[Span] = []
+    stop = 0
+    for span in sorted(found):
+        if span[0] == stop:
+            whole.append(span)
+            stop = span[1]
     if parts is not None:
-        return replace(parts, spans=whole)
-    blocks = [block for span in whole if (block := found[span]) is not None]
-    return Rows(chosen.columns(0, whole[-1][1]), Block.joined(blocks))
-
-
-def _tell(say: Progress | None, done: int, whole: int) -> None:
-    if say is not None:
-        say(f"{done} of {whole} designs", done, whole)
+        return replace(parts, spans=tuple(whole))
+    return Block.joined([block for span in whole if (block := found[span]) is not None])

@@ -7,24 +7,25 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import NotComputedError, Problem, close_match, listed, needed
-from blockmech.export import Column, aligned, csv_of
+from blockmech.arguments import declared
+from blockmech.errors import held, needed
+from blockmech.export import Column, aligned, counted, csv_of
 from blockmech.export.data import dataframe
 from blockmech.files import AnyPath
 from blockmech.model.parameters import Parameter
 from blockmech.quality import WORDS
-from blockmech.studies.block import Block, Rows
-from blockmech.studies.parts import WITHOUT, Parts, write_parquet
+from blockmech.studies.parts import WITHOUT, Block, Parts, write_parquet
 from blockmech.studies.reductions import POSES, Wanted, components
+from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
 ROWS = 12  # designs that are shown
-DESIGN = "design"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -36,41 +37,39 @@ class Study(Mapping[str, Array]):
     name : of the mechanism
     parameters : address -> what varied
     columns : what was kept
-    rows : the designs, in memory or in a folder: what varied, what was kept and why not
-    shape : sizes of the grid, or the number of designs asked for
+    designs : those that were asked for
+    rows : what was kept of those that were run, and why not; in memory or in a folder
     poses : driver -> coordinates (n,) [rad or m]
-    sampling : how designs were made of values or distributions
     alone : why each design was compiled by itself; "" where one program served all
+    engine : the engine that was taken
     """
 
     name: str
     parameters: Mapping[str, Parameter]
     columns: tuple[Wanted, ...]
-    rows: Rows | Parts
-    shape: tuple[int, ...]
+    designs: Designs
+    rows: Block | Parts
     poses: Mapping[str, Array]
-    sampling: str = "grid"
-    alone: str = ""
+    alone: str
+    engine: str
 
     # -- reading ----------------------------------------------------------------
 
-    @property
+    @cached_property
     def vary(self) -> Mapping[str, Array]:
         """Address -> its values (m,)."""
-        return self.rows.vary
+        return self.designs.columns(0, self.n)
 
     @property
     def found(self) -> Block:
         """What was kept, and why designs have no answer."""
-        return self.rows.found
+        return self.rows.found if isinstance(self.rows, Parts) else self.rows
 
     def __getitem__(self, name: str) -> Array:
-        known: dict[str, Array] = {**self.vary, **self.found.values}
-        if name not in known:
-            found, kept = "the study did not keep it", f"kept: {listed(known)}"
-            remedy = close_match(name, known)
-            raise NotComputedError(Problem("not-wanted", name, found, kept, remedy))
-        return known[name]
+        return self._known(name, {**self.vary, **self.found.values})
+
+    def _known(self, name: str, known: Mapping[str, T]) -> T:
+        return held(known, name, "the study did not keep it", "kept")
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self.vary, *self.found.values))
@@ -86,7 +85,7 @@ class Study(Mapping[str, Array]):
     @property
     def interrupted(self) -> bool:
         """Whether Ctrl-C came before the last design."""
-        return self.n < int(np.prod(self.shape))
+        return self.n < self.designs.count
 
     @cached_property
     def status(self) -> tuple[str, ...]:
@@ -106,19 +105,19 @@ class Study(Mapping[str, Array]):
 
     def unit(self, name: str) -> str:
         """Unit of a column, empty where dimensionless."""
-        if name in self.parameters:
-            return self.parameters[name].unit
-        return next(w.unit for w in self.columns if w.label == name)
+        units = {a: p.unit for a, p in self.parameters.items()}
+        units |= {w.label: w.unit for w in self.columns}
+        return self._known(name, units)
 
     def grid(self, name: str) -> Array:
         """A column as an array over the grid; NaN where the study did not get."""
-        return self._filled(self[name], np.nan)
+        return self.filled(self[name], np.nan)
 
-    def _filled(self, values: Array, fill: Any) -> Array:
+    def filled(self, values: Array, fill: Any) -> Array:
         """Values of the designs over the grid."""
-        whole = np.full((int(np.prod(self.shape)), *values.shape[1:]), fill, values.dtype)
+        whole = np.full((self.designs.count, *values.shape[1:]), fill, values.dtype)
         whole[: self.n] = values
-        return whole.reshape(*self.shape, *values.shape[1:])
+        return whole.reshape(*self.designs.shape, *values.shape[1:])
 
     # -- tables -------------------------------------------------------------------
 
@@ -132,10 +131,11 @@ class Study(Mapping[str, Array]):
             values = self.found.values[w.label]
             if w.how == POSES:
                 continue
-            rows += [Column(name, w.unit, x, w.label) for name, x in components(w, values)]
+            rows += [Column(name, w.unit, x, w.label) for name, x in components(w.label, values)]
         return rows
 
-    def to_csv(self, path: AnyPath | None = None) -> str:
+    @declared
+    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
         """CSV text, a row a design, units in the head, the last column says why it has no answer.
 
         Numbers read back to the last bit; a cell without one is empty. Written if a path is
@@ -144,8 +144,10 @@ class Study(Mapping[str, Array]):
         rows = self.table()
         reasons = (self.reason(i) or "ok" for i in range(self.n))
         cells = zip(*(column.values.tolist() for column in rows), reasons, strict=True)
-        return csv_of([*(column.head for column in rows), "status"], cells, path)
+        head = [*(column.head for column in rows), "status"]
+        return csv_of(head, cells, path, separator, decimal)
 
+    @declared
     def to_parquet(self, path: AnyPath) -> None:
         """Write the table as a Parquet file, units in the fields' metadata.
 
@@ -162,35 +164,27 @@ class Study(Mapping[str, Array]):
         return dataframe(self.table(), self.status)
 
     def to_xarray(self) -> Any:
-        """The study as an `xarray.Dataset` with units.
+        """The study as an `xarray.Dataset` with units, also of designs that were not run.
 
         Dimensions are what varies over a grid, else "design"; poses have "pose" behind them.
         Raises `MissingEngineError` without xarray (extra ``study``).
         """
         xarray = needed("xarray", "to_xarray", "study", WITHOUT)
-        on_grid = self.sampling == "grid"
-        dims: tuple[str, ...] = tuple(self.vary) if on_grid else (DESIGN,)
-        data: dict[str, Any] = {}
-        for w in self.columns:
-            values = self.grid(w.label) if on_grid else self[w.label]
-            own = (*dims, "pose") if w.how == POSES else dims
-            data[w.label] = (own, values, {"units": w.unit})
-        words = np.array(self.status, dtype=object)
-        over = self._filled(words, "not run") if on_grid else words
-        data["status"] = (dims, over.astype(str))
-        coords: dict[str, Any] = {}
-        for k, (address, p) in enumerate(self.parameters.items()):
-            values = self._axis(k, address) if on_grid else self.vary[address]
-            coords[address] = ((address,) if on_grid else (DESIGN,), values, {"units": p.unit})
-        attrs = {
-            "mechanism": self.name,
-            "poses": json.dumps({k: len(q) for k, q in self.poses.items()}),
+        asked, on_grid = self.designs, self.designs.sampling == "grid"
+        dims = tuple(asked.vary) if on_grid else ("design",)
+        axes = asked.vary if on_grid else asked.columns(0, asked.count)
+        data: dict[str, Any] = {
+            w.label: ((*dims, "pose") if w.how == POSES else dims, self.grid(w.label))
+            for w in self.columns
         }
-        return xarray.Dataset(data, coords, attrs)
-
-    def _axis(self, k: int, address: str) -> Array:
-        """The values along a dimension of the grid."""
-        return np.moveaxis(self.grid(address), k, 0).reshape(self.shape[k], -1)[:, 0]
+        over = self.filled(np.array(self.status, dtype=object), "not run")
+        data["status"] = (dims, over.astype(str))
+        coords = {a: ((a,) if on_grid else dims, values) for a, values in axes.items()}
+        poses = json.dumps({k: len(q) for k, q in self.poses.items()})
+        found = xarray.Dataset(data, coords, {"mechanism": self.name, "poses": poses})
+        for name in (*self.parameters, *(w.label for w in self.columns)):
+            found[name].attrs["units"] = self.unit(name)
+        return found
 
     # -- for people -----------------------------------------------------------------
 
@@ -198,19 +192,21 @@ class Study(Mapping[str, Array]):
         rows = self.table()
         step = max(1, -(-(self.n - 1) // (ROWS - 1)))
         shown = sorted({*range(0, self.n, step), *range(self.n)[-1:]})
-        cells = [(*(f"{c.values[i] + 0.0:.6g}" for c in rows), self.status[i]) for i in shown]
+        texts = [[f"{x + 0.0:.6g}" if x == x else "-" for x in c.values[shown]] for c in rows]
+        cells = list(zip(*texts, (self.status[i] for i in shown), strict=True))
         lines = [self._title(), "", *aligned((*(c.head for c in rows), "status"), cells)]
         if len(shown) < self.n:
             lines.append(f"{len(shown)} of {self.n} designs shown")
         lines += [
-            f"{word}: {k} designs" for word, k in Counter(self.status).items() if word != "ok"
+            f"{word}: {counted(k, 'design')}"
+            for word, k in Counter(self.status).items()
+            if word != "ok"
         ]
         if self.alone:
             lines.append(f"each design compiled by itself: {self.alone}")
         return "\n".join(lines)
 
     def _title(self) -> str:
-        asked = int(np.prod(self.shape))
-        count = f"{self.n} of {asked}" if self.interrupted else f"{self.n}"
-        n = len(next(iter(self.poses.values()), (0,)))
-        return f"{self.name}: {count} designs at {n} poses, {len(self.vary)} numbers varied"
+        count = f"{self.n} of " * self.interrupted + counted(self.designs.count, "design")
+        n = counted(len(next(iter(self.poses.values()), (0,))), "pose")
+        return f"{self.name}: {count} at {n}, {counted(len(self.vary), 'number')} varied"

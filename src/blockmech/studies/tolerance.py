@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError
 from blockmech.export import aligned
-from blockmech.model.parameters import named, parameters_of
+from blockmech.model.parameters import named
 from blockmech.studies.differentiate import sensitivity
-from blockmech.studies.family import Family, remade, sections_of
-from blockmech.studies.reductions import wanted
+from blockmech.studies.family import Family, parameters, remade
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, Distribution, designs
 from blockmech.studies.sensitivity import Sensitivity
+from blockmech.studies.workers import Work
 from blockmech.typing import Coordinates, FrictionMethod, Numbers, Progress
 
 Array = NDArray[Any]
@@ -89,8 +89,7 @@ class Tolerance(Mapping[str, Array]):
         """For each output its largest deviation, and what the numbers have in it there."""
         return "\n\n".join("\n".join(self._table(output)) for output in self)
 
-    def __repr__(self) -> str:
-        return self.text()
+    __repr__ = text
 
     def _table(self, output: str) -> Iterator[str]:
         run = self.sensitivity.result
@@ -103,9 +102,9 @@ class Tolerance(Mapping[str, Array]):
         yield f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip() + f", at {at}"
         if output in self.sampled:
             found = self.sampled[output]
-            n = int(found.designs[k])
-            error = found.deviation[k] / math.sqrt(2 * max(n, 1))
-            yield f"{n} designs: {found.deviation[k]:.4g} ± {error:.1g} {unit}".rstrip()
+            n, off = int(found.designs[k]), found.deviation[k]
+            said = f"{off:.4g} ± {off / math.sqrt(2 * n):.1g} {unit}" if n > 1 else "too few"
+            yield f"{n} designs: {said}".rstrip()
         numbers = self.sensitivity.parameters
         shares = self.shares(output)[:, k]
         order = np.argsort(-np.nan_to_num(shares), kind="stable")
@@ -115,6 +114,7 @@ class Tolerance(Mapping[str, Array]):
             for j in order.tolist()
         ]
         yield from aligned(("number", "deviation", "share"), rows)
+        yield from self.sensitivity.doubts(output)
 
 
 def tolerance(
@@ -151,11 +151,12 @@ def tolerance(
     RequestError for unknown names, and where an output or a number has no derivative
     AssemblyError, SingularError, FrictionError at gaps of the mean design
     """
-    wrong = [a for a, law in numbers.items() if not isinstance(law, Distribution)]
-    if wrong or not numbers:
+    given = numbers if isinstance(numbers, Mapping) else {}
+    wrong = [a for a, law in given.items() if not isinstance(law, Distribution)]
+    if wrong or not given:
         remedy, places = "give e.g. normal(6.0, 1e-4)", wrong or ["numbers"]
         raise RequestError(Problem("bad-request", a, "no distribution", "", remedy) for a in places)
-    found = named(parameters_of(sections_of(mechanism)), numbers)
+    found = named(parameters(mechanism), numbers)
     laws = {p.address: law for p, law in found.items()}
     moved = {p.address: law.mean for p, law in found.items() if law.mean != p.value}
     centre = remade(mechanism, moved) if moved else mechanism
@@ -163,7 +164,8 @@ def tolerance(
     linear = sensitivity(centre, want, laws, **poses, friction=friction, static=static)  # type: ignore[arg-type]
     sampled = {}
     if count is not None:
-        runner = Runner(Family(centre, laws), (), poses, linear.result.settings)
+        family, how = Family(centre, laws), linear.result.settings
+        runner = Runner.of(family, dict.fromkeys(linear, "poses"), poses, how)
         sampled = _drawn(runner, designs(laws, "random", count, seed), linear, progress)
     return Tolerance(linear, laws, sampled)
 
@@ -172,28 +174,20 @@ def _drawn(
     runner: Runner, chosen: Designs, linear: Sensitivity, progress: Progress | None
 ) -> dict[str, Scatter]:
     """Mean and deviation of outputs over random designs, block by block."""
-    centre = runner.family.mechanism
-    taken = linear.result.samples
-    columns = wanted([f"poses({x})" for x in linear], centre.outputs, taken, centre.drivers)
-    runner = replace(runner, want=columns)
-    planned, size = runner.prepared(chosen.count), runner.size(taken.n)
-    sums: dict[str, list[Any]] = {c.output: [0, 0.0, 0.0] for c in columns}
-    for start in range(0, chosen.count, size):
-        made = chosen.columns(start, min(start + size, chosen.count))
-        numbers = dict(zip(runner.family.parameters, made.values(), strict=True))
-        block = runner.block(planned, numbers)
-        for c in columns:
-            off = block.values[c.label] - linear.result[c.output]
-            good = np.isfinite(off)
+    sums: dict[str, list[Any]] = {name: [0, 0.0, 0.0] for name in linear}
+    for (_, done), block in Work(runner, chosen).here(runner.checked(chosen)):
+        assert block is not None  # as nothing is written
+        for name, found in zip(sums, block.values.values(), strict=True):
+            good = np.isfinite(off := found - linear.result[name])
             off = np.where(good, off, 0.0)
             terms = good.sum(axis=0), off.sum(axis=0), np.square(np.abs(off)).sum(axis=0)
-            sums[c.output] = [a + b for a, b in zip(sums[c.output], terms, strict=True)]
+            sums[name] = [a + b for a, b in zip(sums[name], terms, strict=True)]
         if progress is not None:
-            progress(f"{start + size} of {chosen.count} designs", start + size, chosen.count)
-    found = {}
+            progress(f"{done} of {chosen.count} designs", done, chosen.count)
+    sampled = {}
     with np.errstate(invalid="ignore", divide="ignore"):
         for name, (n, first, second) in sums.items():
             mean = first / n
             deviation = np.sqrt((second / n - np.square(np.abs(mean))) * n / (n - 1))
-            found[name] = Scatter(linear.result[name] + mean, deviation, n)
-    return found
+            sampled[name] = Scatter(linear.result[name] + mean, deviation, n)
+    return sampled

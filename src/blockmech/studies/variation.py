@@ -64,14 +64,12 @@ def designed(mechanism: Compiled, numbers: Mapping[Path, Any]) -> tuple[Structur
 
 def planned_aside(mechanism: Compiled, numbers: Mapping[Path, float]) -> Compiled:
     """A mechanism beside this one: its plans hold for any values of these numbers."""
-    aside = {path: beside(x, k) for k, (path, x) in enumerate(numbers.items())}
+    aside = {  # not zero, and no two alike
+        path: x + (abs(x) or 1.0) * ASIDE * (1.0 + (k * GOLDEN) % 1.0)
+        for k, (path, x) in enumerate(numbers.items())
+    }
     m = mechanism
     return type(m)(*designed(m, aside), m.name, m.names, m.document)
-
-
-def beside(value: float, k: int) -> float:
-    """A number near a value that is not zero, and other than those of other k."""
-    return value + (abs(value) or 1.0) * ASIDE * (1.0 + (k * GOLDEN) % 1.0)
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ import numpy as np
 
 from blockmech.errors import needed, refused
 from blockmech.model.document import EXTRAS
-from blockmech.studies.block import Block
-from blockmech.studies.parts import Parts, Span
+from blockmech.studies.parts import Block, Parts, Span
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs
 from blockmech.values import is_count
@@ -56,9 +55,17 @@ class Work:
         return pickle.dumps((self.runner, self.chosen.count, parts))
 
     def here(self, spans: Sequence[Span]) -> Answers:
-        """Parts done by this process."""
+        """Parts done by this process; what is handed back comes by blocks."""
+        planned = self.runner.prepared(self.chosen.count)
         for span in spans:
-            yield span, answered(self.pickled, self.chosen.part(*span), span)
+            part, start = self.chosen.part(*span), span[0]
+            if self.parts is not None:
+                yield span, answered(self.pickled, part, span)
+                continue
+            for block in self.runner.blocks(planned, part):
+                stop = start + len(block.word)
+                yield (start, stop), block
+                start = stop
 
     def by_processes(self, spans: Sequence[Span], workers: int) -> Answers:
         """Parts done by so many processes of this machine; new ones follow those that die.

@@ -22,12 +22,12 @@ from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of
-from blockmech.studio.looks import LINES
+from blockmech.studio.looks import LINES, beside
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.work import Told, Work
 from blockmech.typing import FrictionMethod
-from blockmech.wires import on_wires
+from blockmech.wires import on_wires, wires_of
 
 ACCURACIES = ("1e-3", "1e-6", "1e-9", "1e-12")
 TOOLS = "pan,xwheel_zoom,box_zoom,reset,save"
@@ -35,26 +35,23 @@ FORWARD = {"p": "m", "v": "m/s", "a": "m/s²", "om": "rad/s", "al": "rad/s²"}
 BACK = {"F": "N", "M": "N m", "power": "W"}
 
 
-def wire_values(result: Result, pose: int) -> dict[str, str]:
-    """What travels on every wire at a sample of a run, as text of a few lines.
+def wire_text(result: Result, pose: int, name: str) -> str:
+    """What travels on a wire at a sample of a run, in a few lines.
 
     Forward place and motion of the marker and its link; back force and moment on that link,
     the power, and the shares of the joint's block in reduced inertia and effort.
+
+    Raises `RequestError` where there is no such wire.
     """
     one, structure = result.at(np.array([pose])), result.mechanism.structure
-    found = on_wires(structure, one.inside, one.n)
+    (found,) = on_wires(structure, one.inside, one.n, name).values()
     rotary = [structure.joint(ref).rotary for ref in structure.driven.values()]
     shares = {"J_red": "kg m²" if rotary[0] else "kg", "tau_red": "N m" if rotary[0] else "N"}
-    lines = {"→": FORWARD, "←": BACK, "reduced": shares}
-    return {
-        name: "\n".join(
-            f"{way} "
-            + "; ".join(_told(key, wire[key], u) for key, u in units.items() if key in wire)
-            for way, units in lines.items()
-            if units.keys() & wire.keys()
-        )
-        for name, wire in found.items()
-    }
+    lines = [("→", FORWARD), ("←", BACK)] + [("reduced", shares)] * ("J_red" in found)
+    return "\n".join(
+        f"{way} " + "; ".join(_told(key, found[key], unit) for key, unit in units.items())
+        for way, units in lines
+    )
 
 
 def _told(key: str, values: Any, unit: str) -> str:
@@ -144,7 +141,7 @@ class Answers:
     def panel(self) -> Any:
         """What is asked on the left, the curves beside it."""
         parts = (self.friction, self.accuracy, self.until, *self.buttons, self.work.stop, self.csv)
-        asked = pn.Column(self.find, self.names, pn.FlexBox(*parts), width=250)
+        asked = pn.Column(self.find, self.names, beside(*parts), width=250)
         told = pn.Column(
             self.values, self.said, self.plots, self.costs, sizing_mode="stretch_width"
         )
@@ -195,7 +192,7 @@ class Answers:
                 figures = [plot.figure for plot in self.drawn]
                 self.plots.object = column(*figures, sizing_mode="stretch_width")
             for plot, panel in zip(self.drawn, panels, strict=True):
-                plot.show(panel, self.view.along, self.view.gaps)
+                plot.show(panel, self.view.along, self.view.spans)
         self.said.object = said
         self.plots.visible = bool(panels)
         self._show_pose()
@@ -219,13 +216,13 @@ class Answers:
     def wires(self, name: str) -> str:
         """What travels on a wire in the shown pose, for the diagram; "" where nothing is known."""
         motion = self.view.motion
-        if motion is None:
+        if motion is None or name not in wires_of(motion.structure):
             return ""
         try:
-            found = wire_values(motion.result.with_friction(self.friction.value), self.view.pose)
+            result = motion.result.with_friction(self.friction.value)
+            return wire_text(result, self.view.pose, name)
         except BlockmechError as error:
             return str(error)
-        return found.get(name, "")
 
     # -- long work -------------------------------------------------------------------------
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import panel as pn
+from bokeh.models import CustomJS, Toggle
 
 from blockmech.builders import Graph, Linkage, Opened, opened
 from blockmech.errors import BlockmechError
@@ -19,13 +20,13 @@ from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import MECHANISM, Form
 from blockmech.studio.gallery import gallery_page
 from blockmech.studio.links import LinksSheet
-from blockmech.studio.looks import begin, page
+from blockmech.studio.looks import begin, beside, page
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import serve
 from blockmech.studio.session import follow
 from blockmech.testing.files import gallery
 
-LEAVING = "window.onbeforeunload = cb_obj.value ? null : (e) => e.preventDefault();"
+LEAVING = "window.onbeforeunload = (e) => { if (!kept.active) e.preventDefault() }"
 """Whoever leaves a sheet that is not saved is asked by the browser."""
 
 FORMULA = 52  # px above the canvas, which does not move when problems come and go
@@ -56,8 +57,10 @@ class Page:
         self.download = pn.widgets.FileDownload(
             callback=lambda: io.BytesIO(sheet.text().encode()), label="Download"
         )
-        self.kept = pn.widgets.Checkbox(name="saved", visible=False)
-        self.kept.jscallback(value=LEAVING)
+        self.kept = Toggle(label="saved", visible=False)
+        if pn.state.curdoc is not None:
+            asks = CustomJS(args={"kept": self.kept}, code=LEAVING)
+            pn.state.curdoc.js_on_event("document_ready", asks)
         self.units = [
             pn.widgets.Select(label="Lengths", options=["m", "mm"], width=70),
             pn.widgets.Select(label="Angles", options=["rad", "deg"], width=70),
@@ -69,9 +72,7 @@ class Page:
         self.show()
 
     def _button(self, label: str, act: Callable[[], Any], **look: Any) -> Any:
-        button = pn.widgets.Button(label=label, **look)
-        button.on_click(lambda _: act())
-        return button
+        return pn.widgets.Button(label=label, on_click=lambda _: act(), **look)
 
     def panel(self) -> Any:
         """The page."""
@@ -79,19 +80,16 @@ class Page:
             callback=self._picture, label="Picture", filename="diagram.svg"
         )
         blocks = (
-            self._button(
-                "Lay out", lambda: self.diagram.do({**self.sheet.form, "view": {}}, "laid out")
-            ),
+            self._button("Lay out", self.diagram.lay_out),
             self._button("Duplicate", lambda: self.diagram.duplicate(self._chosen())),
             self._button("Delete", lambda: self.diagram.remove(self._chosen())),
         )
-        bar = pn.FlexBox(
+        bar = beside(
             pn.pane.HTML("<h1>blockmech studio</h1>", margin=(8, 12)),
             *(self.file, self.save, self.replace, self.undo, self.redo, *blocks),
-            *(self.download, picture, *self.units, self.kept),
-            align_items="end",
+            *(self.download, picture, *self.units, pn.pane.Bokeh(self.kept, visible=False)),
         )
-        flow = (self.diagram.palette, self.formula, self.diagram.flow, self.status)
+        flow = (self.diagram.palette, self.formula, self.diagram.flow)
         drawn = pn.Tabs(
             ("Blocks", pn.Column(*flow, sizing_mode="stretch_both")),
             ("Links and joints", self.links.panel()),
@@ -99,11 +97,11 @@ class Page:
             sizing_mode="stretch_both",
         )
         below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
-        sides = []
-        for above, shown in ((drawn, self.form.column), (self.view.panel(), self.answers.panel())):
-            above.styles = ABOVE
-            both = above, pn.Column(shown, **below)
-            sides.append(pn.Column(*both, sizing_mode="stretch_both", scroll="y-auto"))
+        left = drawn, self.status, pn.Column(self.form.column, **below)
+        right = self.view.panel(), pn.Column(self.answers.panel(), **below)
+        sides = [pn.Column(*s, sizing_mode="stretch_both", scroll="y-auto") for s in (left, right)]
+        for side in sides:
+            side[0].styles = ABOVE
         return page([bar, pn.Row(*sides, sizing_mode="stretch_both")], self.dark)
 
     # -- what is shown ----------------------------------------------------
@@ -129,7 +127,7 @@ class Page:
         self.undo.param.update(disabled=not sheet.undoable, description=sheet.undoable or None)
         self.redo.param.update(disabled=not sheet.redoable, description=sheet.redoable or None)
         self.save.label = "Saved" if sheet.saved and sheet.path else "Save"
-        self.kept.value = sheet.saved
+        self.kept.active = sheet.saved
         if isinstance(sheet.graph, Graph):
             said = html.escape(sheet.graph.structure().formula.replace("->", "→"))
             self.formula.object = f"<p>{said}</p>"

@@ -19,7 +19,6 @@ from blockmech.studio.plots import FONT, PIXELS, coloured, dress
 from blockmech.studio.session import heard
 
 CURVE = round(PANEL * PIXELS)  # [px] height of a figure
-Gaps = Iterable[tuple[int, int, str]]
 
 
 def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
@@ -59,27 +58,29 @@ class Plot:
         self.cursor = Span(dimension="height", line_color=coloured(ink.ALARM, dark), line_width=1)
         self.figure.add_layout(self.cursor)
         self.fixed = list(self.figure.center)
-        self.source = ColumnDataSource({"x": [], **{name: [] for name in self.curves}})
-        for i, name in enumerate(self.curves):
-            bare = i >= len(panel.curves)
-            style = ink.curve_style(i % len(panel.curves))
-            self.figure.line(
-                "x", name, source=self.source, line_color=coloured(style["color"], dark),
-                line_dash=[int(4 * x) for x in style["dashes"]], line_width=1 if bare else 2,
-                name=name, legend_label=name,
-            )  # fmt: skip
+        styles = [ink.curve_style(i % len(panel.curves)) for i in range(len(self.curves))]
+        self.source = ColumnDataSource(
+            {
+                **{axis: [[]] * len(styles) for axis in ("xs", "ys")},
+                "name": self.curves,
+                "line_color": [coloured(style["color"], dark) for style in styles],
+                "line_dash": [" ".join(f"{4 * x:.0f}" for x in s["dashes"]) for s in styles],
+                "line_width": [2] * len(panel.curves) + [1] * len(panel.without),
+            }
+        )
+        looks = {name: name for name in self.source.data if name != "name"}
+        self.figure.multi_line(**looks, source=self.source, legend_group="name")
         dress(self.figure, dark)
 
-    def show(self, panel: Panel, along: Abscissa, gaps: Gaps) -> None:
-        """Draw the values; gaps are hatched between the samples beside them, events named."""
+    def show(self, panel: Panel, along: Abscissa, gaps: Iterable[tuple[int, int]]) -> None:
+        """Draw the values; gaps, first and last sample, are hatched, events named."""
         low, high = panel.shown
         factor, unit = scaled_unit(panel.unit, max(abs(low), abs(high)))
-        rows = [*panel.curves.values(), *panel.without.values()]
-        found = {name: factor * y for name, y in zip(self.curves, rows, strict=True)}
-        self.source.data = {"x": along.values, **found}
+        rows = [factor * y for y in (*panel.curves.values(), *panel.without.values())]
+        self.source.data = {**self.source.data, "xs": [along.values] * len(rows), "ys": rows}
         self.figure.xaxis.axis_label = along.words
         self.figure.yaxis.axis_label = f"{panel.quantity} [{unit or '–'}]"
-        marks = [self._box(along.values, first, last) for first, last, _ in gaps]
+        marks = [self._box(along.values, *gap) for gap in gaps]
         marks += [mark for event in along.events for mark in self._mark(*event)]
         if marks or len(self.figure.center) > len(self.fixed):
             self.figure.center = [*self.fixed, *marks]

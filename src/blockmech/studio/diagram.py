@@ -6,8 +6,6 @@ may be is read from the declarations, as `draw.diagram` does.
 
 from __future__ import annotations
 
-import json
-import zlib
 from collections.abc import Callable
 from typing import Any
 
@@ -17,23 +15,20 @@ from panel_reactflow import ReactFlow
 
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Graph
-from blockmech.draw.boxes import Content, DrawnBlock, content_of, graph_of
-from blockmech.draw.diagram import view_of
-from blockmech.draw.layout import Box, arrange
-from blockmech.draw.palette import ROW, TEXT
-from blockmech.draw.routing import place
+from blockmech.draw.boxes import DrawnBlock, content_of, graph_of
+from blockmech.draw.layout import Ends
+from blockmech.draw.palette import ROW
 from blockmech.errors import BlockmechError, Problem
 from blockmech.model import checks, graph
 from blockmech.model.diagram import Wire
 from blockmech.model.schema import graph_schema
 from blockmech.studio import edits
+from blockmech.studio.canvas import ENDS, PIXELS, Canvas
 from blockmech.studio.edits import Form
 from blockmech.studio.fields import starter
-from blockmech.studio.session import follow
+from blockmech.studio.session import follow, together
 from blockmech.studio.sheet import Sheet
 
-PIXELS = 13 / TEXT  # of the page for a point of a file's view: 13 px words in place of 8 pt ones
-WIDER = 6 * ROW  # names of ports stand on both sides of the words, all markers are shown
 DRAGGED = "application/blockmech"  # what the palette gives to a drag
 
 CHIPS = f"""
@@ -129,7 +124,10 @@ class Diagram:
             min_zoom=0.02,
             max_zoom=1.2,
             default_node_editor=lambda *_, **__: None,
+            default_edge_editor=lambda *_, **__: None,
         )
+        # What the library makes of a message is sent before what we make of it, and not after.
+        self.flow._handle_msg = together(self.flow._handle_msg)
         self.flow.add_connection_validator(self._refusal)
         self.flow.on("drop", self._dropped)
         for event in ("node_moved", "node_deleted", "edge_added", "edge_deleted"):
@@ -156,34 +154,33 @@ class Diagram:
             shown = graph_of(sheet.mechanism.of_blocks) if sheet.mechanism else Graph()
         content = content_of(shown, most=len(shown.blocks) + 1)
         wrong = {at: p.found for p in sheet.problems if ours for at in _about(p, shown)}
-        types = {b.name: _node_type(shown, b, wrong) for b in content.blocks}
-        rows = {name: _rows(spec) for name, spec in types.items()}
-        self.places = _places(content, rows, view_of(shown))
+        laid = Canvas.of(content, shown, wrong)
+        self.places = {name: (r.x, r.y) for name, r in laid.boxes.items()}
         bad = {at.partition(".")[0] for at in wrong}
-        nodes = [self._node(b, types[b.name], b.name in bad, wrong) for b in content.blocks]
-        edges = [_edge(wire.source, wire.target) for wire in shown.wires]
-        specs = {spec["type"]: spec for spec in types.values()}
+        nodes = [self._node(block, laid, block.name in bad) for block in content.blocks]
+        edges = [laid.edge(i, wire.ends) for i, wire in enumerate(content.wires)]
+        specs = {spec["type"]: spec for spec in laid.types.values()}
         self.drawn = {one["id"]: one.get("position") for one in (*nodes, *edges)}
         if specs != self.flow.node_types:
             self.flow.node_types = specs
         self.flow.param.update(nodes=nodes, edges=edges, editable=ours)
         self.palette.visible = ours
 
-    def _node(
-        self, block: DrawnBlock, spec: dict[str, Any], bad: bool, wrong: dict[str, str]
-    ) -> dict[str, Any]:
-        x, y = self.places[block.name]
-        words = [block.name, block.words, "  ".join(block.drive)]
-        words += [f"⚠ {wrong[block.name]}"] if block.name in wrong else []
+    def _node(self, block: DrawnBlock, laid: Canvas, bad: bool) -> dict[str, Any]:
+        r = laid.boxes[block.name]
         return {
             "id": block.name,
-            "type": spec["type"],
-            "label": "\n".join(filter(None, words)),
-            "position": {"x": x * PIXELS, "y": y * PIXELS},
+            "type": laid.types[block.name]["type"],
+            "label": "\n".join(laid.words[block.name]),
+            "position": {"x": r.x * PIXELS, "y": r.y * PIXELS},
             "data": {},
             "selected": block.name in self.flow.selection["nodes"],
             "className": f"bm-node bm-{block.kind}{' bm-bad' if bad else ''}",
-            "style": {"height": _rows(spec) * ROW * PIXELS},
+            "style": {
+                "width": r.width * PIXELS,
+                "height": r.height * PIXELS,
+                "--bm-row": f"{ROW * PIXELS}px",
+            },
         }
 
     # -- what the user does -------------------------------------------------
@@ -228,9 +225,7 @@ class Diagram:
         wires = {_ends(edge): edge for edge in self.flow.edges}
         gone = [one for one in self.drawn if one not in at and one not in wires]
         new = [wire for wire in wires if wire not in self.drawn]
-        moved = {
-            n: (z["x"] / PIXELS, z["y"] / PIXELS) for n, z in at.items() if z != self.drawn.get(n)
-        }
+        moved = {name: _points(z) for name, z in at.items() if z != self.drawn.get(name)}
         form = edits.without(self.sheet.form, gone, gone)
         form = edits.placed(form, {**self.places, **moved} if moved else {})
         ends = (wire.split(" -> ") for wire in new)
@@ -259,59 +254,14 @@ class Diagram:
             self.flow.show_popup(pn.pane.Str(text), event["position"])
 
 
-def _places(
-    content: Content, rows: dict[str, int], at: dict[str, tuple[float, float]]
-) -> dict[str, tuple[float, float]]:
-    """Places [pt] of all blocks: the author's, and for others those that follow from the wires."""
-    if len(at) == len(rows):
-        return at
-    wires, boxes = [wire.ends for wire in content.wires], []
-    for block in content.blocks:
-        pins = max(len(block.ports), len(block.markers))
-        head, width = rows[block.name] - pins, block.box().width + WIDER
-        ports = tuple(port.name for port in block.ports)
-        boxes.append(Box(block.name, width, ports, head, first=block.kind == "frame"))
-    made = place(arrange(boxes, wires)).boxes
-    below = max((y + rows[name] * ROW for name, (_, y) in at.items()), default=0.0)
-    return {name: at.get(name, (r.x, r.y + below)) for name, r in made.items()}
-
-
-def _rows(spec: dict[str, Any]) -> int:
-    """Rows of a block on the canvas: its words, or its handles and half a row around them."""
-    return max(3, max(len(spec["inputs"]), len(spec["outputs"])) + 1)
-
-
-def _node_type(shown: graph.Graph, block: DrawnBlock, wrong: dict[str, str]) -> dict[str, Any]:
-    """Handles of a block: joints and terminals on the left, markers and guides on the right."""
-    inputs = []
-    for port in block.ports:
-        said = wrong.get(f"{block.name}.{port.name}")
-        label = f"{port.name} ⚠ {said}" if said else port.name
-        inputs.append({"id": port.name, "label": label, "type": port.pair or "load"})
-    outputs = []
-    for name, (_, marker) in edits.markers_of(shown.blocks.get(block.name)).items():
-        guide = getattr(marker, "angle", None) is not None or getattr(marker, "dir", None)
-        outputs.append({"id": name, "label": name, "type": "guide" if guide else "marker"})
-    # React Flow measures handles again where the type of a block changes: it says what they are
-    kind = f"handles{zlib.crc32(json.dumps([inputs, outputs]).encode()):08x}"
-    return {"type": kind, "label": "", "inputs": inputs, "outputs": outputs}
-
-
 def _points(at: dict[str, float]) -> tuple[float, float]:
     """A place of the canvas in points of a file's view."""
     return at["x"] / PIXELS, at["y"] / PIXELS
 
 
-def _edge(source: str, target: str) -> dict[str, Any]:
-    (a, marker), (b, port) = source.split("."), target.split(".")
-    ends = {"source": a, "sourceHandle": marker, "target": b, "targetHandle": port}
-    return {"id": f"{source} -> {target}", "type": "smoothstep", "data": {}, **ends}
-
-
 def _ends(edge: dict[str, Any]) -> str:
     """What a wire of the canvas is called."""
-    ends = ((edge[end], edge[f"{end}Handle"]) for end in ("source", "target"))
-    return " -> ".join(map(".".join, ends))
+    return str(Ends(*(edge[end] for end in ENDS)))
 
 
 def _about(problem: Problem, shown: graph.Graph) -> list[str]:

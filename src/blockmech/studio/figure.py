@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from bokeh.events import RangesUpdate
-from bokeh.models import ColumnDataSource, PointDrawTool
+from bokeh.models import ColumnDataSource, Label, PointDrawTool
 
 from blockmech.draw.motion import Motion, Spot
 from blockmech.draw.palette import INK
@@ -41,13 +41,18 @@ class MechanismFigure(Window):
     """
 
     def __init__(self, dark: bool, drag: Callable[[str, complex], None]) -> None:
-        super().__init__(dark, self._fit)
+        super().__init__(dark, self._sized)
         self.dark, self.drag = dark, drag
         self.handles: dict[str, Spot] = {}
         self.unit, self.said = 0.0, ""
         self._scene: Scene | None = None
-        self._pose = 0
+        self._pose, self._fresh = 0, False
         self._layers: list[tuple[Layer, Any]] = []
+        self._words = Label(
+            x=4, y=4, x_units="screen", y_units="screen", text="", text_font=FONT,
+            text_font_size="12px", text_color=coloured(INK, dark),
+        )  # fmt: skip
+        self.figure.add_layout(self._words)
         self._pencil = PointDrawTool(add=False, description="Drag joints")
         self.figure.add_tools(self._pencil)
         self.figure.toolbar.active_drag = self._pencil
@@ -55,7 +60,11 @@ class MechanismFigure(Window):
         self.figure.on_event(RangesUpdate, lambda _: zoomed())
 
     def draw(self, motion: Motion | None, show: Iterable[str], whole: Structure | None) -> None:
-        """Fit the window around a motion that closes somewhere; arguments as of `scene_of`."""
+        """Fit the window around a motion that closes somewhere; arguments as of `scene_of`.
+
+        It is seen when a pose is put, after all words: bokeh paints at once where these need
+        other room, and cannot paint sources whose number of shapes it is about to change.
+        """
         self._scene, self.handles = None, {}
         if motion is not None:
             self._scene = scene_of(motion, show, whole)
@@ -67,42 +76,47 @@ class MechanismFigure(Window):
         """Show a pose."""
         self._pose = pose
         for layer, source in self._layers:
-            if len(layer.places) > 1:
+            if self._fresh:
+                source.data = {**layer.at(pose), **layer.looks}
+            elif len(layer.places) > 1:
                 columns = layer.at(pose).items()
                 source.patch({name: [(slice(None), column)] for name, column in columns})
+        self._fresh = False
 
     def _fit(self) -> None:
         """Fit the window around all that moves, at equal scales."""
         if self._scene is not None:
             self.fit(*self._scene.bounds)
-        self._show_at(self.scale * PIXELS)
+        self._draw_at(self.scale * PIXELS)
+
+    def _sized(self) -> None:
+        self._fit()
+        self.put(self._pose)
 
     def _zoomed(self) -> None:
         """Symbols keep their size on the screen."""
         unit = self.scale * PIXELS
         if not math.isclose(unit, self.unit, rel_tol=1 / self.size[0]):
-            self._show_at(unit)
+            self._draw_at(unit)
+            self.put(self._pose)
 
-    def _show_at(self, unit: float) -> None:
+    def _draw_at(self, unit: float) -> None:
         """Compute the columns of all poses for a point of the screen [m]."""
-        self.unit, self.said, layers = unit, "", []
+        self.unit, self.said, self._fresh, layers = unit, "", True, []
         if self._scene is not None:
             try:
                 layers = [*self._scene.layers(unit, self.dark), self._rings(self._scene.motion)]
+                self._words.text = self._scene.words(unit)
             except BlockmechError as error:  # forces that follow a time nobody said
                 self.said = str(error)
-        known = [(old.glyph, len(old.looks["name"])) for old, _ in self._layers]
-        if known != [(layer.glyph, len(layer.looks["name"])) for layer in layers]:
+        sources = [source for _, source in self._layers]
+        if [old.glyph for old, _ in self._layers] != [layer.glyph for layer in layers]:
             self.figure.renderers = []
-            self._layers = [(layer, self._renderer(layer)) for layer in layers]
+            sources = [self._source(layer) for layer in layers]
             self._pencil.renderers = self.figure.renderers[-1:]
-            if layers:
-                self._layers[-1][1].on_change("data", self._dropped)
-        self._layers = [
-            (new, source) for new, (_, source) in zip(layers, self._layers, strict=True)
-        ]
-        for layer, source in self._layers:
-            source.data = {**layer.at(self._pose), **layer.looks}
+            if sources:
+                sources[-1].on_change("data", self._dropped)
+        self._layers = list(zip(layers, sources, strict=True))
 
     def _rings(self, motion: Motion) -> Layer:
         """Rings around what can be taken hold of."""
@@ -112,11 +126,10 @@ class MechanismFigure(Window):
         columns = {key: [value] * len(names) for key, value in looks.items()}
         return Layer("scatter", places.reshape(-1, n).T, {**columns, "name": names})
 
-    def _renderer(self, layer: Layer) -> Any:
-        """A source of a layer's columns, which are drawn."""
-        columns = {**layer.at(0), **layer.looks}
-        own = {name: name for name in columns if name != "name"}
-        source = ColumnDataSource(columns)
+    def _source(self, layer: Layer) -> Any:
+        """A source for a layer's columns, which are drawn."""
+        source = ColumnDataSource({**layer.at(0), **layer.looks})
+        own = {name: name for name in source.data if name != "name"}
         getattr(self.figure, layer.glyph)(source=source, **own, **ALWAYS[layer.glyph])
         return source
 

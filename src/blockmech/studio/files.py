@@ -8,7 +8,7 @@ import secrets
 from pathlib import Path
 
 from blockmech.builders import Opened, opened
-from blockmech.errors import FormatError, Problem, RequestError
+from blockmech.errors import FormatError, refused
 from blockmech.model.reading import text_of
 from blockmech.studio.sheet import Sheet
 
@@ -22,10 +22,10 @@ def inside(folder: Path, name: str | os.PathLike[str]) -> Path:
     if not path.is_relative_to(os.path.realpath(folder)):
         remedy = "start the studio in the folder of the file"
         found = "it is outside of the folder that the studio was started in"
-        raise RequestError(Problem("not-inside", str(name), found, "", remedy))
+        raise refused(str(name), found, remedy, code="not-inside")
     if path.suffix != ".json":
         remedy = "end its name in .json"
-        raise RequestError(Problem("not-a-file", str(name), "it is no JSON file", "", remedy))
+        raise refused(str(name), "it is no JSON file", remedy, code="not-a-file")
     return path
 
 
@@ -63,7 +63,7 @@ class Filed(Sheet):
             if path == self.path:
                 found = "the file was changed by somebody else since it was read"
             remedy = "choose another name, or replace it"
-            raise RequestError(Problem("changed-file", path.name, found, "", remedy))
+            raise refused(path.name, found, remedy, code="changed-file")
         document: Opened = self.document
         document.save(path)
         self.stamp = _stamp(path)

@@ -30,6 +30,14 @@ from blockmech.studio.plots import PIXELS, coloured
 GLYPHS = {"area": "patches", "line": "multi_line", "disc": "scatter"}
 
 
+def glyph_of(shape: Shape) -> str:
+    """What bokeh draws a shape with; a bar with round ends is an area without width.
+
+    So links of two pins and of more lie on one another within one layer.
+    """
+    return "patches" if shape.rounded else GLYPHS[shape.kind]
+
+
 class Layer(NamedTuple):
     """Shapes of one glyph that lie on one another: places (samples or 1, p), and their looks.
 
@@ -71,6 +79,15 @@ class Scene:
         z = places_of(self.sketch, self.motion, self.paths)
         return complex(z.real.min(), z.imag.min()), complex(z.real.max(), z.imag.max())
 
+    def words(self, unit: float) -> str:
+        """What is not as large as it is drawn."""
+        if "friction circles" not in self.show:
+            return ""
+        stage = Stage(self.sketch, self.motion, unit)
+        radii = _friction_radii(stage)
+        many = shapes.friction_scale(stage, radii)
+        return f"friction circles {many} times as large" if radii else "no pin has friction"
+
     def layers(self, unit: float, dark: bool = False) -> list[Layer]:
         """All shapes as layers, the lowest first; ``unit`` [m] is a point of the screen."""
         stage = Stage(self.sketch, self.motion, unit)
@@ -82,10 +99,10 @@ class Scene:
             for i, (name, path) in enumerate(self.paths.items())
             for piece in np.ma.clump_unmasked(np.ma.masked_invalid(path))  # type: ignore[no-untyped-call]
         ]
-        found.sort(key=lambda shape: shape.order)
+        found.sort(key=lambda shape: (shape.order, shape.still, glyph_of(shape)))
         layers = [
-            _layer(GLYPHS[kind], list(together), dark)
-            for (kind, _), together in groupby(found, key=lambda s: (s.kind, s.still))
+            _layer(glyph, list(together), dark)
+            for (glyph, _), together in groupby(found, key=lambda s: (glyph_of(s), s.still))
         ]
         return [*layers, names_of(stage, dark)] if "names" in self.show else layers
 
@@ -142,15 +159,15 @@ def _velocities(stage: Stage) -> Iterator[Shape]:
     return shapes.vectors(stage, moving, ink.FORWARD)
 
 
-def _friction_circles(stage: Stage) -> Iterator[Shape]:
-    """Circles of friction, drawn larger by a power of ten that lets them be seen."""
+def _friction_radii(stage: Stage) -> dict[str, tuple[Spot, float]]:
+    """Pins with friction, and the radii of its circles [m]."""
     blocks, spots = stage.motion.structure.blocks, _joints(stage)
     laws = {ref: blocks[ref.block].friction.get(ref.name) for ref in spots}
-    radii = {str(r): (spots[r], law.factor) for r, law in laws.items() if law and law.radius}
-    largest = max((radius for _, radius in radii.values()), default=0.0)
-    room = SIZES.couple * stage.unit / largest if largest else 1.0
-    many = 10.0 ** max(0, np.floor(np.log10(room)))
-    return shapes.friction_circles(stage, {n: (spot, many * r) for n, (spot, r) in radii.items()})
+    return {str(r): (spots[r], law.factor) for r, law in laws.items() if law and law.radius}
+
+
+def _friction_circles(stage: Stage) -> Iterator[Shape]:
+    return shapes.friction_circles(stage, _friction_radii(stage))
 
 
 ON_REQUEST = {
@@ -171,9 +188,7 @@ def _layer(glyph: str, found: list[Shape], dark: bool) -> Layer:
         "line_dash": [" ".join(f"{PIXELS * x:.0f}" for x in s.dash) or "solid" for s in found],
         "name": [s.what for s in found],
     }
-    if glyph == "multi_line":
-        looks["line_cap"] = ["round" if s.rounded else "butt" for s in found]
-    else:
+    if glyph != "multi_line":
         looks["fill_color"] = [coloured(s.fill, dark) if s.fill else "transparent" for s in found]
     if glyph == "scatter":
         looks["size"] = [2 * s.radius * PIXELS for s in found]

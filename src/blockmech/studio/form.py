@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import Any, NamedTuple
 
 import panel as pn
@@ -20,7 +21,8 @@ from blockmech.model.parameters import parameters_of
 from blockmech.model.schema import graph_schema, joints_schema
 from blockmech.studio.edits import markers_of, ports_of, renamed, wired
 from blockmech.studio.fields import Field, Path, Shown, fields_of, item_at, schema_at, with_item
-from blockmech.studio.session import follow
+from blockmech.studio.looks import beside
+from blockmech.studio.session import follow, together
 from blockmech.studio.sheet import Sheet
 
 MECHANISM: Path = ()
@@ -51,13 +53,15 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         super().__init__()
         self.sheet, self.say = sheet, say
         self.draft: dict[str, Any] = {}
-        self.rows: dict[Path, Row] = {}
-        self.lines: dict[str, Any] = {}
+        self.schemas: dict[type, Any] = {}  # a registry does not change under a window
+        self.rows: dict[Path, Row] = {}  # by path within what is selected
+        self.headings: dict[str, Any] = {}
         self.edit = pn.widgets.Select(label="Edit", width=LINE)
         self.called = pn.widgets.TextInput(label="Name", width=LINE)
         self.about = pn.pane.HTML("", sizing_mode="stretch_width")
         self.head = pn.Row(self.edit, self.called, self.about, sizing_mode="stretch_width")
-        self.column = pn.Column(self.head, sizing_mode="stretch_width")
+        self.body = beside(sizing_mode="stretch_width", margin=0)
+        self.column = pn.Column(self.head, self.body, sizing_mode="stretch_width")
         self.edit.param.watch(lambda event: self.param.update(selected=event.new), "value")
         self.called.param.watch(lambda event: self._rename(event.new.strip()), "value")
         self.param.watch(lambda *_: self.renew(), ["selected", "shown"])
@@ -66,6 +70,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     # -- what is shown ----------------------------------------------------
 
+    @together
     def renew(self) -> None:
         """Show what the sheet holds of what is selected; what was not sound is forgotten."""
         self.draft = self.sheet.form
@@ -88,31 +93,36 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """Show the fields of the draft; those that were there stay, with what they hold now."""
         rows = {}
         for field in self._fields():
-            row = self.rows.get(field.path)
-            row = self._row(field) if row is None or row.field.kind != field.kind else row
-            rows[field.path] = row._replace(field=field)
+            own = _within(self.selected, field.path)
+            row = self.rows.get(own)
+            row = self._row(own, field) if row is None or row.field.kind != field.kind else row
+            rows[own] = row._replace(field=field)
         old, self.rows = self.rows, rows
         for row in rows.values():
             self._set(row)
         if [row.panel for row in old.values()] != [row.panel for row in rows.values()]:
             lines: dict[str, list[Any]] = {}
-            for path, row in rows.items():
-                own = _within(self.selected, path)
+            for own, row in rows.items():
                 group = own[0] if own[1:] or row.field.kind == "map" else ""
                 lines.setdefault(group, []).append(row.panel)
-            self.lines = {name: self.lines.get(name) or _section(name) for name in lines}
-            for name, shown in lines.items():
-                self.lines[name][-1].objects = shown
-            self.column.objects = [self.head, *self.lines.values()]
+            self.headings = {name: self.headings.get(name) or _heading(name) for name in lines}
+            parts = ((self.headings[name], *panels) for name, panels in lines.items())
+            self.body.objects = list(chain(*parts))  # the page is laid out at each change
 
     def _fields(self) -> Iterator[Field]:
         """The fields of what is selected, and of the wires to a block."""
         graph, form, at = self.sheet.document, self.draft, self.selected
-        root = graph_schema() if isinstance(graph, Graph) else joints_schema()
+        if type(graph) not in self.schemas:
+            of_blocks = isinstance(graph, Graph)
+            self.schemas[type(graph)] = graph_schema() if of_blocks else joints_schema()
+        root = self.schemas[type(graph)]
         units = {x.path: x.unit for x in parameters_of(graph.sections()).values()}
-        for field in fields_of(root, schema_at(root, at), item_at(form, at), at):
-            own = field.path[len(at) :]
-            if not (own[0] in ASIDE if not at else own == ("type",) and at[0] == "blocks"):
+        node = schema_at(root, at)
+        if not at:
+            parts = node["properties"].items()
+            node["properties"] = {key: part for key, part in parts if key not in ASIDE}
+        for field in fields_of(root, node, item_at(form, at), at):
+            if not (at[:1] == ("blocks",) and field.path == (*at, "type")):
                 yield field._replace(unit=units.get(field.path, field.unit))
         if at[:1] == ("blocks",):
             markers = (f"{name}.{m}" for name, b in graph.blocks.items() for m in markers_of(b))
@@ -120,20 +130,20 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             for port in ports_of(graph.blocks[at[1]]):
                 yield ends._replace(path=("wires", f"{at[1]}.{port}"))
 
-    def _row(self, field: Field) -> Row:
+    def _row(self, own: Path, field: Field) -> Row:
         kind = pn.widgets.Select if field.kind == "choice" else pn.widgets.TextInput
-        wide = field.kind in ("text", "json") and len(_within(self.selected, field.path)) == 1
-        widget = kind(width=LINE * (1 + wide), margin=(2, 4), description=field.said or None)
-        widget.param.watch(lambda event: self._typed(field.path, event.new), "value")
+        wide = field.kind in ("text", "json") and len(own) == 1
+        widget = kind(width=LINE * (1 + wide), margin=(2, 4))
+        widget.param.watch(lambda event: self._typed(own, event.new), "value")
         wrong = pn.pane.HTML("", width=LINE, margin=(0, 4))
-        line = pn.Row(widget, margin=0)
-        return Row(field, widget, wrong, pn.Column(line, wrong, margin=0))
+        line = pn.Row(widget, margin=0) if field.kind == "map" else widget
+        return Row(field, widget, wrong, pn.Column(line, margin=0))
 
     def _set(self, row: Row) -> None:
         """Show what the draft holds for a field, in the chosen units."""
         field, value = row.field, self._value(row.field)
-        unit = self.shown.unit(field.unit)
-        label = _label(_within(self.selected, field.path), field.kind) + (unit and f" [{unit}]")
+        unit, own = self.shown.unit(field.unit), _within(self.selected, field.path)
+        label = _label(own, field.kind) + (unit and f" [{unit}]")
         if field.kind == "choice":
             empty = "" if field.default is None else f"{field.default} (default)"
             known = {str(c): c for c in field.choices}
@@ -143,16 +153,16 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             look = {"value": ""}
             keys, line = list(value or ()), row.panel[0]
             if [button.label for button in line[1:]] != [f"Remove {key}" for key in keys]:
-                line.objects = [row.widget, *(self._removing(field.path, key) for key in keys)]
+                line.objects = [row.widget, *(self._removing(own, key) for key in keys)]
         else:
             default = self.shown.text(field, field.default) or HINTS.get(field.kind, "")
             look = {"value": self.shown.text(field, value), "placeholder": default}
-        row.widget.param.update(label=label, **look)
+        row.widget.param.update(label=label, description=field.said or None, **look)
 
-    def _removing(self, path: Path, key: str) -> Any:
+    def _removing(self, own: Path, key: str) -> Any:
         """A button that takes an item of a section away."""
         button = pn.widgets.Button(label=f"Remove {key}", align="end", margin=(2, 4))
-        button.on_click(lambda _: self._take((*path, key), None))
+        button.on_click(lambda _: self._take((*self.rows[own].field.path, key), None))
         return button
 
     def _value(self, field: Field) -> Any:
@@ -164,28 +174,32 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def _tell(self, problems: tuple[Problem, ...]) -> list[Problem]:
         """Say under each field what is wrong with it; what is left."""
         left = list(problems)
-        for path, row in self.rows.items():
+        for row in self.rows.values():
+            path = row.field.path
             where = path[1] if path[0] == "wires" else ".".join(path)
             words = [html.escape(_words(p)) for p in problems if p.where == where]
             row.wrong.object = "".join(f"<p role=alert>{said}</p>" for said in words)
+            shown = [row.panel[0], row.wrong] if words else [row.panel[0]]
+            if row.panel.objects != shown:  # a page is drawn the faster the less is on it
+                row.panel.objects = shown
             left = [p for p in left if p.where != where]
         return left
 
     # -- what is done -----------------------------------------------------
 
-    def _typed(self, path: Path, said: Any) -> None:
+    def _typed(self, own: Path, said: Any) -> None:
         """Something was typed or chosen; nothing is done where it is what the draft holds."""
-        if path not in self.rows:
+        if own not in self.rows:
             return
-        field = self.rows[path].field
+        field = self.rows[own].field
         value = said if field.kind == "choice" else self.shown.value(field, said)
         if field.kind == "map":
             if value:
-                self._take((*path, value), field.starter)
+                self._take((*field.path, value), field.starter)
         elif (value := None if value == "" else value) != self._value(field):
             for key, only in field.beside if value is not None else ():
-                self.draft = with_item(self.draft, (*path[:-1], key), only)
-            self._take(path, value, field.starter)
+                self.draft = with_item(self.draft, (*field.path[:-1], key), only)
+            self._take(field.path, value, field.starter)
 
     def _take(self, path: Path, value: Any, kinds: Any = None) -> None:
         """Put a value into the draft, and the draft, if it is sound, on the sheet.
@@ -221,10 +235,9 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             self.say(_words(error.problems[0]))
 
 
-def _section(name: str) -> Any:
-    """A part of the form: its heading, and the fields beside one another."""
-    wide = {"sizing_mode": "stretch_width", "margin": 0}
-    return pn.Column(pn.pane.HTML(f"<h3>{html.escape(name)}</h3>", **wide), pn.FlexBox(**wide))
+def _heading(name: str) -> Any:
+    """The heading of a part of the form, on a line of its own."""
+    return pn.pane.HTML(f"<h3>{html.escape(name)}</h3>", styles={"flex": "0 0 100%"}, margin=0)
 
 
 def _within(selected: Path, path: Path) -> Path:

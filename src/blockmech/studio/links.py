@@ -17,6 +17,7 @@ from blockmech.draw.sketch import hull
 from blockmech.errors import BlockmechError
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
+from blockmech.studio.looks import beside
 from blockmech.studio.plots import FONT, PIXELS, coloured
 from blockmech.studio.session import follow
 from blockmech.studio.sheet import Sheet
@@ -76,7 +77,7 @@ class LinksSheet:
 
     def panel(self) -> Any:
         """The drawing, what is done with chosen pins, and the groups that were found."""
-        tools = pn.FlexBox(self.begin, self.place, self.angle, *self.buttons)
+        tools = beside(self.begin, self.place, self.angle, *self.buttons)
         drawing = pn.pane.Bokeh(self.window.figure, sizing_mode="stretch_both")
         return pn.Column(tools, self.pins, drawing, self.said, sizing_mode="stretch_both")
 
@@ -125,6 +126,12 @@ class LinksSheet:
         self.begin.visible = not self.ours
         for widget in (self.place, self.angle, *self.buttons):
             widget.disabled = not self.ours
+        words = "This sheet holds blocks, not links and joints."
+        if self.ours:
+            problems = " ".join(map(str, self.sheet.problems))
+            words = problems or str(self.sheet.document.decompose().formation)
+        done = f"{self.sheet.undoable}. " if self.sheet.undoable else ""
+        self._say(done + words)
         outlines = list(outlines_of(pins).values())
         fills = [ink.LINK_FILLS[i % len(ink.LINK_FILLS)] for i in range(len(outlines))]
         self._links.data = {
@@ -135,12 +142,6 @@ class LinksSheet:
         self._pins.data = columns_of(pins, self.dark)
         if not all(self.window.shows(pin.z) for pin in pins.values()):
             self._fit()
-        if not self.ours:
-            self._say("This sheet holds blocks, not links and joints.")
-        elif self.sheet.problems:
-            self._say(" ".join(map(str, self.sheet.problems)))
-        else:
-            self._say(str(self.sheet.document.decompose().formation))
 
     def _fit(self) -> None:
         """Show the whole drawing; a metre to draw on where there is none."""

@@ -32,27 +32,32 @@ CANVAS = """
 .react-flow__node.bm-element { --bm-fill: var(--bm-element); border-style: dashed !important }
 .react-flow__node.bm-bad { border-color: var(--bm-alarm) !important }
 .react-flow__node.selected { outline: 2px solid var(--bm-blue); outline-offset: 1px }
-.rf-node-content { padding: 5px 44px; min-width: 60px; align-items: center }
-.rf-node-label { white-space: pre-line; text-align: center; line-height: 1.25;
-  font-weight: 400 !important; font-size: 12px; margin: 0 !important }
+.rf-node-content { display: grid; grid: auto-flow dense var(--bm-row) / 1fr 1fr;
+  padding: calc(var(--bm-row) / 2) 0; min-width: 0; height: 100%; box-sizing: border-box }
+.rf-node-label { position: absolute; inset: 5px 0 auto; white-space: pre-line;
+  text-align: center; line-height: 1.25; font-weight: 400 !important; font-size: 12px;
+  margin: 0 !important }
 .rf-node-label::first-line { font-weight: 700; font-size: 13px }
-.react-flow__handle { width: 10px; height: 10px; background: var(--bm-group);
-  border: 1.6px solid var(--bm-ink) }
-.react-flow__handle.source { background: var(--bm-ink); width: 7px; height: 7px }
+.react-flow__handle { position: relative; inset: 0 !important; transform: none;
+  grid-column: 1; place-self: center start; margin-left: -6px; box-sizing: border-box;
+  width: 11px; height: 11px; background: var(--bm-group); border: 1.6px solid var(--bm-ink) }
+.react-flow__handle.source { grid-column: 2; place-self: center end; margin: 0 -5px 0 0;
+  width: 9px; height: 9px; background: var(--bm-ink) }
 .react-flow__handle[aria-label$="(P)"], .react-flow__handle[aria-label$="(guide)"] {
   border-radius: 0 }
-.react-flow__handle[aria-label$="(load)"] { transform: translate(-50%, -50%) rotate(45deg);
-  border-radius: 0; width: 8px; height: 8px }
+.react-flow__handle[aria-label$="(load)"] { transform: rotate(45deg); border-radius: 0;
+  width: 10px; height: 10px }
 .react-flow__handle[aria-label*="⚠"] { border-color: var(--bm-alarm); background: var(--bm-paper) }
-.react-flow__handle::before { content: attr(data-handleid); position: absolute; top: 50%;
-  transform: translateY(-50%); font-size: 11px; color: var(--bm-ink); pointer-events: none;
-  max-width: 60px; overflow: hidden; text-overflow: ellipsis; white-space: nowrap }
-.react-flow__handle[aria-label$="(load)"]::before { transform: translateY(-50%) rotate(-45deg) }
-.react-flow__handle.target::before { left: 11px }
-.react-flow__handle.source::before { right: 10px }
+.react-flow__handle::before { content: attr(data-handleid); position: absolute; inset: 0 auto;
+  display: flex; align-items: center; font-size: 11px; color: var(--bm-ink);
+  pointer-events: none; white-space: nowrap }
+.react-flow__handle[aria-label$="(load)"]::before { transform: rotate(-45deg) }
+.react-flow__handle.target::before { left: 12px }
+.react-flow__handle.source::before { right: 11px }
 .react-flow__edge-path { stroke: var(--bm-blue); stroke-width: 1.5 }
 .react-flow__edge.selected .react-flow__edge-path { stroke-width: 3 }
 .react-flow { background: var(--bm-paper) !important }
+.react-flow__pane.dragging .react-flow__viewport { will-change: transform }
 .react-flow__attribution { display: none }
 .react-flow__controls { flex-direction: row !important }
 """
@@ -80,6 +85,7 @@ select.bk-input:not([size], [multiple]) { appearance: auto; background-image: no
 .bk-btn { padding: 3px 10px; font-size: 13px; color: var(--bm-ink); background: var(--bm-group) }
 :host(.solid) .bk-btn { border: 1px solid var(--bm-line) }
 .bk-btn-primary { background: #005a8f; color: #fff }
+.bk-btn.bk-active { color: var(--bm-paper) !important; background: var(--bm-blue) !important }
 .bk-btn-danger { background: #a30015; color: #fff }
 .noUi-target { background: var(--bm-pale); border-color: var(--bm-line) }
 .noUi-handle { background: var(--bm-group); border-color: var(--bm-line) }
@@ -101,7 +107,8 @@ LINES = "pre { font: 12px system-ui, sans-serif; white-space: pre-wrap; margin: 
 
 NAMES = """
 const name = (root) => {
-  for (const port of root.querySelectorAll(".react-flow__handle")) port.setAttribute("role", "img");
+  for (const port of root.querySelectorAll(".react-flow__handle:not([role])"))
+    port.setAttribute("role", "img");
   for (const thumb of root.querySelectorAll(".noUi-handle"))
     thumb.setAttribute("aria-label", root.querySelector(".bk-slider-title").textContent);
   for (const [word, way] of [["more", "up"], ["less", "down"]])
@@ -133,6 +140,13 @@ def begin(dark: bool) -> None:
     if pn.state.curdoc is not None:
         pn.config.raw_css = ["html, body { margin: 0; height: 100% }"]
         pn.state.curdoc.js_on_event("document_ready", CustomJS(code=NAMES))
+
+
+def beside(*parts: Any, **look: Any) -> Any:
+    """Parts beside one another, in as many lines as they need, on one foot."""
+    for part in parts:
+        part.align = "end"
+    return pn.Row(*parts, styles={"flex-wrap": "wrap"}, **look)
 
 
 def page(parts: list[Any], dark: bool) -> Any:

@@ -26,7 +26,7 @@ from blockmech.draw.motion import Motion
 from blockmech.draw.panels import Abscissa
 from blockmech.draw.paper import rendered
 from blockmech.draw.simulation import FRAME, screen_time
-from blockmech.errors import BlockmechError, Problem, RequestError
+from blockmech.errors import BlockmechError, refused
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.curves import CURVE, Plot, labels_of, margins_of
@@ -34,6 +34,7 @@ from blockmech.studio.dragging import dragged
 from blockmech.studio.fields import Shown
 from blockmech.studio.figure import MechanismFigure
 from blockmech.studio.film import SHOWN
+from blockmech.studio.looks import beside
 from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import closing, dead_centres, gaps_of, shown_motion, travel
@@ -52,7 +53,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     pose : the shown one of the samples
     show : what is drawn beside links and loads, some of `SHOWN`
     shown : units of lengths and angles
-    gaps : first and last sample of each gap, and the sentence of its diagnosis
+    gaps : the runs of samples without an answer
     said : what went wrong as a sentence, "" where nothing did
     """
 
@@ -162,9 +163,9 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
                 look = {"height": CURVE // 2, "toolbar_location": None}
                 self._margins = Plot(panel, self.dark, self.seek, **look)
                 self._margins.figure.legend.visible = False
-                self._margins.figure.add_tools(HoverTool(tooltips=[("", "$name")]))
+                self._margins.figure.add_tools(HoverTool(tooltips="@name"))
                 self._strip.object = self._margins.figure
-            self._margins.show(panel, self.along, self.gaps)
+            self._margins.show(panel, self.along, self.spans)
 
     def _show_drivers(self) -> None:
         """A slider for each of several drivers; the only one has that of the pose."""
@@ -205,6 +206,11 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def coordinates(self) -> dict[str, float]:
         """Where the drivers are in the shown pose [rad or m]."""
         return {driver: float(q[self.pose]) for driver, q in self.motion.q.items()}
+
+    @property
+    def spans(self) -> list[tuple[int, int]]:
+        """First and last sample of each gap."""
+        return [(gap.first, gap.last) for gap in self.gaps]
 
     def seek(self, x: float) -> None:
         """Show the pose that is nearest to a place on the axis of the curves."""
@@ -250,7 +256,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """The figure with its sliders, play button and choice of what is shown."""
         choice = pn.widgets.CheckButtonGroup.from_param(self.param.show, label="Show")
         return pn.Column(
-            pn.FlexBox(choice, self.kind, self.picture, align_items="end"),
+            beside(choice, self.kind, self.picture),
             pn.pane.Bokeh(self.figure.figure, sizing_mode="stretch_both", min_height=340),
             pn.Row(self._play, self.slider, sizing_mode="stretch_width"),
             self._sliders,
@@ -275,10 +281,10 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     @together
     def _show_pose(self) -> None:
         """Put everything where it is in the shown pose."""
-        self.figure.put(self.pose)
         for driver, slider in self._drivers.items():
             slider.value = self._told(driver)
         self._said.text = self._caption()
+        self.figure.put(self.pose)
         if self._margins is not None:
             self._margins.cursor.location = float(self.along.values[self.pose])
 
@@ -295,7 +301,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
                 at, name = min(self.along.events, key=lambda event: abs(event[0] - x))
                 where, _, unit = self.along.words.partition(" [")
                 told.append(f"nearest dead centre: {name} at {where} = {at:.4g} {unit[:-1]}")
-            said += [why for first, last, why in self.gaps if first <= k <= last and not said]
+            said += [gap.why for gap in self.gaps if gap.first <= k <= gap.last and not said]
         bold = [f"<b>{html.escape(words)}</b>" for words in said]
         return "<br>".join([html.escape("; ".join(told)), *bold])
 
@@ -310,9 +316,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         try:
             if form == self.sheet.form:
                 found = "no length and no marker of a block puts it there, so it cannot be dragged"
-                raise RequestError(
-                    Problem("not-dragged", name, found, "", "change its block's form")
-                )
+                raise refused(name, found, "change its block's form", code="not-dragged")
             self.sheet.change(form, f"move {name}")
         except BlockmechError as error:
             self.play(self.motion, str(error))

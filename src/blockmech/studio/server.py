@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import secrets
+import socket
 from collections.abc import Callable
 from typing import Any
 
 import panel as pn
-from tornado.netutil import bind_sockets
 from tornado.web import RequestHandler
 
+from blockmech.errors import refused
 from blockmech.studio.gallery import picture_of
 from blockmech.testing.files import gallery
 
@@ -20,21 +21,22 @@ def serve(window: Callable[[], Any], start: str, port: int, told: Callable[[str]
     """A server of windows that has begun; ``told`` hears the address when it answers.
 
     ``start`` names the sheet that the address shows; without one it shows the gallery. Port 0
-    is one that is free. Run its ``io_loop`` to answer.
+    is one that is free. Run its ``io_loop`` to answer. Raises `RequestError` for a port that
+    cannot be had.
     """
     token = secrets.token_urlsafe(16)
-    found = [port]
-    if not port:
-        (held,) = bind_sockets(0, HOST)
-        found = [held.getsockname()[1]]
-        held.close()
+    try:
+        with socket.create_server((HOST, port)) as free:
+            port = free.getsockname()[1]
+    except OSError as error:
+        raise refused("port", f"{port}: {error}", "choose another, or leave it out") from None
     server = pn.serve(
         {"/": window},
-        port=found[0],
+        port=port,
         address=HOST,
         prefix=token,
         title="blockmech studio",
-        websocket_origin=[f"{HOST}:{found[0]}", f"localhost:{found[0]}"],
+        websocket_origin=[f"{HOST}:{port}", f"localhost:{port}"],
         extra_patterns=[(r"/picture/(.*)\.svg", Picture)],
         show=False,
         start=False,
@@ -42,7 +44,7 @@ def serve(window: Callable[[], Any], start: str, port: int, told: Callable[[str]
     )
     server._tornado.add_handlers(r".*", [(rf"(?!/{token}(/|$)).*", Refused)])
     server.start()
-    told(f"http://{HOST}:{found[0]}/{token}/" + (f"?sheet={start}" if start else ""))
+    told(f"http://{HOST}:{port}/{token}/" + (f"?sheet={start}" if start else ""))
     return server
 
 

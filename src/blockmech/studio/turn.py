@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,7 +45,7 @@ def shown_motion(
         if motion.feasible.any():
             return motion, said
         closed = closing(motion)
-        said = said or gaps_of(closed)[0][2]
+        said = said or gaps_of(closed)[0].why
         blamed |= set(closed.quality.blame.values())
         mechanism = what_moves(form, blamed)
     return None, said
@@ -95,15 +97,16 @@ def travel(mechanism: Compiled, driver: str, at: Mapping[str, float]) -> tuple[f
         low, high = float(q.min()), float(q.max())
     if law is not None and low < high:
         return low, high
+    here, turns = at[driver], mechanism.driver_joint(driver).rotary
+    most = np.inf if turns else slide_travel(mechanism, driver).size
     found = _limits(mechanism, driver, {d: q for d, q in at.items() if d != driver})
-    arc = found and (found.arc_at(at[driver]) or next(iter(found.arcs), None))
-    low, high = at[driver], at[driver] + 2 * np.pi * mechanism.driver_joint(driver).rotary
-    if found is None and low == high:
-        size = slide_travel(mechanism, driver).size
-        low, high = -size, size
-    elif found and arc and not found.whole_turn:
-        size = slide_travel(mechanism, driver).size
-        low, high = max(arc.start.q, -size), min(arc.end.q, size)
+    arc = found and (found.arc_at(here) or next(iter(found.arcs), None))
+    if found and arc and not found.whole_turn:
+        low, high = max(arc.start.q, -most), min(arc.end.q, most)
+    elif turns:
+        low, high = here, here + 2 * np.pi
+    else:
+        low, high = (-most, most) if found is None else (here, here)
     bounds = stops.bounds if stops is not None else (low, high)
     return max(low, bounds[0]), min(high, bounds[1])
 
@@ -152,23 +155,30 @@ def closing(motion: Motion) -> Result:
     return motion.result.rerun(*places)
 
 
-def gaps_of(result: Result) -> list[tuple[int, int, str]]:
-    """Runs of samples without an answer: first, last, and why there is none, as a sentence."""
+@dataclass(frozen=True)
+class Gap:
+    """A run of samples without an answer, from the first to the last."""
+
+    result: Result
+    first: int
+    last: int
+
+    @cached_property
+    def why(self) -> str:
+        """Why there is none, as a sentence; of many groups it takes a second to find."""
+        result, drivers = self.result, enumerate(self.result.mechanism.drivers)
+        at = {d: float(result.samples.coordinate(i)[self.first]) for i, d in drivers}
+        how: dict[str, Any] = {"want": tuple(result), "on_gap": "mark", "friction": "none"}
+        alone = result.mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), **how)
+        return why_not(alone if alone.quality.gaps else result)
+
+
+def gaps_of(result: Result) -> list[Gap]:
+    """Runs of samples without an answer."""
     bad = np.zeros(result.n, bool)
     bad[list(result.quality.gaps)] = True
     edges = np.flatnonzero(np.diff(np.pad(bad.astype(int), 1)))
-    return [(int(a), int(b) - 1, _why(result, int(a))) for a, b in edges.reshape(-1, 2)]
-
-
-def _why(result: Result, sample: int) -> str:
-    """Why a sample has no answer."""
-    drivers = enumerate(result.mechanism.drivers)
-    at = {d: float(result.samples.coordinate(i)[sample]) for i, d in drivers}
-    rates = dict.fromkeys(at, 0.0)
-    alone = result.mechanism.run(
-        at=at, rates=rates, want=tuple(result), friction="none", on_gap="mark"
-    )
-    return why_not(alone if alone.quality.gaps else result)
+    return [Gap(result, int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
 
 
 def part_of(form: Mapping[str, Any], failing: Iterable[str]) -> dict[str, Any]:

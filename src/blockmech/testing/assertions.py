@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
+from blockmech.arguments import declared
 from blockmech.builders import Opened, opened, problems_in
 from blockmech.errors import Problem, RequestError, refused
 from blockmech.testing.expectations import as_numbers, compared, failure_table, misfits
@@ -27,6 +28,7 @@ ROUNDING = 8 * float(np.finfo(float).eps)
 """Relative, of a driver coordinate: ends of arcs are found to rounding."""
 
 
+@declared
 def assert_graph(graph: Opened | str | os.PathLike[str]) -> GraphAssertion:
     """Start a chain of assertions about a graph, links and joints, or a file of either.
 
@@ -69,6 +71,7 @@ class GraphAssertion:
 
     # -- structure ---------------------------------------------------------------------------
 
+    @declared
     def is_formation_sequence(self, *blocks: str) -> GraphAssertion:
         """The graph is valid, and, if blocks are named, forms in that order (ties by name)."""
         __tracebackhide__ = True
@@ -77,6 +80,7 @@ class GraphAssertion:
             self._fail(f"the formation sequence {_arrows(blocks)}", _arrows(order))
         return self
 
+    @declared
     def has_mobility(self, mobility: int) -> GraphAssertion:
         """The Chebyshev-Gruebler mobility 3n - 2p is that number."""
         __tracebackhide__ = True
@@ -122,6 +126,7 @@ class GraphAssertion:
 
     # -- motion ------------------------------------------------------------------------------
 
+    @declared
     def closes_on(
         self, driver: str, start: float, end: float, at: Mapping[str, float] | None = None
     ) -> GraphAssertion:
@@ -136,7 +141,8 @@ class GraphAssertion:
         found = limits(self._mechanism, driver, at)
         if not _holds(found, start, end):
             stretch = f"from {start:.9g} to {end:.9g} {found.unit}"
-            self._fail(f"every group to close on {driver}.q {stretch}", str(found))
+            name = self._mechanism.of_driver(driver, "q")
+            self._fail(f"every group to close on {name} {stretch}", str(found))
         return self
 
     # -- numbers -----------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from blockmech.arguments import declared
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import RequestError
@@ -24,6 +25,7 @@ from blockmech.testing.rules import ConformanceError, Report
 __all__ = ["ConformanceError", "Report", "conformance"]
 
 
+@declared
 def conformance(
     block: str | Block, example: Mapping[str, Any] | None = None, *, seed: int = 0
 ) -> Report:

@@ -44,6 +44,8 @@ def fourbar():
     )
 
 
+ROUGH = {"law": "coulomb", "coefficient": 0.1}
+TURN = {"law": "constant_rate", "rate": 100.0, "from": 0.0, "to": 6.283185307179586}
 SLIDER_CRANK = {
     "format": "blockmech/joints",
     "version": 1,
@@ -56,31 +58,11 @@ SLIDER_CRANK = {
     },
     "joints": {
         "O": pin("frame", "crank", (0.0, 0.0), (0.0, 0.0)),
-        "A": pin(
-            "crank",
-            "rod",
-            (0.1, 0.0),
-            (0.0, 0.0),
-            friction={"law": "coulomb", "coefficient": 0.1, "radius": 0.01},
-        ),
+        "A": pin("crank", "rod", (0.1, 0.0), (0.0, 0.0), friction=ROUGH | {"radius": 0.01}),
         "B": pin("rod", "piston", (0.3, 0.0), (0.0, 0.0)),
-        "S": guide(
-            "frame",
-            "piston",
-            (0.0, 0.0),
-            (0.0, 0.0),
-            friction={"law": "coulomb", "coefficient": 0.1},
-        ),
+        "S": guide("frame", "piston", (0.0, 0.0), (0.0, 0.0), friction=ROUGH),
     },
-    "drivers": {
-        "motor": {
-            "joint": "O",
-            "law": "constant_rate",
-            "rate": 100.0,
-            "from": 0.0,
-            "to": 6.283185307179586,
-        }
-    },
+    "drivers": {"motor": {"joint": "O"} | TURN},
     "loads": {"gas": {"type": "force", "link": "piston", "at": [0.0, 0.0], "force": [-500.0, 0.0]}},
 }
 """The example of the format's description."""

@@ -1,45 +1,22 @@
-"""Whatever stands in a joint-based file: it works, or it is told what is wrong. Soon."""
+"""Floods: files of links and joints in which everything is wrong are told so soon and shortly.
+
+Documents that are spoilt at random: `tests.fuzz`.
+"""
 
 from __future__ import annotations
 
 import json
-import os
 import random
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import blockmech as bm
 from blockmech.model.reading import LARGEST
-from tests.codes import FILE_CODES
-from tests.codes import LINKAGE_CODES as CODES
 from tests.doors import linkage_of
-from tests.model.joints.machines import joints_file, pin, slider_crank
+from tests.model.joints.machines import joints_file, pin
 from tests.soon import answered
-from tests.spoilt import any_data, spoilt
 
 CHECKED = 10.0  # [s] of processor time in which any document is read and checked
-EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "150"))  # 10000 is the full run
-
-WORDS = st.sampled_from(("frame", "crank", "rod", "O", "A", "R", "P", "type", "at", "a.b", ""))
-NUMBERS = st.one_of(
-    st.integers(-3, 3), st.just(10**300), st.just(1e-300), st.floats(allow_nan=True)
-)
-SCALARS = st.one_of(st.none(), st.booleans(), NUMBERS, WORDS)
-DATA = any_data(SCALARS, WORDS, most=3, leaves=8)
-
-
-@settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
-@given(data=spoilt(slider_crank(), 3, data=DATA, numbers=NUMBERS))
-def test_a_spoilt_document_is_refused_or_works(data):
-    with answered(CHECKED):
-        linkage, problems = read(json.dumps(data))
-    assert {p.code for p in problems} <= set(FILE_CODES) | set(CODES)
-    if linkage is not None:
-        text = linkage.to_json()
-        assert linkage_of(text).to_json() == text
-        assert problems or linkage.decompose().graph.check() == []
 
 
 def read(text):
@@ -63,16 +40,16 @@ def tangled(number):
 
 
 FLOODS = {
-    "links in loops": lambda: tangled(4000),
+    "links in loops": lambda: tangled(2000),
     "links in loops, few enough to count ranks": lambda: tangled(300),
-    "links alone": lambda: joints_file({f"l{k}": (0, 0, 0) for k in range(20000)}, {}, {}),
+    "links alone": lambda: joints_file({f"l{k}": (0, 0, 0) for k in range(10000)}, {}, {}),
     "joints in one point": lambda: joints_file(
-        {f"l{k}": (0, 0, 0) for k in range(5000)},
-        {f"j{k}": pin("frame", f"l{k}", (0, 0), (0, 0)) for k in range(5000)},
+        {f"l{k}": (0, 0, 0) for k in range(2500)},
+        {f"j{k}": pin("frame", f"l{k}", (0, 0), (0, 0)) for k in range(2500)},
         {},
     ),
     "joints of unknown links": lambda: joints_file(
-        {"a": (0, 0, 0)}, {f"j{k}": pin("x", "y", (0, 0), (0, 0)) for k in range(20000)}, {}
+        {"a": (0, 0, 0)}, {f"j{k}": pin("x", "y", (0, 0), (0, 0)) for k in range(10000)}, {}
     ),
 }
 

@@ -14,9 +14,6 @@ from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import shuffled
 from tests.model.joints.machines import guide, joints_file, pin, turned_round
-from tests.wiring import recorded
-
-ANDREWS = recorded("andrews_squeezer")["document"]
 
 ROUNDING = 1e-12  # [-] of the largest of a kind: some roundings, twice
 
@@ -31,27 +28,6 @@ def blocks(data, general=""):
 
 def types(data, general=""):
     return [block["type"] for block in blocks(data, general).values()]
-
-
-# ---- the example of the format ------------------------------------------------------------
-
-
-def test_the_example_becomes_a_crank_and_an_rrp_dyad():
-    found = blocks(machines.SLIDER_CRANK)
-    assert {name: block["type"] for name, block in found.items()} == {
-        "frame": "frame",
-        "motor": "driver.crank",
-        "rod_piston": "dyad.rrp",
-        "gas": "load.force",
-    }
-    assert found["motor"]["length"] == 0.1
-    dyad = found["rod_piston"]
-    assert {key: dyad[key] for key in ("l", "h", "branch", "x_S")} == {
-        "l": 0.3,
-        "h": 0.0,
-        "branch": 1,
-        "x_S": 0.0,
-    }
 
 
 # ---- which blocks -------------------------------------------------------------------------
@@ -285,33 +261,6 @@ def test_names_that_blocks_use_themselves_do_no_harm():
         assert run["link.frame.frame.p"][0] == 1 + 1j
 
 
-def test_a_pin_of_four_links_reports_the_force_on_each_but_the_first():
-    andrews = json.loads(json.dumps(ANDREWS))
-    names = ["P23", "P24", "P26"]
-    pins = [andrews["joints"].pop(name) for name in names]
-    for order in ((2, 0, 1, 3), (1, 2, 3, 0)):
-        links = ["2", *(p["links"][1] for p in pins)]
-        at = [pins[0]["at"][0], *(p["at"][1] for p in pins)]
-        data = copy.deepcopy(andrews)
-        data["joints"]["P"] = {
-            "type": "R",
-            "links": [links[k] for k in order],
-            "at": [at[k] for k in order],
-        }
-        made = read(data)
-        assert made.decompose().formation.units[1].kind == "RRR"
-        ask = {"at": {"drive": 0.3}, "rates": {"drive": 40.0}, "accelerations": {"drive": -90.0}}
-        found, wanted = made.compile().run(**ask), read(ANDREWS).compile().run(**ask)
-        on = {
-            p["links"][1]: wanted[f"joint.{n}.reaction"][0]
-            for n, p in zip(names, pins, strict=True)
-        }
-        on["2"] = -sum(on.values())
-        for k in order[1:]:
-            force = found[f"joint.P.{links[k]}.reaction"][0]
-            assert abs(force - on[links[k]]) <= ROUNDING * max(map(abs, on.values()))
-
-
 # ---- size ---------------------------------------------------------------------------------
 
 
@@ -344,57 +293,24 @@ def test_whole_turns_in_poses_do_not_lengthen_the_way_from_home():
 # -- near a dead centre ------------------------------------------------------------------------
 
 
-def pinned(*joints):
-    """Revolute joints by name, with the two links and the places on them along their x axes."""
-    return {
-        name: {"type": "R", "links": [one, other], "at": [[a, 0.0], [b, 0.0]]}
-        for name, one, other, a, b in joints
-    }
-
-
-def folded(aside, mode):
+@pytest.mark.parametrize("mode", [1, -1])
+def test_a_pose_a_millionth_off_a_dead_centre_tells_its_mode(mode):
     """A four-bar whose rod and rocker lie on one line where its crank is at zero."""
-    crank, pivot, rod, rocker = cmath.exp(1j * aside), 4.0, 1.5, 4.5
+    aside, pivot, rod, rocker = 1e-6, 4.0, 1.5, 4.5
+    crank = cmath.exp(1j * aside)
     d = pivot - crank
     along = (rod**2 - rocker**2 + abs(d) ** 2) / (2 * abs(d))
-    pin = crank + d / abs(d) * complex(along, mode * math.sqrt(rod**2 - along**2))
-    joints = pinned(
-        ("A", "frame", "crank", 0.0, 0.0),
-        ("B", "crank", "rod", 1.0, 0.0),
-        ("C", "rod", "rocker", rod, rocker),
-        ("D", "frame", "rocker", pivot, 0.0),
-    )
-    links = {"crank": (0j, aside), "rod": (crank, cmath.phase(pin - crank))}
-    return joints, links | {"rocker": (pivot + 0j, cmath.phase(pin - pivot))}
-
-
-def tangent(aside, mode):
-    """A slider-crank whose rod stands across the guide where its crank does."""
-    q, rod, height = math.pi / 2 + aside, 0.5, 0.5
-    crank = cmath.exp(1j * q)
-    pin = complex(crank.real + mode * math.sqrt(rod**2 - (height - crank.imag) ** 2), height)
-    joints = pinned(
-        ("A", "frame", "crank", 0.0, 0.0),
-        ("B", "crank", "rod", 1.0, 0.0),
-        ("C", "rod", "piston", rod, 0.0),
-    )
-    joints["S"] = {"type": "P", "links": ["frame", "piston"], "at": [[0.0, height], [0.0, 0.0]]}
-    links = {"crank": (0j, q), "rod": (crank, cmath.phase(pin - crank)), "piston": (pin, 0.0)}
-    return joints, links
-
-
-@pytest.mark.parametrize("mode", [1, -1])
-@pytest.mark.parametrize("make", [folded, tangent])
-def test_a_pose_a_millionth_off_a_dead_centre_tells_its_mode(make, mode):
-    joints, links = make(1e-6, mode)
-    document = {
-        "format": "blockmech/joints",
-        "version": 1,
-        "links": {n: {"pose": [o.real, o.imag, theta]} for n, (o, theta) in links.items()},
-        "joints": joints,
-        "drivers": {"motor": {"joint": "A"}},
+    knee = crank + d / abs(d) * complex(along, mode * math.sqrt(rod**2 - along**2))
+    turned = cmath.phase(knee - crank)
+    links = {"crank": (0, 0, aside), "rod": (crank.real, crank.imag, turned)}
+    links["rocker"] = (pivot, 0, cmath.phase(knee - pivot))
+    joints = {
+        "A": pin("frame", "crank", (0, 0), (0, 0)),
+        "B": pin("crank", "rod", (1, 0), (0, 0)),
+        "C": pin("rod", "rocker", (rod, 0), (rocker, 0)),
+        "D": pin("frame", "rocker", (pivot, 0), (0, 0)),
     }
-    mechanism = read(document).compile()
-    run = mechanism.run(at=links["crank"][1], rates=1.0, want=["link.rod.angle"])
+    mechanism = read(joints_file(links, joints, {"motor": "A"})).compile()
+    run = mechanism.run(at=aside, rates=1.0, want=["link.rod.angle"])
     # half the digits are left of what the margin, 1e-12, is made of
-    assert run["link.rod.angle"][0] == pytest.approx(links["rod"][1], abs=1e-9)
+    assert run["link.rod.angle"][0] == pytest.approx(turned, abs=1e-9)

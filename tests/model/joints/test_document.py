@@ -131,76 +131,50 @@ def test_all_mistakes_of_a_file_are_said_at_once_with_file_and_key():
     assert 'did you mean "rod"?' in str(caught.value)
 
 
-def change(*path, to):
-    """A change of the slider-crank at a path."""
-
-    def changed():
-        data = machines.slider_crank()
-        box = data
-        for key in path[:-1]:
-            box = box.setdefault(key, {})
-        box[path[-1]] = to
-        return data
-
-    return changed
+def changed(path, to):
+    """The slider-crank with something else at a path."""
+    data = machines.slider_crank()
+    *way, last = path.split("/")
+    box = data
+    for key in way:
+        box = box.setdefault(key, {})
+    box[last] = to
+    return data
 
 
+SPRING = {"type": "spring", "links": ["rod"], "at": [[0, 0]]}
+MOTOR = {"type": "motor", "law": {"kind": "constant", "value": 1.0}}
+OLD_LAW = {"joint": "O", "law": "constant_rate", "rate": 1, "start": 0}  # a name of Python
 ONE_MISTAKE = {
-    "a link without a pose": (change("links", "rod", to={}), "missing-key"),
-    "mass of the frame": (change("links", "frame", to={"mass": 1.0}), "unknown-key"),
-    "a dot in a name": (change("links", "a.b", to={"pose": [0, 0, 0]}), "bad-name"),
-    "a joint of one link": (change("joints", "O", "links", to=["frame"]), "wrong-value"),
-    "a joint of a link with itself": (
-        change("joints", "O", "links", to=["crank", "crank"]),
-        "wrong-value",
-    ),
-    "three places for two links": (
-        change("joints", "O", "at", to=[[0, 0], [0, 0], [1, 1]]),
-        "wrong-value",
-    ),
-    "an angle of a pin": (change("joints", "O", "angle", to=[0, 0]), "unknown-key"),
-    "two directions": (change("joints", "S", "dir", to=[[1, 0], [1, 0]]), "bad-direction"),
-    "a slider that is no number": (change("joints", "S", "slider", to=True), "wrong-value"),
-    "friction without a radius": (
-        change("joints", "O", "friction", to={"coefficient": 0.1}),
-        "friction-mismatch",
-    ),
-    "a driver of no joint": (change("drivers", "motor", "joint", to="Q"), "unknown-joint"),
-    "a second driver of a joint": (
-        change("drivers", "hand", to={"joint": "O"}),
-        "conflicting-drivers",
-    ),
-    "an unknown law": (change("drivers", "motor", to={"joint": "O", "law": "x"}), "wrong-value"),
-    "a law's name in Python": (
-        change(
-            "drivers", "motor", to={"joint": "O", "law": "constant_rate", "rate": 1, "start": 0}
-        ),
-        "unknown-key",
-    ),
-    "a load on no link": (change("loads", "gas", "link", to="cylinder"), "unknown-link"),
-    "a spring to one link": (
-        change("loads", "s", to={"type": "spring", "links": ["rod"], "at": [[0, 0]]}),
-        "missing-key",
-    ),
-    "a motor between nothing": (
-        change("loads", "m", to={"type": "motor", "law": {"kind": "constant", "value": 1.0}}),
-        "wrong-value",
-    ),
-    "a marker with a dot": (
-        change("links", "rod", "markers", to={"a.b": {"at": [0, 0]}}),
-        "bad-name",
-    ),
-    "a graph": (change("format", to="blockmech/graph"), "wrong-format"),
-    "a newer file": (change("version", to=7), "newer-version"),
-    "an unknown section": (change("springs", to={}), "unknown-key"),
-    "joints that are a list": (change("joints", to=[]), "wrong-type"),
+    "a link without a pose": ("links/rod", {}, "missing-key"),
+    "mass of the frame": ("links/frame", {"mass": 1.0}, "unknown-key"),
+    "a dot in a name": ("links/a.b", {"pose": [0, 0, 0]}, "bad-name"),
+    "a joint of one link": ("joints/O/links", ["frame"], "wrong-value"),
+    "a joint of a link with itself": ("joints/O/links", ["crank", "crank"], "wrong-value"),
+    "three places for two links": ("joints/O/at", [[0, 0], [0, 0], [1, 1]], "wrong-value"),
+    "an angle of a pin": ("joints/O/angle", [0, 0], "unknown-key"),
+    "two directions": ("joints/S/dir", [[1, 0], [1, 0]], "bad-direction"),
+    "a slider that is no number": ("joints/S/slider", True, "wrong-value"),
+    "friction without a radius": ("joints/O/friction", {"coefficient": 0.1}, "friction-mismatch"),
+    "a driver of no joint": ("drivers/motor/joint", "Q", "unknown-joint"),
+    "a second driver of a joint": ("drivers/hand", {"joint": "O"}, "conflicting-drivers"),
+    "an unknown law": ("drivers/motor", {"joint": "O", "law": "x"}, "wrong-value"),
+    "a law's name in Python": ("drivers/motor", OLD_LAW, "unknown-key"),
+    "a load on no link": ("loads/gas/link", "cylinder", "unknown-link"),
+    "a spring to one link": ("loads/s", SPRING, "missing-key"),
+    "a motor between nothing": ("loads/m", MOTOR, "wrong-value"),
+    "a marker with a dot": ("links/rod/markers", {"a.b": {"at": [0, 0]}}, "bad-name"),
+    "a graph": ("format", "blockmech/graph", "wrong-format"),
+    "a newer file": ("version", 7, "newer-version"),
+    "an unknown section": ("springs", {}, "unknown-key"),
+    "joints that are a list": ("joints", [], "wrong-type"),
 }
 
 
 @pytest.mark.parametrize("name", ONE_MISTAKE)
 def test_one_mistake_is_named(name):
-    make, code = ONE_MISTAKE[name]
-    problems = problems_of(make())
+    path, to, code = ONE_MISTAKE[name]
+    problems = problems_of(changed(path, to))
     assert code in {p.code for p in problems}
     assert {p.code for p in problems} <= set(FILE_CODES) | set(CODES)
 
@@ -222,8 +196,8 @@ BEYOND_A_SCHEMA = {
 
 @pytest.mark.parametrize("name", sorted(set(ONE_MISTAKE) - BEYOND_A_SCHEMA))
 def test_the_schema_finds_what_reading_finds(name):
-    make, _ = ONE_MISTAKE[name]
-    assert list(jsonschema.Draft202012Validator(joints_schema()).iter_errors(make()))
+    path, to, _ = ONE_MISTAKE[name]
+    assert list(jsonschema.Draft202012Validator(joints_schema()).iter_errors(changed(path, to)))
 
 
 def test_every_code_in_the_source_is_declared():

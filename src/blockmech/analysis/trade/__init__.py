@@ -19,7 +19,7 @@ from blockmech.analysis.trade.measure import (
 from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.sweep import Sweep
 from blockmech.dynamics.request import Until
-from blockmech.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.errors import Problem, RequestError, as_names, close_match, listed, refused
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "trade"]
@@ -80,7 +80,7 @@ def trade(
     asked_for |= {"start": start, "friction": friction}
     request = {name: x for name, x in asked_for.items() if x is not None}
     _refuse_mistakes(question, {"budget": budget, "target": target, "within": within}, request)
-    names = (want,) if isinstance(want, str) else None if want is None else tuple(want)
+    names = None if want is None else as_names("want", want)
     clock, told = Clock(budget), say or (lambda *_: None)
     told("reference", 0, 0)
     asked: Question

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
+from blockmech.arguments import declared
 from blockmech.export import aligned, csv_of
 from blockmech.files import AnyPath
-from blockmech.told import as_data
+from blockmech.told import DEGREES, Told, as_data
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
@@ -20,8 +21,8 @@ FASTER = 2.0  # an alternative is named if it is this many times faster
 HEAD = ("", "method", "setting", "time", "spread", "evaluations", "error", "of")
 
 
-@dataclass(frozen=True)
-class Trade:
+@dataclass(frozen=True, repr=False)
+class Trade(Told):
     """Speed against accuracy for one question, measured.
 
     Attributes
@@ -105,7 +106,7 @@ class Trade:
             found.setdefault(point.method, []).append(point)
         return found
 
-    def text(self) -> str:
+    def text(self, degrees: bool = DEGREES) -> str:
         """The table with a star at the front, the reference, what was skipped, the sentence."""
         pareto, reference = self.pareto, self.reference
         rows = [_row(p, p in pareto) for series in self.series().values() for p in series]
@@ -147,21 +148,20 @@ class Trade:
             }
         )
 
-    def to_csv(self, path: AnyPath | None = None) -> str:
+    @declared
+    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
         """The points as CSV text, one line a point, written to a file if a path is given."""
         rows = [row | {"floor": self.reference.floor} for _, row in self._rows()]
         names = [name for name in (rows[0] if rows else {}) if name != "options"]
         times = ("seconds", "fastest", "slowest")
         head = [f"{name} [s]" if name in times else name for name in names]
-        return csv_of(head, ([row[name] for name in names] for row in rows), path)
+        cells = ([row[name] for name in names] for row in rows)
+        return csv_of(head, cells, path, separator, decimal)
 
     def _rows(self) -> list[tuple[Point, dict[str, Any]]]:
         """Points, and each as data."""
         pareto = self.pareto
         return [(p, asdict(p) | {"pareto": p in pareto}) for p in self.points]
-
-    def __str__(self) -> str:
-        return self.text()
 
 
 def duration(seconds: float) -> str:

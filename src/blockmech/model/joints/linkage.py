@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from blockmech.errors import GraphError, Problem, close_match, listed, path_text
+from blockmech.arguments import declared
+from blockmech.errors import GraphError, Problem, as_names, close_match, listed, path_text
 from blockmech.loads.contract import Element
 from blockmech.model.document import Document
 from blockmech.model.form import Draft, bad_name
@@ -72,7 +73,7 @@ class Linkage(Document):
 
     def _fill(self, draft: Draft) -> None:
         said = draft.said
-        self.gravity, self.initial, self.stops = said.gravity, said.initial, said.stops
+        self.gravity, self.initial, self.stops = said.gravity, {**said.initial}, {**said.stops}
         for section in self.form.items():
             parts = {name: part for name, part in draft.items(section) if part is not None}
             getattr(self, section).update(parts)
@@ -124,6 +125,7 @@ class Linkage(Document):
         given = {"pose": pose, "mass": mass, "inertia": inertia, "cm": cm, "markers": markers}
         self._add("link", name, given)
 
+    @declared
     def add_joint(
         self,
         name: str,
@@ -149,7 +151,8 @@ class Linkage(Document):
 
         Raises `GraphError` for what does not fit.
         """
-        given = {"type": kind, "links": list(links), "at": list(at), "angle": angle, "dir": dir}
+        links = list(as_names(f"joints.{name}.links", links))
+        given = {"type": kind, "links": links, "at": at, "angle": angle, "dir": dir}
         self._add("joint", name, given | {"slider": slider, "friction": friction}, kind)
 
     def add_pin(
@@ -166,6 +169,7 @@ class Linkage(Document):
 
         Raises `GraphError` for links that there are not, or what does not fit.
         """
+        links = as_names(f"joints.{name}.links", links)
         unknown = [link for link in links if link not in self.links and link != FRAME]
         if unknown:
             found, known = f'no link "{unknown[0]}"', f"links: {listed([FRAME, *self.links])}"
@@ -181,6 +185,7 @@ class Linkage(Document):
         self.add_joint(name, "R", links, at, friction=friction)
         self.links.update((link, drawn[link]) for link in links if link in self.links)
 
+    @declared
     def add_driver(self, name: str, joint: str, law: LawOfMotion | None = None) -> None:
         """Drive the coordinate of a joint, by a law of motion if one is given.
 
@@ -205,6 +210,7 @@ class Linkage(Document):
     @overload
     def add_load(self, name: str, load: str, **keys: Any) -> None: ...
 
+    @declared
     def add_load(self, name: str, load: Element | str, **keys: Any) -> None:
         """Add a load: ``add_load("wind", bm.Force(force=(30.0, 0.0)), link="rod", at=(1.0, 0.0))``.
 
@@ -222,10 +228,12 @@ class Linkage(Document):
             load = load.type_name.removeprefix(LOADS)
         self._add("load", name, keys, load)
 
+    @declared
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
         self.initial[driver] = Initial(q=q, rate=rate)
 
+    @declared
     def stop(self, driver: str, low: float | None = None, high: float | None = None) -> None:
         """Give a driver end stops for free motion: lowest and highest coordinate [rad or m]."""
         self.stops[driver] = Stops(**{"from": low, "to": high})
@@ -244,9 +252,10 @@ class Linkage(Document):
         try:
             items[name] = model(**{key: said for key, said in given.items() if said is not None})
         except GraphError as error:
-            where = path_text((f"{what}s", name))
+            here, cls = path_text((f"{what}s", name)), model.__name__
             raise GraphError(
-                replace(p, where=p.where.replace(model.__name__, where, 1)) for p in error.problems
+                replace(p, where=p.where.replace(cls, here, 1), found=p.found.replace(cls, here, 1))
+                for p in error.problems
             ) from None
 
     @property
