@@ -131,16 +131,45 @@ def drag_wire(page, source, target):
 
 
 def wire(page, source, target):
-    """Draw a wire from a marker to a joint."""
+    """Draw a wire from a marker to a joint, as somebody who looks where the blocks are."""
     from playwright.sync_api import expect
 
-    expect(drag_wire(page, source, target)).to_have_class(re.compile("rf-handle-valid"))
-    x, y = middle(port(page, "target", target))
-    page.mouse.move(x + 2, y)  # it is looked at again where the pointer moves
-    page.mouse.move(x, y)
+    whole_canvas(page)
+    end = drag_wire(page, source, target)
+    expect(end).to_have_class(re.compile("rf-handle-valid"))
+    for shift in (0, 2) * 200:  # it is looked at again where the pointer moves
+        x, y = middle(end)
+        page.mouse.move(x + shift, y)
+        if re.search("connectingto.* valid", end.get_attribute("class")):  # it would be wired
+            break
     page.mouse.up()
     wire_between(page, source, target).wait_for(state="attached")
     told(page, f"{source} -> {target}")  # the server knows it, and what it changed was sent
+
+
+def whole_canvas(page):
+    """Fit the view until all blocks are seen and none moves: a layout may be on its way."""
+    for _ in range(10):
+        page.get_by_label("Fit View").click()
+        if page.get_by_test_id("rf__wrapper").evaluate(ALL_SEEN):
+            return
+    pytest.fail("blocks stay outside the view")
+
+
+ALL_SEEN = """async (canvas) => {
+    const rectangle = (it) => it.getBoundingClientRect();
+    const seen = () => [...canvas.querySelectorAll(".react-flow__node")].map(rectangle);
+    const frame = () => new Promise(requestAnimationFrame);
+    const still = 10;
+    for (let last = "", n = 0; n < still; n++) {
+        const now = JSON.stringify(seen());
+        if (now !== last) [last, n] = [now, 0];
+        await frame();
+    }
+    const all = rectangle(canvas);
+    return seen().every((r) => r.left >= all.left && r.right <= all.right
+        && r.top >= all.top && r.bottom <= all.bottom);
+}"""
 
 
 def save(page, name):

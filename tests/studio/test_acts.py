@@ -9,8 +9,10 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.studio import edits
+from blockmech.studio.diagram import Diagram
 from blockmech.studio.files import Filed
 from blockmech.studio.looks import DARK, LIGHT
+from blockmech.studio.sheet import Sheet
 from blockmech.testing.files import gallery
 from tests.studio.page import (
     add,
@@ -261,3 +263,15 @@ def luminance(colour):
     parts = [int(colour[i : i + 2], 16) / 255 for i in (0, 2, 4)]
     r, g, b = (x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts)
     return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+
+@pytest.mark.parametrize("name", ["nodes", "edges"])
+def test_what_a_browser_drew_late_changes_nothing(name):
+    sheet = Sheet(opened(gallery()["ruiz_fourbar"]))
+    flow = Diagram(sheet, print, print, str).flow
+    shown, sent = getattr(flow, name), []
+    flow.param.watch(sent.append, name, onlychanged=False)
+    flow._process_events({name: shown[:-1], "viewport": {"x": 1, "y": 2, "zoom": 0.5}})
+    assert getattr(flow, name) == shown
+    assert [event.new for event in sent] == [shown]  # the browser is told them again
+    assert flow.viewport == {"x": 1, "y": 2, "zoom": 0.5}

@@ -51,19 +51,6 @@ WIRES = (
 )
 
 
-def steady(page):
-    """Wait until the canvas no longer moves."""
-    page.locator(".react-flow__viewport").evaluate(
-        """async (view) => {
-            const frame = () => new Promise(requestAnimationFrame);
-            for (let before = null; before != view.style.transform; ) {
-                before = view.style.transform;
-                await frame(); await frame();
-            }
-        }"""
-    )
-
-
 def shown_drive(page):
     """The driving moment of the crank as its curve has it in the browser [kN m]."""
     return page.evaluate(
@@ -118,8 +105,6 @@ def test_the_fourbar_from_an_empty_sheet(page, studio):
     page.get_by_role("button", name="Lay out").click()  # no block covers a handle of another
     told(page, "laid out")  # then the server has done all that was typed
     for source, target in WIRES:
-        page.get_by_label("Fit View").click()  # the layout follows the wires
-        steady(page)
         wire(page, source, target)
     drag_block(page, "couple")
     save(page, "mine.json")

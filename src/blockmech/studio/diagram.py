@@ -128,6 +128,7 @@ class Diagram:
         )
         # What the library makes of a message is sent before what we make of it, and not after.
         self.flow._handle_msg = together(self.flow._handle_msg)
+        self.flow._process_events = self._drawn_late(self.flow._process_events)
         self.flow.add_connection_validator(self._refusal)
         self.flow.on("drop", self._dropped)
         for event in ("node_moved", "node_deleted", "edge_added", "edge_deleted"):
@@ -234,6 +235,20 @@ class Diagram:
         said = "; ".join(f"{', '.join(what)} {how}".strip() for how, what in done.items() if what)
         if said:
             self.do(form, said)
+
+    def _drawn_late(self, take: Callable[[dict[str, Any]], None]) -> Callable[..., None]:
+        """Take what the browser says of itself, but not what it says of blocks and wires.
+
+        What the user did to them comes as messages. A list of them is what a browser drew late,
+        written over a newer one that had come meanwhile: it is told the newer one again.
+        """
+
+        def taken(events: dict[str, Any]) -> None:
+            late = [name for name in ("nodes", "edges") if name in events]
+            take({name: value for name, value in events.items() if name not in late})
+            self.flow.param.trigger(*late)
+
+        return taken
 
     def _dropped(self, event: dict[str, Any]) -> None:
         self.add(str(event["data"]), _points(event["position"]))

@@ -22,10 +22,11 @@ def together(act: Act) -> Act:
 
 
 def heard(do: Callable[[], Any]) -> Callable[..., None]:
-    """A watcher that acts in the window in which it was made, at that window's next turn.
+    """A watcher that acts in the window in which it was made, whoever changed what it watches.
 
-    A server may change what a window shows only while it holds the window's lock, which it
-    does at a turn of its own, `together`. Outside of a server it acts at once.
+    A server may change what a window shows only while it holds the window's lock. So what was
+    done in the same window is followed at once, `together` with it, and what was done in
+    another one at this window's next turn. Outside of a server it acts at once.
     """
     document, whole = pn.state.curdoc, together(do)
 
@@ -36,6 +37,8 @@ def heard(do: Callable[[], Any]) -> Callable[..., None]:
     def act(*_: Any) -> None:
         if document is None or document.session_context is None:
             do()
+        elif document is pn.state.curdoc:
+            whole()
         else:
             turn = document.session_context.with_locked_document
             IOLoop.current().add_callback(turn, locked)
