@@ -20,7 +20,7 @@ from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import MECHANISM, Form
 from blockmech.studio.gallery import gallery_page
 from blockmech.studio.links import LinksSheet
-from blockmech.studio.looks import begin, beside, page
+from blockmech.studio.looks import begin, beside, either, page
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import serve
 from blockmech.studio.session import follow
@@ -90,12 +90,9 @@ class Page:
             *(self.download, picture, *self.units, pn.pane.Bokeh(self.kept, visible=False)),
         )
         flow = (self.diagram.palette, self.formula, self.diagram.flow)
-        drawn = pn.Tabs(
-            ("Blocks", pn.Column(*flow, sizing_mode="stretch_both")),
-            ("Links and joints", self.links.panel()),
-            active=int(isinstance(self.sheet.document, Linkage)),
-            sizing_mode="stretch_both",
-        )
+        ways = {"Blocks": pn.Column(*flow, sizing_mode="stretch_both")}
+        ways["Links and joints"] = self.links.panel()
+        drawn = either(ways, list(ways)[isinstance(self.sheet.document, Linkage)])
         below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
         left = drawn, self.status, pn.Column(self.form.column, **below)
         right = self.view.panel(), pn.Column(self.answers.panel(), **below)

@@ -89,11 +89,8 @@ select.bk-input:not([size], [multiple]) { appearance: auto; background-image: no
 .bk-btn-danger { background: #a30015; color: #fff }
 .noUi-target { background: var(--bm-pale); border-color: var(--bm-line) }
 .noUi-handle { background: var(--bm-group); border-color: var(--bm-line) }
-.bk-tab { color: var(--bm-grey); font-size: 12px; padding: 3px 10px }
-.bk-tab.bk-active { color: var(--bm-ink) !important; background: var(--bm-paper) !important;
-  border-color: var(--bm-line) !important }
 """
-"""Style of all parts of the page: words, fields, buttons, sliders and tabs."""
+"""Style of all parts of the page: words, fields, buttons and sliders."""
 
 CARDS = """<style>
 ul.files { color: inherit; max-height: none }
@@ -147,6 +144,23 @@ def beside(*parts: Any, **look: Any) -> Any:
     for part in parts:
         part.align = "end"
     return pn.Row(*parts, styles={"flex-wrap": "wrap"}, **look)
+
+
+def either(parts: dict[str, Any], shown: str) -> Any:
+    """One of some parts, which a row of buttons above them chooses.
+
+    Bokeh's tabs hide and show what they hold at every change of the page, which lays all of it
+    out anew: with a hundred blocks on the canvas that took as long as everything else.
+    """
+    chosen = pn.widgets.RadioButtonGroup(options=list(parts), value=shown)
+
+    def show() -> None:
+        for name, part in parts.items():
+            part.visible = name == chosen.value
+
+    chosen.param.watch(lambda _: show(), "value")
+    show()
+    return pn.Column(chosen, *parts.values(), sizing_mode="stretch_both")
 
 
 def page(parts: list[Any], dark: bool) -> Any:
