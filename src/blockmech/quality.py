@@ -124,7 +124,7 @@ def failures(
             word[new], blame[new] = WORDS.index(said), blocks.index(block)
 
     for block, m in margin.items():
-        if block not in following and (m > 0).all():
+        if block not in following and m.min(initial=np.inf) > 0:  # not of NaN
             continue
         failing = ~(m > 0) & ~((m == 0) & ~wanted_bad)
         if block in following:
@@ -164,9 +164,9 @@ def assess(
     rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
     outcomes = {k: v[3] for k, v in friction.items()}
     found = failures(margin, outcomes, wanted_bad, prismatic, following)
-    failing = bool(found.word.any())
-    status = np.array(WORDS, object)[found.word].tolist() if failing else [OK] * n
-    blame = {i: found.blocks[found.block[i]] for i in np.flatnonzero(found.word).tolist()}
+    gaps = np.flatnonzero(found.word).tolist()
+    status = tuple(np.array(WORDS, object)[found.word].tolist()) if gaps else (OK,) * n
+    blame = {i: found.blocks[found.block[i]] for i in gaps}
     flags: list[Flag] = []
     for k, (block, m) in enumerate(margin.items(), 1):
         name = CHANGE_POINT if block in following else DEAD_CENTRE
@@ -192,11 +192,10 @@ def assess(
             reach = float(factor[i] * load[i])
             if np.isfinite(reach):
                 flags.append(Flag(int(i), "zero-relative-speed", joint, interval=(-reach, reach)))
-    for i in np.flatnonzero((found.word > 0) & (found.block == 0)):
-        flags.append(Flag(int(i), "undefined", "mechanism"))
+    flags += [Flag(i, "undefined", "mechanism") for i, block in blame.items() if not block]
     flags.sort(key=lambda f: (f.sample, f.code, f.where))
     return Quality(
-        tuple(status),
+        status,
         blame,
         margin,
         {k: np.nan_to_num(v[0]) for k, v in friction.items()},

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.arguments import declared
-from blockmech.engines.numpy import Planar
+from blockmech.engines.numpy import Planar, Whole
 from blockmech.errors import held, listed, refused
 from blockmech.export import Exported
 from blockmech.plan import Output, Plan
@@ -195,6 +195,8 @@ class Result(Exported):
     def _not_finite(self) -> NDArray[np.bool_]:
         """(n,) whether a wanted value is not finite."""
         bad = np.zeros(self.n, dtype=bool)
+        if isinstance(self._values, Whole):
+            return bad
         judged = [
             name
             for name in self.plan.want

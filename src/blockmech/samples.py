@@ -225,11 +225,11 @@ def _collected(
     for i, (driver, motion) in enumerate(motions.items()):
         for name, column in zip(("q", "qd", "qdd"), motion, strict=True):
             inputs[f"{name}_{i}"] = column
-            bad = np.flatnonzero(~np.isfinite(column))
-            if len(bad):
+            good = np.isfinite(column)
+            if not good.all():
                 raise refused(
                     scene.address("drive", driver),
-                    f"the law of motion never gets to sample {bad[0]}",
+                    f"the law of motion never gets to sample {good.argmin()}",
                     "give samples inside its range",
                 )
     return Samples(n, inputs, times, clock)
@@ -268,15 +268,16 @@ def _column(where: str, raw: Any) -> Array:
         given = np.asarray(raw)
         if given.dtype.kind not in "iuf" or np.ma.is_masked(raw):  # text, complex, holes: slips
             raise TypeError
-        column = np.atleast_1d(given.astype(np.float64))
+        column = np.atleast_1d(given.astype(np.float64, order="C"))
     except (TypeError, ValueError):
         raise refused(where, "not a row of numbers", "give a number or a sequence") from None
     if column.ndim != 1 or len(column) == 0:
         raise refused(where, f"has shape {column.shape}", "give one row of numbers")
-    bad = np.flatnonzero(~np.isfinite(column))
-    if len(bad):
-        raise refused(f"{where}[{bad[0]}]", f"not a finite number: {column[bad[0]]}", "")
-    return np.ascontiguousarray(column)
+    good = np.isfinite(column)
+    if not good.all():
+        bad = good.argmin()
+        raise refused(f"{where}[{bad}]", f"not a finite number: {column[bad]}", "")
+    return column
 
 
 def _stretched(driver: str, column: Array, n: int) -> Array:

@@ -111,13 +111,17 @@ def _compiler() -> str:
     return f"C bounds: {said.splitlines()[0]}, -O3 -march=native"
 
 
-def python(code: str, *arguments: str, seconds: float = 120.0) -> str:
-    """What a fresh Python prints."""
+def python(code: str, *arguments: str, byte_code: Path, seconds: float = 120.0) -> str:
+    """What a fresh Python prints, as installed: whatever this environment says about byte
+    code, it is in that folder from the second process on."""
+    cached = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    cached["PYTHONPYCACHEPREFIX"] = str(byte_code)
     done = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         check=True,
         capture_output=True,
         text=True,
         timeout=seconds,
+        env=cached,
     )
     return done.stdout

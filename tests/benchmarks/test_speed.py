@@ -7,9 +7,6 @@ asserted is that the timed answers are right.
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -101,17 +98,10 @@ def test_one_warm_pose(benchmark, mech: Mechanism) -> None:
 
 
 def test_import(benchmark, tmp_path: Path) -> None:
-    # As installed: compiled once, whatever this environment says about byte code.
-    cached = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-    cached["PYTHONPYCACHEPREFIX"] = str(tmp_path)
-
     def seconds(modules: str) -> float:
         clock = "time.process_time()"
         code = f"import time; t = {clock}; import {modules}; print({clock} - t)"
-        done = subprocess.run(
-            [sys.executable, "-c", code], check=True, capture_output=True, text=True, env=cached
-        )
-        return float(done.stdout)
+        return float(python(code, byte_code=tmp_path))
 
     ours = benchmark.pedantic(lambda: seconds("blockmech"), rounds=1)
     pairs = [(seconds("blockmech"), seconds("numpy, networkx, pydantic")) for _ in range(5)]
@@ -120,7 +110,10 @@ def test_import(benchmark, tmp_path: Path) -> None:
     ROWS.append(Row("import blockmech", own, limit, "0.3 s or 1.5 x its core", 1.0))
     ROWS.append(Row("import blockmech", own, core, "numpy, networkx, pydantic"))
     assert ours > 0
-    assert python("import sys, blockmech; print('networkx' in sys.modules)").strip() == "False"
+    assert (
+        python("import sys, blockmech; print('networkx' in sys.modules)", byte_code=tmp_path)
+        == "False\n"
+    )
 
 
 def test_an_accuracy_against_the_method_that_it_chooses() -> None:

@@ -11,6 +11,7 @@ from blockmech import compiled
 from blockmech.engines import llvm
 from blockmech.engines.llvm import LlvmEngine, OneByOne
 from blockmech.engines.nodes import Untraceable
+from blockmech.engines.numpy import Whole
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.plan import Program
 from blockmech.plane import (
@@ -99,6 +100,19 @@ def test_threads_change_no_bit(monkeypatch):
     monkeypatch.setattr(llvm, "PARALLEL", 100)
     monkeypatch.setattr(llvm.os, "cpu_count", lambda: 3)
     assert same_bits(alone, mech.run(at=q, engine="llvm", want=FORCES)) == []
+
+
+def test_values_are_called_whole_where_every_number_is_finite():
+    engine = LlvmEngine(program_of(lambda a, b: (a, b / 2.0, 3.0), 2))
+    for x in ODD:
+        for place in (0, 11, 20):
+            column = np.linspace(-1.0, 1.0, 21)
+            column[place] = x
+            for odd, even in (("x0", "x1"), ("x1", "x0")):  # x0 is handed on as it is
+                found = engine.run({odd: column, even: np.ones(21)}, 21)
+                assert isinstance(found, Whole) == math.isfinite(x)
+    fixed = LlvmEngine(program_of(lambda a: (a, math.nan), 1))
+    assert not isinstance(fixed.run({"x0": np.ones(9)}, 9), Whole)
 
 
 # -- primitives ----------------------------------------------------------------------------

@@ -7,6 +7,7 @@
                 flat arithmetic on LANES samples side by side
                 a loop for each `blockmech.plane.repeat`, until every lane has stopped
                 rows of out, a design's samples behind those of the one before
+    returns a sum of all that it wrote: finite only where every number is
 
 No operation is fused or re-associated, and a lane never depends on another. The text
 says all that is compiled but the numbers of the mechanism, so designs of one structure
@@ -66,15 +67,19 @@ class Text:
         self.head = [
             *(f"declare {self.reals} @{f}.v{lanes}f64({self.reals})" for f in CALLS.values()),
             f"declare i1 @llvm.vector.reduce.or.v{lanes}i1({self.truths})",
+            f"declare double @llvm.vector.reduce.fadd.v{lanes}f64(double, {self.reals})",
             "declare double @atan2(double, double)",
             PIECE,
         ]
 
-    def fill(self, inputs: int, rows: Sequence[Node]) -> str:
-        """The text of the module; ``rows`` are what is stored, in the order of ``out``."""
-        nodes = needed(rows)
+    def fill(self, inputs: int, rows: Sequence[Node], given: Sequence[Node] = ()) -> str:
+        """The text of the module; ``rows`` are what is stored, in the order of ``out``.
+
+        ``given`` are inputs that are summed with them.
+        """
+        nodes = needed([*rows, *given])
         lines = [
-            "define void @fill(ptr %x, ptr noalias %numbers, ptr noalias %out, i64 %stride, "
+            "define double @fill(ptr %x, ptr noalias %numbers, ptr noalias %out, i64 %stride, "
             "i64 %n, i64 %slots, i64 %designs) {",
             "start:",
         ]
@@ -91,6 +96,7 @@ class Text:
             "br label %test",
             "test:",
             "%d = phi i64 [ 0, %start ], [ %d.next, %designed ]",
+            f"%d.sum = phi {self.reals} [ zeroinitializer, %start ], [ %sum, %designed ]",
             "%d.more = icmp slt i64 %d, %designs",
             "br i1 %d.more, label %design, label %done",
             "design:",
@@ -106,6 +112,7 @@ class Text:
             "br label %sampled",
             "sampled:",
             f"%i = phi i64 [ 0, %design ], [ %i.next, %{last} ]",
+            f"%sum = phi {self.reals} [ %d.sum, %design ], [ %sum.next, %{last} ]",
             "%more = icmp slt i64 %i, %n",
             "br i1 %more, label %sample, label %designed",
             "sample:",
@@ -114,17 +121,29 @@ class Text:
         ]
         for row, node in enumerate(rows):
             lines += self._stored(row, node)
-        lines += [f"%i.next = add i64 %i, {self.lanes}", "br label %sampled"]
         lines += [
+            *self._summed([*rows, *given]),
+            f"%i.next = add i64 %i, {self.lanes}",
+            "br label %sampled",
             "designed:",
             "%d.next = add i64 %d, 1",
             "br label %test",
             "done:",
-            "ret void",
+            f"%all = call double @llvm.vector.reduce.fadd.v{self.lanes}f64"
+            f"(double 0.0, {self.reals} %d.sum)",
+            "ret double %all",
             "}",
         ]
         head = [*self.head, *([lapack.text(self.lanes)] if systems else [])]
         return "\n".join([*head, *lines]) + "\n"
+
+    def _summed(self, nodes: Sequence[Node]) -> Iterator[str]:
+        """Numbers added to the sum of the samples before; what is true or false is finite."""
+        total = "%sum"
+        for k, node in enumerate(node for node in nodes if not is_truth(node)):
+            yield f"%sum{k} = fadd {self.reals} {total}, {self._name(node)}"
+            total = f"%sum{k}"
+        yield f"%sum.next = fadd {self.reals} {total}, zeroinitializer"
 
     def _stored(self, row: int, node: Node) -> list[str]:
         lines, name = [], self._name(node)

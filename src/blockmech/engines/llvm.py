@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import math
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 from blockmech.engines import assembly, lapack
 from blockmech.engines.assembly import LANES
 from blockmech.engines.nodes import Node, Untraceable
-from blockmech.engines.numpy import CHUNK, Planar, each_part, leaves
+from blockmech.engines.numpy import CHUNK, Planar, Whole, each_part, leaves
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.trace import Trace, filled
 from blockmech.errors import MissingEngineError, needed
@@ -38,7 +39,7 @@ LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run
 # included: 0.3 s by some 20 us. Who stops there has waited twice as long as needed, nobody longer.
 WORTH = 15_000
 LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
-FILL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
+FILL = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
 PARALLEL = 2**17  # samples: some five milliseconds of work, beside which starting threads is little
 
 
@@ -54,11 +55,13 @@ class LlvmEngine:
         self.program = program
         trace = Trace(program)
         self.values = trace.values
-        wanted = [x for x in leaves(trace.values) if isinstance(x, Node) and x.op != "input"]
-        rows = list(dict.fromkeys(wanted))
+        wanted = list(dict.fromkeys(leaves(trace.values)))
+        rows = [x for x in wanted if isinstance(x, Node) and x.op != "input"]
+        given = [x for x in wanted if isinstance(x, Node) and x.op == "input"]
+        self._fixed = sum(x for x in wanted if not isinstance(x, Node))
         self._row = {node: row for row, node in enumerate(rows)}
         self._asked, self._inputs = trace.asked, len(program.inputs) + trace.answers
-        text = assembly.Text().fill(self._inputs, rows)
+        text = assembly.Text().fill(self._inputs, rows, given)
         (self._fill,) = machine_code(text, ("fill", FILL))
         self._numbers = row_of(program)
         self._parameters = self._numbers.ctypes.data
@@ -116,7 +119,7 @@ class LlvmEngine:
         if n == 1:
             return self.one([float(inputs[x][0]) for x in self.program.inputs])
         found = self._together(inputs, n, self._numbers[None])
-        return tuple(each_part(lambda x: x[0], x) for x in found)
+        return type(found)(each_part(lambda x: x[0], x) for x in found)
 
     def run_designs(
         self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]
@@ -142,15 +145,14 @@ class LlvmEngine:
         # An odd number of cache lines: rows do not fall on the same sets of the cache.
         out = np.empty((max(1, len(self._row)), LANES * (m * blocks | 1)))
 
-        def part(first: int, last: int) -> None:
+        def part(first: int, last: int) -> float:
             if m > 1:  # of the designs
-                self._call(columns, out[:, first * width :], width, slots[first:last])
-            else:
-                here = slice(first * LANES, last * LANES)
-                given = [c[here] for c in columns]
-                self._call(given, out[:, here], (last - first) * LANES, slots)
+                return self._call(columns, out[:, first * width :], width, slots[first:last])
+            here = slice(first * LANES, last * LANES)
+            given = [c[here] for c in columns]
+            return self._call(given, out[:, here], (last - first) * LANES, slots)
 
-        self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
+        sums = self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
         found = out[:, : m * width].reshape(-1, m, width)[..., :n]
 
         def read(x: Any) -> Array:
@@ -160,25 +162,30 @@ class LlvmEngine:
                 return np.broadcast_to(columns[x.args[0]][:n], (m, n))
             return np.asarray(found[self._row[x]])
 
-        return tuple(each_part(read, x) for x in self.values)
+        made = Whole if math.isfinite(sum(sums, self._fixed)) else tuple
+        return made(each_part(read, x) for x in self.values)
 
-    def _threads(self, part: Callable[[int, int], None], count: int, many: bool) -> None:
-        """Do a count of things in parts, side by side where they are many."""
+    def _threads(
+        self, part: Callable[[int, int], float], count: int, many: bool
+    ) -> Sequence[float]:
+        """Do a count of things in parts, side by side where they are many; what each part says."""
         step = -(-count // ((os.cpu_count() or 1) if many else 1))
         if 0 < step < count:
             from concurrent.futures import ThreadPoolExecutor
 
             with ThreadPoolExecutor() as pool:
                 firsts = range(0, count, step)
-                list(pool.map(lambda k: part(k, min(k + step, count)), firsts))
-        elif count:
-            part(0, count)
+                return list(pool.map(lambda k: part(k, min(k + step, count)), firsts))
+        return [part(0, count)] if count else []
 
-    def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> None:
+    def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> float:
         places = self._places(*(c.ctypes.data for c in columns))
         stride = out.strides[0] // out.itemsize
         designs, count = slots.shape
-        self._fill(places, slots.ctypes.data, out.ctypes.data, stride, n, count, designs)
+        total: float = self._fill(
+            places, slots.ctypes.data, out.ctypes.data, stride, n, count, designs
+        )
+        return total
 
 
 def _whole_blocks(column: Array) -> Array:

@@ -64,6 +64,12 @@ class Planar:
         return np.hypot(self.real, self.imag)  # as Python has it of a complex number
 
 
+class Whole(tuple[Any, ...]):
+    """Values that are finite numbers throughout, as the engine saw when it made them."""
+
+    __slots__ = ()
+
+
 def mul(z: Planar, x: Any) -> Planar:
     """Vector times real."""
     return Planar(z.real * x, z.imag * x)

@@ -95,7 +95,7 @@ placed:
   store double %time, ptr %clock
   %K.row = mul i64 %s, %width
   %K.at = getelementptr double, ptr %K, i64 %K.row
-  call void @fill(ptr %x, ptr %numbers, ptr %K.at, i64 1, i64 1, i64 0, i64 1)
+  call double @fill(ptr %x, ptr %numbers, ptr %K.at, i64 1, i64 1, i64 0, i64 1)
   %s.next = add i64 %s, 1
   br label %stage
 done:

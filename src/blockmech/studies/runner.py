@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import COMPILED_FROM, Compiled
-from blockmech.engines.numpy import CHUNK, Planar
+from blockmech.engines.numpy import CHUNK, Planar, Whole
 from blockmech.errors import BlockmechError, FormatError
 from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
@@ -180,7 +180,7 @@ class _Planned:
             for i in self.plan.layout[w.output]
         }
         bad = np.zeros(shape, bool)
-        for i in judged:
+        for i in () if isinstance(found, Whole) else judged:
             x = found[i]
             for part in (x.real, x.imag) if isinstance(x, Planar) else (x,):
                 if not np.isfinite(np.sum(part)):  # quicker than each by itself
