@@ -2,6 +2,9 @@
 
 What is collected lives as long as the run: the garbage collector need not look at it again and
 again, which doubled the time of collecting.
+
+Each process computes in one thread, and what it starts does so too: the threads of two workers
+on two cores wait for one another, and a singular value decomposition takes ten times as long.
 """
 
 import gc
@@ -22,6 +25,8 @@ settings.register_profile("local", **SHARED)
 settings.load_profile(
     os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.get("CI") else "local")
 )
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when numpy is first imported
 
 gc.disable()
 

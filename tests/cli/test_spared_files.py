@@ -59,9 +59,19 @@ def test_a_library_saves_onto_its_own_file(ruiz):
     assert json.loads(ruiz.read_text("utf-8"))["title"] == "changed"
 
 
+@pytest.fixture
+def unpainted(monkeypatch):
+    """Pictures are written without being painted: which files there are is all that is asked."""
+    monkeypatch.setattr("blockmech.draw.animation.Animation.gif", b"a film")
+    monkeypatch.setattr("blockmech.draw.animation.Animation.html", "a film")
+    monkeypatch.setattr("blockmech.draw.paper.rendered", lambda *_: b"a picture")
+
+
+@pytest.mark.usefixtures("unpainted")
 def test_pictures_of_an_earlier_run_do_not_stay_beside_new_numbers(call, ruiz, tmp_path):
     out = tmp_path / "out"
     assert call("run", ruiz, "--samples", "5", "--out", out).code == 0
+    assert {p.name for p in out.iterdir()} > {*NUMBERS, "drive.png"}
     (out / "notes.txt").write_text("mine", "utf-8")
     again = call(
         "run", ruiz, "--samples", "5", "--friction", "none", "--want", "*.drive", "--out", out
@@ -70,6 +80,7 @@ def test_pictures_of_an_earlier_run_do_not_stay_beside_new_numbers(call, ruiz, t
     assert {p.name for p in out.iterdir()} == {*NUMBERS, "drive.png", "notes.txt"}
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_a_users_own_picture_stays_where_no_run_was_written(call, ruiz, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "energy.png").write_text("mine", "utf-8")
@@ -77,9 +88,8 @@ def test_a_users_own_picture_stays_where_no_run_was_written(call, ruiz, tmp_path
     assert (tmp_path / "out" / "energy.png").read_text("utf-8") == "mine"
 
 
-def test_every_picture_of_a_folder_is_known(tmp_path, monkeypatch):
-    monkeypatch.setattr("blockmech.draw.animation.Animation.save", lambda *_: None)
-    monkeypatch.setattr("blockmech.draw.paper.rendered", lambda *_: b"a picture")
+@pytest.mark.usefixtures("unpainted")
+def test_every_picture_of_a_folder_is_known(tmp_path):
     drawn = [
         *run_pictures(mechanism("ruiz_fourbar").run(samples=3), tmp_path),
         *run_pictures(mechanism("ruiz_fourbar").run(samples=3, want="*.p"), tmp_path),

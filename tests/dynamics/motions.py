@@ -32,15 +32,16 @@ XI = mpf("0.02")  # f' r / l
 PIN_START = -math.pi / 2 + 1.5  # [rad]
 
 
-def pin_pendulum() -> Rows:
-    """Standstills up to the last, at which it stays: a point mass, 1 kg at 1 m.
+def pin_swings() -> list[tuple[Any, Any, Any]]:
+    """Swings up to the last standstill, at which it stays: a point mass, 1 kg at 1 m.
 
+    y as a function of th, and th at both ends of the swing [rad].
     y = th'^2 = C exp(-2 s mu th) + A cos th + s B sin th, th from the lowest place.
     """
     mu = XI / mp.sqrt(1 - XI**2)
     a = 2 * G * (1 - 2 * mu**2) / (1 + 4 * mu**2)
     b = -6 * mu * G / (1 + 4 * mu**2)
-    th, t, rows = mpf(PIN_START) + mp.pi / 2, mpf(0), []
+    th, swings = mpf(PIN_START) + mp.pi / 2, []
     while abs(mp.sin(th)) > XI:
         s = -1 if th > 0 else 1
         c = -(a * mp.cos(th) + s * b * mp.sin(th)) * mp.exp(2 * s * mu * th)
@@ -50,9 +51,17 @@ def pin_pendulum() -> Rows:
 
         near = (-th, mpf(0)) if y(0) > 0 else (mpf(0), th * (1 - mpf(10) ** -7))
         end = mp.findroot(y, near, solver="anderson", tol=mpf(10) ** -40)
-        t += abs(mp.quad(lambda x: 1 / mp.sqrt(abs(y(x))), mp.linspace(th, end, 5)))
+        swings.append((y, th, end))
         th = end
-        rows.append((t, th - mp.pi / 2, 0))
+    return swings
+
+
+def pin_pendulum() -> Rows:
+    """Standstills of the swings, and the time at which each is."""
+    t, rows = mpf(0), []
+    for y, th, end in pin_swings():
+        t += abs(mp.quad(lambda x, y=y: 1 / mp.sqrt(abs(y(x))), mp.linspace(th, end, 5)))
+        rows.append((t, end - mp.pi / 2, 0))
     return table([*rows, (100, rows[-1][1], 0)], "crank")
 
 

@@ -1,8 +1,6 @@
 """The studio as a user works with it, in a browser."""
 
 import json
-import subprocess
-import sys
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -69,7 +67,7 @@ def test_without_the_token_nothing_is_answered(studio):
         refused.value.close()
 
 
-def test_the_fourbar_from_an_empty_sheet(page, studio):
+def test_the_fourbar_from_an_empty_sheet(page, studio, call):
     show(page, studio, "?new")
     drop(page, "frame", 60, 170)
     fill(page, "new in markers", "A")
@@ -108,19 +106,14 @@ def test_the_fourbar_from_an_empty_sheet(page, studio):
         wire(page, source, target)
     drag_block(page, "couple")
     save(page, "mine.json")
-    made = json.loads((studio[1] / "mine.json").read_text("utf-8"))
+    mine = studio[1] / "mine.json"
+    made = json.loads(mine.read_text("utf-8"))
     given = json.loads((GRAPHS / "ruiz_fourbar.json").read_text("utf-8"))
     assert made.pop("view").keys() == made["blocks"].keys()
     made["wires"].sort(key=given["wires"].index)
     assert made == given
-    command = ["run", "mine.json", "--samples", "361", "--want", "crank.drive", "--json"]
-    done = subprocess.run(
-        [sys.executable, "-m", "blockmech", *command],
-        cwd=studio[1],
-        capture_output=True,
-        check=True,
-    )
-    run = json.loads(done.stdout)["outputs"]["crank.drive"]["values"]
+    done = call("run", mine, "--samples", "361", "--want", "crank.drive", "--json")
+    run = json.loads(done.out)["outputs"]["crank.drive"]["values"]
     assert shown_drive(page) == pytest.approx(np.array(run) / 1e3, rel=1e-12)
 
 
