@@ -44,7 +44,8 @@ FOCUSED = """() => {
 
 EQUAL_SCALES = """() => {
   const models = [...Bokeh.documents[0]._all_models.values()];
-  const shown = models.find(m => m.type === "Figure" && m.y_range.reset_start != null && m.inner_width);
+  const figures = models.filter(m => m.type === "Figure" && m.inner_width);
+  const shown = figures.find(m => m.y_range.reset_start != null);
   if (!shown) return false;
   const across = shown.inner_width / (shown.x_range.end - shown.x_range.start);
   const up = shown.inner_height / (shown.y_range.end - shown.y_range.start);
