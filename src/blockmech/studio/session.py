@@ -35,13 +35,11 @@ def heard(do: Callable[[], Any]) -> Callable[..., None]:
             whole()
 
     def act(*_: Any) -> None:
-        if document is None or document.session_context is None:
-            do()
-        elif document is pn.state.curdoc:
+        session = document and document.session_context
+        if session is None or document is pn.state.curdoc:
             whole()
         else:
-            turn = document.session_context.with_locked_document
-            IOLoop.current().add_callback(turn, locked)
+            IOLoop.current().add_callback(session.with_locked_document, locked)
 
     return act
 
