@@ -11,14 +11,16 @@ n = i u, friction and slip along u) changes once more where the graph's guide po
 the document's (``turned``). Power never changes.
 
 A pin of more than two links is one pair for each further link, named after it:
-``joint.A.rod.reaction`` is the force of the first link of A on ``rod``. Where the graph seats
-the pin on another link, the forces of several pairs add up to it.
+``joint.A.rod.reaction`` is the force of the first link of A on ``rod``; the place ``joint.A.p``
+is that of all. Where the graph seats the pin on another link, the forces of several pairs add up
+to it. The transmission angle of a dyad is that at the joint inside it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,15 +95,33 @@ def readings(structure: Structure, names: Names, known: Mapping[str, Output]) ->
         for marker, ref in at.markers.items():
             for what in OF_POINTS:
                 yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
-    for name, pair in names.joints.items():
-        for what in OF_JOINTS:
-            if f"{pair.joint}.{what}" in known:
-                own = _of_joint(what, pair, structure, names)
-                yield Reading(f"joint.{name}.{what}", own, between=pair.links)
+    for pin, pairs_of_pin in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
+        yield from _of_joints(pin, dict(pairs_of_pin), structure, names, known)
     yield from _of_loads(structure, names, known)
     for name in known:
         if name.startswith("mechanism."):
             yield Reading(name, ((name, 1),))
+
+
+def _of_joints(
+    pin: str,
+    pairs: Mapping[str, JointName],
+    structure: Structure,
+    names: Names,
+    known: Mapping[str, Output],
+) -> Iterator[Reading]:
+    """The place of a pin, which all its pairs share, and what each pair does."""
+    place = next(iter(pairs.values())).joint
+    for what in OF_POINTS if structure.joint(place).rotary else ():  # a guide is at no one place
+        yield Reading(f"joint.{pin}.{what}", ((f"{place}.{what}", 1),))
+    for name, pair in pairs.items():
+        for what in OF_JOINTS:
+            if f"{pair.joint}.{what}" in known:
+                own = _of_joint(what, pair, structure, names)
+                yield Reading(f"joint.{name}.{what}", own, between=pair.links)
+        angle, inside = f"{pair.joint.block}.transmission_angle", structure.joint(pair.joint)
+        if angle in known and not (inside.outer or inside.driven):
+            yield Reading(f"joint.{name}.transmission_angle", ((angle, 1),))
 
 
 def _of_joint(

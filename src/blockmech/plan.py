@@ -26,6 +26,7 @@ from blockmech.errors import listed
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.plane import SCALAR_PRIMITIVES
+from blockmech.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -331,6 +332,11 @@ class Output(NamedTuple):
     read: Reader
     by: str = ""
     on: str = ""
+
+    @property
+    def about(self) -> str:
+        """What it is, in words."""
+        return QUANTITIES[self.name.rpartition(".")[2]].format(by=self.by, on=self.on)
 
 
 @functools.cache

@@ -6,7 +6,10 @@ import json
 
 from jsonschema import Draft202012Validator
 
+import blockmech as bm
 from blockmech.blocks import REGISTRY
+from blockmech.quantities import QUANTITIES
+from tests.gallery import GRAPHS, JOINTS, mechanism
 from tests.model.documents import DOCUMENTS
 
 
@@ -38,6 +41,41 @@ def test_blocks_of_some_types_and_what_their_laws_are_functions_of(call):
     types = [part.split()[0] for part in text.split("\n\n")]
     assert types == ["load.thrust", *(name for name in REGISTRY if name.startswith("dyad."))]
     assert "way from a to b along the direction" in text
+
+
+def test_outputs_of_a_file_with_units_and_what_they_are(call, ruiz):
+    said = call("outputs", ruiz)
+    assert (said.code, said.err) == (0, "")
+    head, *rows = said.out.splitlines()
+    assert head.split() == ["output", "unit", "what"]
+    outputs = mechanism("ruiz_fourbar").outputs
+    assert [row.split()[0] for row in rows] == list(outputs)
+    drive = next(row for row in rows if row.startswith("crank.drive "))
+    assert drive.split(maxsplit=3)[1:3] == ["N", "m"]
+    about = "driving moment or force of frame.frame on crank.crank, friction included"
+    assert drive.endswith(about)
+
+
+def test_some_outputs_as_data(call, ruiz):
+    found = json.loads(call("outputs", ruiz, "*.reaction", "crank.q", "--json").out)["outputs"]
+    assert found[-1] == {
+        "name": "crank.q",
+        "unit": "rad",
+        "kind": "real",
+        "about": "coordinate of the driver",
+    }
+    assert {(o["unit"], o["kind"]) for o in found[:-1]} == {("N", "vector")}
+    wrong = call("outputs", ruiz, "crank.torque")
+    assert (wrong.code, wrong.out) == (2, "")
+    assert "unknown-output" in wrong.err
+
+
+def test_every_quantity_is_said_in_words_and_none_that_there_is_not():
+    graphs = [mechanism(path.stem) for path in GRAPHS.glob("*.json")]
+    linkages = [bm.Linkage.load(path).compile() for path in JOINTS.glob("*.json")]
+    outputs = [o for mech in graphs + linkages for o in mech.outputs.values()]
+    assert all(o.about for o in outputs)
+    assert {o.name.rpartition(".")[2] for o in outputs} == set(QUANTITIES)
 
 
 def test_a_printed_result_keeps_the_printed_schema(call, ruiz):

@@ -149,6 +149,42 @@ def guide(document, result, joint):
     return np.exp(1j * (turn + angle)) * np.ones(result.n)
 
 
+def placed(document, result, joint):
+    """Where each link of a pin has it, (links, n)."""
+    said = document["joints"][joint]
+    for link, (x, y) in zip(said["links"], said["at"], strict=True):
+        own = complex(x, y) + np.zeros(result.n)
+        if link != "frame":
+            own = result[f"link.{link}.p"] + np.exp(1j * result[f"link.{link}.angle"]) * own
+        yield own
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_a_pin_is_where_each_of_its_links_has_it(name):
+    document = DOCUMENTS[name]()
+    result = run(document)
+    scale = largest(result)
+    pins = [joint for joint, said in document["joints"].items() if said["type"] == "R"]
+    for pin in pins:
+        for own in placed(document, result, pin):
+            assert np.abs(result[f"joint.{pin}.p"] - own).max() <= ROUNDING * scale["m"]
+    sliders = set(document["joints"]) - set(pins)
+    assert not {f"joint.{slider}.p" for slider in sliders} & set(result)
+
+
+def test_the_transmission_angle_is_that_at_the_pin_between_coupler_and_rocker():
+    document = four_bar()
+    result = run(document)
+    B, C, D = (result[f"joint.{pin}.p"] for pin in "BCD")
+    between = np.abs(np.angle((B - C) / (D - C)))
+    acute = np.minimum(between, math.pi - between)
+    found = result["joint.C.transmission_angle"]
+    assert np.abs(found - acute).max() <= ROUNDING
+    assert [name for name in result if name.endswith("transmission_angle")] == [
+        "joint.C.transmission_angle"
+    ]
+
+
 # -- what can be asked for, and what is said ------------------------------------------------
 
 

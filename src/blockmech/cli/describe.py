@@ -1,4 +1,4 @@
-"""``blockmech blocks`` and ``blockmech schema``: what can stand in a file."""
+"""``blockmech blocks``, ``schema``, ``outputs``: what a file can hold, and what it can be asked."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ import typer
 from blockmech.blocks.block import SHARED_FIELDS, Block
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.registry import REGISTRY
-from blockmech.cli.terminal import say
+from blockmech.builders import compiled
+from blockmech.cli.options import AsJson, GraphFile
+from blockmech.cli.terminal import answer, reading, say
 from blockmech.errors import RequestError
 from blockmech.export import result_schema
+from blockmech.export.tables import aligned
 from blockmech.loads.contract import Element, Following
 
 
@@ -49,6 +52,26 @@ def schema(
 
     made = {"graph": graph_schema, "joints": joints_schema, "result": result_schema}
     say(json.dumps(made[document](), indent=2))
+
+
+def outputs(
+    file: GraphFile,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME...", help="Only these, e.g. 'crank.*'."),
+    ] = None,
+    json: AsJson = False,
+) -> None:
+    """List what can be wanted of a mechanism: names, units and what they are.
+
+    Of a vector, .x and .y behind its name are its parts.
+    """
+    with reading(file):
+        known = compiled(file).outputs
+    found = [known[name] for name in known.match(names or ["*"])]
+    rows = [(o.name, o.unit or "-", o.about) for o in found]
+    data = [{"name": o.name, "unit": o.unit, "kind": o.kind, "about": o.about} for o in found]
+    answer(file, json, {"outputs": data}, "\n".join(aligned(("output", "unit", "what"), rows)))
 
 
 def _described(name: str, block: type[Block]) -> Iterator[str]:
