@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import html
 import json
+import math
 from abc import ABC, abstractmethod
 from typing import Any
 
 from pydantic_core import to_json
 
 DEGREES = False  # angles that are shown, in text, tables and pictures alike: else radians
+
+
+def with_unit(x: float, unit: str, degrees: bool = DEGREES) -> str:
+    """A number to nine digits with its unit, an angle in degrees if asked for."""
+    if degrees and unit == "rad":
+        x, unit = math.degrees(x), "deg"
+    return f"{x:.9g} {unit}".rstrip()
 
 
 def as_data(found: Any) -> dict[str, Any]:

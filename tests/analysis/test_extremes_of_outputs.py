@@ -292,10 +292,11 @@ def test_extremes_and_strokes_are_data_and_text():
     mechanism = slider_crank(1.0, 3.0).compile()
     found = mechanism.extremes("dyad.C.p.x")
     assert json.loads(json.dumps(found.to_dict()))["value"]["maximum"]["end"] is False
-    assert str(found).splitlines()[0] == "dyad.C.p.x  minimum 2 m at crank.q = 3.14159265"
+    assert str(found).splitlines()[0] == "dyad.C.p.x  minimum 2 m at crank.q = 3.14159265 rad"
+    assert found.text(degrees=True).splitlines()[0].endswith("at crank.q = 180 deg")
     told = mechanism.stroke("dyad.C.p")
     assert json.loads(json.dumps(told.to_dict()))["length"] == told.length
-    assert str(told).startswith("dyad.C.p  stroke 2 m, from crank.q = 3.14159265 to ")
+    assert str(told).startswith("dyad.C.p  stroke 2 m, from crank.q = 3.14159265 rad to ")
     assert "singular poses of the first kind" in str(told)
     assert str(told).endswith("; time ratio 1")
 

@@ -14,6 +14,8 @@ TEXTS = {
     "limits SHORT": lambda m: str(m.limits()),
     "limits SHORT --deg": lambda m: m.limits().text(degrees=True),
     "modes SHORT": lambda m: str(m.modes()),
+    "extremes RUIZ crank.q --deg": lambda m: m.extremes("crank.q").text(degrees=True),
+    "extremes RUIZ dyad.j.angle --stroke": lambda m: str(m.stroke("dyad.j.angle")),
 }
 
 

@@ -37,6 +37,7 @@ DONE = {
     "expected numbers": ["test", "watt_sixbar"],
     "the gallery": ["new"],
     "all blocks": ["blocks"],
+    "all outputs": ["outputs", "FILE"],
     "the schema": ["schema"],
 }
 NO_ANSWER = {

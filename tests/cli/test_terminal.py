@@ -26,6 +26,7 @@ COMMANDS = {
     "limits": [],
     "modes": ["--no-arcs"],
     "extremes": ["*.q"],
+    "outputs": [],
     "test": [],
     "draw": ["-o", "x.nono"],
     "trade": ["--budget", "0.01s"],

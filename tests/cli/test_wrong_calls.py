@@ -63,7 +63,12 @@ CALLS = {
         ("--json --deg", "JSON results are in SI units"),
         ("--group dyd", 'did you mean "dyad"'),
     ],
-    "extremes RUIZ": [("dyad.C.q", "[unknown-output] dyad.C.q"), ("*.nothing", "*.nothing")],
+    "extremes RUIZ": [
+        ("dyad.C.q", "[unknown-output] dyad.C.q"),
+        ("*.nothing", "*.nothing"),
+        ("crank.q --json --deg", "JSON results are in SI units"),
+    ],
+    "outputs RUIZ": [("crank.torque", "[unknown-output] crank.torque"), ("--deg", "--deg")],
     "sweep RUIZ --want max_abs(crank.drive)": [
         ("--vary dyad.l_i", "it names no values"),
         ("--vary dyad.l=6", 'did you mean "dyad.l_j"?'),

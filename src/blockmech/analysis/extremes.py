@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
+from blockmech.analysis.scan import TINY
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
 from blockmech.errors import held, listed, refused, shown
-from blockmech.told import DEGREES, Told
+from blockmech.told import DEGREES, Told, with_unit
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ class Extreme:
     ----------
     kind : "minimum" or "maximum"
     value : in the output's unit; infinite where the output grows without bound
-    at : ``"crank.q"`` -> driver coordinate [rad or m]
+    at : ``"crank.q"`` -> driver coordinate
+    units : ``"crank.q"`` -> its unit, rad or m
     time : [s], where the law of motion says it
     end : whether it is no turn of the output but an end of the range or of an arc
     """
@@ -45,8 +47,14 @@ class Extreme:
     kind: Kind
     value: float
     at: Mapping[str, float]
+    units: Mapping[str, str]
     time: float | None
     end: bool
+
+    def place(self, degrees: bool = DEGREES) -> str:
+        """Where it is, in words."""
+        near = {d: q if abs(q) > TINY else 0.0 for d, q in self.at.items()}
+        return ", ".join(f"{d} = {with_unit(q, self.units[d], degrees)}" for d, q in near.items())
 
     def to_dict(self) -> dict[str, Any]:
         """The extreme as a JSON object; null stands for infinity."""
@@ -113,14 +121,14 @@ class Extremes(Told):
 
     def text(self, degrees: bool = DEGREES) -> str:
         """The extremes of each part, one a line."""
-        return "\n".join(self._lines())
+        return "\n".join(self._lines(degrees))
 
-    def _lines(self) -> Iterator[str]:
+    def _lines(self, degrees: bool) -> Iterator[str]:
         for part, found in self.ranges.items():
             name = f"{self.name}.{part}".rstrip(".")
             for one in (found.minimum, found.maximum):
-                place = ", ".join(f"{d} = {q:.9g}" for d, q in one.at.items())
-                yield f"{name}  {one.kind} {one.value:.9g} {self.unit} at {place}".rstrip()
+                value = with_unit(one.value, self.unit, degrees)
+                yield f"{name}  {one.kind} {value} at {one.place(degrees)}"
 
     def to_dict(self) -> dict[str, Any]:
         """The extremes as a JSON object."""
@@ -201,4 +209,5 @@ def extreme_at(cycle: Cycle, turn: Turn) -> Extreme:
     """A turn with the driver coordinates at its place."""
     at, time = cycle.at(turn.s)
     kind: Kind = "maximum" if turn.sign > 0 else "minimum"
-    return Extreme(kind, turn.value + 0.0, at, time, turn.end)  # no -0
+    units = {d: cycle.mechanism.outputs[d].unit for d in at}
+    return Extreme(kind, turn.value + 0.0, at, units, time, turn.end)  # no -0

@@ -11,7 +11,7 @@ of driver travel.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
@@ -26,7 +26,7 @@ from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turns import ALIKE, Signal, Turn, Turns, signal_of, turns_of
 from blockmech.errors import refused
 from blockmech.series import EPS, Floats, fit, panels
-from blockmech.told import DEGREES, Told
+from blockmech.told import DEGREES, Told, with_unit
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -76,13 +76,9 @@ class Stroke(Told):
 
     def text(self, degrees: bool = DEGREES) -> str:
         """The stroke as a sentence."""
-
-        def place(at: Mapping[str, float]) -> str:
-            return ", ".join(f"{d} = {q:.9g}" for d, q in at.items())
-
         text = (
-            f"{self.name}  stroke {self.length:.9g} {self.unit}, from {place(self.low.at)} "
-            f"to {place(self.high.at)}"
+            f"{self.name}  stroke {with_unit(self.length, self.unit, degrees)}, "
+            f"from {self.low.place(degrees)} to {self.high.place(degrees)}"
         )
         if not (self.path == "scalar" or self.low.end or self.high.end):
             text += ", where it stands: singular poses of the first kind (Gosselin, Angeles)"

@@ -162,16 +162,19 @@ def extremes(
     stroke: Annotated[
         bool, switch("stroke", "Of each its stroke and the time ratio instead.")
     ] = False,
+    deg: DegreesOfText = DEGREES,
     json: AsJson = False,
 ) -> None:
     """Find extremes of outputs over the cycle, refined beyond the samples."""
+    si_only(json, deg)
     with reading(file):
         mechanism = compiled(file)
     ask: Any = mechanism.stroke if stroke else mechanism.extremes
     with progress_bar("searching"):
         found = [row for name in names for row in _of_all(mechanism, name, ask)]
     rows = [f.to_dict() for f in found]
-    answer(file, json, {"strokes" if stroke else "extremes": rows}, "\n".join(map(str, found)))
+    text = "\n".join(f.text(degrees=deg) for f in found)
+    answer(file, json, {"strokes" if stroke else "extremes": rows}, text)
 
 
 def _of_all(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[Any]:

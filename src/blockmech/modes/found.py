@@ -11,7 +11,7 @@ from typing import Any
 
 from blockmech.analysis.scan import TINY
 from blockmech.errors import among
-from blockmech.told import DEGREES, Told, as_data
+from blockmech.told import DEGREES, Told, as_data, with_unit
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
@@ -226,7 +226,4 @@ def _arc_lines(group: GroupModes, unit: str, degrees: bool) -> Iterator[str]:
 
 
 def _coordinate(q: float, unit: str, degrees: bool) -> str:
-    q = q if abs(q) > TINY else 0.0
-    if degrees and unit == "rad":
-        return f"{q * 180 / math.pi:.9g} deg"
-    return f"{q:.9g} {unit}"
+    return with_unit(q if abs(q) > TINY else 0.0, unit, degrees)
