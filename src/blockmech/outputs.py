@@ -274,6 +274,9 @@ class Catalogue(Mapping[str, Output]):
     def __len__(self) -> int:
         return len(self._outputs)
 
+    def __repr__(self) -> str:
+        return f"<outputs {listed(self, 8)}>"
+
     def match(self, want: Iterable[str]) -> tuple[str, ...]:
         """Names that the patterns ask for, in their order, those of one in the catalogue's.
 
