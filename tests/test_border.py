@@ -92,6 +92,16 @@ def test_what_a_signature_says_is_asked_of_every_call(ask: Any, said: str) -> No
         ask(mechanism, mechanism.run(at=1.0))
 
 
+@pytest.mark.parametrize("built", [bm.Graph("a"), bm.Linkage("b")])
+def test_what_only_a_mechanism_can_do_is_said_to_be_there(built: Any) -> None:
+    for name in ("simulate", "outputs", "limits"):
+        with pytest.raises(AttributeError, match=rf"write compile\(\)\.{name}$"):
+            getattr(built, name)
+    with pytest.raises(AttributeError, match=r"has no attribute 'simulat'$"):
+        _ = built.simulat
+    assert copy.deepcopy(built).name == built.name
+
+
 def test_what_is_no_place_and_no_law_is_refused_as_such() -> None:
     with pytest.raises(bm.GraphError, match=r"joints\.J\.at: at must be a list"):
         bm.Linkage().add_joint("J", "P", ["a", "b"], at=3, slider=0)  # type: ignore[arg-type]

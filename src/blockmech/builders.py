@@ -26,7 +26,21 @@ if TYPE_CHECKING:
     from blockmech.model.joints.decompose import General
 
 
-class Graph(graph.Graph, Runnable):
+class Uncompiled(Runnable):
+    """What a user builds; it says where to find what only a mechanism can do."""
+
+    if not TYPE_CHECKING:  # which tells of names that are not there by itself
+
+        def __getattr__(self, name: str) -> Any:
+            from blockmech.mechanism import Mechanism
+
+            said = f"{type(self).__name__!r} object has no attribute {name!r}"
+            if not name.startswith("_") and hasattr(Mechanism, name):
+                said += f": a mechanism has, write compile().{name}"
+            raise AttributeError(said, name=name, obj=self)
+
+
+class Graph(graph.Graph, Uncompiled):
     """A mechanism as a diagram of blocks, with the doors that load, save, compile and run it.
 
     >>> import blockmech as bm
@@ -83,7 +97,7 @@ class Decomposition:
         return Mechanism.of(self.graph, self.names, self.document)
 
 
-class Linkage(linkage.Linkage, Runnable):
+class Linkage(linkage.Linkage, Uncompiled):
     """A mechanism said in links and joints, with the doors that load, save, compile and run it.
 
     >>> import blockmech as bm
