@@ -13,7 +13,8 @@ the document's (``turned``). Power never changes.
 A pin of more than two links is one pair for each further link, named after it:
 ``joint.A.rod.reaction`` is the force of the first link of A on ``rod``; the place ``joint.A.p``
 is that of all. Where the graph seats the pin on another link, the forces of several pairs add up
-to it. The transmission angle of a dyad is that at the joint inside it.
+to it. The transmission angle of a dyad is that at the joint inside it, at a pin of more links
+named after the dyad's two, ``joint.A.rocker.rod.transmission_angle``: whatever order was found.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.model.naming import JointName, Names
-from blockmech.model.structure import Structure
+from blockmech.model.structure import LinkRef, Structure
 from blockmech.plan import Output
 
 OF_LINKS = ("angle", "omega", "alpha")
@@ -119,8 +120,13 @@ def _of_joints(
             if f"{pair.joint}.{what}" in known:
                 own = _of_joint(what, pair, structure, names)
                 yield Reading(f"joint.{name}.{what}", own, between=pair.links)
-        angle, inside = f"{pair.joint.block}.transmission_angle", structure.joint(pair.joint)
-        if angle in known and not (inside.outer or inside.driven):
+    links = {name.link: link for link, name in names.links.items()}
+    each = {ref for pair in pairs.values() for ref, _ in ((pair.joint, 0), *pair.others)}
+    for ref in sorted(each):
+        angle, joint = f"{ref.block}.transmission_angle", structure.joint(ref)
+        if angle in known and not (joint.outer or joint.driven):
+            two = sorted(links[LinkRef(ref.block, link)] for link in joint.links)
+            name = pin if len(pairs) == 1 else ".".join([pin, *two])
             yield Reading(f"joint.{name}.transmission_angle", ((angle, 1),))
 
 

@@ -96,6 +96,17 @@ def test_derivatives_by_the_numbers_of_a_document_agree_with_differences(name):
     assert of_document(linkage, request_of(linkage.compile()), step=1e-4) <= EXACT
 
 
+def test_what_only_a_chance_makes_a_dyad_has_no_transmission_angle_near_by():
+    mech = bm.Linkage.load(JOINTS / "excavator.json").compile()
+    angles = [name for name in mech.outputs if name.endswith("transmission_angle")]
+    found = sensitivity(mech, "*", samples=3)
+    gone = set(angles) - set(found)
+    assert gone
+    assert set(found) == set(outputs(mech)) - gone
+    with pytest.raises(bm.RequestError, match="designs near by do not have it"):
+        sensitivity(mech, sorted(gone), samples=3)
+
+
 def test_drivers_may_come_in_another_order_near_by():
     """A cylinder whose line misses its pins is a group, which is placed sooner."""
     ((_, linkage, request),) = documents_from(13, 1)

@@ -1,7 +1,8 @@
 """Dual numbers: values and their tangents, for derivatives in forward mode.
 
 At a kink a tangent is the derivative in the direction of its seed: the opposite seed gives
-the other side's.
+the other side's. Seeds are changes of numbers by their own size, so that the tangents of a value
+tell its rounding: nearer to a kink than that, a value is at it.
 
 Source: Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, ch. 3 (forward mode)
 and 14 (directional derivatives at kinks).
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from blockmech.engines.numpy import each_part
+from blockmech.plane import EPS
 
 
 class Dual(NDArrayOperatorsMixin):
@@ -71,9 +73,24 @@ def values(nested: Any) -> Any:
     return each_part(value, nested)
 
 
+def is_rounding(size: Any, tangents: Any) -> Any:
+    """Whether a size (...) is below what rounding of the numbers makes of it.
+
+    tangents : (m, ...) sizes of its changes
+    """
+    return size <= 4 * EPS * np.sum(tangents, axis=0)
+
+
 def _tied(a: Any, b: Any, da: Any, db: Any, first: Any, pick: Any) -> Any:
     """Tangents of the smaller or larger of two: at a tie, those of the one that goes ahead."""
-    return np.where(np.equal(a, b), pick(da, db), np.where(first, da, db))
+    tie = is_rounding(np.abs(a - b), np.abs(da - db))
+    return np.where(tie, pick(da, db), np.where(first, da, db))
+
+
+def _length(y: Any, a: Any, b: Any, da: Any, db: Any) -> Any:
+    """Tangents of the length y of a vector; of none, the length of what it becomes."""
+    grows = np.hypot(da, db)
+    return np.where(is_rounding(y, grows), grows, (a * da + b * db) / y)
 
 
 TANGENTS: dict[Any, Callable[..., Any]] = {
@@ -86,12 +103,10 @@ TANGENTS: dict[Any, Callable[..., Any]] = {
     np.power: lambda y, a, n, da, dn: n * a ** (n - 1) * da,  # the exponent is a plain number
     np.rint: lambda y, a, da: 0.0 * da,  # does not change but for jumps
     np.sqrt: lambda y, a, da: 0.5 * da / y,
-    np.absolute: lambda y, a, da: np.where(np.equal(a, 0.0), np.abs(da), np.sign(a) * da),
+    np.absolute: lambda y, a, da: np.where(is_rounding(y, np.abs(da)), np.abs(da), np.sign(a) * da),
     np.sin: lambda y, a, da: np.cos(a) * da,
     np.cos: lambda y, a, da: -np.sin(a) * da,
-    np.hypot: lambda y, a, b, da, db: np.where(
-        np.equal(y, 0.0), np.hypot(da, db), (a * da + b * db) / y
-    ),
+    np.hypot: _length,
     np.arctan2: lambda y, a, b, da, db: (b * da - a * db) / (a * a + b * b),
     np.minimum: lambda y, a, b, da, db: _tied(a, b, da, db, np.less(a, b), np.minimum),
     np.maximum: lambda y, a, b, da, db: _tied(a, b, da, db, np.greater(a, b), np.maximum),

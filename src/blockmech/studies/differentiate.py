@@ -84,7 +84,10 @@ def sensitivity(
     left_out = {a: why for a, p in asked.items() if (why := _without(p))}
     chosen = {a: p for a, p in asked.items() if a not in left_out}
     near = Variation.of(mechanism, chosen.values())
-    plan, seeds = near.general.plan(names, **result.settings), np.eye(len(chosen))
+    if gone := _gone(names, near, as_sequence("want", want)):
+        result = mechanism.run(at, want=[n for n in names if n not in gone], on_gap=on_gap, **given)
+    plan = near.general.plan(tuple(result), **result.settings)
+    seeds = np.diag([size_of(p, chosen.values()) for p in chosen.values()])
     if not _varies(plan, near, seeds):
         bad = [a for a, seed in zip(chosen, seeds, strict=True) if not _varies(plan, near, seed)]
         left_out |= dict.fromkeys(bad, "the pieces of its table follow it by no formula")
@@ -125,7 +128,8 @@ def _derived(
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Derivatives (k, n) of the outputs of a result, each in the direction of a chosen number.
 
-    And of pairs with friction, whether (k, n) they rest and the number sets them going.
+    ``seeds`` (k, k) change each number by its own size. And of pairs with friction, whether
+    (k, n) they rest and the number sets them going.
     """
     shape = len(chosen), result.n
     given, own = result.samples.given(plan.program.inputs), result.mechanism.drivers
@@ -140,15 +144,15 @@ def _derived(
             inputs[name] = Dual(np.asarray(inputs[name], float), seed)
     values = DualEngine(plan.program).run(inputs, _numbers(plan, near, seeds), *shape[::-1])
     found, outputs = {}, near.outputs(seeds)
+    sizes = np.abs(seeds).sum(axis=1, keepdims=True)
     for name in result:
         columns = [values[i] for i in plan.layout[name]]
         with np.errstate(all="ignore"):
             d = _read(outputs[name], columns, shape)
-        found[name] = np.where(np.isnan(result[name]), np.nan, d)
-    sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])[:, None]
+        found[name] = np.where(np.isnan(result[name]), np.nan, d / sizes)
     rests = (name for name in plan.layout if name.startswith("rest/"))
     slips = {name: slope(values[plan.layout[name][0]]) for name in rests}
-    return found, {name: np.abs(d) * sizes > REST_SHARE for name, d in slips.items()}
+    return found, {name: np.abs(d) > REST_SHARE for name, d in slips.items()}
 
 
 def _read(output: Output, columns: list[Any], shape: tuple[int, int]) -> Array:
@@ -167,6 +171,18 @@ def _differentiable(mechanism: Compiled, patterns: Sequence[str]) -> tuple[str, 
         found = "derivatives are of outputs that are a number or a vector a sample"
         raise RequestError([Problem("no-derivative", n, found) for n in wrong or patterns])
     return tuple(names)
+
+
+def _gone(names: Sequence[str], near: Variation, alone: Sequence[str]) -> set[str]:
+    """Outputs that no design near by has: a dyad by chance only has a transmission angle.
+
+    Raises `RequestError` for those that are named one by one, and where no others are.
+    """
+    gone = {n for n in names if n not in near.general.outputs}
+    if wrong := gone if gone == set(names) else gone & set(alone):
+        found = "designs near by do not have it: what coincides here by chance does not there"
+        raise RequestError([Problem("no-derivative", n, found) for n in sorted(wrong)])
+    return gone
 
 
 def _asked(
