@@ -103,6 +103,7 @@ def test_new_keeps_an_existing_file_unless_forced(call, tmp_path):
         (["--kind", "mechanism"], "x.pdf", b"%PDF"),
         (["--kind", "mechanism", "--at", "0,60deg"], "x.svg", b"<?xml"),
         (["--kind", "animation", "--at", "0:360deg:6"], "x.gif", b"GIF89a"),
+        (["--trace", "dyad.C,dyad.B"], "x.svg", b"<?xml"),
     ],
     ids=lambda x: " ".join(x) if isinstance(x, list) else None,
 )
@@ -112,3 +113,14 @@ def test_draw_writes_a_picture_of_the_kind_that_the_name_says(
     said = call("draw", ruiz, "-o", tmp_path / name, *words)
     assert said == (0, f"wrote {tmp_path / name}\n", "")
     assert (tmp_path / name).read_bytes().startswith(start)
+
+
+def test_draw_traces_the_markers_that_are_named(call, ruiz, tmp_path):
+    pictures = {}
+    for traced in ("dyad.C", "dyad.B"):
+        call("draw", ruiz, "-o", tmp_path / "x.svg", "--trace", traced)
+        pictures[traced] = (tmp_path / "x.svg").read_bytes()
+    assert pictures["dyad.C"] != pictures["dyad.B"]
+    said = call("draw", ruiz, "-o", tmp_path / "x.svg", "--trace", "dyad.X")
+    assert said.code == 2
+    assert "[unknown-marker] dyad.X" in said.err

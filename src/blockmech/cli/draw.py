@@ -9,7 +9,7 @@ import typer
 
 from blockmech.builders import compiled_of, opened
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.options import At, GraphFile, names_of, switch
+from blockmech.cli.options import At, GraphFile, names_of, option, switch
 from blockmech.cli.terminal import progress_bar, reading, say
 from blockmech.files import refuse_spared
 from blockmech.told import DEGREES
@@ -24,7 +24,8 @@ Kind = Annotated[
     str | None,
     typer.Option(
         metavar="KIND",
-        help="diagram, mechanism, animation or schedule; by default what PICTURE and --at say.",
+        help="diagram, mechanism, animation or schedule; by default what PICTURE, --at and --trace "
+        "say.",
     ),
 ]
 
@@ -40,6 +41,9 @@ def draw(
     picture: Picture,
     kind: Kind = None,
     at: At = None,
+    trace: Annotated[
+        list[str] | None, option("Markers and pins whose paths are drawn.", "NAMES")
+    ] = None,
     want: Want = None,
     deg: Annotated[bool, switch("deg", "Angles in degrees in the picture.")] = DEGREES,
 ) -> None:
@@ -52,7 +56,7 @@ def draw(
 
     if kind is None:
         moving = Path(picture).suffix.lower() in MOVING
-        kind = "animation" if moving else "mechanism" if at else "diagram"
+        kind = "animation" if moving else "mechanism" if at or trace else "diagram"
     with reading(file):
         subject: Any = opened(file)
         if kind in ("mechanism", "animation", "schedule"):
@@ -62,6 +66,6 @@ def draw(
     if kind in ("mechanism", "animation"):
         given = coordinates(subject, at or [])
     with progress_bar("drawing"):
-        names = names_of(want) or ("*",)
-        path = drawn(subject, picture, kind, given, want=names, degrees=deg)  # type: ignore[arg-type]
+        names: dict[str, Any] = {"trace": names_of(trace) or None, "want": names_of(want) or ("*",)}
+        path = drawn(subject, picture, kind, given, **names, degrees=deg)  # type: ignore[arg-type]
     say(f"wrote {path}")

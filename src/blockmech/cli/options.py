@@ -47,7 +47,7 @@ DegreesOfText = Annotated[bool, switch("deg", "Angles in degrees in the text.")]
 
 
 def names_of(want: list[str] | None) -> tuple[str, ...]:
-    """Outputs and patterns from the ``--want`` options."""
+    """Names and patterns from options that take several, e.g. ``--want``."""
     return tuple(n for part in want or () for n in part.split(",") if n)
 
 
