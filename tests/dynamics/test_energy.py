@@ -11,13 +11,7 @@ import pytest
 
 from blockmech.dynamics.request import Start
 from tests.dynamics import exact
-from tests.dynamics.linkages import (
-    FourBar,
-    fourbar,
-    guided,
-    pendulum,
-    watt,
-)
+from tests.dynamics.linkages import FourBar, fourbar, guided, pendulum, watt
 from tests.dynamics.synthetic import Synthetic, move
 from tests.wiring import recorded
 

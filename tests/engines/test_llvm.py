@@ -14,17 +14,7 @@ from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Whole
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.plan import Program
-from blockmech.plane import (
-    angle,
-    maximum,
-    minimum,
-    modulo,
-    piecewise,
-    planar,
-    repeat,
-    sign,
-    sqrt,
-)
+from blockmech.plane import angle, maximum, minimum, modulo, piecewise, planar, repeat, sign, sqrt
 from tests.engines.test_agreement import assert_agreement
 from tests.gallery import SHORT, mechanism
 from tests.loads.test_functions import arm
