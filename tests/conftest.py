@@ -31,6 +31,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when numpy is first i
 gc.disable()
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Workers of xdist take over what is left of each other's tests: some last a minute."""
+    if getattr(config.option, "dist", "") == "no":
+        config.option.dist = "worksteal" if config.option.numprocesses else "no"
+
+
 def pytest_collection_finish() -> None:
     """Set aside what was collected."""
     gc.collect()

@@ -18,6 +18,8 @@ from blockmech.mechanism import Mechanism
 
 GRAPHS = Path(__file__).parents[1] / "graphs"
 JOINTS = GRAPHS / "joints"
+ROWS = {"n_four_bar", "parallelogram_chain"}  # of one dyad: what `SHORT` says, dearly
+SHORT = sorted({path.stem for path in GRAPHS.glob("*.json")} - ROWS)
 
 
 @cache

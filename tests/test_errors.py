@@ -30,7 +30,7 @@ BROKEN = sorted((ROOT / "graphs" / "broken").iterdir())
 MESSAGES = Path(__file__).resolve().parent / "data" / "messages"
 GOOD = (ROOT / "graphs" / "ruiz_fourbar.json").read_text(encoding="utf-8")
 
-EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "100"))  # 10000 is the full run
+EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "40"))  # 10000 is the full run
 
 FOLLOWS = {  # files in which a mistake has consequences, or that have more than one on purpose
     "bad_address",

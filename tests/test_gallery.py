@@ -193,12 +193,10 @@ def test_every_link_joint_and_driver_of_the_document_is_compared(name):
 def test_the_order_of_links_and_joints_in_the_file_changes_no_bit(name):
     ask = renamed(name, request(name))
     first = joined(name).run(**ask)
-    for seed in range(1 if len(TWINS[name].links) > LONG else 2):
-        text = json.dumps(shuffled(data_of(name, JOINTS), seed))
-        other = loads(text).compile().run(**ask)
-        assert set(first) == set(other)
-        for output in first:
-            np.testing.assert_array_equal(first[output], other[output], err_msg=output)
+    other = loads(json.dumps(shuffled(data_of(name, JOINTS), 0))).compile().run(**ask)
+    assert set(first) == set(other)
+    for output in first:
+        np.testing.assert_array_equal(first[output], other[output], err_msg=output)
 
 
 @pytest.mark.parametrize(

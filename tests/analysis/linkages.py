@@ -11,12 +11,15 @@ from blockmech import Graph
 from tests.wiring import EPS, wire
 
 
-def fourbar(crank: float, coupler: float, rocker: float, frame: float, branch: int = 1) -> Graph:
-    """Crank at the origin, rocker's pivot D at [frame, 0]."""
+def fourbar(
+    crank: float, coupler: float, rocker: float, frame: float, bar: bm.Link | None = None
+) -> Graph:
+    """Crank at the origin, rocker's pivot D at [frame, 0]; each link a bar with these masses."""
+    bar = bar or bm.Link()
     g = Graph("fourbar")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (frame, 0.0)}))
-    g.add("crank", bm.Crank(length=crank))
-    g.add("dyad", bm.RRR(l_i=coupler, l_j=rocker, branch=branch))
+    g.add("crank", bm.Crank(length=crank, links={"crank": bar}))
+    g.add("dyad", bm.RRR(l_i=coupler, l_j=rocker, branch=1, links={"i": bar, "j": bar}))
     return wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
 
 
@@ -76,15 +79,15 @@ def pushed(coupler: float, rocker: float, x: float, y: float) -> Graph:
     return wire(g, "frame.G ram.S", "ram.S dyad.B", "frame.D dyad.D")
 
 
-def fivebar(bar: bm.Link | None = None) -> Graph:
-    """Two cranks of 1 m, 4 m apart, and two rods of 3 m; each link a bar with these masses."""
+def fivebar(bar: bm.Link | None = None, apart: float = 4.0, rod: float = 3.0) -> Graph:
+    """Two cranks of 1 m some way apart, and two rods; each link a bar with these masses."""
     bar = bar or bm.Link()
     g = Graph("fivebar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (apart, 0.0)}))
     for name, pivot in (("left", "A"), ("right", "D")):
         g.add(name, bm.Crank(length=1.0, links={"crank": bar}))
         g.connect(f"frame.{pivot}", f"{name}.A")
-    g.add("dyad", bm.RRR(l_i=3.0, l_j=3.0, links={"i": bar, "j": bar}))
+    g.add("dyad", bm.RRR(l_i=rod, l_j=rod, links={"i": bar, "j": bar}))
     return wire(g, "left.B dyad.B", "right.B dyad.D")
 
 

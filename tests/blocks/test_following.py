@@ -19,7 +19,7 @@ from tests.blocks.continuation import March
 from tests.blocks.platforms import platform, triad, triad_and_arc, two_drivers
 from tests.blocks.twin import Twin
 
-EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "6"))  # 200 is the full run
+EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "4"))  # 200 is the full run
 TURN = 2 * np.pi
 POSES = 1e-14  # [-] of size and radians, over the root of the margin: tens of roundings
 ENDS = 1e-10  # [rad or m]

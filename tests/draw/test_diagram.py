@@ -17,14 +17,7 @@ from blockmech import Graph
 from blockmech.draw import diagram_svg, palette
 from blockmech.draw.diagram import Diagram, draw_diagram
 from blockmech.draw.paper import styled
-from tests.draw.scenes import (
-    cyclic,
-    quick_return,
-    rocking_slide,
-    slider_crank,
-    twelve,
-    unfinished,
-)
+from tests.draw.scenes import cyclic, quick_return, rocking_slide, slider_crank, twelve, unfinished
 from tests.wiring import chain, ruiz, toggle, watt
 
 TOUCH = 0.3  # [px of 1/72 in] by which boxes of glyphs may be wider than their ink

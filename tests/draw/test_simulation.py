@@ -10,12 +10,7 @@ import pytest
 import blockmech as bm
 from blockmech.draw.animation import rests
 from blockmech.draw.panels import Abscissa, Panel, draw_panels
-from blockmech.draw.simulation import (
-    energy_panels,
-    motion_panels,
-    phase_plots,
-    simulation_pictures,
-)
+from blockmech.draw.simulation import energy_panels, motion_panels, phase_plots, simulation_pictures
 from tests.gallery import GRAPHS
 
 WANT = ("*.q", "*.rate", "*.reaction", "mechanism.kinetic_energy", "mechanism.potential_energy")
@@ -58,9 +53,10 @@ def test_the_phase_plot_has_a_curve_for_each_driver_with_its_ends(name, drivers)
     assert np.array_equal(curves[0].get_ydata(), result[f"{first}.rate"])
 
 
-def test_the_animation_lasts_as_long_as_the_motion_and_never_runs_backward(tmp_path):
+def test_the_animation_lasts_as_long_as_the_motion_and_never_runs_backward(monkeypatch, tmp_path):
     from PIL import Image
 
+    monkeypatch.setattr("blockmech.draw.simulation.FRAME", 0.1)  # [s] fewer pictures to paint
     result = fallen("watt_sixbar", "standstill", ["*.q"])
     files = {path.name for path in simulation_pictures(result, tmp_path)}
     assert files == {"motion.png", "energy.png", "phase.png", "animation.gif", "animation.html"}

@@ -179,29 +179,6 @@ def guided(inertia: float, effort: Callable[[Any], Any], **more: Any) -> Synthet
     return Synthetic(one, batch, **given, **more)
 
 
-def smooth(rng: np.random.Generator, mean: float) -> Synthetic:
-    """A random smooth scene: Fourier series of J and tau, tau with a mean effort [N m]."""
-    k = np.arange(1, 4)
-    a, b = rng.normal(size=(2, 3)) * 0.5**k
-    c, d = 0.5 * rng.normal(size=(2, 3)) * 0.4**k
-    J0 = 1 + np.abs(c).sum() + np.abs(d).sum()
-
-    def parts(q: Any) -> tuple[Any, Any, Any]:
-        w = np.multiply.outer(q, k)
-        cos, sin = np.cos(w), np.sin(w)
-        return J0 + cos @ c + sin @ d, mean + cos @ a + sin @ b, (cos * k) @ d - (sin * k) @ c
-
-    def batch(q: Any, qd: Any, t: float) -> tuple[Any, Any, Any]:
-        J, tau, _ = parts(q)
-        return J, tau, 1.0
-
-    def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
-        J, tau, dJ = parts(np.float64(q))
-        return float(J), float(tau), float(dJ), 1.0
-
-    return Synthetic(one, batch)
-
-
 def motored(stall: float = 60.0, idle: float = 20.0, damper: float = 0.3) -> Synthetic:
     """The Watt six-bar with a motor M = stall (1 - q'/idle) and a damper that varies with q."""
     base = watt()

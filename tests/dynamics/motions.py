@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 from mpmath import mp, mpf
@@ -56,11 +56,21 @@ def pin_swings() -> list[tuple[Any, Any, Any]]:
     return swings
 
 
+def between_standstills(y: Callable[[Any], Any], start: Any, end: Any) -> Any:
+    """Time [s] of a swing with th'^2 = y(th); in s, th = mid + half sin s, its rate is smooth."""
+    mid, half = (start + end) / 2, abs(end - start) / 2
+
+    def slowness(s: Any) -> Any:
+        return half * mp.cos(s) / mp.sqrt(y(mid + half * mp.sin(s)))
+
+    return mp.quad(slowness, [-mp.pi / 2, mp.pi / 2], method="gauss-legendre")
+
+
 def pin_pendulum() -> Rows:
     """Standstills of the swings, and the time at which each is."""
     t, rows = mpf(0), []
     for y, th, end in pin_swings():
-        t += abs(mp.quad(lambda x, y=y: 1 / mp.sqrt(abs(y(x))), mp.linspace(th, end, 5)))
+        t += between_standstills(y, th, end)
         rows.append((t, end - mp.pi / 2, 0))
     return table([*rows, (100, rows[-1][1], 0)], "crank")
 
@@ -173,13 +183,13 @@ def gas_crank() -> Rows:
     ]
     kinks += [2 * mp.pi - q for q in reversed(kinks)]
 
-    def time(q: Any) -> Any:
-        cuts = [mpf(0), *(k for k in kinks if k < q), q]
-        return mp.quad(lambda x: 1 / rate(x), cuts)
+    def time(a: Any, b: Any) -> Any:
+        cuts = [a, *(k for k in kinks if a < k < b), b]
+        return mp.quad(lambda x: 1 / rate(x), cuts, method="gauss-legendre")
 
-    rows = [(time(mpf(q)), mpf(q), rate(mpf(q))) for q in (0.3, 1.0, 2.0, 3.0, 4.0, 5.5)]
-    turn = 2 * mp.pi
-    return table([*rows, (time(turn), turn, rate(turn))], "crank")
+    places = [*map(mpf, (0, 0.3, 1.0, 2.0, 3.0, 4.0, 5.5)), 2 * mp.pi]
+    times = accumulate(time(a, b) for a, b in pairwise(places))
+    return table([(t, q, rate(q)) for t, q in zip(times, places[1:], strict=True)], "crank")
 
 
 # -- a rod that falls on an end stop -----------------------------------------------------------

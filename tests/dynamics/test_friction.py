@@ -180,6 +180,35 @@ def test_friction_in_motion_is_solved_by_the_methods_of_a_run(settings, found):
         pendulum().simulate("time=1", start={"crank": (0.5, 0.0)}, iterations=3)
 
 
+def pistons(number):
+    """An engine of as many equal pistons on one crankpin, with rough wrist pins."""
+    graph = bm.Graph("pistons", gravity=(0.0, -G))
+    guide = bm.Marker(at=(0.0, 0.0), angle=0.0)
+    graph.add("frame", bm.Frame(markers={"O": (0.0, 0.0), "G": guide}))
+    graph.add("crank", bm.Crank(length=0.1, links={"crank": bm.Link(mass=1.0, inertia=0.02)}))
+    graph.connect("frame.O", "crank.A")
+    rod = bm.Link(mass=0.6 / number, inertia=0.003 / number, cm=(0.15, 0.0))
+    links, rough = (
+        {"i": rod, "j": bm.Link(mass=0.9 / number)},
+        bm.Coulomb(coefficient=0.2, radius=0.03),
+    )
+    for k in range(number):
+        group = bm.RRP(l=0.3, h=0.0, branch=1, links=links, friction={"C": rough})
+        graph.add(f"piston{k}", group)
+        graph.connect("crank.B", f"piston{k}.B")
+        graph.connect("frame.G", f"piston{k}.S")
+    return graph.compile()
+
+
+@METHODS
+def test_pairs_that_reverse_at_one_place_reverse_once(method, accuracy):
+    """Two halves of a piston move as the whole: the second event turned its friction back."""
+    request = {"start": {"crank": (1.0, 0.0)}, "method": method, "accuracy": accuracy}
+    whole, halves = (pistons(n).simulate("time=1", **request).motion for n in (1, 2))
+    assert [e.kind for e in halves.events] == [e.kind for e in whole.events] == ["joint reverses"]
+    assert abs(halves.q_end - whole.q_end) <= halves.error + whole.error
+
+
 def test_outputs_along_a_motion_with_friction_need_no_drive():
     mech = pendulum()
     r = mech.simulate(times=[0.2, 0.4], start={"crank": (0.5, 0.0)}, want=["crank.drive"])

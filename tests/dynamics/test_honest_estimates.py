@@ -139,36 +139,14 @@ def test_steps_that_an_event_cuts_do_not_hide_the_error_of_a_second_run():
     assert_honest(found, exact)
 
 
-def test_two_pairs_that_reverse_at_one_place_reverse_once():
-    """Nor does a kink that is the end of a panel, but for rounding, ask for another for ever."""
-    _, mech, start, _ = scene(950_000_007)
-    path, time = (
-        mech.simulate("time=0.187", method=method, accuracy=target, start=start).motion
-        for method, target in (("spectral", 1e-9), ("dop853", 1e-4))
-    )
-    assert [e.kind for e in time.events] == [e.kind for e in path.events]
-    assert path.events[-1].kind == "rest"
-    assert_honest(time, path)
-
-
-def test_what_an_inner_iteration_leaves_in_every_step_is_in_the_estimate():
-    """Near a dead centre 3,000 steps of Radau left 1e-10, each to the same side; 4e-12 was said."""
-    _, mech, start, span = scene(952_000_184)
-    found, exact = (
-        mech.simulate(f"time={span!r}", method=method, accuracy=target, start=start).motion
-        for method, target in (("radau", 1e-11), ("spectral", 1e-13))
-    )
-    assert_honest(found, exact)
-
-
 def test_steps_that_agree_by_chance_in_front_of_a_dead_centre_are_not_believed():
     """With half the step a run of ``rk4`` was 1e-8 beside this one, and 1.6e-7 off."""
     _, mech, start, span = scene(958_000_005)
     exact = mech.simulate(f"time={span!r}", method="energy", accuracy=1e-13, start=start).motion
-    for step in (1.4e-4, 1.5e-4, 0.000162587825116848):
-        found = mech.simulate(f"time={span!r}", method="rk4", step=step, start=start).motion
-        assert_honest(found, exact)
-        assert found.error < 1e-5
+    step = 0.000162587825116848
+    found = mech.simulate(f"time={span!r}", method="rk4", step=step, start=start).motion
+    assert_honest(found, exact)
+    assert found.error < 1e-5
 
 
 @pytest.mark.parametrize("last", [1e-3, 1e-6])

@@ -14,11 +14,7 @@ from blockmech.dynamics.events import crossings
 from blockmech.dynamics.request import Start, Until, Watch
 from blockmech.dynamics.system import System, Terms
 from tests.dynamics.honesty import GRAPHS
-from tests.dynamics.linkages import (
-    guided,
-    motored,
-    watt,
-)
+from tests.dynamics.linkages import guided, motored, watt
 from tests.dynamics.synthetic import Synthetic, move
 from tests.wiring import recorded
 

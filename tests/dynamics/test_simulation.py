@@ -16,6 +16,7 @@ import blockmech as bm
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import RequestError
+from tests.analysis.linkages import fourbar
 from tests.dynamics import machines, scenes
 from tests.gallery import GRAPHS, mechanism
 from tests.wiring import recorded
@@ -221,13 +222,9 @@ def test_links_without_mass_are_refused():
 
 def pendulum_four_bar():
     """A four-bar whose crank cannot turn fully: it falls into a dead centre."""
-    graph = bm.Graph("falls", gravity=(0.0, -9.81))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (4.0, 0.0)}))
     rod = bm.Link(mass=1.0, inertia=0.1, cm=(1.0, 0.0))
-    graph.add("crank", bm.Crank(length=3.0, links={"crank": rod}))
-    graph.add("dyad", bm.RRR(l_i=1.5, l_j=1.5, links={"i": rod, "j": rod}))
-    for wire in (("frame.A", "crank.A"), ("crank.B", "dyad.B"), ("frame.D", "dyad.D")):
-        graph.connect(*wire)
+    graph = fourbar(3.0, 1.5, 1.5, 4.0, rod)
+    graph.gravity = (0.0, -9.81)
     return graph.compile()
 
 
@@ -282,6 +279,3 @@ def test_times_after_the_end_are_left_out_and_it_is_said():
     r = simulated("watt_sixbar", "standstill", times=[0.0, 1.0, 2.0, 3.0])
     assert r.time.tolist() == [0.0, 1.0]
     assert any("2 of 4 times" in note for note in r.motion.notes)
-
-
-# -- honest errors ---------------------------------------------------------------------------

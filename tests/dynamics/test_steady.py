@@ -164,7 +164,7 @@ def test_several_drivers_under_loads_of_the_time():
     plain, period = double_pendulum(), 3.0
 
     def terms(q, qd, t):
-        drag = np.array([qd[0] - 0.3 * qd[1], 0.6 * qd[1] - 0.3 * qd[0]])
+        drag = np.array([2 * qd[0] - 0.6 * qd[1], 1.2 * qd[1] - 0.6 * qd[0]])
         push = np.array([0.6 * math.cos(TURN * t / period), 0.0])
         found = plain.terms(q, qd, t)
         return found._replace(Q=found.Q - drag + push)
@@ -235,44 +235,6 @@ def test_a_rocking_linkage_with_a_damper_ends_in_its_dead_centre():
 
 
 # -- of all -----------------------------------------------------------------------------------
-
-
-def random_scene(rng):
-    """A scene that has a steady state, and a start: damped, some forced, some driven."""
-    drag = of_rate(-float(rng.uniform(0.3, 3.0)))
-    if rng.random() < 0.3:
-        law = of_rate(float(rng.uniform(0.3, 2.0)), 0.0, -float(rng.uniform(0.2, 2.0)))
-        scene = slide(float(rng.uniform(1, 3)), float(rng.uniform(20, 80)), 0.0, law)
-        return scene, "slider", (float(rng.uniform(-1, 1)), float(rng.uniform(-3, 3)))
-    if rng.random() < 0.3:
-        scene = rod(motor(float(rng.uniform(2, 9)), float(rng.uniform(6, 20))), drag)
-    else:
-        cosines = rng.normal(size=2).tolist()
-        mean = float(rng.normal())
-        scene = rod(wave(float(rng.uniform(0.4, 2.0)), *cosines, mean=mean), drag)
-    return scene, "crank", (float(rng.uniform(-3, 3)), float(rng.uniform(-8, 8)))
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_steady_state_returns_to_itself_within_its_estimate(seed):
-    rng = np.random.default_rng(seed)
-    scene, driver, start = random_scene(rng)
-    motion = scene.simulate("steady", start={driver: start}).motion
-    begin = motion.at(0.0)
-    state = {driver: (float(begin.q), float(begin.qd))}
-    if motion.regime == "rest":
-        later = scene.simulate("time=1", start=state, method="dop853", accuracy=1e-11).motion
-        slowest = abs(motion.facts["decay_rate"])
-        assert abs(later.q_end - motion.q_end) <= later.error + motion.error
-        assert slowest > 0
-        return
-    period = motion.facts["period"]
-    assert motion.regime == "steady state"
-    again = scene.simulate(f"time={period!r}", start=state, method="dop853", accuracy=1e-12).motion
-    assert abs(again.q_end - motion.q_end) <= 2 * motion.error + again.error
-    between = np.linspace(0, period, 23)
-    assert np.abs(again.at(between).q - motion.at(between).q).max() <= motion.error + again.error
-    assert motion.error <= 1e-8
 
 
 def test_a_target_that_is_missed_is_said_to_be_missed():

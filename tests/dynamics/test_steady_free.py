@@ -144,10 +144,10 @@ def test_a_linkage_without_drive_comes_to_rest():
     motion = move(motored(stall=0.0), Start(0.5, 3.0), "steady")
     assert motion.method == "equilibrium"
     assert abs(motored(stall=0.0).one(motion.q_end).tau) <= 1e-12
-    long = move(motored(stall=0.0), Start(0.5, 3.0), "time=40", accuracy=1e-10)
+    long = move(motored(stall=0.0), Start(0.5, 3.0), "time=20", accuracy=1e-10)
     away = math.remainder(long.q_end - motion.q_end, TURN)
     # what is left of the swings after so long
-    assert abs(away) <= 10 * math.exp(-motion.facts["decay_rate"] * 40) + long.error
+    assert abs(away) <= 10 * math.exp(-motion.facts["decay_rate"] * 20) + long.error
 
 
 def test_a_wheel_in_oil_stops_where_its_momentum_is_used_up():

@@ -235,7 +235,7 @@ def test_stops_in_python_are_checked_when_they_are_made():
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("bounds", [(-math.inf, 3.0), (-9.0, math.inf), (-math.inf, math.inf)])
+@pytest.mark.parametrize("bounds", [(-math.inf, 3.0), (-9.0, math.inf)])
 def test_a_stop_at_infinity_is_none(method, bounds):
     start = {"crank": (0.3, 2.0)}
     free = rod().simulate("time=1", method=method, start=start).motion

@@ -72,7 +72,7 @@ def test_every_output_and_every_load_is_the_same_by_machine_code(make):
 
 
 @given(case=mechanisms())
-@settings(max_examples=10)
+@settings(max_examples=5)
 def test_engines_agree_to_the_last_bit_on_random_graphs(engine, case):
     mech = case.graph.compile()
     want = "*" if engine == "numpy" else ("*.reaction", "*.drive", "*.alpha")

@@ -14,19 +14,9 @@ from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Whole
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.plan import Program
-from blockmech.plane import (
-    angle,
-    maximum,
-    minimum,
-    modulo,
-    piecewise,
-    planar,
-    repeat,
-    sign,
-    sqrt,
-)
+from blockmech.plane import angle, maximum, minimum, modulo, piecewise, planar, repeat, sign, sqrt
 from tests.engines.test_agreement import assert_agreement
-from tests.gallery import GRAPHS, mechanism
+from tests.gallery import SHORT, mechanism
 from tests.loads.test_functions import arm
 from tests.wiring import ruiz, same_bits, watt
 
@@ -43,7 +33,7 @@ def request_of(mech, n):
     return {"at": at, "rates": dict.fromkeys(mech.drivers, 1.3)}
 
 
-@pytest.mark.parametrize("name", sorted(p.stem for p in GRAPHS.glob("*.json")))
+@pytest.mark.parametrize("name", SHORT)
 def test_the_gallery_is_the_same_to_the_last_bit(name):
     mech = mechanism(name)
     request = request_of(mech, 21)

@@ -110,7 +110,7 @@ def stiff() -> Iterator[Motion]:
 
             start = {"slider": (1.0, 0.0)}
             name = f"spring 1e{k} N/m, damper {damping} N s/m"
-            yield Motion(name, g, start, 1.0, swings, damping > 0 and k in (6, 9))
+            yield Motion(name, g, start, 1.0, swings, damping > 0 and k >= 6)
     for k in (-12, -6, 0, 3, 6, 9, 12):
         g = slider()
         _between(g, "damper", bm.Spring(stiffness=0.0, free_length=0.0, damping=10.0**k))
@@ -224,7 +224,7 @@ def long() -> Iterator[Motion]:
             return {"crank": last + many * mpf(way)}
 
         start = {d: (x.q, x.rate) for d, x in made.scene.initial.items()}
-        yield Motion(f"pump over 1e{k} s", g, start, 10.0**k, turned, k == 3)
+        yield Motion(f"pump over 1e{k} s", g, start, 10.0**k, turned, k < 4)
 
 
 def all_motions() -> list[Motion]:

@@ -12,7 +12,7 @@ import pytest
 from tests.fuzz.judge import Findings
 from tests.fuzz.mutants import bases, mutant
 
-SEED, BATCHES, DOCUMENTS = 2026, 2, 40
+SEED, BATCHES, DOCUMENTS = 2026, 2, 25
 
 
 @pytest.mark.parametrize("batch", range(BATCHES))

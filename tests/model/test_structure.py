@@ -77,7 +77,7 @@ def test_formation_order_is_topological_with_ties_by_name():
 
 
 @given(mechanisms(), st.integers(0, 2**32 - 1))
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_structure_is_the_same_for_any_order_of_writing(case, seed):
     one = case.graph.structure()
     two = rewired(case.graph, random.Random(seed)).structure()
@@ -90,7 +90,7 @@ def test_structure_is_the_same_for_any_order_of_writing(case, seed):
 
 
 @given(mechanisms())
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_every_random_mechanism_has_the_mobility_of_its_drivers(case):
     structure = case.graph.structure()
     assert structure.mobility == len(structure.drivers)

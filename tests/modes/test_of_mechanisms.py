@@ -16,11 +16,12 @@ from blockmech.errors import RequestError
 from blockmech.modes.closing import triad_modes
 from blockmech.modes.groups import outline
 from blockmech.typing import Guide
+from tests.analysis.linkages import fourbar
 from tests.doors import graph_of as loads
 from tests.gallery import GRAPHS
 from tests.modes import machines
 from tests.modes.exact import count_exactly
-from tests.wiring import ruiz, watt, wire
+from tests.wiring import ruiz, watt
 
 TURN = 2 * math.pi
 SAME = 1e-9  # [m; rad]: Newton on either side, and a margin of 1e-3
@@ -275,12 +276,7 @@ def test_later_groups_stand_on_the_earlier_ones_of_the_file():
 
 
 def test_a_rocker_s_dyad_has_its_branches_merge_at_both_ends_of_its_arc():
-    graph = bm.Graph("rocking")
-    graph.add("frame", bm.Frame(markers={"A": (0, 0), "D": (4, 0)}))
-    graph.add("crank", bm.Crank(length=3.0))
-    graph.add("dyad", bm.RRR(l_i=3.0, l_j=2.0, branch=1))
-    wire(graph, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
-    mechanism = graph.compile()
+    mechanism = fourbar(3.0, 3.0, 2.0, 4.0).compile()
     found = mechanism.modes(1.0)["dyad"]
     (arc,) = (a for a in mechanism.limits().arcs if a.start.q < 1 < a.end.q)
     for n, mode in enumerate(found.samples[0]):

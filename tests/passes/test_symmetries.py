@@ -107,7 +107,7 @@ def test_mirror_image_of_a_hand_made_mechanism(name):
 
 
 @given(mechanisms(ALL))
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_mirror_image_of_a_random_mechanism(case):
     check_mirror(case.graph, case.request)
 
@@ -158,7 +158,7 @@ def test_other_units_of_length_and_force_change_no_digit(name, length, force):
 
 
 @given(mechanisms(ALL), st.integers(-12, 12), st.integers(-12, 12))
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_other_units_change_no_digit_of_a_random_mechanism(case, length, force):
     # A block without lengths of its own counts as 1 m long where pairs at rest are looked for.
     resting = solve(case.graph, case.request).quality.flags
@@ -170,7 +170,7 @@ def test_other_units_change_no_digit_of_a_random_mechanism(case, length, force):
 
 
 @given(mechanisms(ALL), st.integers(0, 2**32 - 1))
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_order_of_writing_changes_no_bit_of_a_random_mechanism(case, seed):
     one = solve(case.graph, case.request)
     other = solve(rewired(case.graph, random.Random(seed)), case.request)

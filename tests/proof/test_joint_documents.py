@@ -23,7 +23,7 @@ from tests.independent import comparison
 from tests.independent import multibody as mb
 from tests.model.joints.chance import WHOLE, document, judged
 
-SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "24")))
+SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "16")))
 FORMS = ("", "groups", "one")
 MOTION = 1e-14  # of the largest of their kind, times the conditioning: measured 2e-15
 FORCES = 1e-13  # of their own size, times the conditioning: measured 2e-15
