@@ -186,17 +186,19 @@ def is_threshold(statement):
     return isinstance(statement, ast.Assign | ast.AnnAssign) and is_number(value)
 
 
-def is_number(value):
-    """Whether an expression is a number or a row of them."""
+def is_number(value, known=()):
+    """Whether an expression is a number, a row of them, or made with ``known`` names."""
     match value:
         case ast.Constant(value=x):
             return type(x) in (int, float)
+        case ast.Name(id=name):
+            return name in known
         case ast.UnaryOp(operand=x):
-            return is_number(x)
+            return is_number(x, known)
         case ast.BinOp(left=a, right=b):
-            return is_number(a) and is_number(b)
+            return is_number(a, known) and is_number(b, known)
         case ast.Tuple(elts=parts):
-            return bool(parts) and all(map(is_number, parts))
+            return bool(parts) and all(is_number(x, known) for x in parts)
     return False
 
 
