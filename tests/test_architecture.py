@@ -65,7 +65,7 @@ ROOMS = (
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
 LINES, LINES_OF_DYNAMICS = 49_549, 7_154
-NUMBERS, NUMBERS_OF_DYNAMICS = 219, 44
+NUMBERS, NUMBERS_OF_DYNAMICS = 217, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0
 LATE = {

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
-NODES = 32  # of a panel: a quarter of its coefficients shows the end of the series
+NODES = 32  # of a panel: a quarter shows the end of its series; with 16 extrema lose a digit
 TOLERANCE = 1e-13  # tail of a panel that needs no halving: 450 roundings
 LEVELS = round(-np.log2(EPS) / 2)  # halvings of a panel: a corner's place to the root of rounding
 MOST = 20 * LEVELS  # panels: a score of corners; what has no series anywhere is not halved for ever
@@ -36,7 +36,7 @@ STANDS_OUT = 4.0  # times the largest of a quarter: noise hardly ever does
 SCANNED = 720  # samples of a turn among which something is looked for: every half degree
 GOLDEN = 0.381966  # share of a spacing that keeps samples off places of symmetry
 DOUBLE_ROOT = 1e-7  # rounding moves a double root by the root of rounding: 1.5e-8, and some
-PATIENCE = 3  # halvings after which a function that ended on no panel has no series at all
+PATIENCE = 3  # halvings after which what ended on no panel has no series; a smooth one may need two
 
 
 @cache

@@ -211,10 +211,16 @@ def test_near_a_change_point_digits_are_lost_as_documented(point, d):
     assert near == ({"near-change-point"} if d < 1e-2 else set())
 
 
-@pytest.mark.parametrize("apart", [1e-6, 1e-9, 1e-11, -1e-9])
+@pytest.mark.parametrize("apart", [1e-6, 1e-9, 1e-11, -1e-9, -1e-11])
 def test_a_dyad_that_only_comes_near_keeps_its_branch(apart):
     followed = four_bar(0.25, 0.4 + apart, 0.25, 0.4).compile().structure.followed["dyad"]
     assert followed.points == ()
+
+
+@pytest.mark.parametrize("apart", [1e-14, -1e-14])
+def test_lengths_but_for_rounding_make_a_parallelogram(apart):
+    followed = four_bar(0.25, 0.4 + apart, 0.25, 0.4).compile().structure.followed["dyad"]
+    assert off(np.array(followed.points), (0.0, math.pi)) < 1e-13
 
 
 def test_limits_name_the_change_points():

@@ -118,9 +118,12 @@ def test_time_dependent_loads_are_integrated():
 
 
 @pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
-@pytest.mark.parametrize("knot", [0.3, 0.7, 1.0, 2.0])
+@pytest.mark.parametrize("knot", [0.3, 0.7, 1.0, 1.123248806197458, 2.0])
 def test_a_knot_met_at_the_time_asked_ends_the_run_there(method, knot):
-    """No leg could follow, or SciPy found no root between ends of steps that both said zero."""
+    """No leg could follow, or SciPy found no root between ends of steps that both said zero.
+
+    Roundings before the end LSODA warned of an illegal input, in one run of forty.
+    """
     level = guided(1.0, lambda q: 0 * q, knots=(knot,))
     for rate in (1.0, 2.0, 3.0):
         found = move(level, Start(0.0, rate), Until("time", knot / rate), method, 1e-6)

@@ -50,7 +50,7 @@ from blockmech.told import as_data
 from blockmech.values import is_number
 
 PROBE = 65  # samples
-SAFETY = 4.0  # of a maximum over the probe against one over all samples
+SAFETY = 4.0  # of a maximum over the probe against one over all samples: 3 has been seen
 ENOUGH = 2048  # samples below which single precision saves nothing
 CONTRACTS = 0.5  # P up to which iterations are worth counting on
 SINGLE = float(np.finfo(np.float32).eps)

@@ -24,7 +24,6 @@ TURN = 2 * math.pi
 SEAM = -math.pi / 2 - DOUBLE_ROOT
 NODES = 64  # of a panel; of 128 the derivatives lose the touches of thirty loops in a row
 TINY = 1e-12  # [rad or m] shown as zero: rounding of places
-HALVINGS = 200  # more than any bracket of doubles of like size has
 ASIDE = 0.2  # [rad] about 0.4 of a panel: extrema at round angles are in the middle of panels
 
 
@@ -125,10 +124,7 @@ def bisect(holds: Callable[[float], bool], inside: float, outside: float) -> flo
     ``inside`` is taken to hold and ``outside`` not to; they are not asked. No number lies
     between what is returned and one where the condition fails.
     """
-    for _ in range(HALVINGS):
-        middle = inside + (outside - inside) / 2
-        if middle in (inside, outside):
-            break
+    while (middle := inside + (outside - inside) / 2) not in (inside, outside):
         if holds(middle):
             inside = middle
         else:

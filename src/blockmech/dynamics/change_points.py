@@ -24,7 +24,7 @@ from blockmech.dynamics.panels import basis, rule
 from blockmech.dynamics.place import MARGIN, TAU, J, PlaceData, place
 from blockmech.dynamics.system import One, Sample, Source, System
 
-SIZES = (8, 12, 16, 20, 24)  # poses of a series; even, so that none is at the change point
+SIZES = (8, 12, 16, 20, 24)  # poses of a series: 8, as two tell its end; even: none at its middle
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side
 SHORTEST = REACH / 64
 APART = 0.45  # of the distance to the next change point or kink: both sides keep clear of it

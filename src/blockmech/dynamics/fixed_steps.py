@@ -25,7 +25,7 @@ from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.track import AT_ONCE
 
-STEP = 1e-3  # [rad], or of the span, of euler_q; of 200 ms, of rk4, where the time is not known
+STEP = 1e-3  # [rad] or of the span, of euler_q, so exact is it; of 200 ms, of rk4 without a time
 
 
 class RungeKutta4(OdeSolver):  # type: ignore[misc]

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 SETTLING = 30  # periods of flow before a root is looked for (numerics 14)
 TIMES = 3  # as often
-PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried
-INWARD = 0.6  # factor by which amplitudes or speeds are sampled ahead; outward its inverse
+PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried: it doubles, if not one
+INWARD = 0.6  # below 1: by it amplitudes or speeds are sampled ahead; outward by its inverse
 COMMON = 1000  # periods of one load in the common one at most
 TIMED = 'ask for "time=<s>" to see how it goes on'
 ELSEWHERE = f"start elsewhere, or {TIMED}"

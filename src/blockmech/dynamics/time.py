@@ -43,7 +43,6 @@ STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)
 SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
-FOREVER = 1 / EPS  # [s] for goals without a time
 ANYWHERE = (-math.inf, math.inf)
 
 
@@ -101,7 +100,7 @@ class Run:
         self.equation = Equation(self.system, q, EVALUATIONS)
         if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
-        self.t_max = self.request.start.t + min(self.request.span, FOREVER)
+        self.t_max = self.request.start.t + min(self.request.span, 1 / EPS)  # goals without a time
         self.swing_from = float(self.y[0])
         self.asked = self.method
 
@@ -190,7 +189,8 @@ class Run:
 
     def _segment(self) -> Verdict | None:
         """Go on with one smooth right-hand side to whatever ends it."""
-        if self.t >= self.t_max:
+        if self.t_max - self.t <= 2 * EPS * abs(self.t_max):  # on less LSODA does not start
+            self.t = self.t_max
             return Verdict("reached", "time")
         structure = self.system.compiled.structure
         bound = min(self.t_max, loads.next_time_kink(structure, self.t))

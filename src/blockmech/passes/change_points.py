@@ -29,8 +29,9 @@ from blockmech.plan import Friction
 from blockmech.series import DOUBLE_ROOT, GOLDEN, NODES, SCANNED, Floats, fit, panels
 
 SEAM = -math.pi / 2  # where the scan of a turn begins
-REACHES = (12.0, 6.0, 2.5, 1.2)  # spacings on either side that a series covers
-ENDED = 1e-10  # end of a series that is smooth
+# Spacings on either side that a series covers. From further away larger misses look like rounding:
+# from the first those of lengths that are off by some 1e-13, as lengths of twelve digits are.
+REACHES = (6.0, 2.5, 1.2)
 AT_HOME = 1e-3  # of the largest determinant: below it home is at a change point
 TRAVEL = 2.0  # sizes of the mechanism to which a slide is searched on either side
 
@@ -132,7 +133,7 @@ def _root(search: _Search, guess: float) -> float | None:
 
     for reach in REACHES:
         ends = guess + reach * search.spacing * np.array([-1.0, 1.0])
-        series = fit(signed, ends, n=NODES // 2, tolerance=ENDED, levels=0)
+        series = fit(signed, ends, n=NODES // 2, levels=0)
         if series.resolved[0]:
             roots = series.roots()
             return float(roots[np.argmin(np.abs(roots - guess))]) if roots.size else None
