@@ -67,6 +67,11 @@ def test_without_the_token_nothing_is_answered(studio):
         refused.value.close()
 
 
+def test_a_mechanism_of_the_gallery_has_a_picture(studio):
+    with urllib.request.urlopen(f"{studio[0]}picture/elliptic_trammel.svg") as answer:
+        assert answer.read().startswith(b"<?xml")
+
+
 def test_the_fourbar_from_an_empty_sheet(page, studio, call):
     show(page, studio, "?new")
     drop(page, "frame", 60, 170)

@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 import panel as pn
+import param
 from bokeh.layouts import column
 from bokeh.models import Div
 
@@ -29,6 +30,7 @@ from blockmech.studio.work import Told, Work
 from blockmech.typing import FrictionMethod
 from blockmech.wires import on_wires, wires_of
 
+PARTS = {"search_strategy": "includes", "case_sensitive": False, "min_characters": 1}
 ACCURACIES = ("1e-3", "1e-6", "1e-9", "1e-12")
 TOOLS = "pan,xwheel_zoom,box_zoom,reset,save"
 FORWARD = {"p": "m", "v": "m/s", "a": "m/s²", "om": "rad/s", "al": "rad/s²"}
@@ -93,6 +95,12 @@ def _summary(result: Result, seconds: float) -> str:
     return "; ".join([how + chosen + most + holes + error, *result.notes()])
 
 
+class Find(pn.widgets.AutocompleteInput):  # type: ignore[misc]  # as the sheet
+    """A field that finds a name, and offers a few at once: a long chain has five thousand."""
+
+    max_completions = param.Integer(default=24)
+
+
 class Answers:
     """Curves, wires, simulation and costs of what a view, a `MechanismView`, shows."""
 
@@ -100,13 +108,8 @@ class Answers:
         self.sheet, self.view = sheet, view
         self.result: Result | None = None
         self.drawn: list[Plot] = []
-        self.names = pn.widgets.MultiSelect(label="Outputs", size=4, sizing_mode="stretch_width")
-        self.find = pn.widgets.AutocompleteInput(
-            label="Add an output",
-            search_strategy="includes",
-            case_sensitive=False,
-            sizing_mode="stretch_width",
-        )
+        self.names = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
+        self.find = Find(label="Add an output", placeholder="part of its name", width=230, **PARTS)
         self.find.param.watch(lambda event: self._add(event.new), "value")
         methods = list(get_args(FrictionMethod))
         self.friction = pn.widgets.Select(
@@ -161,14 +164,15 @@ class Answers:
         self.costs.object = ""
         same = chosen == self.names.value
         self.find.options = offered
-        self.names.param.update(options=offered, value=chosen)
+        self.names.param.update(options=chosen, value=chosen)
         if same:
             self.renew()
 
     def _add(self, name: str) -> None:
-        """Show one more output."""
-        if name in self.names.options:
-            self.names.value = [*self.names.value, name]
+        """Show one more output; what is not ticked goes."""
+        if name in self.find.options:
+            chosen = list(dict.fromkeys((*self.names.value, name)))
+            self.names.param.update(options=chosen, value=chosen)
             self.find.value = ""
 
     @together

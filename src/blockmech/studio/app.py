@@ -48,7 +48,6 @@ class Page:
         self.form = Form(sheet, self.say)
         self.diagram = Diagram(sheet, self.say, self.select, self.answers.wires)
         self.diagram.flow.color_mode = "dark" if dark else "light"
-        self.links = LinksSheet(sheet, dark)
         self.file = pn.widgets.TextInput(label="File", width=190)
         self.save = self._button("Save", lambda: self._save(False), button_type="primary")
         self.replace = self._button("Replace the file", lambda: self._save(True), visible=False)
@@ -90,8 +89,8 @@ class Page:
             *(self.download, picture, *self.units, pn.pane.Bokeh(self.kept, visible=False)),
         )
         flow = (self.diagram.palette, self.formula, self.diagram.flow)
-        ways = {"Blocks": pn.Column(*flow, sizing_mode="stretch_both")}
-        ways["Links and joints"] = self.links.panel()
+        ways = {"Blocks": lambda: pn.Column(*flow, sizing_mode="stretch_both")}
+        ways["Links and joints"] = lambda: LinksSheet(self.sheet, self.dark).panel()
         drawn = either(ways, list(ways)[isinstance(self.sheet.document, Linkage)])
         below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
         left = drawn, self.status, pn.Column(self.form.column, **below)
@@ -127,7 +126,7 @@ class Page:
         self.kept.active = sheet.saved
         if isinstance(sheet.graph, Graph):
             said = html.escape(sheet.graph.structure().formula.replace("->", "→"))
-            self.formula.object = f"<p>{said}</p>"
+            self.formula.object = f"<p tabindex=0>{said}</p>"  # so that keys scroll it
         else:
             lines = "".join(f"<li>{html.escape(str(p))}</li>" for p in sheet.problems)
             self.formula.object = f"<ul aria-label=problems>{lines}</ul>"
@@ -146,7 +145,7 @@ class Page:
 
     def _chosen(self) -> list[str]:
         """Blocks that are selected on the canvas, or the one of the form."""
-        names = self.diagram.selected or list(self.form.selected[1:])
+        names = self.diagram.flow.selection["nodes"] or self.form.selected[1:]
         return [name for name in names if name in self.sheet.form.get("blocks", ())]
 
     def _picture(self) -> io.BytesIO:

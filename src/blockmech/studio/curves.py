@@ -69,7 +69,7 @@ class Plot:
             }
         )
         looks = {name: name for name in self.source.data if name != "name"}
-        self.figure.multi_line(**looks, source=self.source, legend_group="name")
+        self.figure.multi_line(**looks, source=self.source, legend_field="name")
         dress(self.figure, dark)
 
     def show(self, panel: Panel, along: Abscissa, gaps: Iterable[tuple[int, int]]) -> None:

@@ -140,11 +140,6 @@ class Diagram:
         follow(sheet, self.show, "form", "problems")
         self.show()
 
-    @property
-    def selected(self) -> list[str]:
-        """Names of the blocks that are selected."""
-        return list(self.flow.selection["nodes"])
-
     # -- what is shown ----------------------------------------------------
 
     def show(self) -> None:

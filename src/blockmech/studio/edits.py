@@ -57,7 +57,7 @@ def without(form: Form, blocks: Iterable[str], wires: Iterable[str] = ()) -> For
         wire
         for wire in form["wires"]
         if not gone & {wire["from"].split(".")[0], wire["to"].split(".")[0]}
-        and wire_text(wire) not in cut
+        and f"{wire['from']} -> {wire['to']}" not in cut
     ]
     left = {name: block for name, block in form["blocks"].items() if name not in gone}
     made = {**form, "blocks": left, "wires": kept}
@@ -107,11 +107,6 @@ def placed(form: Form, places: Places) -> Form:
     there = {name: at for name, at in places.items() if name in form["blocks"]}
     at = {name: [round(x, 1), round(y, 1)] for name, (x, y) in there.items()}
     return {**form, "view": {**form.get("view", {}), **at}} if at else form
-
-
-def wire_text(wire: Mapping[str, str]) -> str:
-    """A wire as it is called."""
-    return f"{wire['from']} -> {wire['to']}"
 
 
 def _by_block(form: Form, rename: Callable[[str], str | None]) -> Form:

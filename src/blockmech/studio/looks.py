@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import panel as pn
@@ -57,7 +58,8 @@ CANVAS = """
 .react-flow__edge-path { stroke: var(--bm-blue); stroke-width: 1.5 }
 .react-flow__edge.selected .react-flow__edge-path { stroke-width: 3 }
 .react-flow { background: var(--bm-paper) !important }
-.react-flow__pane.dragging .react-flow__viewport { will-change: transform }
+/* a hint is seen under the pointer: a thousand that are transparent are painted at each move */
+.react-flow__handle:not(:hover)::after { display: none }
 .react-flow__attribution { display: none }
 .react-flow__controls { flex-direction: row !important }
 """
@@ -112,10 +114,13 @@ const name = (root) => {
     for (const spin of root.querySelectorAll(".bk-spin-btn-" + way))
       spin.setAttribute("aria-label", word);
 };
+const known = new WeakSet();
 const all = (root) => {
   name(root);
-  new MutationObserver(() => name(root)).observe(root, {childList: true, subtree: true});
-  for (const part of root.querySelectorAll("*")) if (part.shadowRoot) all(part.shadowRoot);
+  if (!known.has(root))
+    new MutationObserver(() => all(root)).observe(root, {childList: true, subtree: true});
+  known.add(root);
+  for (const {shadowRoot: own} of root.querySelectorAll("*")) if (own && !known.has(own)) all(own);
 };
 all(document);
 """
@@ -146,21 +151,25 @@ def beside(*parts: Any, **look: Any) -> Any:
     return pn.Row(*parts, styles={"flex-wrap": "wrap"}, **look)
 
 
-def either(parts: dict[str, Any], shown: str) -> Any:
-    """One of some parts, which a row of buttons above them chooses.
+def either(parts: dict[str, Callable[[], Any]], shown: str) -> Any:
+    """One of some parts, which a row of buttons above them chooses; made when it is first shown.
 
     Bokeh's tabs hide and show what they hold at every change of the page, which lays all of it
     out anew: with a hundred blocks on the canvas that took as long as everything else.
     """
     chosen = pn.widgets.RadioButtonGroup(options=list(parts), value=shown)
+    place, made = pn.Column(chosen, sizing_mode="stretch_both"), dict[str, Any]()
 
     def show() -> None:
-        for name, part in parts.items():
-            part.visible = name == chosen.value
+        if (shown := chosen.value) not in made:
+            made[shown] = parts[shown]()
+            place.append(made[shown])
+        for name, part in made.items():
+            part.visible = name == shown
 
     chosen.param.watch(lambda _: show(), "value")
     show()
-    return pn.Column(chosen, *parts.values(), sizing_mode="stretch_both")
+    return place
 
 
 def page(parts: list[Any], dark: bool) -> Any:

@@ -162,7 +162,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             if self._margins is None or self._margins.curves != labels_of(panel):
                 look = {"height": CURVE // 2, "toolbar_location": None}
                 self._margins = Plot(panel, self.dark, self.seek, **look)
-                self._margins.figure.legend.visible = False
+                self._margins.figure.above = []  # no legend: a pointer on a curve is told its name
                 self._margins.figure.add_tools(HoverTool(tooltips="@name"))
                 self._strip.object = self._margins.figure
             self._margins.show(panel, self.along, self.spans)

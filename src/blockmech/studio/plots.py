@@ -23,13 +23,11 @@ def dress(plot: Any, dark: bool) -> None:
     plot.axis.axis_label_text_font = plot.axis.major_label_text_font = FONT
     plot.axis.axis_label_text_font_style = "normal"
     plot.toolbar.logo, plot.toolbar.autohide = None, True
-    if plot.legend:
-        plot.legend.label_text_font = FONT
-        plot.legend.background_fill_color = paper
-        plot.legend.label_text_color = line
-        plot.legend.border_line_color = None
-        plot.legend.update(ncols=2, label_text_font_size="11px", padding=0, spacing=10, margin=2)
-        plot.add_layout(plot.legend[0], "above")
+    for legend in plot.legend:
+        legend.update(background_fill_color=paper, border_line_color=None, label_text_color=line)
+        legend.update(label_text_font=FONT, label_text_font_size="11px")
+        legend.update(ncols=2, padding=0, spacing=10, margin=2)
+        plot.add_layout(legend, "above")
 
 
 def coloured(colour: str, dark: bool) -> str:

@@ -31,7 +31,7 @@ class Window:
         dress(self.figure, dark)
         self.ticks = CustomJSTickFormatter(args={"each": 1.0}, code=TICK)
         self.figure.axis.formatter = self.ticks
-        fit = heard(resized)
+        fit = heard(lambda: None if self.size == SIZE else resized())  # both are to be told
         for size in ("inner_width", "inner_height"):
             self.figure.on_change(size, lambda attr, old, new: fit())
 
