@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
-COARSE, FINE = 32, 48  # nodes of a panel of the two runs
+COARSE, FINE = 32, 48  # nodes of a panel: 16 resolve too little, sums of 96 round more
 MOST = 8_000  # panels of a run; ten seconds of work and more
 
 
