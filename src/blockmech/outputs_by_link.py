@@ -96,8 +96,11 @@ def readings(structure: Structure, names: Names, known: Mapping[str, Output]) ->
         for marker, ref in at.markers.items():
             for what in OF_POINTS:
                 yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
-    for pin, pairs_of_pin in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
-        yield from _of_joints(pin, dict(pairs_of_pin), structure, names, known)
+    own = {at.link: link for link, at in names.links.items()}
+    for pin, entries in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
+        pairs_of_pin = dict(entries)
+        yield from _of_joints(pin, pairs_of_pin, structure, names, known)
+        yield from _transmission_angles(pin, pairs_of_pin, structure, own, known)
     yield from _of_loads(structure, names, known)
     for name in known:
         if name.startswith("mechanism."):
@@ -120,12 +123,21 @@ def _of_joints(
             if f"{pair.joint}.{what}" in known:
                 own = _of_joint(what, pair, structure, names)
                 yield Reading(f"joint.{name}.{what}", own, between=pair.links)
-    links = {name.link: link for link, name in names.links.items()}
-    each = {ref for pair in pairs.values() for ref, _ in ((pair.joint, 0), *pair.others)}
+
+
+def _transmission_angles(
+    pin: str,
+    pairs: Mapping[str, JointName],
+    structure: Structure,
+    own: Mapping[LinkRef, str],
+    known: Mapping[str, Output],
+) -> Iterator[Reading]:
+    """Those of the dyads inside which a pin is; ``own`` says how the document calls a link."""
+    each = {ref for pair in pairs.values() for ref, _ in ((pair.joint, False), *pair.others)}
     for ref in sorted(each):
         angle, joint = f"{ref.block}.transmission_angle", structure.joint(ref)
         if angle in known and not (joint.outer or joint.driven):
-            two = sorted(links[LinkRef(ref.block, link)] for link in joint.links)
+            two = sorted(own[LinkRef(ref.block, link)] for link in joint.links)
             name = pin if len(pairs) == 1 else ".".join([pin, *two])
             yield Reading(f"joint.{name}.transmission_angle", ((angle, 1),))
 
