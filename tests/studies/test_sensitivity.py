@@ -102,6 +102,7 @@ def test_what_only_a_chance_makes_a_dyad_has_no_transmission_angle_near_by():
     found = sensitivity(mech, "*", samples=3)
     gone = set(angles) - set(found)
     assert gone
+    assert gone <= set(found.left_out)
     assert set(found) == set(outputs(mech)) - gone
     with pytest.raises(bm.RequestError, match="designs near by do not have it"):
         sensitivity(mech, sorted(gone), samples=3)

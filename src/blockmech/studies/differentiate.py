@@ -105,6 +105,7 @@ def sensitivity(
         for name in ahead:  # whose own plan tells which friction it follows
             own = near.general.plan([name], **result.settings).layout
             jumps[name] = np.any([none, *(x for rest, x in going.items() if rest in own)], axis=0)
+    left_out |= gone
     return Sensitivity(result, chosen, ahead, {x: -d for x, d in behind.items()}, jumps, left_out)
 
 
@@ -173,15 +174,15 @@ def _differentiable(mechanism: Compiled, patterns: Sequence[str]) -> tuple[str, 
     return tuple(names)
 
 
-def _gone(names: Sequence[str], near: Variation, alone: Sequence[str]) -> set[str]:
-    """Outputs that no design near by has: a dyad by chance only has a transmission angle.
+def _gone(names: Sequence[str], near: Variation, alone: Sequence[str]) -> dict[str, str]:
+    """Outputs that no design near by has, and why: of a dyad by chance its transmission angle.
 
     Raises `RequestError` for those that are named one by one, and where no others are.
     """
-    gone = {n for n in names if n not in near.general.outputs}
-    if wrong := gone if gone == set(names) else gone & set(alone):
-        found = "designs near by do not have it: what coincides here by chance does not there"
-        raise RequestError([Problem("no-derivative", n, found) for n in sorted(wrong)])
+    why = "designs near by do not have it: what coincides here by chance does not there"
+    gone = dict.fromkeys((n for n in names if n not in near.general.outputs), why)
+    if wrong := gone if len(gone) == len(names) else gone.keys() & set(alone):
+        raise RequestError([Problem("no-derivative", n, why) for n in sorted(wrong)])
     return gone
 
 

@@ -61,7 +61,7 @@ class Sensitivity(Mapping[str, Array]):
         differ at kinks
     jumps : output -> whether (m, n) a number sets a pair going that rests, so that its friction
         jumps: what stands there is the derivative of the rest
-    left_out : address -> why it has no derivative
+    left_out : address of a number, or output -> why it has no derivative
     """
 
     result: Result
